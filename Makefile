@@ -1,0 +1,70 @@
+# Everything runs from .venv, made on first use and refreshed when pyproject.toml or constraints.txt change.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input -c constraints.txt
+
+# Node comes with the pyright[nodejs] wheel: never the system's, never a download.
+export PYRIGHT_PYTHON_GLOBAL_NODE := 0
+export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.NOTPARALLEL:
+.PHONY: help demo test lint format types layers docs bench bench-smoke clean
+
+help:  ## list these targets
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
+
+demo: $(VENV)/.runtime  ## run the demonstration (runtime dependencies only)
+	$(BIN)/taskcal demo
+
+test: $(VENV)/.test  ## run the tests
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/.dev  ## ruff: rules and format
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+format: $(VENV)/.dev  ## ruff: repair what can be repaired
+	$(BIN)/ruff check --fix-only .
+	$(BIN)/ruff format .
+
+types: $(VENV)/.dev  ## pyright, strict on src
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+layers: $(VENV)/.dev  ## import-linter: the order of the folders
+	$(BIN)/lint-imports
+
+docs: $(VENV)/.dev  ## build the documentation into docs/_build/html
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
+
+bench: $(VENV)/.test  ## time the benchmarks
+	$(BIN)/python -m pytest benchmarks --benchmark-only
+
+bench-smoke: $(VENV)/.test  ## run every benchmark once, untimed
+	@if [ -d benchmarks ]; then $(BIN)/python -m pytest benchmarks --benchmark-disable; \
+	else echo "no benchmarks yet"; fi
+
+clean:  ## remove .venv and everything built
+	rm -rf $(VENV) build dist docs/_build taskcal-demo
+	rm -rf .pytest_cache .ruff_cache .hypothesis .benchmarks .import_linter_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(VENV)/pyvenv.cfg:
+	@command -v $(PYTHON) >/dev/null || { echo "Taskcal needs Python 3.11 or newer; '$(PYTHON)' was not found. Try: make PYTHON=python3.12" >&2; exit 1; }
+	@$(PYTHON) -c 'import platform, sys; sys.version_info >= (3, 11) or sys.exit("Taskcal needs Python 3.11 or newer; $(PYTHON) is " + platform.python_version() + ". Try: make PYTHON=python3.12")'
+	$(PYTHON) -m venv $(VENV)
+
+# Stamps: the package is installed editable, so only its dependencies make these stale.
+$(VENV)/.runtime: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
+	$(PIP) -e .
+	@touch $@
+
+$(VENV)/.test: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
+	$(PIP) -e '.[dask,test]'
+	@touch $@
+
+$(VENV)/.dev: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
+	$(PIP) -e '.[dev]'
+	@touch $@
