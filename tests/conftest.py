@@ -1,0 +1,48 @@
+"""Settings and fixtures shared by all tests."""
+
+import os
+
+for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
+    os.environ[_variable] = "1"  # for the libraries and processes that are yet to start
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, settings
+from threadpoolctl import threadpool_limits
+
+threadpool_limits(1)  # a pytest plugin may have loaded NumPy, and its BLAS, before this file
+
+# The same examples at every run; compiling a kernel inside an example is slow only once.
+settings.register_profile(
+    "ci",
+    derandomize=True,
+    deadline=None,
+    max_examples=40,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.register_profile("thorough", settings.get_profile("ci"), derandomize=False, max_examples=1000)
+settings.load_profile("ci")
+
+DATA = Path(os.environ.get("TASKCAL_DATA") or Path(__file__).parents[1] / "../shared/data").resolve()
+
+
+def _require_data() -> None:
+    if DATA.is_dir():
+        return
+    reason = f"no measured robots in {DATA}; set TASKCAL_DATA to their folder"
+    if os.environ.get("CI", "").lower() in {"true", "1"}:
+        pytest.fail(reason, pytrace=False)
+    pytest.skip(reason)
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    if item.get_closest_marker("realdata"):
+        _require_data()
+
+
+@pytest.fixture(scope="session")
+def data_folder() -> Path:
+    """The folder of measured robots; a test that asks for it is marked `realdata`."""
+    _require_data()
+    return DATA
