@@ -1,0 +1,75 @@
+"""Taskcal: makes industrial robots accurate where they work, from a tracker file to a corrected robot program."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from taskcal.analysis.identifiability import identifiability as identifiability
+    from taskcal.analysis.sensitivity import sensitivity as sensitivity
+    from taskcal.errors import TaskcalError as TaskcalError
+    from taskcal.estimation.loss import Cauchy as Cauchy
+    from taskcal.estimation.loss import Huber as Huber
+    from taskcal.estimation.loss import Squared as Squared
+    from taskcal.estimation.prior import GaussianPrior as GaussianPrior
+    from taskcal.identification.calibration import Calibration as Calibration
+    from taskcal.identification.calibration import load_calibration as load_calibration
+    from taskcal.identification.identify import identify as identify
+    from taskcal.identification.validation import Validation as Validation
+    from taskcal.identification.validation import validate as validate
+    from taskcal.measurement.campaign import Campaign as Campaign
+    from taskcal.measurement.reader import read_campaign as read_campaign
+    from taskcal.measurement.registration import Registration as Registration
+    from taskcal.measurement.registration import register as register
+    from taskcal.measurement.tracker import TrackerNoise as TrackerNoise
+    from taskcal.measurement.virtual_cell import simulate as simulate
+    from taskcal.robot.catalogue import catalogue_names as catalogue_names
+    from taskcal.robot.catalogue import load_robot as load_robot
+    from taskcal.robot.dh_table import read_dh_table as read_dh_table
+    from taskcal.robot.error_model import ErrorModel as ErrorModel
+    from taskcal.robot.robot import Robot as Robot
+    from taskcal.task.task import Task as Task
+    from taskcal.task.task import load_task as load_task
+
+_HOME = {
+    "Calibration": "identification.calibration",
+    "Campaign": "measurement.campaign",
+    "Cauchy": "estimation.loss",
+    "ErrorModel": "robot.error_model",
+    "GaussianPrior": "estimation.prior",
+    "Huber": "estimation.loss",
+    "Registration": "measurement.registration",
+    "Robot": "robot.robot",
+    "Squared": "estimation.loss",
+    "Task": "task.task",
+    "TaskcalError": "errors",
+    "TrackerNoise": "measurement.tracker",
+    "Validation": "identification.validation",
+    "catalogue_names": "robot.catalogue",
+    "identifiability": "analysis.identifiability",
+    "identify": "identification.identify",
+    "load_calibration": "identification.calibration",
+    "load_robot": "robot.catalogue",
+    "load_task": "task.task",
+    "read_campaign": "measurement.reader",
+    "read_dh_table": "robot.dh_table",
+    "register": "measurement.registration",
+    "sensitivity": "analysis.sensitivity",
+    "simulate": "measurement.virtual_cell",
+    "validate": "identification.validation",
+}
+
+__all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("taskcal")
+    if name not in _HOME:
+        raise AttributeError(f"module 'taskcal' has no attribute '{name}'")
+    return getattr(import_module(f"taskcal.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -1,0 +1,121 @@
+"""A CSV table whose errors name file, line, column and value."""
+
+import csv
+import io
+import math
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.errors import FileError
+
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?$")
+
+
+@dataclass(frozen=True, eq=False)
+class CsvTable:
+    """Cells as text, with the line of the file each row stands in."""
+
+    path: Path
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @cached_property
+    def _index(self) -> dict[str, int]:
+        return {name: i for i, name in enumerate(self.header)}
+
+    def __contains__(self, column: str) -> bool:
+        return column in self._index
+
+    def error(self, message: str, row: int | None = None, column: str | None = None) -> FileError:
+        """An error that points at a cell, a line, or the file."""
+        return FileError(self.path, message, line=None if row is None else self.lines[row], column=column)
+
+    def texts(self, column: str) -> list[str]:
+        """The cells of a column.
+
+        Raises:
+            FileError: there is no such column.
+        """
+        if column not in self._index:
+            raise FileError(self.path, f"has no column '{column}'; it has {', '.join(self.header)}", line=1)
+        i = self._index[column]
+        return [row[i] for row in self.rows]
+
+    def numbers(self, column: str, *, empty: bool = False) -> Float[np.ndarray, " rows"]:
+        """The numbers of a column; NaN for empty cells where `empty` allows them.
+
+        Raises:
+            FileError: there is no such column, or a cell is no finite number.
+        """
+        return np.array([self._number(text, row, column, empty) for row, text in enumerate(self.texts(column))])
+
+    def _number(self, text: str, row: int, column: str, empty: bool) -> float:
+        if not text:
+            if empty:
+                return math.nan
+            raise self.error("the cell is empty; give a number, or leave out the row", row, column)
+        try:
+            value = float(text)
+        except ValueError:
+            if _DECIMAL_COMMA.match(text):
+                remedy = f"is written with a decimal comma; write {text.replace(',', '.')}"
+            else:
+                remedy = "is no number; give a number such as 12.5"
+            raise self.error(f"'{text}' {remedy}", row, column) from None
+        if not math.isfinite(value):
+            raise self.error(f"'{text}' is no finite number; leave the row out, or the target's cells empty", row, column)
+        return value
+
+
+def read_csv(path: str | Path) -> CsvTable:
+    """Read a table with a header line; fields separated by commas, semicolons or tabs.
+
+    Raises:
+        FileError: the file is missing, is no text, has no rows, or a line has more or fewer fields than the header.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise FileError(path, "is no UTF-8 text; export it as CSV") from error
+    if "\0" in text:
+        raise FileError(path, "is a binary file; export it as CSV")
+    head = text.lstrip().split("\n", 1)[0]
+    delimiter = max(",;\t", key=head.count)
+    reader = csv.reader(io.StringIO(text), delimiter=delimiter)
+    rows: list[tuple[str, ...]] = []
+    lines: list[int] = []
+    header: tuple[str, ...] | None = None
+    try:
+        for cells in reader:
+            stripped = tuple(cell.strip() for cell in cells)
+            if not any(stripped):
+                continue
+            if header is None:
+                header = stripped
+                continue
+            if len(stripped) != len(header):
+                hint = "; is it written with decimal commas?" if delimiter == "," and len(stripped) > len(header) else ""
+                message = f"the line has {len(stripped)} fields, the header {len(header)}{hint}"
+                raise FileError(path, message, line=reader.line_num)
+            rows.append(stripped)
+            lines.append(reader.line_num)
+    except csv.Error as error:
+        raise FileError(path, f"is no CSV: {error}", line=reader.line_num) from error
+    if header is None:
+        raise FileError(path, "is empty; its first line must name the columns")
+    twice = {name for name in header if header.count(name) > 1}
+    if twice:
+        raise FileError(path, f"two columns are named '{min(twice)}'; column names must differ", line=1)
+    return CsvTable(path=path, header=header, rows=tuple(rows), lines=tuple(lines))

@@ -1,0 +1,1 @@
+"""Priors, losses, least squares on normal equations, marginal likelihood, information. Numbers only."""

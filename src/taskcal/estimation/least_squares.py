@@ -1,0 +1,117 @@
+"""Levenberg–Marquardt on normal equations, with a Gaussian prior."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from taskcal.geometry.normal_equations import WhitenedEquations
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stopping:
+    """When a fit is done."""
+
+    step: float = 1e-9
+    """Largest step, in units of each parameter's scale."""
+    decrease: float = 0.0
+    """Decrease of the objective relative to itself, below which the fit stops; MATLAB's lsqnonlin has 1e-6."""
+    iterations: int = 100
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Solution:
+    """Where the fit ended, and why."""
+
+    z: Float[np.ndarray, " p"]
+    cost: float
+    """Of the data alone: half the sum of squared whitened residuals (of their losses)."""
+    objective: float
+    """With the prior's share."""
+    information: Float[np.ndarray, "p p"]
+    """JᵀWJ of the data at the solution, without the prior."""
+    iterations: int
+    converged: bool
+    reason: str
+
+
+def solve_scaled(A: Float[np.ndarray, "p p"], b: Float[np.ndarray, "p *k"]) -> Float[np.ndarray, "p *k"]:
+    """Solve A·x = b for a positive definite A of very different scales, by Cholesky on unit diagonal.
+
+    Raises:
+        scipy.linalg.LinAlgError: A is not positive definite.
+    """
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(A), 1e-300))
+    factor = cho_factor(A * scale * scale[:, None], lower=True, overwrite_a=True, check_finite=False)
+    scale = scale if b.ndim == 1 else scale[:, None]
+    return scale * cho_solve(factor, scale * b, check_finite=False)
+
+
+def fit(
+    equations: WhitenedEquations,
+    start: Float[np.ndarray, " p"],
+    mean: Float[np.ndarray, " p"],
+    precision: Float[np.ndarray, "p p"],
+    scale: Float[np.ndarray, " p"],
+    stopping: Stopping | None = None,
+    damping: float = 0.0,
+) -> Solution:
+    """Minimise cost(z) + ½(z − mean)ᵀ·precision·(z − mean).
+
+    Damping is Levenberg's, λ/scale² on the diagonal, and only as much as makes the objective fall (Nocedal and Wright
+    2006, section 10.3). Without a prior it is what keeps undetermined directions where they started.
+
+    Args:
+        equations: the data's cost, gradient and information.
+        start: first z.
+        mean: the prior's mean.
+        precision: the prior's inverse covariance; nil for none.
+        scale: natural size of each parameter.
+        stopping: when to stop.
+        damping: first λ.
+    """
+    stopping = stopping or Stopping()
+    floor = damping * 1e-6
+    z = np.array(start, dtype=float)
+    cost, g, H = equations(z)
+    objective = cost + 0.5 * (z - mean) @ precision @ (z - mean)
+    reason = f"no convergence in {stopping.iterations} iterations"
+    converged = False
+    iteration = 0
+    for iteration in range(1, stopping.iterations + 1):
+        b = g - precision @ (z - mean)
+        A = H + precision
+        try:
+            step = solve_scaled(A + np.diag(damping / scale**2), b)
+        except LinAlgError:
+            damping = max(10.0 * damping, 1e-9 * float(np.max(np.diag(A) * scale**2)))
+            continue
+        size = float(np.max(np.abs(step / scale)))
+        if size < stopping.step:
+            converged, reason = True, f"steps fell below {stopping.step:g} of the parameters' scale"
+            break
+        predicted = float(b @ step - 0.5 * step @ A @ step)
+        trial = z + step
+        trial_cost, trial_g, trial_H = equations(trial)
+        trial_objective = trial_cost + 0.5 * (trial - mean) @ precision @ (trial - mean)
+        fall = objective - trial_objective
+        if not fall > 0.0:
+            # near the minimum the objective cannot tell rounding from progress
+            if predicted < 1e-11 * (1.0 + abs(objective)):
+                converged, reason = True, "the objective cannot fall further"
+                break
+            damping = max(10.0 * damping, 1e-6 * float(np.max(np.diag(A) * scale**2)))
+            if damping > 1e12 * float(np.max(np.diag(A) * scale**2)):
+                reason = "no step makes the objective fall"
+                break
+            continue
+        relative = fall / max(abs(objective), 1e-300)
+        z, cost, g, H, objective = trial, trial_cost, trial_g, trial_H, trial_objective
+        damping = max(damping / 10.0, floor)
+        if relative < stopping.decrease:
+            converged, reason = True, f"the objective fell by less than {stopping.decrease:g} of itself"
+            break
+    return Solution(
+        z=z, cost=cost, objective=float(objective), information=H, iterations=iteration, converged=converged, reason=reason
+    )

@@ -1,0 +1,40 @@
+"""What is known of parameters before any measurement."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+
+@dataclass(frozen=True, eq=False)
+class GaussianPrior:
+    """A normal distribution of parameters."""
+
+    mean: Float[np.ndarray, " p"]
+    """Metres and radians."""
+    covariance: Float[np.ndarray, "p p"]
+    """Positive definite, in the same units squared."""
+
+    def __post_init__(self) -> None:
+        p = len(self.mean)
+        if self.covariance.shape != (p, p):
+            raise ValueError(f"a prior on {p} parameters needs a covariance of ({p}, {p}), not {self.covariance.shape}")
+        if not np.all(np.linalg.eigvalsh(self._correlation()) > 0):
+            raise ValueError("a prior's covariance must be positive definite")
+
+    def _correlation(self) -> np.ndarray:
+        scale = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
+        return self.covariance / scale / scale[:, None]
+
+    @classmethod
+    def of_deviations(cls, deviations: Float[np.ndarray, " p"]) -> "GaussianPrior":
+        """Independent parameters about nil, with these standard deviations."""
+        return cls(np.zeros(len(deviations)), np.diag(np.asarray(deviations, dtype=float) ** 2))
+
+    def mapped(self, B: Float[np.ndarray, "k p"]) -> "GaussianPrior":
+        """The prior of B·x, as when the effect of dropped parameters goes over to the kept ones: Σ_K = B·Σ₀·Bᵀ."""
+        return GaussianPrior(B @ self.mean, B @ self.covariance @ B.T)
+
+    def take(self, rows: "np.ndarray") -> "GaussianPrior":
+        """The marginal prior of some of the parameters."""
+        return GaussianPrior(self.mean[rows], self.covariance[np.ix_(rows, rows)])

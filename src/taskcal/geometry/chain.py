@@ -1,0 +1,89 @@
+"""A kinematic chain as plain arrays: fixed parts, joints and error frames, in the order of the walk."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Int
+
+FIXED, REVOLUTE, PRISMATIC, ERROR_FRAME = range(4)
+
+
+@dataclass(frozen=True, eq=False)
+class Fixed:
+    """A fixed part of the chain."""
+
+    transform: Float[np.ndarray, "4 4"]
+    """Pose of the part's end in its start."""
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint about, or along, the local z axis."""
+
+    kind: Literal["revolute", "prismatic"] = "revolute"
+
+
+@dataclass(frozen=True)
+class ErrorFrame:
+    """A small transform T(tx, ty, tz)·Rx·Ry·Rz, one parameter for each defect."""
+
+
+Step = Fixed | Joint | ErrorFrame
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """The steps of a walk from base to tool. Joints and error frames are numbered in the order they are met."""
+
+    kind: Int[np.ndarray, " steps"]
+    """FIXED, REVOLUTE, PRISMATIC or ERROR_FRAME."""
+    index: Int[np.ndarray, " steps"]
+    """Which fixed part, joint or error frame the step is."""
+    fixed: Float[np.ndarray, "parts 3 4"]
+    """Transforms of the fixed parts: rotation and translation, metres."""
+    joints: int
+    """Number of joints."""
+    frames: int
+    """Number of error frames."""
+
+    @classmethod
+    def of(cls, steps: Sequence[Step]) -> "Chain":
+        """Build the arrays; neighbouring fixed parts become one, identities none."""
+        kinds: list[int] = []
+        indices: list[int] = []
+        fixed: list[np.ndarray] = []
+        joints = frames = 0
+        pending = np.eye(4)
+
+        def flush() -> None:
+            nonlocal pending
+            if not np.array_equal(pending, np.eye(4)):
+                kinds.append(FIXED)
+                indices.append(len(fixed))
+                fixed.append(pending[:3])
+                pending = np.eye(4)
+
+        for step in steps:
+            match step:
+                case Fixed(transform):
+                    pending = pending @ transform
+                case Joint(kind):
+                    flush()
+                    kinds.append(REVOLUTE if kind == "revolute" else PRISMATIC)
+                    indices.append(joints)
+                    joints += 1
+                case ErrorFrame():
+                    flush()
+                    kinds.append(ERROR_FRAME)
+                    indices.append(frames)
+                    frames += 1
+        flush()
+        return cls(
+            kind=np.array(kinds, dtype=np.int64),
+            index=np.array(indices, dtype=np.int64),
+            fixed=np.array(fixed, dtype=float).reshape(-1, 3, 4),
+            joints=joints,
+            frames=frames,
+        )

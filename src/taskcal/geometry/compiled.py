@@ -1,0 +1,59 @@
+"""Compilation of the numeric kernels, and where their machine code is kept.
+
+Numba's disk cache notices an edited file, but not an edited callee in another file, and it fails in a read-only
+folder. So the cache lies in the user's cache folder, under a hash of all kernel sources: any edit starts a new one.
+"""
+
+import hashlib
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+import numba.core.config as numba_config
+import platformdirs
+
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])
+
+
+@cache
+def cache_folder() -> Path:
+    """Folder of the compiled kernels: ``NUMBA_CACHE_DIR`` if set, else the user's cache, else a temporary one."""
+    digest = hashlib.sha256(f"{sys.version}{numba.__version__}".encode())
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    root = os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_path("taskcal") / "kernels"
+    folder = Path(root) / digest.hexdigest()[:16]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError:
+        folder = Path(tempfile.gettempdir()) / f"taskcal-kernels-{os.getuid() if hasattr(os, 'getuid') else 0}"
+        folder = folder / digest.hexdigest()[:16]
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
+
+
+def is_warm() -> bool:
+    """Whether an earlier process has already left compiled kernels in the cache."""
+    return any(cache_folder().rglob("*.nbi"))
+
+
+def compiled(kernel: Kernel) -> Kernel:
+    """Compile a kernel at its first call, without the interpreter lock, and keep the machine code on disk."""
+    previous = numba_config.CACHE_DIR  # process-wide, so that other users of Numba keep their own
+    numba_config.CACHE_DIR = str(cache_folder())
+    try:
+        return numba.njit(cache=True, nogil=True, error_model="numpy")(kernel)
+    finally:
+        numba_config.CACHE_DIR = previous
+
+
+def inlined(kernel: Kernel) -> Kernel:
+    """Compile a kernel that only other kernels call; it is compiled with each of them and needs no cache."""
+    return numba.njit(nogil=True, error_model="numpy")(kernel)

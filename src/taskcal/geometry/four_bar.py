@@ -1,0 +1,103 @@
+"""Closure of a planar four-bar: the rocker's angle from the arm's and the crank's, with first derivatives.
+
+Angles are measured in the loop's plane from one common direction. The crank, of length L1, and the arm, of length d,
+turn about one ground axis; the rocker, of length L3, turns on the arm's end; a rod of length L2 joins crank and rocker:
+
+    | d·u(α) + L3·u(θ + ρ) − L1·u(κ + γ) | = L2
+
+with κ + γ the crank's lever and θ + ρ the rocker's.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.errors import ClosureError
+from taskcal.geometry.compiled import compiled
+
+
+@dataclass(frozen=True, kw_only=True)
+class FourBar:
+    """Lengths in metres, angles in radians."""
+
+    crank: float
+    """L1, from the ground axis to the rod."""
+    rod: float
+    """L2."""
+    rocker: float
+    """L3, from the arm's end to the rod."""
+    arm: float
+    """d, from the ground axis to the rocker's axis."""
+    crank_angle: float = -np.pi / 2
+    """γ, of the crank's lever against κ."""
+    rocker_angle: float = -np.pi / 2
+    """ρ, of the rocker's lever against θ."""
+    assembly: Literal[1, -1] = 1
+    """+1 where the rod, seen from the crank, points to the side of the rocker's lever turned by +90°; −1 for the other."""
+
+
+@dataclass(frozen=True, eq=False)
+class Closure:
+    """Where the rocker stands, and how it moves."""
+
+    angle: Float[np.ndarray, " n"]
+    """θ, within half a turn of κ, radians."""
+    by_length: Float[np.ndarray, "n 4"]
+    """∂θ/∂(L1, L2, L3, d), radians per metre."""
+    by_angle: Float[np.ndarray, "n 2"]
+    """∂θ/∂(α, κ)."""
+
+
+@compiled
+def _close(arm_angle, crank_angle, L1, L2, L3, d, gamma, rho, assembly, angle, by_length, by_angle):
+    """Return the first pose that does not close, or −1."""
+    for i in range(arm_angle.shape[0]):
+        a, k = arm_angle[i], crank_angle[i] + gamma
+        ca, sa, ck, sk = np.cos(a), np.sin(a), np.cos(k), np.sin(k)
+        wx, wy = d * ca - L1 * ck, d * sa - L1 * sk
+        w = np.hypot(wx, wy)
+        cosine = (L2 * L2 - w * w - L3 * L3) / (2.0 * L3 * w)
+        if not abs(cosine) < 1.0:
+            return i
+        lever = np.arctan2(wy, wx) - assembly * np.arccos(cosine)
+        cl, sl = np.cos(lever), np.sin(lever)
+        vx, vy = wx + L3 * cl, wy + L3 * sl
+        # differentiating |v|² = L2² : L3·(v·u′(ψ)) dψ = L2·dL2 − v·(everything else that moves v)
+        slope = L3 * (vy * cl - vx * sl)
+        by_length[i, 0] = (vx * ck + vy * sk) / slope
+        by_length[i, 1] = L2 / slope
+        by_length[i, 2] = -(vx * cl + vy * sl) / slope
+        by_length[i, 3] = -(vx * ca + vy * sa) / slope
+        by_angle[i, 0] = -d * (vy * ca - vx * sa) / slope
+        by_angle[i, 1] = L1 * (vy * ck - vx * sk) / slope
+        turn = lever - rho - crank_angle[i]
+        angle[i] = crank_angle[i] + turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
+    return -1
+
+
+def close_four_bar(
+    bar: FourBar, arm_angle: Float[np.ndarray, " n"], crank_angle: Float[np.ndarray, " n"]
+) -> Closure:
+    """Rocker angle θ and its derivatives for arm angles α and crank angles κ, radians.
+
+    Raises:
+        ClosureError: the rod cannot reach at some pose; the message names the first such pose.
+    """
+    n = len(arm_angle)
+    out = Closure(angle=np.empty(n), by_length=np.empty((n, 4)), by_angle=np.empty((n, 2)))
+    arm_angle, crank_angle = np.ascontiguousarray(arm_angle), np.ascontiguousarray(crank_angle)
+    fails = _close(
+        arm_angle, crank_angle, bar.crank, bar.rod, bar.rocker, bar.arm, bar.crank_angle, bar.rocker_angle,
+        float(bar.assembly), out.angle, out.by_length, out.by_angle,
+    )  # fmt: skip
+    if fails >= 0:
+        alpha, kappa = np.degrees((arm_angle[fails], crank_angle[fails]))
+        raise ClosureError(
+            f"the four-bar does not close at pose {fails}: arm at {alpha:.3f}°, crank at {kappa:.3f}° "
+            f"({kappa - alpha:+.3f}° apart), with crank {bar.crank * 1e3:g}, rod {bar.rod * 1e3:g}, rocker "
+            f"{bar.rocker * 1e3:g} and arm {bar.arm * 1e3:g} mm; the loop is singular where rod and arm line up with "
+            "the levers: keep the two angles well under 90° apart and check the joint columns, their order and signs"
+        )
+    return out

@@ -1,0 +1,88 @@
+"""Rigid transforms as 4×4 arrays, rotations as 3×3 arrays; every function takes one or a batch of them."""
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+
+def translation(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Float[np.ndarray, "4 4"]:
+    """Pure translation, metres."""
+    T = np.eye(4)
+    T[:3, 3] = x, y, z
+    return T
+
+
+def rotation(axis: str, angle: float) -> Float[np.ndarray, "4 4"]:
+    """Pure rotation about the ``x``, ``y`` or ``z`` axis, radians; exact at multiples of 90°."""
+    quarter = angle / (np.pi / 2)
+    if abs(quarter - round(quarter)) < 1e-12:  # cos(π/2) is 6e-17 in floating point; a right angle is exact here
+        c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[round(quarter) % 4]
+    else:
+        c, s = np.cos(angle), np.sin(angle)
+    i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
+    T = np.eye(4)
+    T[i, i] = T[j, j] = c
+    T[i, j], T[j, i] = -s, s
+    return T
+
+
+def pose(R: Float[np.ndarray, "*b 3 3"], p: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 4 4"]:
+    """Homogeneous transform of a rotation and a position."""
+    T = np.zeros((*np.broadcast_shapes(R.shape[:-2], p.shape[:-1]), 4, 4))
+    T[..., :3, :3] = R
+    T[..., :3, 3] = p
+    T[..., 3, 3] = 1.0
+    return T
+
+
+def inverse(T: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b 4 4"]:
+    """Inverse of a rigid transform."""
+    Rt = np.swapaxes(T[..., :3, :3], -1, -2)
+    return pose(Rt, -(Rt @ T[..., :3, 3:])[..., 0])
+
+
+def apply(T: Float[np.ndarray, "*b 4 4"], points: Float[np.ndarray, "*c 3"]) -> Float[np.ndarray, "*d 3"]:
+    """Points seen from the frame on the transform's left."""
+    return (T[..., :3, :3] @ points[..., None])[..., 0] + T[..., :3, 3]
+
+
+def exp(w: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3 3"]:
+    """Rotation of a rotation vector, radians."""
+    return Rotation.from_rotvec(w.reshape(-1, 3)).as_matrix().reshape(*w.shape, 3)
+
+
+def log(R: Float[np.ndarray, "*b 3 3"]) -> Float[np.ndarray, "*b 3"]:
+    """Rotation vector of a rotation, radians, of length at most π."""
+    return Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec().reshape(R.shape[:-1])
+
+
+def nearest_rotation(M: Float[np.ndarray, "*b 3 3"]) -> Float[np.ndarray, "*b 3 3"]:
+    """The proper rotation nearest to a matrix in the Frobenius norm (Umeyama 1991)."""
+    U, _, Vt = np.linalg.svd(M)
+    sign = np.linalg.det(U) * np.linalg.det(Vt)
+    U = U.copy()
+    U[..., :, 2] *= sign[..., None]
+    return U @ Vt
+
+
+def from_quaternion(xyzw: Float[np.ndarray, "*b 4"]) -> Float[np.ndarray, "*b 3 3"]:
+    """Rotations of quaternions with the scalar last; they need not be of unit length."""
+    return Rotation.from_quat(xyzw.reshape(-1, 4)).as_matrix().reshape(*xyzw.shape[:-1], 3, 3)
+
+
+def to_quaternion(R: Float[np.ndarray, "*b 3 3"]) -> Float[np.ndarray, "*b 4"]:
+    """Unit quaternions of rotations, scalar last and not negative."""
+    q = Rotation.from_matrix(R.reshape(-1, 3, 3)).as_quat(canonical=True)
+    return q.reshape(*R.shape[:-2], 4)
+
+
+def error_transform(e: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b 4 4"]:
+    """T(tx, ty, tz)·Rx·Ry·Rz of six small defects, metres and radians."""
+    R = Rotation.from_euler("XYZ", e[..., 3:].reshape(-1, 3)).as_matrix().reshape(*e.shape[:-1], 3, 3)
+    return pose(R, e[..., :3])
+
+
+def error_parameters(T: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b 6"]:
+    """The six defects whose `error_transform` is T."""
+    angles = Rotation.from_matrix(T[..., :3, :3].reshape(-1, 3, 3)).as_euler("XYZ")
+    return np.concatenate([T[..., :3, 3], angles.reshape(*T.shape[:-2], 3)], axis=-1)

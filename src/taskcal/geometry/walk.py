@@ -1,0 +1,251 @@
+"""The compiled walk along a chain: poses, and the twist of the tool for every parameter, in one scalar pass a pose.
+
+At each joint and error frame the walk notes the axes and origins about which, or along which, the rest of the chain
+moves. A translation along a moves the tool point p by a, a rotation about a through o by a × (p − o); a joint-side
+parameter moves joints, so its column is a combination of theirs.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.geometry.chain import ERROR_FRAME, FIXED, REVOLUTE, Chain
+from taskcal.geometry.compiled import compiled, inlined
+
+CHUNK = 8192
+"""Poses a thread takes at a time; fewer are walked in the calling thread."""
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Which column of the Jacobian each movement of the chain belongs to."""
+
+    frames: Int[np.ndarray, "frames 6"]
+    """Column of each error-frame parameter, −1 where it is not asked for."""
+    joint: Int[np.ndarray, " pairs"]
+    """Joint moved by the k-th joint-side pair …"""
+    column: Int[np.ndarray, " pairs"]
+    """… and the column it adds to; the factor ∂s/∂ξ comes with each pose."""
+    count: int
+    """Number of columns."""
+
+    @classmethod
+    def of_joints(cls, chain: Chain) -> "Columns":
+        """One column for each joint of the chain, none for error frames."""
+        joints = np.arange(chain.joints)
+        return cls(frames=np.full((chain.frames, 6), -1), joint=joints, column=joints, count=chain.joints)
+
+
+@inlined
+def _error_frames(e):
+    """Rotation of each error frame, the axes of its three rotations, and whether it is exactly nil."""
+    rotation = np.empty((e.shape[0], 3, 3))
+    axes = np.empty((e.shape[0], 3, 3))
+    nil = np.empty(e.shape[0], dtype=np.bool_)
+    for f in range(e.shape[0]):
+        cx, sx = np.cos(e[f, 3]), np.sin(e[f, 3])
+        cy, sy = np.cos(e[f, 4]), np.sin(e[f, 4])
+        cz, sz = np.cos(e[f, 5]), np.sin(e[f, 5])
+        axes[f, 0, 0], axes[f, 0, 1], axes[f, 0, 2] = 1.0, 0.0, sy
+        axes[f, 1, 0], axes[f, 1, 1], axes[f, 1, 2] = 0.0, cx, -sx * cy
+        axes[f, 2, 0], axes[f, 2, 1], axes[f, 2, 2] = 0.0, sx, cx * cy
+        R = rotation[f]
+        R[0, 0], R[0, 1], R[0, 2] = cy * cz, -cy * sz, sy
+        R[1, 0], R[1, 1], R[1, 2] = cx * sz + sx * sy * cz, cx * cz - sx * sy * sz, -sx * cy
+        R[2, 0], R[2, 1], R[2, 2] = sx * sz - cx * sy * cz, sx * cz + cx * sy * sz, cx * cy
+        nil[f] = True
+        for c in range(6):
+            nil[f] = nil[f] and e[f, c] == 0.0
+    return rotation, axes, nil
+
+
+@inlined
+def _walk(kind, index, fixed, s, e, e_rotation, e_axes, nil, joint_axes, frame_axes, T):
+    """Walk one pose: fill the axes and origins of joints and error frames, and the pose T (3, 4) of the end."""
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
+    x, y, z = 0.0, 0.0, 0.0
+    for k in range(kind.shape[0]):
+        what, i = kind[k], index[k]
+        if what == FIXED or what == ERROR_FRAME:
+            if what == FIXED:
+                tx, ty, tz = fixed[i, 0, 3], fixed[i, 1, 3], fixed[i, 2, 3]
+            else:
+                tx, ty, tz = e[i, 0], e[i, 1], e[i, 2]
+            x += r00 * tx + r01 * ty + r02 * tz
+            y += r10 * tx + r11 * ty + r12 * tz
+            z += r20 * tx + r21 * ty + r22 * tz
+            if what == ERROR_FRAME:
+                frame = frame_axes[i]
+                frame[0, 0], frame[0, 1], frame[0, 2] = r00, r10, r20
+                frame[1, 0], frame[1, 1], frame[1, 2] = r01, r11, r21
+                frame[2, 0], frame[2, 1], frame[2, 2] = r02, r12, r22
+                frame[6, 0], frame[6, 1], frame[6, 2] = x, y, z
+                if nil[i]:
+                    for c in range(3):
+                        for d in range(3):
+                            frame[3 + c, d] = frame[c, d]
+                    continue
+                for c in range(3):
+                    a, b, g = e_axes[i, 0, c], e_axes[i, 1, c], e_axes[i, 2, c]
+                    frame[3 + c, 0] = r00 * a + r01 * b + r02 * g
+                    frame[3 + c, 1] = r10 * a + r11 * b + r12 * g
+                    frame[3 + c, 2] = r20 * a + r21 * b + r22 * g
+                M = e_rotation[i]
+            else:
+                M = fixed[i]
+            a, b, g = r00, r01, r02
+            r00 = a * M[0, 0] + b * M[1, 0] + g * M[2, 0]
+            r01 = a * M[0, 1] + b * M[1, 1] + g * M[2, 1]
+            r02 = a * M[0, 2] + b * M[1, 2] + g * M[2, 2]
+            a, b, g = r10, r11, r12
+            r10 = a * M[0, 0] + b * M[1, 0] + g * M[2, 0]
+            r11 = a * M[0, 1] + b * M[1, 1] + g * M[2, 1]
+            r12 = a * M[0, 2] + b * M[1, 2] + g * M[2, 2]
+            a, b, g = r20, r21, r22
+            r20 = a * M[0, 0] + b * M[1, 0] + g * M[2, 0]
+            r21 = a * M[0, 1] + b * M[1, 1] + g * M[2, 1]
+            r22 = a * M[0, 2] + b * M[1, 2] + g * M[2, 2]
+        else:
+            joint = joint_axes[i]
+            joint[1, 0], joint[1, 1], joint[1, 2] = r02, r12, r22
+            joint[2, 0], joint[2, 1], joint[2, 2] = x, y, z
+            if what == REVOLUTE:
+                joint[0, 0] = 1.0
+                c, v = np.cos(s[i]), np.sin(s[i])
+                r00, r01 = c * r00 + v * r01, c * r01 - v * r00
+                r10, r11 = c * r10 + v * r11, c * r11 - v * r10
+                r20, r21 = c * r20 + v * r21, c * r21 - v * r20
+            else:
+                joint[0, 0] = 0.0
+                x += s[i] * r02
+                y += s[i] * r12
+                z += s[i] * r22
+    T[0, 0], T[0, 1], T[0, 2], T[0, 3] = r00, r01, r02, x
+    T[1, 0], T[1, 1], T[1, 2], T[1, 3] = r10, r11, r12, y
+    T[2, 0], T[2, 1], T[2, 2], T[2, 3] = r20, r21, r22, z
+
+
+@inlined
+def _fill(joint_axes, frame_axes, frames, joint, column, factor, x, y, z, out):
+    """Columns of the point (x, y, z): rows vx vy vz, and wx wy wz where `out` has six rows."""
+    angular = out.shape[0] == 6
+    for f in range(frames.shape[0]):
+        axes = frame_axes[f]
+        dx, dy, dz = x - axes[6, 0], y - axes[6, 1], z - axes[6, 2]
+        for c in range(6):
+            k = frames[f, c]
+            if k < 0:
+                continue
+            a, b, g = axes[c, 0], axes[c, 1], axes[c, 2]
+            if c < 3:
+                out[0, k], out[1, k], out[2, k] = a, b, g
+                if angular:
+                    out[3, k], out[4, k], out[5, k] = 0.0, 0.0, 0.0
+            else:
+                out[0, k], out[1, k], out[2, k] = b * dz - g * dy, g * dx - a * dz, a * dy - b * dx
+                if angular:
+                    out[3, k], out[4, k], out[5, k] = a, b, g
+    for i in range(joint.shape[0]):
+        for row in range(out.shape[0]):
+            out[row, column[i]] = 0.0
+    for i in range(joint.shape[0]):
+        axes, k, t = joint_axes[joint[i]], column[i], factor[i]
+        a, b, g = t * axes[1, 0], t * axes[1, 1], t * axes[1, 2]
+        if axes[0, 0] == 0.0:
+            out[0, k] += a
+            out[1, k] += b
+            out[2, k] += g
+        else:
+            dx, dy, dz = x - axes[2, 0], y - axes[2, 1], z - axes[2, 2]
+            out[0, k] += b * dz - g * dy
+            out[1, k] += g * dx - a * dz
+            out[2, k] += a * dy - b * dx
+            if angular:
+                out[3, k] += a
+                out[4, k] += b
+                out[5, k] += g
+
+
+@compiled
+def _poses(kind, index, fixed, s, e, out):
+    e_rotation, e_axes, nil = _error_frames(e)
+    joint_axes, frame_axes = np.zeros((s.shape[1], 3, 3)), np.zeros((e.shape[0], 7, 3))
+    for i in range(s.shape[0]):
+        _walk(kind, index, fixed, s[i], e, e_rotation, e_axes, nil, joint_axes, frame_axes, out[i])
+        out[i, 3, 0], out[i, 3, 1], out[i, 3, 2], out[i, 3, 3] = 0.0, 0.0, 0.0, 1.0
+
+
+@compiled
+def _columns(kind, index, fixed, s, e, factor, frames, joint, column, point, out):
+    e_rotation, e_axes, nil = _error_frames(e)
+    joint_axes, frame_axes = np.zeros((s.shape[1], 3, 3)), np.zeros((e.shape[0], 7, 3))
+    T = np.empty((3, 4))
+    a, b, c = point
+    for i in range(s.shape[0]):
+        _walk(kind, index, fixed, s[i], e, e_rotation, e_axes, nil, joint_axes, frame_axes, T)
+        x = T[0, 3] + T[0, 0] * a + T[0, 1] * b + T[0, 2] * c
+        y = T[1, 3] + T[1, 0] * a + T[1, 1] * b + T[1, 2] * c
+        z = T[2, 3] + T[2, 0] * a + T[2, 1] * b + T[2, 2] * c
+        _fill(joint_axes, frame_axes, frames, joint, column, factor[i], x, y, z, out[i])
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="taskcal-walk")
+
+
+def in_chunks(walk_rows: Callable[[slice], Any], n: int) -> list[Any]:
+    """Call `walk_rows` with slices that cover n poses, on a thread pool where there are many; results in order."""
+    if n <= CHUNK:
+        return [walk_rows(slice(0, n))]
+    return list(_pool().map(walk_rows, [slice(i, min(i + CHUNK, n)) for i in range(0, n, CHUNK)]))
+
+
+def poses(chain: Chain, s: Float[np.ndarray, "n joints"], e: Float[np.ndarray, "frames 6"]) -> Float[np.ndarray, "n 4 4"]:
+    """Poses of the chain's end in its start.
+
+    Args:
+        chain: the chain.
+        s: chain coordinates, radians or metres.
+        e: values of the error frames, metres and radians.
+    """
+    out = np.empty((len(s), 4, 4))
+    in_chunks(lambda rows: _poses(chain.kind, chain.index, chain.fixed, s[rows], e, out[rows]), len(s))
+    return out
+
+
+def columns(
+    chain: Chain,
+    s: Float[np.ndarray, "n joints"],
+    e: Float[np.ndarray, "frames 6"],
+    layout: Columns,
+    factor: Float[np.ndarray, "n pairs"],
+    *,
+    angular: bool,
+    point: Float[np.ndarray, "3"] | None = None,
+) -> Float[np.ndarray, "n rows p"]:
+    """Derivative of a point fixed to the chain's end, in the axes of its start.
+
+    Args:
+        chain: the chain.
+        s: chain coordinates, radians or metres.
+        e: values of the error frames, metres and radians.
+        layout: which column each parameter has.
+        factor: ∂s/∂ξ of each joint-side pair of the layout, at every pose.
+        angular: six rows vx vy vz wx wy wz, else the first three.
+        point: the point in the end's frame, metres; its origin by default.
+    """
+    point = np.zeros(3) if point is None else point
+    full = np.count_nonzero(layout.frames >= 0) + len(np.unique(layout.column)) == layout.count
+    out = (np.empty if full else np.zeros)((len(s), 6 if angular else 3, layout.count))
+    arrays = layout.frames, layout.joint, layout.column, point
+    in_chunks(
+        lambda rows: _columns(chain.kind, chain.index, chain.fixed, s[rows], e, factor[rows], *arrays, out[rows]), len(s)
+    )
+    return out

@@ -1,0 +1,1 @@
+"""From a campaign to a Calibration: the fit, its covariance, its residuals, and held-out validation."""

@@ -1,0 +1,340 @@
+"""A Calibration: what was identified, how well, and what the robot does with it."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from functools import cached_property
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.errors import FileError, TaskcalError
+from taskcal.estimation.loss import Loss
+from taskcal.estimation.prior import GaussianPrior
+from taskcal.files import write_whole
+from taskcal.geometry import normal_equations, se3, walk
+from taskcal.geometry.normal_equations import Observations
+from taskcal.identification.problem import FrameLayout
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.registration import Registration
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.file import robot_from
+
+FORMAT = "taskcal-calibration"
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outlier:
+    """A measured point that the fit cannot believe."""
+
+    row: int
+    """Row of the campaign, counted from 0."""
+    id: str
+    target: str
+    studentised: float
+    """Length of its residual over that residual's standard deviation."""
+    residual: float
+    """Length of its position residual, metres."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Provenance:
+    """Where a calibration comes from."""
+
+    robot: str
+    robot_digest: str
+    campaign: str
+    """File of the campaign."""
+    campaign_digest: str
+    rows: int
+    version: str
+    created: str
+    options: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+    @classmethod
+    def of(
+        cls,
+        model: ErrorModel,
+        campaign: Campaign,
+        *,
+        kept: Int[np.ndarray, " kept"],
+        loss: Loss,
+        prior: GaussianPrior | str | None,
+        frames: bool,
+    ) -> "Provenance":
+        """Provenance of a fit made now."""
+        options = {
+            "keep": "all" if len(kept) == len(model) else [model.names[i] for i in kept],
+            "loss": {"kind": type(loss).__name__.lower(), **asdict(loss)},
+            "prior": "given" if isinstance(prior, GaussianPrior) else prior,
+            "frames": "fixed" if frames else "fit",
+        }
+        return cls(
+            robot=model.robot.name,
+            robot_digest=model.robot.digest,
+            campaign=campaign.source,
+            campaign_digest=campaign.digest,
+            rows=len(campaign),
+            version=package_version(),
+            created=datetime.now(UTC).isoformat(timespec="seconds"),
+            options=options,
+        )
+
+
+def package_version() -> str:
+    """Version of the installed package."""
+    try:
+        return version("taskcal")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Calibration:
+    """An identified robot in its measuring frame."""
+
+    model: ErrorModel
+    layout: FrameLayout
+    """How z is laid out."""
+    z: Float[np.ndarray, " z"]
+    """Kept parameters, tracker frame and targets, in the order of `all_names`."""
+    z_covariance: Float[np.ndarray, "z z"]
+    """Their posterior covariance."""
+    T_tracker_base: Float[np.ndarray, "4 4"]
+    """Pose of the robot's base in the tracker frame."""
+    T_tool_target: Float[np.ndarray, "targets 4 4"]
+    """Pose of every target in the tool frame; for a point its rotation is the identity."""
+    residuals: Float[np.ndarray, "n targets b"]
+    """Measured less predicted in the tracker frame, metres (then radians, for poses); NaN for lost beams."""
+    studentised: Float[np.ndarray, "n targets"]
+    """Length of each residual over its own standard deviation."""
+    outliers: tuple[Outlier, ...]
+    """Points whose residual is too long for chance, the longest first."""
+    ids: tuple[str, ...]
+    """Names of the rows that were fitted."""
+    model_error: tuple[float, ...]
+    """Standard deviation of what geometry does not explain: metres per axis (and radians, for poses)."""
+    prior_scale: float | None
+    """Factor of the prior's standard deviations; None where there was no prior."""
+    iterations: int
+    """Of the last fit."""
+    rounds: int
+    """Of fit and hyperparameters in turn."""
+    reason: str
+    """Why the fit ended."""
+    provenance: Provenance
+
+    def __repr__(self) -> str:
+        scale = "" if self.prior_scale is None else f", prior × {self.prior_scale:.2g}"
+        return (
+            f"Calibration({self.model.robot.name}: {len(self.layout.kept)} parameters from {len(self.residuals)} rows, "
+            f"model error {self.model_error[0] * 1e3:.3f} mm{scale})"
+        )
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """Names of the targets."""
+        return self.layout.targets
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the model's parameters."""
+        return self.model.names
+
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """Names of the parameters that were estimated."""
+        return tuple(self.model.names[i] for i in self.layout.kept)
+
+    @property
+    def all_names(self) -> tuple[str, ...]:
+        """Names of the entries of z: kept parameters, ``base.*``, targets."""
+        return self.layout.names
+
+    @cached_property
+    def estimate(self) -> Float[np.ndarray, " p"]:
+        """Every parameter of the model, nil where not kept, metres and radians."""
+        return self.layout.parameters(self.z)
+
+    @cached_property
+    def covariance(self) -> Float[np.ndarray, "p p"]:
+        """Posterior covariance of the model's parameters, nil where not kept."""
+        p, kept = len(self.model), self.layout.kept
+        out = np.zeros((p, p))
+        out[np.ix_(kept, kept)] = self.z_covariance[: len(kept), : len(kept)]
+        return out
+
+    @cached_property
+    def standard_errors(self) -> Float[np.ndarray, " p"]:
+        """Posterior standard deviation of every parameter, metres and radians."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @cached_property
+    def correlation(self) -> Float[np.ndarray, "z z"]:
+        """Posterior correlation of the entries of z."""
+        deviation = np.sqrt(np.maximum(np.diag(self.z_covariance), 1e-300))
+        return self.z_covariance / deviation / deviation[:, None]
+
+    def predict(
+        self, q: Float[np.ndarray, "n joints"]
+    ) -> Float[np.ndarray, "n targets 3"] | Float[np.ndarray, "n 4 4"]:
+        """Where the targets will be in the tracker frame: points (n, targets, 3), metres, or poses (n, 4, 4).
+
+        Raises:
+            ClosureError: a closed loop cannot be assembled at some pose.
+        """
+        walked = self.layout.walked(np.asarray(q, dtype=float), self.z)
+        T = walk.poses(walked.chain, walked.s, walked.e)
+        if self.layout.pose:
+            return T
+        return np.stack([se3.apply(T, point) for point in walked.points.position], axis=1)
+
+    def predict_covariance(
+        self, q: Float[np.ndarray, "n joints"], *, model_error: bool = True
+    ) -> Float[np.ndarray, "n targets b b"]:
+        """Covariance of the targets' true positions about the predicted ones, in the tracker frame.
+
+        Args:
+            q: joint positions, radians.
+            model_error: add what geometry cannot explain at a new pose; without it, the covariance says how well the
+                fitted geometry itself is known there.
+
+        Returns:
+            b = 3 rows for points, metres²; 6 for poses, then radians².
+        """
+        q = np.asarray(q, dtype=float)
+        shape = len(q), len(self.targets)
+        rotation = self.layout.walked(q, self.z)
+        T = walk.poses(rotation.chain, rotation.s, rotation.e)[:, :3, :3] if self.layout.pose else None
+        nowhere = Observations(position=np.zeros((*shape, 3)), rotation=T, valid=np.ones(shape, dtype=bool))
+        _, spread = normal_equations.spread(rotation, nowhere, self.z_covariance)
+        if model_error:
+            spread = spread + np.diag(np.repeat(np.square(self.model_error), 3))
+        return spread
+
+    def save(self, path: str | Path) -> None:
+        """Write a versioned JSON file, all at once; `load_calibration` reads it back exactly.
+
+        Raises:
+            FileError: the folder is missing or not writable.
+        """
+        write_whole(path, json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n")
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of the file."""
+        registration = self.layout.registration
+        return {
+            "format": FORMAT,
+            "format_version": FORMAT_VERSION,
+            "provenance": asdict(self.provenance),
+            "robot": dict(self.model.robot.description),
+            "units": "metres and radians",
+            "kept": list(self.kept),
+            "targets": list(self.targets),
+            "pose": self.layout.pose,
+            "fixed_frames": self.layout.fixed_frames,
+            "registration": {
+                "T_tracker_base": registration.T_tracker_base.tolist(),
+                "T_tool_target": registration.T_tool_target.tolist(),
+                "rms": registration.rms,
+            },
+            "names": list(self.all_names),
+            "estimate": self.z.tolist(),
+            "covariance": self.z_covariance.tolist(),
+            "T_tracker_base": self.T_tracker_base.tolist(),
+            "T_tool_target": self.T_tool_target.tolist(),
+            "model_error": list(self.model_error),
+            "prior_scale": self.prior_scale,
+            "ids": list(self.ids),
+            "residuals": _without_nan(self.residuals),
+            "studentised": _without_nan(self.studentised),
+            "outliers": [asdict(outlier) for outlier in self.outliers],
+            "iterations": self.iterations,
+            "rounds": self.rounds,
+            "reason": self.reason,
+        }
+
+
+def _without_nan(array: np.ndarray) -> list[Any]:
+    return np.where(np.isnan(array), None, array.astype(object)).tolist()
+
+
+def load_calibration(path: str | Path) -> Calibration:
+    """Read a calibration saved by `Calibration.save`.
+
+    Raises:
+        FileError: the file is missing, truncated, of another format or version, or inconsistent in itself.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise FileError(path, "is no calibration: it is no UTF-8 text") from error
+    try:
+        data = json.loads(text)
+    except json.JSONDecodeError as error:
+        message = f"is no whole JSON file ({error.msg}); it may have been cut off: save the calibration again"
+        raise FileError(path, message, line=error.lineno) from error
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        raise FileError(path, f"is JSON, but no calibration: 'format' is not '{FORMAT}'; write one with taskcal identify")
+    if data.get("format_version") != FORMAT_VERSION:
+        found = data.get("format_version")
+        raise FileError(path, f"has format version {found!r}, this Taskcal reads {FORMAT_VERSION}; identify again, or use the Taskcal that wrote it")
+    try:
+        return _from_json(data)
+    except TaskcalError as error:
+        raise FileError(path, f"its robot: {error}") from error
+    except KeyError as error:
+        raise FileError(path, f"lacks {error.args[0]!r}; it may have been edited: identify again") from error
+    except (TypeError, ValueError) as error:
+        raise FileError(path, f"is inconsistent: {error}; it may have been edited: identify again") from error
+
+
+def _from_json(data: Mapping[str, Any]) -> Calibration:
+    model = ErrorModel(robot_from(data["robot"]))
+    registration = Registration(
+        T_tracker_base=_array(data["registration"], "T_tracker_base", (4, 4)),
+        T_tool_target=_array(data["registration"], "T_tool_target", (len(data["targets"]), 4, 4)),
+        rms=float(data["registration"]["rms"]),
+    )
+    layout = FrameLayout(
+        model=model,
+        kept=model.indices(data["kept"]),
+        registration=registration,
+        targets=tuple(data["targets"]),
+        pose=bool(data["pose"]),
+        fixed_frames=bool(data["fixed_frames"]),
+    )
+    size, rows = len(layout.names), len(data["ids"])
+    return Calibration(
+        model=model,
+        layout=layout,
+        z=_array(data, "estimate", (size,)),
+        z_covariance=_array(data, "covariance", (size, size)),
+        T_tracker_base=_array(data, "T_tracker_base", (4, 4)),
+        T_tool_target=_array(data, "T_tool_target", (len(layout.targets), 4, 4)),
+        residuals=_array(data, "residuals", (rows, len(layout.targets), 6 if layout.pose else 3)),
+        studentised=_array(data, "studentised", (rows, len(layout.targets))),
+        outliers=tuple(Outlier(**outlier) for outlier in data["outliers"]),
+        ids=tuple(data["ids"]),
+        model_error=tuple(float(value) for value in data["model_error"]),
+        prior_scale=None if data["prior_scale"] is None else float(data["prior_scale"]),
+        iterations=int(data["iterations"]),
+        rounds=int(data["rounds"]),
+        reason=str(data["reason"]),
+        provenance=Provenance(**data["provenance"]),
+    )
+
+
+def _array(data: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> np.ndarray:
+    array = np.array(data[key], dtype=float)  # None becomes NaN
+    if array.shape != shape:
+        raise ValueError(f"'{key}' has shape {array.shape}, not {shape}")
+    return array

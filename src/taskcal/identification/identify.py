@@ -1,0 +1,331 @@
+"""The fit: a campaign and a model in, a Calibration out."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.linalg import LinAlgError
+from scipy.stats import chi2
+
+from taskcal.errors import FitError
+from taskcal.estimation import evidence
+from taskcal.estimation.least_squares import Solution, Stopping, fit, solve_scaled
+from taskcal.estimation.loss import Loss, Squared
+from taskcal.estimation.prior import GaussianPrior
+from taskcal.geometry import normal_equations
+from taskcal.identification.calibration import Calibration, Outlier, Provenance
+from taskcal.identification.problem import FrameLayout, Problem, observe, whitener
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.registration import Registration, check_plausible, check_rows, register
+from taskcal.measurement.tracker import TrackerNoise
+from taskcal.robot.error_model import ErrorModel
+
+FRAME_PRIOR = 10.0
+"""Standard deviation of tracker frame and targets about their registration, metres and radians: as good as none."""
+
+Estimate = Literal["estimate"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Hyperparameters:
+    """What the evidence says besides the estimate."""
+
+    variances: Float[np.ndarray, " groups"]
+    """Model error of position, m², and of rotation for poses, rad²."""
+    prior_factor: float
+    """Factor of the prior's covariance."""
+
+
+def identify(
+    model: ErrorModel,
+    campaign: Campaign,
+    *,
+    keep: Iterable[str] | None = None,
+    prior: GaussianPrior | Literal["tolerances"] | None = "tolerances",
+    loss: Loss | None = None,
+    noise: TrackerNoise | None = None,
+    registration: Registration | None = None,
+    frames: Literal["fit", "fixed"] = "fit",
+    model_error: float | tuple[float, float] | Estimate = "estimate",
+    prior_scale: float | Estimate = "estimate",
+    outlier_level: float = 0.01,
+) -> Calibration:
+    """Identify the model's parameters from a campaign, the tracker frame and the targets with them.
+
+    The estimate minimises the whitened residuals with a Gaussian prior on every parameter, so that parameters that
+    repeat each other share what is found instead of running away. Real robots deviate from any geometry by far more than
+    the tracker's noise, and by their own amounts: a model error beside the noise, and one common scale of the prior, are
+    those of the largest marginal likelihood.
+
+    Args:
+        model: the model.
+        campaign: the measurements.
+        keep: names of the parameters to estimate, the others staying nil; all by default.
+        prior: ``tolerances`` for the robot's own; a prior over the kept parameters; or None, when only
+            Levenberg–Marquardt damping holds undetermined directions, stopped as in MATLAB's lsqnonlin.
+        loss: `Squared` (default), `Huber` or `Cauchy`.
+        noise: the tracker's, where the campaign does not state uncertainties.
+        registration: tracker frame and targets to start from, or to hold; found from the data by default.
+        frames: ``fit`` refines tracker frame and targets with the parameters, ``fixed`` holds them as registered.
+        model_error: standard deviation of what the model cannot explain, metres (and radians, for poses); or estimated.
+        prior_scale: common factor of the prior's standard deviations; or estimated.
+        outlier_level: chance of naming any outlier where there is none.
+
+    Returns:
+        the calibration: estimate, covariance, residuals, and predictions with their uncertainty.
+
+    Raises:
+        CampaignError: too few rows, or joints and points that do not belong together.
+        UnknownName: a name in `keep` that the model does not have.
+        FitError: the fit did not converge.
+    """
+    loss = loss or Squared()
+    kept = np.arange(len(model)) if keep is None else model.indices(keep)
+    check_rows(campaign)
+    if registration is None:
+        registration = register(model, campaign)
+        check_plausible(registration, model)
+    layout = FrameLayout(
+        model=model,
+        kept=kept,
+        registration=registration,
+        targets=campaign.targets,
+        pose=campaign.rotations is not None,
+        fixed_frames=frames == "fixed",
+    )
+    problem = Problem(frames=layout, q=np.ascontiguousarray(campaign.q), seen=observe(campaign), noise=campaign.covariances(noise))
+    belief = _belief(model, kept, prior)
+    found = _estimate(problem, belief, loss, model_error, 1.0 if prior is None else prior_scale)
+    return _conclude(found, problem, belief, campaign, outlier_level, loss, prior)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Belief:
+    """The prior over the kept parameters, and their natural sizes."""
+
+    prior: GaussianPrior | None
+    sizes: Float[np.ndarray, " kept"]
+
+    def precision(self, count: int, factor: float) -> Float[np.ndarray, "z z"]:
+        """Of a whole estimate z, frames included."""
+        k = len(self.sizes)
+        out = np.zeros((count, count))
+        if self.prior is not None:
+            out[:k, :k] = solve_scaled(self.prior.covariance, np.eye(k)) / factor
+            out[k:, k:] = np.eye(count - k) / FRAME_PRIOR**2
+        return out
+
+    def mean(self, start: Float[np.ndarray, " z"]) -> Float[np.ndarray, " z"]:
+        out = start.copy()
+        out[: len(self.sizes)] = 0.0 if self.prior is None else self.prior.mean
+        return out
+
+
+def _belief(model: ErrorModel, kept: Int[np.ndarray, " kept"], prior: GaussianPrior | str | None) -> _Belief:
+    if prior is None:
+        return _Belief(prior=None, sizes=model.tolerances[kept])
+    if isinstance(prior, GaussianPrior):
+        if len(prior.mean) != len(kept):
+            raise ValueError(f"the prior has {len(prior.mean)} parameters, {len(kept)} are kept")
+        return _Belief(prior=prior, sizes=np.sqrt(np.diag(prior.covariance)))
+    return _Belief(prior=GaussianPrior.of_deviations(model.tolerances[kept]), sizes=model.tolerances[kept])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Found:
+    """A fit with its hyperparameters and its linearisation."""
+
+    solution: Solution
+    hyper: Hyperparameters
+    residual: Float[np.ndarray, "n targets b"]
+    spread: Float[np.ndarray, "n targets b b"]
+    covariance: Float[np.ndarray, "n targets b b"]
+    """Of noise and model error."""
+    weights: Float[np.ndarray, "n targets"]
+    posterior: Float[np.ndarray, "z z"]
+    rounds: int
+
+
+def _estimate(
+    problem: Problem, belief: _Belief, loss: Loss, model_error: float | tuple[float, float] | str, prior_scale: float | str
+) -> _Found:
+    """Alternate between the estimate and its hyperparameters until both stand still."""
+    groups = problem.noise.shape[-1] // 3
+    tracker = np.array([np.median(problem.noise[..., 3 * g, 3 * g][problem.seen.valid]) for g in range(groups)])
+    start = problem.frames.start()
+    search_error = isinstance(model_error, str)
+    search_scale = isinstance(prior_scale, str)
+    if isinstance(model_error, str):
+        variances = _first_variances(problem, start, groups)
+    else:
+        variances = np.square(np.resize(np.atleast_1d(np.asarray(model_error, dtype=float)), groups))
+    hyper = Hyperparameters(variances=variances, prior_factor=1.0 if isinstance(prior_scale, str) else float(prior_scale) ** 2)
+    z = start
+    # once for all rounds: the first fits need not be converged further than the hyperparameters are
+    stopping = Stopping(step=1e-2) if search_error or search_scale else _final(belief)
+    rounds = 0
+    while True:
+        rounds += 1
+        found = _fit_once(problem, belief, loss, hyper, z, stopping, rounds)
+        z = found.solution.z
+        if stopping.step < 1e-3:
+            return found
+        following = _rescale(found, problem, belief, tracker, search_error, search_scale)
+        moved = np.abs(following.variances - hyper.variances) / (hyper.variances + tracker)
+        scale = abs(np.log(following.prior_factor / hyper.prior_factor))
+        hyper = following
+        if (moved.max() < 1e-3 and scale < 1e-2) or rounds > 60:
+            stopping = _final(belief)
+
+
+def _final(belief: _Belief) -> Stopping:
+    return Stopping(decrease=1e-6) if belief.prior is None else Stopping()
+
+
+def _first_variances(problem: Problem, start: np.ndarray, groups: int) -> np.ndarray:
+    """A tenth of what the nominal robot leaves: on the large side, for a first fit that the prior still steers."""
+    nothing = np.zeros((len(start), len(start)))
+    residual, _ = normal_equations.spread(problem.walked(start), problem.seen, nothing)
+    return np.array([0.01 * np.nanmean(residual[..., 3 * g : 3 * g + 3] ** 2) for g in range(groups)])
+
+
+def _fit_once(
+    problem: Problem, belief: _Belief, loss: Loss, hyper: Hyperparameters, z: np.ndarray, stopping: Stopping, rounds: int
+) -> _Found:
+    frames = problem.frames
+    covariance = problem.covariance(hyper.variances)
+    white = whitener(covariance)
+    start = frames.start()
+    precision = belief.precision(len(z), hyper.prior_factor)
+    scale = np.concatenate([belief.sizes, np.full(len(z) - len(belief.sizes), 1e-3)])
+    damping = 1e-2 if belief.prior is None else 0.0
+    solution = fit(problem.equations(white, loss.code, loss.threshold), z, belief.mean(start), precision, scale, stopping, damping)
+    if not solution.converged:
+        raise FitError(
+            f"the fit did not converge: {solution.reason} ({solution.iterations} iterations, objective {solution.objective:.6g}); "
+            "check the campaign with a robust loss (loss=Cauchy()), or keep fewer parameters"
+        )
+    posterior = _invert(solution.information + precision)
+    residual, spread = normal_equations.spread(problem.walked(solution.z), problem.seen, posterior)
+    rms = np.sqrt(np.mean(np.einsum("ntij,ntj->nti", white, np.nan_to_num(residual)) ** 2, axis=2))
+    return _Found(
+        solution=solution,
+        hyper=hyper,
+        residual=residual,
+        spread=spread,
+        covariance=covariance,
+        weights=loss.weights(rms),
+        posterior=posterior,
+        rounds=rounds,
+    )
+
+
+def _invert(A: Float[np.ndarray, "z z"]) -> Float[np.ndarray, "z z"]:
+    """Inverse of the posterior information; undetermined directions of a fit without prior get no variance at all.
+
+    They cannot be judged, and the predictions do not depend on them.
+    """
+    try:
+        inverse = solve_scaled(A, np.eye(len(A)))
+    except LinAlgError:
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(A), 1e-300))
+        inverse = np.linalg.pinv(A * scale * scale[:, None], rcond=1e-12, hermitian=True) * scale * scale[:, None]
+    return 0.5 * (inverse + inverse.T)
+
+
+def _linearised(found: _Found, problem: Problem, belief: _Belief) -> evidence.Linearised:
+    valid, k = problem.seen.valid, len(belief.sizes)
+    scaled = np.zeros(len(found.posterior), dtype=bool)
+    scaled[:k] = True
+    prior = belief.prior or GaussianPrior.of_deviations(belief.sizes)
+    return evidence.Linearised(
+        residual=found.residual[valid],
+        covariance=(found.covariance / found.weights[..., None, None])[valid],
+        spread=found.spread[valid],
+        information=found.solution.information,
+        posterior=found.posterior,
+        prior_covariance=prior.covariance,
+        deviation=found.solution.z[:k] - prior.mean,
+        scaled=scaled,
+    )
+
+
+def _rescale(
+    found: _Found, problem: Problem, belief: _Belief, tracker: np.ndarray, search_error: bool, search_scale: bool
+) -> Hyperparameters:
+    """One scoring step of the marginal likelihood for every hyperparameter that is searched."""
+    at = _linearised(found, problem, belief)
+    variances = found.hyper.variances.copy()
+    if search_error:
+        weights = found.weights[problem.seen.valid]
+        for g in range(len(variances)):
+            step, _ = evidence.score_model_error(at, slice(3 * g, 3 * g + 3), weights)
+            # never to nil in one step, from where the scoring could not come back
+            variances[g] = max(variances[g] + step, 0.01 * variances[g], 1e-6 * tracker[g])
+    factor = found.hyper.prior_factor
+    if search_scale and belief.prior is not None:
+        factor = evidence.score_prior_scale(at, factor)
+    return replace(found.hyper, variances=variances, prior_factor=factor)
+
+
+def _conclude(
+    found: _Found,
+    problem: Problem,
+    belief: _Belief,
+    campaign: Campaign,
+    outlier_level: float,
+    loss: Loss,
+    prior: GaussianPrior | str | None,
+) -> Calibration:
+    """Everything that is reported, from the converged fit."""
+    frames, z = problem.frames, found.solution.z
+    T_tracker_base, T_tool_target = frames.frames(z)
+    studentised, outliers = _studentise(found, problem, campaign, outlier_level)
+    deviations = np.sqrt(found.hyper.variances)
+    return Calibration(
+        model=frames.model,
+        layout=frames,
+        z=z,
+        z_covariance=found.posterior,
+        T_tracker_base=T_tracker_base,
+        T_tool_target=T_tool_target,
+        residuals=found.residual,
+        studentised=studentised,
+        outliers=outliers,
+        ids=campaign.ids,
+        model_error=tuple(float(d) for d in deviations),
+        prior_scale=float(np.sqrt(found.hyper.prior_factor)) if belief.prior is not None else None,
+        iterations=found.solution.iterations,
+        rounds=found.rounds,
+        reason=found.solution.reason,
+        provenance=Provenance.of(frames.model, campaign, kept=frames.kept, loss=loss, prior=prior, frames=frames.fixed_frames),
+    )
+
+
+def _studentise(
+    found: _Found, problem: Problem, campaign: Campaign, level: float
+) -> tuple[Float[np.ndarray, "n targets"], tuple[Outlier, ...]]:
+    """Length of each residual over its own standard deviation, and the points too long for chance.
+
+    The residual's covariance is R − J·A⁻¹·Jᵀ. The level is shared among all points (Bonferroni), so that a sound campaign
+    names any at all with that probability.
+    """
+    valid = problem.seen.valid
+    b = problem.noise.shape[-1]
+    out = np.full(valid.shape, np.nan)
+    own = (found.covariance - found.spread)[valid]
+    values, vectors = np.linalg.eigh(own)
+    # directions that the fit follows entirely have no residual to judge
+    floor = 1e-6 * np.trace(found.covariance[valid], axis1=1, axis2=2)[:, None] / b
+    along = np.einsum("kij,ki->kj", vectors, found.residual[valid])
+    square = np.sum(np.where(values > floor, along**2 / np.maximum(values, floor), 0.0), axis=1)
+    out[valid] = np.sqrt(square)
+    limit = np.sqrt(chi2.isf(level / max(int(valid.sum()), 1), b))
+    rows = [(float(out[i, t]), int(i), int(t)) for i, t in zip(*np.nonzero(out > limit), strict=True)]
+    named = [
+        Outlier(row=i, id=campaign.ids[i], target=campaign.targets[t], studentised=s, residual=float(np.linalg.norm(found.residual[i, t, :3])))
+        for s, i, t in sorted(rows, reverse=True)
+    ]
+    return out, tuple(named)

@@ -1,0 +1,173 @@
+"""The least-squares problem of a campaign: the robot's chain between the tracker's frame and the targets."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.geometry import normal_equations, se3
+from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
+from taskcal.geometry.normal_equations import Observations, Points, Walked
+from taskcal.geometry.walk import Columns
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.registration import Registration
+from taskcal.robot.error_model import COMPONENTS, ErrorModel
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FrameLayout:
+    """The chain from tracker to target, and how an estimate z is laid out: kept parameters, base, targets.
+
+    The base frame of the registration is followed by an error frame ``base.*``; a measured point adds its offset in the
+    tool frame, ``smr1.tx …``, a measured pose an error frame of its own.
+    """
+
+    model: ErrorModel
+    kept: Int[np.ndarray, " kept"]
+    """Model parameters that are estimated; the others stay at nil."""
+    registration: Registration
+    targets: tuple[str, ...]
+    pose: bool
+    """Whether poses were measured, not points."""
+    fixed_frames: bool = False
+    """Whether tracker frame and targets are held where the registration put them."""
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the entries of z."""
+        kept = tuple(self.model.names[i] for i in self.kept)
+        if self.fixed_frames:
+            return kept
+        per_target = COMPONENTS if self.pose else COMPONENTS[:3]
+        labels = ["target" if name == "tool" else name for name in self.targets]
+        return kept + tuple(f"base.{c}" for c in COMPONENTS) + tuple(f"{t}.{c}" for t in labels for c in per_target)
+
+    @cached_property
+    def chain(self) -> Chain:
+        """From tracker to the tool, or to the target where poses were measured."""
+        end = [Fixed(self.registration.T_tool_target[0]), ErrorFrame()] if self.pose else []
+        return Chain.of([Fixed(self.registration.T_tracker_base), ErrorFrame(), *self.model.steps, *end])
+
+    @cached_property
+    def columns(self) -> Int[np.ndarray, " p"]:
+        """Column of every model parameter, −1 for those held."""
+        columns = np.full(len(self.model), -1)
+        columns[self.kept] = np.arange(len(self.kept))
+        return columns
+
+    @cached_property
+    def layout(self) -> Columns:
+        """Columns of z in the walk."""
+        inner = self.model.layout(self.columns, count=len(self.names))
+        k = len(self.kept)
+        first = np.full(6, -1) if self.fixed_frames else k + np.arange(6)
+        frames = [first, *inner.frames]
+        if self.pose:
+            frames.append(np.full(6, -1) if self.fixed_frames else k + 6 + np.arange(6))
+        return Columns(frames=np.array(frames), joint=inner.joint, column=inner.column, count=inner.count)
+
+    @cached_property
+    def point_columns(self) -> Int[np.ndarray, "targets 3"]:
+        """Columns of the target offsets."""
+        count = len(self.targets)
+        if self.fixed_frames or self.pose:
+            return np.full((count, 3), -1)
+        return len(self.kept) + 6 + np.arange(3 * count).reshape(count, 3)
+
+    def start(self) -> Float[np.ndarray, " z"]:
+        """The registered nominal robot."""
+        z = np.zeros(len(self.names))
+        if not (self.fixed_frames or self.pose):
+            z[len(self.kept) + 6 :] = self.registration.T_tool_target[:, :3, 3].reshape(-1)
+        return z
+
+    def parameters(self, z: Float[np.ndarray, " z"]) -> Float[np.ndarray, " p"]:
+        """Model parameters of an estimate, nil where not kept."""
+        x = np.zeros(len(self.model))
+        x[self.kept] = z[: len(self.kept)]
+        return x
+
+    def walked(self, q: Float[np.ndarray, "n joints"], z: Float[np.ndarray, " z"]) -> Walked:
+        """The walk from tracker to targets at joint positions q."""
+        at = self.model.walk(q, self.parameters(z), self.columns)
+        return self.reframed(at.s, at.factor, at.e, z)
+
+    def reframed(self, s: np.ndarray, factor: np.ndarray, e: np.ndarray, z: np.ndarray) -> Walked:
+        """The model's walk with the frames of an estimate around it."""
+        k = len(self.kept)
+        free = not self.fixed_frames
+        base = z[k : k + 6] if free else np.zeros(6)
+        rows = [base[None], e]
+        if self.pose:
+            rows.append((z[k + 6 : k + 12] if free else np.zeros(6))[None])
+            offsets = np.zeros((1, 3))
+        elif free:
+            offsets = z[k + 6 :].reshape(-1, 3)
+        else:
+            offsets = self.registration.T_tool_target[:, :3, 3]
+        points = Points(position=np.ascontiguousarray(offsets), columns=self.point_columns)
+        return Walked(self.chain, s, np.concatenate(rows), self.layout, factor, points)
+
+    def frames(self, z: Float[np.ndarray, " z"]) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "targets 4 4"]]:
+        """Tracker to base, and tool to every target, as estimated."""
+        if self.fixed_frames:
+            return self.registration.T_tracker_base, self.registration.T_tool_target
+        k = len(self.kept)
+        base = self.registration.T_tracker_base @ se3.error_transform(z[k : k + 6])
+        if self.pose:
+            return base, self.registration.T_tool_target @ se3.error_transform(z[k + 6 : k + 12])
+        offsets = z[k + 6 :].reshape(-1, 3)
+        return base, se3.pose(np.broadcast_to(np.eye(3), (len(offsets), 3, 3)), offsets)
+
+
+def observe(campaign: Campaign) -> Observations:
+    """The campaign as the compiled passes take it."""
+    return Observations(
+        position=np.ascontiguousarray(campaign.points), rotation=campaign.rotations, valid=np.ascontiguousarray(campaign.valid)
+    )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Problem:
+    """A campaign to be fitted."""
+
+    frames: FrameLayout
+    q: Float[np.ndarray, "n joints"]
+    seen: Observations
+    noise: Float[np.ndarray, "n targets b b"]
+    """Covariance of the measurements, m² and rad²."""
+
+    @cached_property
+    def _constant(self) -> bool:
+        """Whether no kept parameter moves the joint side, so that it is evaluated once."""
+        return not len(self.frames.layout.joint)
+
+    @cached_property
+    def _joint_side(self) -> tuple[np.ndarray, np.ndarray]:
+        at = self.frames.model.walk(self.q, None, self.frames.columns)
+        return at.s, at.factor
+
+    def walked(self, z: Float[np.ndarray, " z"]) -> Walked:
+        """The walk of every pose at an estimate."""
+        if not self._constant:
+            return self.frames.walked(self.q, z)
+        e = self.frames.model.error_frames(self.frames.parameters(z))
+        return self.frames.reframed(*self._joint_side, e, z)
+
+    def covariance(self, variances: Float[np.ndarray, " groups"]) -> Float[np.ndarray, "n targets b b"]:
+        """Measurement noise and model error together: variance of position and, for poses, of rotation."""
+        return self.noise + np.diag(np.repeat(variances, 3))
+
+    def equations(
+        self, whitener: Float[np.ndarray, "n targets b b"], loss: int, threshold: float
+    ) -> normal_equations.WhitenedEquations:
+        """Cost, gradient and information as functions of z."""
+        return lambda z: normal_equations.normal_equations(self.walked(z), self.seen, whitener, loss, threshold)
+
+
+def whitener(covariance: Float[np.ndarray, "n targets b b"]) -> Float[np.ndarray, "n targets b b"]:
+    """Lower triangular W with W·covariance·Wᵀ = I."""
+    b = covariance.shape[-1]
+    factor = np.linalg.cholesky(covariance.reshape(-1, b, b))
+    return np.ascontiguousarray(np.linalg.inv(factor)).reshape(covariance.shape)

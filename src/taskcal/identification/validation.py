@@ -1,0 +1,123 @@
+"""How well a calibration predicts a campaign, in the form a metrologist reports it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.errors import CampaignError
+from taskcal.geometry import se3
+from taskcal.identification.calibration import Calibration
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.registration import register
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Validation:
+    """Position errors, measured less predicted."""
+
+    errors: Float[np.ndarray, " points"]
+    """Length of every point's error, metres."""
+    components: Float[np.ndarray, "points 3"]
+    """The errors in the axes of the robot's base, metres."""
+    rotations: Float[np.ndarray, " points"] | None
+    """Angle of every pose's orientation error, radians; None for points."""
+    rows: tuple[int, ...]
+    """Row of the campaign that each point belongs to."""
+
+    def __len__(self) -> int:
+        return len(self.errors)
+
+    @property
+    def mean(self) -> float:
+        """Mean error in space, metres."""
+        return float(self.errors.mean())
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the error in space, metres."""
+        return float(np.sqrt(np.mean(self.errors**2)))
+
+    @property
+    def p95(self) -> float:
+        """Error in space that 95 % of the points stay below, metres."""
+        return float(np.percentile(self.errors, 95))
+
+    @property
+    def maximum(self) -> float:
+        """Largest error in space, metres."""
+        return float(self.errors.max())
+
+    @property
+    def per_axis(self) -> Float[np.ndarray, " 3"]:
+        """Largest |x|, |y| and |z| in the robot's base axes, metres."""
+        return np.abs(self.components).max(axis=0)
+
+    def summary(self) -> dict[str, float | int]:
+        """The report in millimetres (and milliradians)."""
+        x, y, z = self.per_axis * 1e3
+        out: dict[str, float | int] = {
+            "mean_mm": self.mean * 1e3,
+            "rms_mm": self.rms * 1e3,
+            "p95_mm": self.p95 * 1e3,
+            "max_mm": self.maximum * 1e3,
+            "max_x_mm": float(x),
+            "max_y_mm": float(y),
+            "max_z_mm": float(z),
+            "n": len(self),
+        }
+        if self.rotations is not None:
+            out["mean_mrad"] = float(self.rotations.mean() * 1e3)
+            out["max_mrad"] = float(self.rotations.max() * 1e3)
+        return out
+
+
+def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool = False) -> Validation:
+    """Compare a campaign with the calibration's predictions.
+
+    Args:
+        calibration: the calibration.
+        campaign: measurements, of the calibration's own targets unless `reregister`.
+        reregister: refit tracker frame and targets to this campaign, with the robot's geometry frozen; for a tracker or a
+            target that has been moved.
+
+    Raises:
+        CampaignError: nothing was measured, or the targets are not the calibration's.
+        ClosureError: a closed loop cannot be assembled at some pose.
+    """
+    pose = campaign.rotations is not None
+    if reregister:
+        found = register(calibration.model, campaign, calibration.estimate)
+        T = found.T_tracker_base @ calibration.model.poses(campaign.q, calibration.estimate)
+        base = found.T_tracker_base
+        ends = T[:, None] @ found.T_tool_target[None]
+    else:
+        chosen = _targets(calibration, campaign)
+        base = calibration.T_tracker_base
+        T = base @ calibration.model.poses(campaign.q, calibration.estimate)
+        ends = T[:, None] @ calibration.T_tool_target[None, chosen]
+    if not campaign.valid.any():
+        raise CampaignError("the campaign has no measured point to compare with: every beam was lost")
+    rows, targets = np.nonzero(campaign.valid)
+    error = campaign.points[rows, targets] - ends[rows, targets, :3, 3]
+    rotations = None
+    if pose and calibration.layout.pose and campaign.rotations is not None:
+        turned = campaign.rotations[rows] @ np.swapaxes(ends[rows, targets, :3, :3], 1, 2)
+        rotations = np.linalg.norm(se3.log(turned), axis=1)
+    return Validation(
+        errors=np.linalg.norm(error, axis=1),
+        components=error @ base[:3, :3],
+        rotations=rotations,
+        rows=tuple(int(row) for row in rows),
+    )
+
+
+def _targets(calibration: Calibration, campaign: Campaign) -> list[int]:
+    """Which of the calibration's targets each of the campaign's is."""
+    unknown = [name for name in campaign.targets if name not in calibration.targets]
+    if unknown:
+        raise CampaignError(
+            f"the campaign's target '{unknown[0]}' is not in the calibration, which knows {', '.join(calibration.targets)}; choose "
+            "among its targets, or refit tracker frame and targets (--reregister)"
+        )
+    return [calibration.targets.index(name) for name in campaign.targets]

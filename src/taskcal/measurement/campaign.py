@@ -1,0 +1,112 @@
+"""A measuring campaign: joint positions, and where the targets were seen."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from taskcal.errors import CampaignError, UnknownName
+from taskcal.measurement.tracker import TrackerNoise
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Campaign:
+    """What was measured, one row per robot pose."""
+
+    ids: tuple[str, ...]
+    """Name of every row."""
+    q: Float[np.ndarray, "n joints"]
+    """Controller joint positions, radians (metres where a joint slides)."""
+    targets: tuple[str, ...]
+    """Names of the targets; one, ``tool``, where the file names none."""
+    points: Float[np.ndarray, "n targets 3"]
+    """Target centres in the tracker frame, metres; NaN where the beam was lost."""
+    rotations: Float[np.ndarray, "n 3 3"] | None = None
+    """Orientation of the target in the tracker frame, for poses."""
+    uncertainty: Float[np.ndarray, "n targets"] | None = None
+    """Stated standard uncertainty of each point (per axis), metres; None where the tracker's noise model says it."""
+    nests: Mapping[str, Float[np.ndarray, "n 3"]] = field(default_factory=dict[str, np.ndarray])
+    """Fixed points measured beside each pose, in the tracker frame, metres."""
+    temperature: Float[np.ndarray, " n"] | None = None
+    """Degrees Celsius."""
+    source: str = ""
+    """File the campaign was read from."""
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @cached_property
+    def valid(self) -> Bool[np.ndarray, "n targets"]:
+        """Where a target was seen."""
+        return ~np.isnan(self.points[..., 0])
+
+    @cached_property
+    def digest(self) -> str:
+        """Hash of the measurements, for provenance."""
+        out = hashlib.sha256()
+        for array in (self.q, self.points, self.rotations, self.uncertainty):
+            if array is not None:
+                out.update(np.ascontiguousarray(array).tobytes())
+        return out.hexdigest()[:16]
+
+    def covariances(self, noise: TrackerNoise | None = None) -> Float[np.ndarray, "n targets b b"]:
+        """Covariance of every measured point (b = 3) or pose (b = 6), m² and rad²."""
+        noise = noise or TrackerNoise()
+        if self.uncertainty is not None:
+            points = self.uncertainty[..., None, None] ** 2 * np.eye(3)
+        else:
+            points = noise.covariance(self.points)
+        points = np.where(self.valid[..., None, None], points, np.eye(3))
+        if self.rotations is None:
+            return points
+        out = np.zeros((*self.valid.shape, 6, 6))
+        out[..., :3, :3] = points
+        out[..., 3:, 3:] = noise.rotation**2 * np.eye(3)
+        return out
+
+    def take(self, rows: Sequence[int] | Int[np.ndarray, " k"] | Bool[np.ndarray, " n"] | slice) -> "Campaign":
+        """The campaign of some of the rows: numbers from 0, a mask, or a slice.
+
+        Raises:
+            CampaignError: a row the campaign does not have.
+        """
+        chosen = np.arange(len(self))
+        try:
+            chosen = chosen[rows]
+        except IndexError as error:
+            raise CampaignError(f"rows run from 0 to {len(self) - 1}: {error}") from error
+
+        def pick(value: object) -> object:
+            return value[chosen] if isinstance(value, np.ndarray) else value
+
+        changed = {f.name: pick(getattr(self, f.name)) for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)}
+        nests = {name: points[chosen] for name, points in self.nests.items()}
+        return replace(self, ids=tuple(self.ids[i] for i in chosen), nests=nests, **changed)  # type: ignore[arg-type]
+
+    def split(self, fraction: float, rng: np.random.Generator) -> tuple["Campaign", "Campaign"]:
+        """Two campaigns: the rows to fit, and a random `fraction` of rows held out.
+
+        Raises:
+            CampaignError: one of them would be empty.
+        """
+        out = round(fraction * len(self))
+        if not 0 < out < len(self):
+            raise CampaignError(f"holding out {fraction:g} of {len(self)} rows leaves {len(self) - out} to fit and {out} to test")
+        order = rng.permutation(len(self))
+        return self.take(np.sort(order[out:])), self.take(np.sort(order[:out]))
+
+    def of_targets(self, names: Sequence[str]) -> "Campaign":
+        """The campaign of some of the targets.
+
+        Raises:
+            UnknownName: a target it does not have.
+        """
+        for name in names:
+            if name not in self.targets:
+                raise UnknownName("target", name, self.targets)
+        chosen = [self.targets.index(name) for name in names]
+        uncertainty = None if self.uncertainty is None else self.uncertainty[:, chosen]
+        return replace(self, targets=tuple(names), points=self.points[:, chosen], uncertainty=uncertainty)

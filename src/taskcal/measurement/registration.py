@@ -1,0 +1,229 @@
+"""Where the tracker and the targets are, from raw measurements and the nominal robot alone."""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.errors import CampaignError
+from taskcal.geometry import se3
+from taskcal.measurement.campaign import Campaign
+from taskcal.robot.error_model import ErrorModel
+
+PLAUSIBLE = 0.02
+"""Nominal residual, as a share of the robot's reach, beyond which joints and points do not belong together."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Registration:
+    """The tracker's frame and the targets, as found."""
+
+    T_tracker_base: Float[np.ndarray, "4 4"]
+    """Pose of the robot's base in the tracker frame."""
+    T_tool_target: Float[np.ndarray, "targets 4 4"]
+    """Pose of every target in the tool frame; its rotation is the identity where only points were measured."""
+    rms: float
+    """Root mean square of the nominal robot's residual in space, metres."""
+
+
+def register(model: ErrorModel, campaign: Campaign, x: Float[np.ndarray, " p"] | None = None) -> Registration:
+    """Find the tracker frame and every target in closed form, then by a search from many orientations if that fails.
+
+    The closed form solves M·y + m = p + R·o for an unconstrained matrix M, a vector m and the offsets o, which is linear
+    in all three, and projects M onto a rotation. For poses the rotations come first, from Z·R = Y·Xᵀ (Shah 2013).
+
+    Args:
+        model: the robot's model.
+        campaign: the measurements.
+        x: parameter values; the nominal robot by default.
+
+    Raises:
+        CampaignError: too few rows, or rows that do not determine the frames.
+    """
+    check_rows(campaign)
+    T = model.poses(campaign.q, x)
+    if campaign.rotations is None:
+        return _register_points(T, campaign, model.robot.reach)
+    return _register_poses(T, campaign)
+
+
+def check_rows(campaign: Campaign, parameters: int = 0) -> None:
+    """Raise a `CampaignError` unless there are enough measurements for the frames alone."""
+    per_row = 3 if campaign.rotations is None else 6
+    needed_per_target = 3 if campaign.rotations is None else 6
+    for t, name in enumerate(campaign.targets):
+        seen = int(campaign.valid[:, t].sum())
+        if seen == 0:
+            raise CampaignError(f"target '{name}' was never seen; leave it out with targets={_others(campaign, t)}")
+    seen = int(campaign.valid.sum())
+    unknown = 6 + needed_per_target * len(campaign.targets) + parameters
+    if per_row * seen <= unknown:
+        rows = unknown // (per_row * len(campaign.targets)) + 1
+        raise CampaignError(
+            f"{seen} measured {'points' if per_row == 3 else 'poses'} in {len(campaign)} rows are too few: the tracker frame and "
+            f"{len(campaign.targets)} target{'s' if len(campaign.targets) > 1 else ''} alone need more than {unknown} numbers; "
+            f"measure at least {rows} poses, better 30 or more"
+        )
+
+
+def _others(campaign: Campaign, t: int) -> str:
+    return ",".join(name for i, name in enumerate(campaign.targets) if i != t) or "(none left)"
+
+
+def check_plausible(registration: Registration, model: ErrorModel) -> None:
+    """Raise a `CampaignError` if the nominal robot is so far from the measurements that they cannot be its own."""
+    reach = model.robot.reach
+    if registration.rms > PLAUSIBLE * reach:
+        raise CampaignError(
+            f"these joints and points do not fit {model.robot.name}: after registration the nominal robot is off by "
+            f"{registration.rms * 1e3:.1f} mm rms, {registration.rms / reach:.1%} of its {reach:.2f} m of links. Likely causes: "
+            "another robot or variant; joints in another order, with other signs or zero positions; degrees taken for radians; "
+            "an axis coupling that the robot file lacks (angle = \"-(J2 + J3)\"); inches for millimetres; rows of joints and "
+            "points that do not belong together"
+        )
+
+
+def _cloud(T: np.ndarray, campaign: Campaign) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Rotation, position, measured point and target number of every point seen."""
+    row, target = np.nonzero(campaign.valid)
+    return T[row, :3, :3], T[row, :3, 3], campaign.points[row, target], target
+
+
+def _register_points(T: np.ndarray, campaign: Campaign, reach: float) -> Registration:
+    R, p, y, target = _cloud(T, campaign)
+    count = len(campaign.targets)
+    extent = np.linalg.svd(y - y.mean(axis=0), compute_uv=False) / np.sqrt(len(y))
+    if extent[1] < 1e-3 * reach:
+        raise CampaignError(
+            f"the measured points lie within {extent[1] * 1e3:.1f} mm of one line, which does not fix the tracker frame; measure "
+            "poses spread over a plane at least"
+        )
+    best = _refine(_closed_form(R, p, y, target, count), R, p, y, target, count)
+    if best[2] > PLAUSIBLE * reach:
+        for Z in _orientations():
+            found = _refine(Z, R, p, y, target, count)
+            if found[2] < best[2] * (1.0 - 1e-9):
+                best = found
+    Z, (t, offsets), rms = best
+    return Registration(
+        T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(np.broadcast_to(np.eye(3), (count, 3, 3)), offsets), rms=rms
+    )
+
+
+def _closed_form(R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray, count: int) -> np.ndarray:
+    """Rotation from base to tracker."""
+    n = len(y)
+    A = np.zeros((n, 3, 9 + 3 + 3 * count))
+    centred = y - y.mean(axis=0)
+    for i in range(3):
+        A[:, i, 3 * i : 3 * i + 3] = centred
+        A[:, i, 9 + i] = 1.0
+    for t in range(count):
+        A[target == t, :, 12 + 3 * t : 15 + 3 * t] = -R[target == t]
+    # columns that hardly matter (flat clouds, one orientation) are left at nil rather than blown up
+    solution = np.linalg.lstsq(A.reshape(3 * n, -1), p.reshape(-1), rcond=1e-6)[0]
+    return se3.nearest_rotation(solution[:9].reshape(3, 3)).T
+
+
+def _place(
+    Z: np.ndarray, R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Translation and target offsets for a rotation Z, and the residuals: y = Z·(p + R·o) + t is linear in both."""
+    n = len(y)
+    A = np.zeros((n, 3, 3 + 3 * count))
+    A[:, :, :3] = np.eye(3)
+    for t in range(count):
+        A[target == t, :, 3 + 3 * t : 6 + 3 * t] = Z @ R[target == t]
+    b = y - p @ Z.T
+    solution = np.linalg.lstsq(A.reshape(3 * n, -1), b.reshape(-1), rcond=1e-9)[0]
+    residual = b - (A @ solution)
+    return solution[:3], solution[3:].reshape(count, 3), residual
+
+
+def _refine(
+    Z: np.ndarray, R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray, count: int
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], float]:
+    """Damped Gauss–Newton on rotation, translation and offsets together; the best point met."""
+    n = len(y)
+    t, offsets, residual = _place(Z, R, p, y, target, count)
+    damping = 1e-6
+    for _ in range(40):
+        arm = (p + (R @ offsets[target][:, :, None])[:, :, 0]) @ Z.T
+        A = np.zeros((n, 3, 6 + 3 * count))
+        A[:, 0, 1], A[:, 0, 2] = arm[:, 2], -arm[:, 1]
+        A[:, 1, 0], A[:, 1, 2] = -arm[:, 2], arm[:, 0]
+        A[:, 2, 0], A[:, 2, 1] = arm[:, 1], -arm[:, 0]
+        A[:, :, 3:6] = np.eye(3)
+        for k in range(count):
+            A[target == k, :, 6 + 3 * k : 9 + 3 * k] = Z @ R[target == k]
+        A = A.reshape(3 * n, -1)
+        H, g = A.T @ A, A.T @ residual.reshape(-1)
+        step = np.linalg.lstsq(H + damping * np.diag(np.diag(H)), g, rcond=1e-12)[0]
+        turned = se3.exp(step[:3]) @ Z
+        trial = _place(turned, R, p, y, target, count)
+        if (trial[2] ** 2).sum() > (residual**2).sum():
+            damping = max(damping * 10.0, 1e-3)
+            if damping > 1e3:
+                break
+            continue
+        gain = 1.0 - (trial[2] ** 2).sum() / max((residual**2).sum(), 1e-300)
+        Z, (t, offsets, residual), damping = turned, trial, damping / 10.0
+        if np.linalg.norm(step[:3]) < 1e-9 or gain < 1e-12:
+            break
+    return Z, (t, offsets), float(np.sqrt((residual**2).sum(axis=1).mean()))
+
+
+def _orientations() -> list[np.ndarray]:
+    """The 24 rotations of a cube, and the same turned by 45° about a skew axis."""
+    cube = [
+        np.array([[s[0] * (p[0] == j) for j in range(3)], [s[1] * (p[1] == j) for j in range(3)], [s[2] * (p[2] == j) for j in range(3)]])
+        for p in itertools.permutations(range(3))
+        for s in itertools.product((1.0, -1.0), repeat=3)
+    ]
+    proper = [R for R in cube if np.linalg.det(R) > 0]
+    skew = se3.exp(np.array([0.5, 0.4, 0.45]))
+    return proper + [skew @ R for R in proper]
+
+
+def _register_poses(T: np.ndarray, campaign: Campaign) -> Registration:
+    assert campaign.rotations is not None
+    seen = campaign.valid[:, 0]
+    R, p, y, Y = T[seen, :3, :3], T[seen, :3, 3], campaign.points[seen, 0], campaign.rotations[seen]
+    target = np.zeros(len(y), dtype=int)
+    starts = [_closed_form_rotations(R, Y), *(_alternate(Z, R, Y) for Z in _orientations())]
+    Z, X = min(starts, key=lambda ZX: _rotation_cost(ZX, R, Y))
+    t, offsets, residual = _place(Z, R, p, y, target, 1)
+    rms = float(np.sqrt((residual**2).sum(axis=1).mean()))
+    return Registration(T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(X[None], offsets), rms=rms)
+
+
+def _rotation_cost(ZX: tuple[np.ndarray, np.ndarray], R: np.ndarray, Y: np.ndarray) -> float:
+    Z, X = ZX
+    return float(((Z @ R @ X - Y) ** 2).sum())
+
+
+def _closed_form_rotations(R: np.ndarray, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Z and X of Z·R·X = Y: with vec(Z) and vec(Xᵀ) as unknowns Z·R = Y·Xᵀ is linear and homogeneous."""
+    n = len(R)
+    A = np.zeros((n, 9, 18))
+    for i, j in itertools.product(range(3), repeat=2):
+        # (Z R)_ij = Σ_k Z_ik R_kj and (Y Xᵀ)_ij = Σ_k Y_ik Xᵀ_kj
+        A[:, 3 * i + j, 3 * i : 3 * i + 3] = R[:, :, j]
+        for k in range(3):
+            A[:, 3 * i + j, 9 + 3 * k + j] -= Y[:, i, k]
+    A = A.reshape(9 * n, 18)
+    null = np.linalg.eigh(A.T @ A)[1][:, 0]
+    Z, Xt = null[:9].reshape(3, 3), null[9:].reshape(3, 3)
+    if np.linalg.det(Z) < 0:
+        Z, Xt = -Z, -Xt
+    return _alternate(se3.nearest_rotation(Z), R, Y, rounds=10)
+
+
+def _alternate(Z: np.ndarray, R: np.ndarray, Y: np.ndarray, rounds: int = 30) -> tuple[np.ndarray, np.ndarray]:
+    """Each of Z and X in turn from the other, as the rotation nearest to the mean."""
+    X = np.eye(3)
+    for _ in range(rounds):
+        X = se3.nearest_rotation((np.swapaxes(Z @ R, 1, 2) @ Y).mean(axis=0))
+        Z = se3.nearest_rotation((Y @ np.swapaxes(R @ X, 1, 2)).mean(axis=0))
+    return Z, X

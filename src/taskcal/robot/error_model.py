@@ -1,0 +1,277 @@
+"""The error model: one parameter for every defect that the mechanism leaves free."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.errors import UnknownName
+from taskcal.geometry import walk
+from taskcal.geometry.chain import Chain, ErrorFrame, Fixed, Joint, Step
+from taskcal.robot.joint_side import JointTerm, Shift
+from taskcal.robot.robot import Part, Robot
+
+COMPONENTS = ("tx", "ty", "tz", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One defect."""
+
+    name: str
+    unit: str
+    """``m`` or ``rad``."""
+    tolerance: float
+    """Standard deviation that manufacturing leaves, in that unit."""
+    symbol: str = ""
+    """Its name in a publication."""
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """Everything the compiled walk needs at some joint positions and parameter values."""
+
+    s: Float[np.ndarray, "n coordinates"]
+    e: Float[np.ndarray, "frames 6"]
+    factor: Float[np.ndarray, "n pairs"]
+    by_joint: Float[np.ndarray, "n coordinates joints"] | None
+    """∂s/∂q where joint-side terms make it vary from pose to pose."""
+
+
+class ErrorModel:
+    """Six defects per joint frame, six of the tool, and the lengths of a closed loop.
+
+    The error frame of a joint follows its rotation: E = T(tx, ty, tz)·Rx·Ry·Rz in the joint's own frame; the tool's
+    follows the tool's transform. With ``lengths_only`` the model has the robot's nominal dimensions as its only
+    parameters, as in the first step of Gutiérrez et al.
+
+    Args:
+        robot: the robot.
+        lengths_only: the nominal lengths instead of the defects.
+    """
+
+    robot: Robot
+    parameters: tuple[Parameter, ...]
+    """In the order of every x, column and covariance."""
+    steps: tuple[Step, ...]
+    """The chain from base to tool, with its error frames."""
+    terms: tuple[JointTerm, ...]
+    """Joint-side effects."""
+
+    def __init__(self, robot: Robot, *, lengths_only: bool = False):
+        self.robot = robot
+        self.terms = () if robot.four_bar is None else (robot.four_bar,)
+        steps, slots = _length_steps(robot) if lengths_only else _defect_steps(robot)
+        self.steps = tuple(steps)
+        named = [(f, c, name) for f, frame in enumerate(slots) for c, name in enumerate(frame) if name]
+        units = ["m" if c < 3 else "rad" for _, c, _ in named]
+        names = [name for _, _, name in named]
+        self._frame_slots = np.full((len(slots), 6), -1)
+        for k, (f, c, _) in enumerate(named):
+            self._frame_slots[f, c] = k
+        self._frame_count = len(names)
+        if not lengths_only:
+            for term in self.terms:
+                names += term.names
+                units += term.units
+        tolerances = robot.tolerances
+        default = {"m": tolerances.translation, "rad": tolerances.rotation}
+        self.parameters = tuple(
+            Parameter(
+                name=name,
+                unit=unit,
+                tolerance=tolerances.overrides.get(name, tolerances.length if name.startswith("loop.") else default[unit]),
+                symbol=robot.symbols.get(name, ""),
+            )
+            for name, unit in zip(names, units, strict=True)
+        )
+        unknown = set(tolerances.overrides) - set(names)
+        if unknown and not lengths_only:
+            raise UnknownName("parameter", min(unknown), names, f"(a tolerance of {robot.name})")
+
+    def __repr__(self) -> str:
+        return f"ErrorModel({self.robot.name}: {len(self.parameters)} parameters)"
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Parameter names, in order."""
+        return tuple(p.name for p in self.parameters)
+
+    @cached_property
+    def tolerances(self) -> Float[np.ndarray, " p"]:
+        """Tolerance of every parameter (1σ), metres and radians."""
+        return np.array([p.tolerance for p in self.parameters])
+
+    @cached_property
+    def chain(self) -> Chain:
+        """The chain as arrays."""
+        return Chain.of(self.steps)
+
+    def indices(self, names: Iterable[str]) -> Int[np.ndarray, " kept"]:
+        """Positions of the named parameters, in the model's order.
+
+        A name may also be a publication's symbol, or a joint's or ``tool``, which stands for its six parameters.
+
+        Raises:
+            UnknownName: no such parameter.
+        """
+        found: set[int] = set()
+        for name in names:
+            wanted = [
+                i for i, p in enumerate(self.parameters) if name in (p.name, p.symbol) or p.name.startswith(name + ".")
+            ]
+            if not name or not wanted:
+                joints = self.robot.joint_names
+                hint = f"in {self.robot.name}; joint frames run from {joints[0]} to {joints[-1]}, then tool"
+                raise UnknownName("parameter", name, self.names, hint + (" and loop" if self.robot.four_bar else ""))
+            found.update(wanted)
+        return np.array(sorted(found), dtype=np.int64)
+
+    @cached_property
+    def _pairs(self) -> Int[np.ndarray, "pairs 2"]:
+        """Rows (chain coordinate, parameter) of all joint-side terms."""
+        rows, first = [np.empty((0, 2), dtype=np.int64)], self._frame_count
+        if first < len(self.parameters):
+            for term in self.terms:
+                rows.append(term.pairs + (0, first))
+                first += len(term.names)
+        return np.concatenate(rows)
+
+    def layout(self, columns: Sequence[int] | Int[np.ndarray, " p"] | None = None, count: int | None = None) -> walk.Columns:
+        """Columns of a walk: parameter k has column `columns[k]`, −1 for none; by default its own number."""
+        target = np.arange(len(self.parameters)) if columns is None else np.asarray(columns)
+        frames = np.where(self._frame_slots < 0, -1, target[self._frame_slots] if len(target) else -1)
+        used = self._used_pairs(target)
+        pairs = self._pairs[used]
+        return walk.Columns(
+            frames=np.ascontiguousarray(frames),
+            joint=np.ascontiguousarray(pairs[:, 0]),
+            column=np.ascontiguousarray(target[pairs[:, 1]]) if len(pairs) else pairs[:, 1].copy(),
+            count=len(self.parameters) if count is None else count,
+        )
+
+    def _used_pairs(self, target: np.ndarray) -> np.ndarray:
+        return target[self._pairs[:, 1]] >= 0 if len(self._pairs) else np.zeros(0, dtype=bool)
+
+    def error_frames(self, x: Float[np.ndarray, " p"]) -> Float[np.ndarray, "frames 6"]:
+        """Values of the chain's error frames at parameter values x."""
+        e = np.zeros(self._frame_slots.shape)
+        held = self._frame_slots >= 0
+        e[held] = x[self._frame_slots[held]]
+        return e
+
+    def walk(
+        self,
+        q: Float[np.ndarray, "n joints"],
+        x: Float[np.ndarray, " p"] | None = None,
+        columns: Int[np.ndarray, " p"] | None = None,
+    ) -> Walk:
+        """Chain coordinates, error frames and joint-side factors at q and x; factors for the layout of `columns`.
+
+        Raises:
+            ClosureError: a closed loop cannot be assembled at some pose.
+        """
+        q = np.ascontiguousarray(q, dtype=float)
+        joints = len(self.robot.joints)
+        if q.ndim != 2 or q.shape[1] != joints:
+            raise ValueError(f"q has shape {q.shape}; {self.robot.name} needs (n, {joints}), in radians")
+        x = np.zeros(len(self.parameters)) if x is None else np.asarray(x, dtype=float)
+        if x.shape != (len(self.parameters),):
+            raise ValueError(f"x has shape {x.shape}; {self!r} needs ({len(self.parameters)},), in the order of its names")
+        e = self.error_frames(x)
+        s = self.robot.joint_map(q)
+        factors = [np.empty((len(q), 0))]
+        by_joint = None
+        first = self._frame_count
+        for term in self.terms:
+            xi = x[first : first + len(term.names)] if first < len(x) else np.zeros(len(term.names))
+            shift: Shift = term.shift(q, xi)
+            s = s + shift.value
+            by_joint = self.robot.joint_map.matrix + shift.by_joint if by_joint is None else by_joint + shift.by_joint
+            if first < len(x):
+                factors.append(shift.factor)
+            first += len(term.names)
+        factor = np.concatenate(factors, axis=1)
+        if columns is not None:
+            factor = factor[:, self._used_pairs(columns)]
+        return Walk(s=s, e=e, factor=np.ascontiguousarray(factor), by_joint=by_joint)
+
+    def poses(
+        self, q: Float[np.ndarray, "n joints"], x: Float[np.ndarray, " p"] | None = None
+    ) -> Float[np.ndarray, "n 4 4"]:
+        """Poses of the tool in the base.
+
+        Args:
+            q: controller joint positions, radians (metres where a joint slides).
+            x: parameter values in the order of `names`, metres and radians; the nominal robot by default.
+
+        Raises:
+            ClosureError: a closed loop cannot be assembled at some pose.
+        """
+        at = self.walk(q, x)
+        return walk.poses(self.chain, at.s, at.e)
+
+    def jacobian(
+        self, q: Float[np.ndarray, "n joints"], x: Float[np.ndarray, " p"] | None = None, *, angular: bool = True
+    ) -> Float[np.ndarray, "n rows p"]:
+        """Derivative of the tool pose with respect to every parameter: rows vx vy vz wx wy wz in base axes.
+
+        Args:
+            q: controller joint positions, radians (metres where a joint slides).
+            x: parameter values, metres and radians; the nominal robot by default.
+            angular: all six rows, else the three of the tool point.
+
+        Raises:
+            ClosureError: a closed loop cannot be assembled at some pose.
+        """
+        at = self.walk(q, x)
+        return walk.columns(self.chain, at.s, at.e, self.layout(), at.factor, angular=angular)
+
+    def joint_jacobian(
+        self, q: Float[np.ndarray, "n joints"], x: Float[np.ndarray, " p"] | None = None
+    ) -> Float[np.ndarray, "n 6 joints"]:
+        """Derivative of the tool pose with respect to the controller's joints: rows vx vy vz wx wy wz in base axes."""
+        at = self.walk(q, x)
+        layout = walk.Columns.of_joints(self.chain)
+        ones = np.ones((len(at.s), self.chain.joints))
+        by_coordinate = walk.columns(self.chain, at.s, at.e, layout, ones, angular=True)
+        return by_coordinate @ (self.robot.joint_map.matrix if at.by_joint is None else at.by_joint)
+
+
+def _defect_steps(robot: Robot) -> tuple[list[Step], list[list[str]]]:
+    """Steps with an error frame behind every joint and the tool, and the names of each frame's six slots."""
+    steps: list[Step] = []
+    slots: list[list[str]] = []
+    for joint in robot.joints:
+        steps += [Fixed(part.transform) for part in joint.before]
+        steps += [Joint("prismatic" if joint.kind == "prismatic" else "revolute"), ErrorFrame()]
+        steps += [Fixed(part.transform) for part in joint.after]
+        slots.append([f"{joint.name}.{c}" for c in COMPONENTS])
+    steps += [Fixed(part.transform) for part in robot.tool] + [ErrorFrame()]
+    slots.append([f"tool.{c}" for c in COMPONENTS])
+    return steps, slots
+
+
+def _length_steps(robot: Robot) -> tuple[list[Step], list[list[str]]]:
+    """Steps with an error frame at every nominal length, of which only the length's own slot has a name."""
+    steps: list[Step] = []
+    slots: list[list[str]] = []
+
+    def add(parts: tuple[Part, ...]) -> None:
+        for part in parts:
+            steps.append(Fixed(part.transform))
+            if part.symbol:
+                steps.append(ErrorFrame())
+                slots.append([part.symbol if c == part.axis else "" for c in range(6)])
+
+    for joint in robot.joints:
+        add(joint.before)
+        steps.append(Joint("prismatic" if joint.kind == "prismatic" else "revolute"))
+        add(joint.after)
+    steps += [Fixed(part.transform) for part in robot.tool]
+    return steps, slots

@@ -1,0 +1,303 @@
+"""The robot file: its schema, and the robot it describes."""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from taskcal.errors import FileError, RobotError, TaskcalError
+from taskcal.geometry import se3
+from taskcal.geometry.four_bar import FourBar
+from taskcal.robot.expression import parse_linear
+from taskcal.robot.joint_side import FourBarDrive, JointMap
+from taskcal.robot.robot import CoupledLimit, Part, Published, Robot, RobotJoint, Tolerances
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class StepSection(_Section):
+    """One elementary step: exactly one translation or rotation."""
+
+    tx_mm: Finite | None = None
+    ty_mm: Finite | None = None
+    tz_mm: Finite | None = None
+    rx_deg: Finite | None = None
+    ry_deg: Finite | None = None
+    rz_deg: Finite | None = None
+    symbol: str = ""
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        given = [k for k, v in self.model_dump(exclude={"symbol"}).items() if v is not None]
+        if len(given) != 1:
+            raise ValueError(f"a step is one of tx_mm ty_mm tz_mm rx_deg ry_deg rz_deg; this one has {given or 'none'}")
+        if self.symbol and given[0].endswith("_deg"):
+            raise ValueError("only a length can have a symbol")
+        return self
+
+    def part(self) -> Part:
+        """The fixed part it stands for."""
+        ((key, value),) = ((k, v) for k, v in self.model_dump(exclude={"symbol"}).items() if v is not None)
+        axis = "xyz".index(key[1])
+        if key.endswith("_deg"):
+            return Part(transform=se3.rotation(key[1], np.radians(value)))
+        offset = np.zeros(3)
+        offset[axis] = value * 1e-3
+        return Part(transform=se3.translation(*offset), symbol=self.symbol, axis=axis)
+
+
+class DHSection(_Section):
+    """A row of a Denavit–Hartenberg table, but for the joint's offset."""
+
+    alpha_deg: Finite = 0.0
+    a_mm: Finite = 0.0
+    d_mm: Finite = 0.0
+
+
+class JointSection(_Section):
+    """A joint with the parts that lead to it: elementary steps, or a row of a table."""
+
+    name: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
+    type: Literal["revolute", "prismatic"] = "revolute"
+    steps: tuple[StepSection, ...] = ()
+    dh: DHSection | None = None
+    mdh: DHSection | None = None
+    angle: str = ""
+    offset_deg: Finite = 0.0
+    offset_mm: Finite = 0.0
+    limits_deg: tuple[Finite, Finite] | None = None
+    limits_mm: tuple[Finite, Finite] | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if sum((bool(self.steps), self.dh is not None, self.mdh is not None)) > 1:
+            raise ValueError("give the parts before the joint once: as steps, dh or mdh")
+        sliding = self.type == "prismatic"
+        if (self.offset_deg if sliding else self.offset_mm) or (self.limits_deg if sliding else self.limits_mm):
+            raise ValueError(f"a {self.type} joint has its offset and limits in {'mm' if sliding else 'degrees'}")
+        limits = self.limits_mm if sliding else self.limits_deg
+        if limits and not limits[0] < limits[1]:
+            raise ValueError(f"the lower limit {limits[0]:g} must be below the upper limit {limits[1]:g}")
+        return self
+
+    def parts(self, number: int) -> tuple[tuple[Part, ...], tuple[Part, ...]]:
+        """Fixed parts before the joint, and behind its error frame."""
+        if self.dh:
+            # Rz(θ)·Tz(d)·Tx(a)·Rx(α): everything but the rotation follows the joint
+            return (), (*_length(2, self.dh.d_mm, f"d{number}"), *_length(0, self.dh.a_mm, f"a{number}"), *_turn(self.dh.alpha_deg))
+        if self.mdh:
+            # Rx(α)·Tx(a)·Rz(θ)·Tz(d): d lies along the joint's axis, so it may as well come first
+            m = self.mdh
+            return (*_turn(m.alpha_deg), *_length(0, m.a_mm, f"a{number}"), *_length(2, m.d_mm, f"d{number}")), ()
+        return tuple(step.part() for step in self.steps), ()
+
+
+def _length(axis: int, value_mm: float, symbol: str) -> tuple[Part, ...]:
+    offset = np.zeros(3)
+    offset[axis] = value_mm * 1e-3
+    return (Part(transform=se3.translation(*offset), symbol=symbol, axis=axis),) if value_mm else ()
+
+
+def _turn(alpha_deg: float) -> tuple[Part, ...]:
+    return (Part(transform=se3.rotation("x", np.radians(alpha_deg))),) if alpha_deg else ()
+
+
+class FourBarSection(_Section):
+    """A four-bar that drives a joint from a motor elsewhere."""
+
+    drives: str
+    arm: str
+    crank: str
+    crank_mm: Positive
+    rod_mm: Positive
+    rocker_mm: Positive
+    arm_mm: Positive
+    crank_angle_deg: Finite = -90.0
+    rocker_angle_deg: Finite = -90.0
+    assembly: Literal[1, -1] = 1
+
+
+class CoupledLimitSection(_Section):
+    """Limits on a linear combination of joints."""
+
+    of: str
+    range_deg: tuple[Finite, Finite]
+
+
+class ToleranceSection(_Section):
+    """Standard deviations of the defects."""
+
+    translation_mm: Positive = 1.0
+    rotation_mrad: Positive = 1.0
+    length_mm: Positive | None = None
+    parameter_mm: dict[str, Positive] = {}
+    parameter_mrad: dict[str, Positive] = {}
+
+
+class PublishedSection(_Section):
+    """What a publication says of the parameters."""
+
+    source: str
+    redundant: tuple[str, ...] = ()
+    zero: tuple[str, ...] = ()
+
+
+class RobotFile(_Section):
+    """A robot file."""
+
+    name: str = Field(min_length=1)
+    title: str = ""
+    source: tuple[str, ...] = ()
+    joint: tuple[JointSection, ...] = Field(min_length=1)
+    tool: tuple[StepSection, ...] = ()
+    four_bar: FourBarSection | None = None
+    coupled_limit: tuple[CoupledLimitSection, ...] = ()
+    tolerance: ToleranceSection = ToleranceSection()
+    symbols: dict[str, str] = {}
+    published: PublishedSection | None = None
+
+    @model_validator(mode="after")
+    def _names(self) -> Self:
+        names = [joint.name for joint in self.joint]
+        twice = {name for name in names if names.count(name) > 1}
+        if twice:
+            raise ValueError(f"two joints are named '{min(twice)}'")
+        reserved = {"tool", "base", "loop"} & set(names)
+        if reserved:
+            raise ValueError(f"a joint cannot be named '{min(reserved)}'; Taskcal uses that name for other parameters")
+        return self
+
+    def robot(self) -> Robot:
+        """The robot that the file describes.
+
+        Raises:
+            RobotError: an expression or a name in it means nothing.
+        """
+        names = [joint.name for joint in self.joint]
+        matrix = np.array([parse_linear(joint.angle or joint.name, names) for joint in self.joint])
+        offset = [np.radians(j.offset_deg) if j.type == "revolute" else j.offset_mm * 1e-3 for j in self.joint]
+        return Robot(
+            name=self.name,
+            title=self.title or self.name,
+            source=self.source,
+            joints=tuple(self._joint(i) for i in range(len(names))),
+            joint_map=JointMap(matrix=matrix, offset=np.array(offset)),
+            four_bar=self._drive(names),
+            tool=tuple(step.part() for step in self.tool),
+            coupled_limits=tuple(
+                CoupledLimit(text=c.of, coefficients=parse_linear(c.of, names), limits=_pair(np.radians(c.range_deg)))
+                for c in self.coupled_limit
+            ),
+            tolerances=_tolerances(self.tolerance),
+            symbols=_symbols(self.symbols, names),
+            published=Published(**self.published.model_dump()) if self.published else Published(),
+            description=self.model_dump(mode="json", exclude_defaults=True),
+        )
+
+    def _joint(self, i: int) -> RobotJoint:
+        joint = self.joint[i]
+        before, after = joint.parts(i + 1)
+        if joint.type == "prismatic":
+            limits = (-np.inf, np.inf) if joint.limits_mm is None else _pair(np.array(joint.limits_mm) * 1e-3)
+        else:
+            limits = (-np.inf, np.inf) if joint.limits_deg is None else _pair(np.radians(joint.limits_deg))
+        return RobotJoint(name=joint.name, kind=joint.type, before=before, after=after, limits=limits)
+
+    def _drive(self, names: list[str]) -> FourBarDrive | None:
+        bar = self.four_bar
+        if bar is None:
+            return None
+        return FourBarDrive(
+            bar=FourBar(
+                crank=bar.crank_mm * 1e-3,
+                rod=bar.rod_mm * 1e-3,
+                rocker=bar.rocker_mm * 1e-3,
+                arm=bar.arm_mm * 1e-3,
+                crank_angle=float(np.radians(bar.crank_angle_deg)),
+                rocker_angle=float(np.radians(bar.rocker_angle_deg)),
+                assembly=bar.assembly,
+            ),
+            arm=parse_linear(bar.arm, names),
+            crank=parse_linear(bar.crank, names),
+            output=parse_linear(bar.drives, names),
+        )
+
+
+def _pair(limits: np.ndarray) -> tuple[float, float]:
+    return float(limits[0]), float(limits[1])
+
+
+def _tolerances(section: ToleranceSection) -> Tolerances:
+    length = section.translation_mm if section.length_mm is None else section.length_mm
+    overrides = {**section.parameter_mm, **section.parameter_mrad}
+    return Tolerances(
+        translation=section.translation_mm * 1e-3,
+        rotation=section.rotation_mrad * 1e-3,
+        length=length * 1e-3,
+        overrides={name: value * 1e-3 for name, value in overrides.items()},
+    )
+
+
+def _symbols(section: Mapping[str, str], names: list[str]) -> dict[str, str]:
+    """Symbols by parameter name; a key ``tx`` … ``rz`` is a pattern in which {} becomes the joint's number."""
+    out = {key: value for key, value in section.items() if "." in key}
+    for key in set(section) - set(out):
+        for number, name in enumerate(names, start=1):
+            out[f"{name}.{key}"] = section[key].format(number)
+    return out
+
+
+def _explain(error: ValidationError) -> str:
+    """First problem of a validation, as ``joint 3, steps 1: what is wrong``."""
+    first = error.errors()[0]
+    place: list[str] = []
+    for item in first["loc"]:
+        if isinstance(item, int) and place:
+            place[-1] += f" {item + 1}"
+        else:
+            place.append(str(item))
+    message = first["msg"].removeprefix("Value error, ")
+    value = first.get("input")
+    shown = f" (got {value!r})" if isinstance(value, str | int | float | bool) else ""
+    more = f"; {error.error_count() - 1} more" if error.error_count() > 1 else ""
+    return f"{', '.join(place) or 'the file'}: {message}{shown}{more}"
+
+
+def read_robot(path: Path) -> Robot:
+    """Read a robot file.
+
+    Raises:
+        FileError: it is missing, no TOML, or does not describe a robot.
+    """
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise FileError(path, f"is no TOML: {error}") from error
+    try:
+        return RobotFile.model_validate(data).robot()
+    except ValidationError as error:
+        raise FileError(path, _explain(error)) from error
+    except TaskcalError as error:
+        raise FileError(path, str(error)) from error
+
+
+def robot_from(data: Mapping[str, object]) -> Robot:
+    """The robot of a description already parsed, as in a robot file.
+
+    Raises:
+        RobotError: it does not describe a robot.
+    """
+    try:
+        return RobotFile.model_validate(data).robot()
+    except ValidationError as error:
+        raise RobotError(_explain(error)) from error

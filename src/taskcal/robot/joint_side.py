@@ -1,0 +1,106 @@
+"""The joint side: from controller joint positions to the coordinates of the chain, and what its parameters move."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.geometry.four_bar import FourBar, close_four_bar
+
+
+@dataclass(frozen=True, eq=False)
+class Shift:
+    """What a joint-side term adds to the chain coordinates."""
+
+    value: Float[np.ndarray, "n coordinates"]
+    """δs, radians or metres."""
+    factor: Float[np.ndarray, "n pairs"]
+    """∂δs/∂ξ for each of the term's pairs."""
+    by_joint: Float[np.ndarray, "n coordinates joints"]
+    """∂δs/∂q."""
+
+
+class JointTerm(Protocol):
+    """A physical effect on the joint side: δs = φ(q, ξ), with its derivatives."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its parameters ξ, all in metres or radians as `units` says."""
+        ...
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each parameter, ``m`` or ``rad``."""
+        ...
+
+    @property
+    def pairs(self) -> Int[np.ndarray, "pairs 2"]:
+        """Which chain coordinate each of its parameters moves: rows (coordinate, parameter)."""
+        ...
+
+    def shift(self, q: Float[np.ndarray, "n joints"], xi: Float[np.ndarray, " p"]) -> Shift:
+        """Evaluate at joint positions q (radians, metres) and parameters ξ."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class JointMap:
+    """Linear part of the joint side: s = matrix·q + offset."""
+
+    matrix: Float[np.ndarray, "coordinates joints"]
+    """Signs, ratios and linear couplings."""
+    offset: Float[np.ndarray, " coordinates"]
+    """Chain coordinates at zero joint positions, radians or metres."""
+
+    def __call__(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n coordinates"]:
+        """Chain coordinates at joint positions q."""
+        return q @ self.matrix.T + self.offset
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FourBarDrive:
+    """A four-bar between a motor's crank and the link it drives: the link turns by θ where a perfect
+    parallelogram would turn it by the crank's angle κ.
+    """
+
+    bar: FourBar
+    """Nominal lengths."""
+    arm: Float[np.ndarray, " joints"]
+    """The arm's angle α as a linear combination of joint positions."""
+    crank: Float[np.ndarray, " joints"]
+    """The crank's angle κ as a linear combination of joint positions."""
+    output: Float[np.ndarray, " coordinates"]
+    """What θ − κ adds to each chain coordinate."""
+
+    names = ("loop.crank", "loop.rod", "loop.rocker")
+    units = ("m", "m", "m")
+
+    @cached_property
+    def moved(self) -> Int[np.ndarray, " moved"]:
+        """Chain coordinates that the loop moves."""
+        return np.flatnonzero(self.output)
+
+    @cached_property
+    def pairs(self) -> Int[np.ndarray, "pairs 2"]:
+        """Each of the three lengths moves every coordinate that the loop moves."""
+        return np.array([(c, k) for k in range(3) for c in self.moved])
+
+    def shift(self, q: Float[np.ndarray, "n joints"], xi: Float[np.ndarray, " 3"]) -> Shift:
+        """δs = output·(θ − κ), with ξ the deviations of crank, rod and rocker from nominal, metres.
+
+        Raises:
+            ClosureError: the loop does not close at some pose.
+        """
+        bar = self.bar
+        if xi.any():
+            bar = replace(bar, crank=bar.crank + xi[0], rod=bar.rod + xi[1], rocker=bar.rocker + xi[2])
+        alpha, kappa = q @ self.arm, q @ self.crank
+        closure = close_four_bar(bar, alpha, kappa)
+        slope = closure.by_angle[:, :1] * self.arm + (closure.by_angle[:, 1:] - 1.0) * self.crank
+        return Shift(
+            value=(closure.angle - kappa)[:, None] * self.output,
+            factor=(closure.by_length[:, :3, None] * self.output[self.moved]).reshape(len(q), -1),
+            by_joint=self.output[:, None] * slope[:, None, :],
+        )

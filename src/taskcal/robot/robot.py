@@ -1,0 +1,153 @@
+"""A robot: its chain from base to tool, its joint side, limits and tolerances."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.errors import ReachError
+from taskcal.geometry.chain import Fixed, Joint, Step
+from taskcal.robot.joint_side import FourBarDrive, JointMap
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Part:
+    """An elementary fixed part of the chain: one translation or one rotation."""
+
+    transform: Float[np.ndarray, "4 4"]
+    """Pose of its end in its start."""
+    symbol: str = ""
+    """Symbol of its length, where it is one of the robot's nominal dimensions."""
+    axis: int = 0
+    """Axis of that length: 0, 1 or 2 for x, y or z."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RobotJoint:
+    """A motorised joint with the fixed parts around it."""
+
+    name: str
+    kind: str
+    """``revolute`` or ``prismatic``."""
+    before: tuple[Part, ...]
+    """Fixed parts from the previous joint frame to the joint's axis, its local z."""
+    after: tuple[Part, ...]
+    """Fixed parts behind the joint's error frame (standard DH)."""
+    limits: tuple[float, float]
+    """Controller joint positions it can take, radians or metres."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CoupledLimit:
+    """Limits on a linear combination of controller joint positions."""
+
+    text: str
+    coefficients: Float[np.ndarray, " joints"]
+    limits: tuple[float, float]
+    """Radians or metres."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerances:
+    """Standard deviations of the defects that manufacturing leaves, in metres and radians."""
+
+    translation: float = 1e-3
+    rotation: float = 1e-3
+    length: float = 1e-3
+    """Of the lengths of a closed loop."""
+    overrides: Mapping[str, float] = field(default_factory=dict[str, float])
+    """By parameter name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Published:
+    """What a publication says of the robot's parameters, by Taskcal's names."""
+
+    source: str = ""
+    redundant: tuple[str, ...] = ()
+    zero: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Robot:
+    """A serial robot, possibly with a four-bar in its drive."""
+
+    name: str
+    title: str
+    source: tuple[str, ...]
+    """Where the numbers come from."""
+    joints: tuple[RobotJoint, ...]
+    joint_map: JointMap
+    four_bar: FourBarDrive | None
+    tool: tuple[Part, ...]
+    """Fixed parts from the last joint frame to the tool."""
+    coupled_limits: tuple[CoupledLimit, ...]
+    tolerances: Tolerances
+    symbols: Mapping[str, str]
+    """Parameter names of a publication, by Taskcal's names."""
+    published: Published
+    description: Mapping[str, Any]
+    """Content of the robot file, so that a calibration can carry its robot."""
+
+    @cached_property
+    def digest(self) -> str:
+        """Hash of the description, for provenance."""
+        return hashlib.sha256(json.dumps(self.description, sort_keys=True).encode()).hexdigest()[:16]
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the controller's joints."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def limits(self) -> Float[np.ndarray, "joints 2"]:
+        """Lower and upper limit of every joint, radians or metres."""
+        return np.array([joint.limits for joint in self.joints])
+
+    @property
+    def prismatic(self) -> tuple[bool, ...]:
+        """Whether each joint is a sliding one, its positions metres."""
+        return tuple(joint.kind == "prismatic" for joint in self.joints)
+
+    @property
+    def reach(self) -> float:
+        """Sum of the lengths of all fixed parts and sliding ranges, metres: no point of the tool is farther away."""
+        parts = [p for joint in self.joints for p in (*joint.before, *joint.after)] + list(self.tool)
+        slides = sum(max(map(abs, j.limits)) for j in self.joints if j.kind == "prismatic" and np.isfinite(j.limits).all())
+        return float(sum(np.linalg.norm(p.transform[:3, 3]) for p in parts) + slides)
+
+    def steps(self) -> list[Step]:
+        """The nominal chain, from base to tool."""
+        out: list[Step] = []
+        for joint in self.joints:
+            out += [Fixed(part.transform) for part in joint.before]
+            out.append(Joint("prismatic" if joint.kind == "prismatic" else "revolute"))
+            out += [Fixed(part.transform) for part in joint.after]
+        return out + [Fixed(part.transform) for part in self.tool]
+
+    def outside_limits(self, q: Float[np.ndarray, "n joints"], slack: float = 1e-6) -> list[tuple[int, str]]:
+        """Rows of q outside a limit, with the reason in words; `slack` forgives rounding, radians or metres."""
+        out: list[tuple[int, str]] = []
+        checks = [(j.name, np.eye(len(self.joints))[i], j.limits, j.kind) for i, j in enumerate(self.joints)]
+        checks += [(c.text, c.coefficients, c.limits, "revolute") for c in self.coupled_limits]
+        for name, coefficients, (low, high), kind in checks:
+            value = q @ coefficients
+            scale, unit = (1e3, " mm") if kind == "prismatic" else (180 / np.pi, "°")
+            for row in np.flatnonzero((value < low - slack) | (value > high + slack)):
+                out.append(
+                    (int(row), f"{name} = {value[row] * scale:.3f}{unit} is outside {low * scale:g} to {high * scale:g}{unit}")
+                )
+        return sorted(out)
+
+    def check_limits(self, q: Float[np.ndarray, "n joints"]) -> None:
+        """Raise a `ReachError` that names the first pose outside the limits and how many there are."""
+        outside = self.outside_limits(q)
+        if outside:
+            row, reason = outside[0]
+            rows = len({r for r, _ in outside})
+            raise ReachError(f"{self.name}: pose {row}: {reason} ({rows} of {len(q)} poses are outside limits)")
