@@ -1,0 +1,66 @@
+import shutil
+import tempfile
+from pathlib import Path
+
+import numba.core.config as numba_config
+import pytest
+
+from taskcal.geometry import compiled
+
+
+@pytest.fixture
+def sources(tmp_path, monkeypatch):
+    """A copy of the kernel sources, to be edited, and a cache root of their own."""
+    folder = tmp_path / "geometry"
+    shutil.copytree(Path(compiled.__file__).parent, folder, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(compiled, "__file__", str(folder / "compiled.py"))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    compiled.cache_folder.cache_clear()
+    yield folder
+    compiled.cache_folder.cache_clear()
+
+
+def folder_now() -> Path:
+    compiled.cache_folder.cache_clear()
+    return compiled.cache_folder()
+
+
+def test_the_folder_stays_while_the_sources_do(sources):
+    assert folder_now() == folder_now()
+    assert folder_now().is_dir()
+    assert folder_now().parent == sources.parent / "cache"
+
+
+@pytest.mark.parametrize("name", ["walk.py", "four_bar.py", "normal_equations.py"])
+def test_an_edit_of_any_kernel_source_starts_a_new_folder(sources, name):
+    before = folder_now()
+    with (sources / name).open("a") as stream:
+        stream.write("\n# edited\n")
+    assert folder_now() != before
+
+
+def test_a_folder_that_cannot_be_written_falls_back_to_a_temporary_one(sources, monkeypatch):
+    blocked = sources.parent / "file"
+    blocked.write_text("")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(blocked / "cache"))
+    monkeypatch.setattr(tempfile, "tempdir", str(sources.parent))
+    folder = folder_now()
+    assert folder.is_dir()
+    assert folder.is_relative_to(sources.parent)
+
+
+def kernel(a):
+    return a + 1.0
+
+
+def test_compiling_leaves_machine_code_in_the_folder(sources):
+    assert not compiled.is_warm()
+    assert compiled.compiled(kernel)(1.0) == 2.0
+    assert compiled.is_warm()
+    assert list(folder_now().rglob("*.nbc"))
+
+
+def test_compiling_leaves_the_cache_of_other_users_of_numba_alone(sources, monkeypatch):
+    monkeypatch.setattr(numba_config, "CACHE_DIR", "elsewhere")
+    compiled.compiled(kernel)
+    assert numba_config.CACHE_DIR == "elsewhere"

@@ -1,0 +1,76 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pytransform3d import rotations as pr
+from pytransform3d import transformations as pt
+
+from taskcal.geometry import se3
+from tests.laws import plain
+from tests.laws.chains import rigid
+from tests.laws.robots import generators
+
+angles = st.floats(-10, 10)
+
+
+@given(generators)
+def test_inverse_undoes_a_transform(rng):
+    T = np.array([rigid(rng) for _ in range(4)])
+    np.testing.assert_allclose(se3.inverse(T) @ T, np.broadcast_to(np.eye(4), T.shape), atol=1e-14)
+    np.testing.assert_allclose(se3.inverse(T[0]), pt.invert_transform(T[0]), atol=1e-14)
+
+
+@given(st.sampled_from("xyz"), angles)
+def test_rotation_agrees_with_pytransform3d(axis, angle):
+    expected = pr.active_matrix_from_angle("xyz".index(axis), angle)
+    np.testing.assert_allclose(se3.rotation(axis, angle)[:3, :3], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("axis", "xyz")
+@pytest.mark.parametrize("quarters", range(-4, 5))
+def test_right_angles_are_exact(axis, quarters):
+    R = se3.rotation(axis, np.radians(90.0 * quarters))
+    assert set(R.reshape(-1)) <= {-1.0, 0.0, 1.0}
+    np.testing.assert_allclose(R, plain.turn("xyz".index(axis), quarters * np.pi / 2), atol=1e-12)
+
+
+@given(generators)
+def test_exp_and_log_are_inverse_and_agree_with_pytransform3d(rng):
+    w = rng.uniform(-1.8, 1.8, (5, 3))  # less than half a turn
+    np.testing.assert_allclose(se3.exp(w)[0], pr.matrix_from_compact_axis_angle(w[0]), atol=1e-12)
+    np.testing.assert_allclose(se3.log(se3.exp(w)), w, atol=1e-9)
+
+
+@given(generators)
+def test_quaternions_have_their_scalar_last_and_not_negative(rng):
+    R = np.array([rigid(rng)[:3, :3] for _ in range(3)])
+    q = se3.to_quaternion(R)
+    assert (q[:, 3] >= 0).all()
+    np.testing.assert_allclose(se3.from_quaternion(2.5 * q), R, atol=1e-12)
+    np.testing.assert_allclose(pr.matrix_from_quaternion(np.roll(q[0], 1)), R[0], atol=1e-12)
+
+
+@given(generators)
+def test_error_transform_is_translation_then_x_then_y_then_z(rng):
+    e = rng.uniform(-1, 1, (3, 6))
+    for row, T in zip(e, se3.error_transform(e), strict=True):
+        np.testing.assert_allclose(T, plain.error_frame(row), atol=1e-12)
+    np.testing.assert_allclose(se3.error_parameters(se3.error_transform(e)), e, atol=1e-12)
+
+
+@given(generators)
+def test_nearest_rotation_is_proper_and_nearer_than_any_other(rng):
+    M = rng.normal(size=(3, 3))
+    R = se3.nearest_rotation(M)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(R) > 0
+    distance = np.linalg.norm(R - M)
+    for size in (1e-3, 0.1, 1.0):
+        assert np.linalg.norm(se3.exp(size * rng.normal(size=3)) @ R - M) >= distance - 1e-12
+
+
+@given(generators)
+def test_apply_moves_points_as_homogeneous_coordinates_do(rng):
+    T, points = rigid(rng), rng.normal(size=(4, 3))
+    expected = (T @ np.c_[points, np.ones(4)].T).T[:, :3]
+    np.testing.assert_allclose(se3.apply(T, points), expected, atol=1e-14)
