@@ -13,8 +13,9 @@ from taskcal.geometry.normal_equations import WhitenedEquations
 class Stopping:
     """When a fit is done."""
 
-    step: float = 1e-9
-    """Largest step, in units of each parameter's scale."""
+    decrement: float = 1e-12
+    """Newton decrement: half the squared length of the step, in units of the posterior's own standard deviations. Unlike
+    the step itself it is meaningful where some direction is hardly determined."""
     decrease: float = 0.0
     """Decrease of the objective relative to itself, below which the fit stops; MATLAB's lsqnonlin has 1e-6."""
     iterations: int = 100
@@ -87,9 +88,8 @@ def fit(
         except LinAlgError:
             damping = max(10.0 * damping, 1e-9 * float(np.max(np.diag(A) * scale**2)))
             continue
-        size = float(np.max(np.abs(step / scale)))
-        if size < stopping.step:
-            converged, reason = True, f"steps fell below {stopping.step:g} of the parameters' scale"
+        if 0.5 * float(b @ step) < stopping.decrement:
+            converged, reason = True, f"the Newton decrement fell below {stopping.decrement:g}"
             break
         predicted = float(b @ step - 0.5 * step @ A @ step)
         trial = z + step

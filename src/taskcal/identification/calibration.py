@@ -242,6 +242,7 @@ class Calibration:
                 "T_tracker_base": registration.T_tracker_base.tolist(),
                 "T_tool_target": registration.T_tool_target.tolist(),
                 "rms": registration.rms,
+                "located": list(registration.located),
             },
             "names": list(self.all_names),
             "estimate": self.z.tolist(),
@@ -303,6 +304,7 @@ def _from_json(data: Mapping[str, Any]) -> Calibration:
         T_tracker_base=_array(data["registration"], "T_tracker_base", (4, 4)),
         T_tool_target=_array(data["registration"], "T_tool_target", (len(data["targets"]), 4, 4)),
         rms=float(data["registration"]["rms"]),
+        located=tuple(bool(value) for value in data["registration"]["located"]),
     )
     layout = FrameLayout(
         model=model,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.linalg import LinAlgError
 from scipy.stats import chi2
 
@@ -22,8 +22,11 @@ from taskcal.measurement.registration import Registration, check_plausible, chec
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.error_model import ErrorModel
 
-FRAME_PRIOR = 10.0
-"""Standard deviation of tracker frame and targets about their registration, metres and radians: as good as none."""
+BASE_PRIOR, TARGET_PRIOR = 10.0, 1.0
+"""Standard deviations of tracker frame and targets about their registration, metres and radians: as good as none."""
+
+UNLOCATED_PRIOR = 1e-6
+"""The same for a target that the poses do not locate: it stays at the tool point."""
 
 Estimate = Literal["estimate"]
 
@@ -96,7 +99,7 @@ def identify(
         fixed_frames=frames == "fixed",
     )
     problem = Problem(frames=layout, q=np.ascontiguousarray(campaign.q), seen=observe(campaign), noise=campaign.covariances(noise))
-    belief = _belief(model, kept, prior)
+    belief = _belief(layout, prior)
     found = _estimate(problem, belief, loss, model_error, 1.0 if prior is None else prior_scale)
     return _conclude(found, problem, belief, campaign, outlier_level, loss, prior)
 
@@ -107,14 +110,16 @@ class _Belief:
 
     prior: GaussianPrior | None
     sizes: Float[np.ndarray, " kept"]
+    frames: Float[np.ndarray, " frames"]
+    """Prior standard deviations of tracker frame and targets."""
 
-    def precision(self, count: int, factor: float) -> Float[np.ndarray, "z z"]:
+    def precision(self, factor: float) -> Float[np.ndarray, "z z"]:
         """Of a whole estimate z, frames included."""
-        k = len(self.sizes)
+        k, count = len(self.sizes), len(self.sizes) + len(self.frames)
         out = np.zeros((count, count))
         if self.prior is not None:
             out[:k, :k] = solve_scaled(self.prior.covariance, np.eye(k)) / factor
-            out[k:, k:] = np.eye(count - k) / FRAME_PRIOR**2
+        out[k:, k:] = np.diag(1.0 / self.frames**2)
         return out
 
     def mean(self, start: Float[np.ndarray, " z"]) -> Float[np.ndarray, " z"]:
@@ -123,14 +128,21 @@ class _Belief:
         return out
 
 
-def _belief(model: ErrorModel, kept: Int[np.ndarray, " kept"], prior: GaussianPrior | str | None) -> _Belief:
+def _belief(layout: FrameLayout, prior: GaussianPrior | str | None) -> _Belief:
+    frames = np.zeros(0)
+    if not layout.fixed_frames:
+        per_target = [TARGET_PRIOR if located else UNLOCATED_PRIOR for located in layout.registration.located]
+        frames = np.concatenate([np.full(6, BASE_PRIOR), np.repeat(per_target, 6 if layout.pose else 3)])
+        if layout.pose:
+            frames[-3:] = TARGET_PRIOR  # the target's rotation is seen in any orientation
+    tolerances = layout.model.tolerances[layout.kept]
     if prior is None:
-        return _Belief(prior=None, sizes=model.tolerances[kept])
+        return _Belief(prior=None, sizes=tolerances, frames=frames)
     if isinstance(prior, GaussianPrior):
-        if len(prior.mean) != len(kept):
-            raise ValueError(f"the prior has {len(prior.mean)} parameters, {len(kept)} are kept")
-        return _Belief(prior=prior, sizes=np.sqrt(np.diag(prior.covariance)))
-    return _Belief(prior=GaussianPrior.of_deviations(model.tolerances[kept]), sizes=model.tolerances[kept])
+        if len(prior.mean) != len(layout.kept):
+            raise ValueError(f"the prior has {len(prior.mean)} parameters, {len(layout.kept)} are kept")
+        return _Belief(prior=prior, sizes=np.sqrt(np.diag(prior.covariance)), frames=frames)
+    return _Belief(prior=GaussianPrior.of_deviations(tolerances), sizes=tolerances, frames=frames)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -164,13 +176,13 @@ def _estimate(
     hyper = Hyperparameters(variances=variances, prior_factor=1.0 if isinstance(prior_scale, str) else float(prior_scale) ** 2)
     z = start
     # once for all rounds: the first fits need not be converged further than the hyperparameters are
-    stopping = Stopping(step=1e-2) if search_error or search_scale else _final(belief)
+    stopping = replace(_final(belief), decrement=1e-3) if search_error or search_scale else _final(belief)
     rounds = 0
     while True:
         rounds += 1
         found = _fit_once(problem, belief, loss, hyper, z, stopping, rounds)
         z = found.solution.z
-        if stopping.step < 1e-3:
+        if stopping.decrement < 1e-3:
             return found
         following = _rescale(found, problem, belief, tracker, search_error, search_scale)
         moved = np.abs(following.variances - hyper.variances) / (hyper.variances + tracker)
@@ -181,6 +193,7 @@ def _estimate(
 
 
 def _final(belief: _Belief) -> Stopping:
+    """Without a prior the fit stops as MATLAB's lsqnonlin does: its damping, not its end, keeps it sound."""
     return Stopping(decrease=1e-6) if belief.prior is None else Stopping()
 
 
@@ -198,7 +211,7 @@ def _fit_once(
     covariance = problem.covariance(hyper.variances)
     white = whitener(covariance)
     start = frames.start()
-    precision = belief.precision(len(z), hyper.prior_factor)
+    precision = belief.precision(hyper.prior_factor)
     scale = np.concatenate([belief.sizes, np.full(len(z) - len(belief.sizes), 1e-3)])
     damping = 1e-2 if belief.prior is None else 0.0
     solution = fit(problem.equations(white, loss.code, loss.threshold), z, belief.mean(start), precision, scale, stopping, damping)

@@ -14,6 +14,12 @@ from taskcal.robot.error_model import ErrorModel
 PLAUSIBLE = 0.02
 """Nominal residual, as a share of the robot's reach, beyond which joints and points do not belong together."""
 
+OFFSET_PULL = 1e-9
+"""Weight of a target's offset from the tool point against one measured point."""
+
+LOCATED = 0.02
+"""A target is located if its offset is determined to this standard deviation, metres."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Registration:
@@ -25,6 +31,9 @@ class Registration:
     """Pose of every target in the tool frame; its rotation is the identity where only points were measured."""
     rms: float
     """Root mean square of the nominal robot's residual in space, metres."""
+    located: tuple[bool, ...]
+    """Whether the poses determine where each target sits. In one orientation they do not: it is then taken to sit at the
+    tool point, as well as the tool's own tolerance says."""
 
 
 def register(model: ErrorModel, campaign: Campaign, x: Float[np.ndarray, " p"] | None = None) -> Registration:
@@ -106,9 +115,25 @@ def _register_points(T: np.ndarray, campaign: Campaign, reach: float) -> Registr
             if found[2] < best[2] * (1.0 - 1e-9):
                 best = found
     Z, (t, offsets), rms = best
+    located = _located(Z, R, target, count, rms)
+    if not all(located):
+        t, offsets, residual = _place(Z, R, p, y, target, count, held=located)
+        rms = _rms(residual)
     return Registration(
-        T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(np.broadcast_to(np.eye(3), (count, 3, 3)), offsets), rms=rms
+        T_tracker_base=se3.pose(Z, t),
+        T_tool_target=se3.pose(np.broadcast_to(np.eye(3), (count, 3, 3)), offsets),
+        rms=rms,
+        located=located,
     )
+
+
+def _located(Z: np.ndarray, R: np.ndarray, target: np.ndarray, count: int, rms: float) -> tuple[bool, ...]:
+    """Whether each target's offset is determined beside the translation, given the nominal residual."""
+    A = _placing(Z, R, target, count).reshape(3 * len(R), -1)
+    H = A.T @ A
+    H[range(3, len(H)), range(3, len(H))] += OFFSET_PULL
+    deviation = rms * np.sqrt(np.diag(np.linalg.inv(H))[3:].reshape(count, 3).max(axis=1))
+    return tuple(bool(d < LOCATED) for d in deviation)
 
 
 def _closed_form(R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray, count: int) -> np.ndarray:
@@ -127,18 +152,41 @@ def _closed_form(R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray
 
 
 def _place(
-    Z: np.ndarray, R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray, count: int
+    Z: np.ndarray,
+    R: np.ndarray,
+    p: np.ndarray,
+    y: np.ndarray,
+    target: np.ndarray,
+    count: int,
+    held: tuple[bool, ...] | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Translation and target offsets for a rotation Z, and the residuals: y = Z·(p + R·o) + t is linear in both."""
-    n = len(y)
-    A = np.zeros((n, 3, 3 + 3 * count))
+    """Translation and target offsets for a rotation Z, and the residuals: y = Z·(p + R·o) + t is linear in both.
+
+    Offsets of targets that are not located, where `held` says so, stay at the tool point.
+    """
+    A = _placing(Z, R, target, count)
+    b = y - p @ Z.T
+    flat = A.reshape(3 * len(y), -1)
+    H = flat.T @ flat
+    # in one orientation only the sum of translation and offset is seen: a slight pull leaves the target at the tool point
+    pull = np.full(count, OFFSET_PULL) if held is None else np.where(held, OFFSET_PULL, 1e12)
+    H[range(3, len(H)), range(3, len(H))] += np.repeat(pull, 3)
+    solution = np.linalg.solve(H, flat.T @ b.reshape(-1))
+    residual = b - (A @ solution)
+    return solution[:3], solution[3:].reshape(count, 3), residual
+
+
+def _placing(Z: np.ndarray, R: np.ndarray, target: np.ndarray, count: int) -> np.ndarray:
+    """Derivative of the points with respect to translation and offsets."""
+    A = np.zeros((len(R), 3, 3 + 3 * count))
     A[:, :, :3] = np.eye(3)
     for t in range(count):
         A[target == t, :, 3 + 3 * t : 6 + 3 * t] = Z @ R[target == t]
-    b = y - p @ Z.T
-    solution = np.linalg.lstsq(A.reshape(3 * n, -1), b.reshape(-1), rcond=1e-9)[0]
-    residual = b - (A @ solution)
-    return solution[:3], solution[3:].reshape(count, 3), residual
+    return A
+
+
+def _rms(residual: np.ndarray) -> float:
+    return float(np.sqrt((residual**2).sum(axis=1).mean()))
 
 
 def _refine(
@@ -171,7 +219,7 @@ def _refine(
         Z, (t, offsets, residual), damping = turned, trial, damping / 10.0
         if np.linalg.norm(step[:3]) < 1e-9 or gain < 1e-12:
             break
-    return Z, (t, offsets), float(np.sqrt((residual**2).sum(axis=1).mean()))
+    return Z, (t, offsets), _rms(residual)
 
 
 def _orientations() -> list[np.ndarray]:
@@ -194,8 +242,11 @@ def _register_poses(T: np.ndarray, campaign: Campaign) -> Registration:
     starts = [_closed_form_rotations(R, Y), *(_alternate(Z, R, Y) for Z in _orientations())]
     Z, X = min(starts, key=lambda ZX: _rotation_cost(ZX, R, Y))
     t, offsets, residual = _place(Z, R, p, y, target, 1)
-    rms = float(np.sqrt((residual**2).sum(axis=1).mean()))
-    return Registration(T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(X[None], offsets), rms=rms)
+    rms, located = _rms(residual), _located(Z, R, target, 1, _rms(residual))
+    if not located[0]:
+        t, offsets, residual = _place(Z, R, p, y, target, 1, held=located)
+        rms = _rms(residual)
+    return Registration(T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(X[None], offsets), rms=rms, located=located)
 
 
 def _rotation_cost(ZX: tuple[np.ndarray, np.ndarray], R: np.ndarray, Y: np.ndarray) -> float:

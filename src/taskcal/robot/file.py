@@ -1,12 +1,11 @@
 """The robot file: its schema, and the robot it describes."""
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from taskcal.errors import FileError, RobotError, TaskcalError
 from taskcal.geometry import se3
@@ -14,16 +13,10 @@ from taskcal.geometry.four_bar import FourBar
 from taskcal.robot.expression import parse_linear
 from taskcal.robot.joint_side import FourBarDrive, JointMap
 from taskcal.robot.robot import CoupledLimit, Part, Published, Robot, RobotJoint, Tolerances
-
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+from taskcal.toml_file import Finite, Positive, Section, explain, read_toml
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class StepSection(_Section):
+class StepSection(Section):
     """One elementary step: exactly one translation or rotation."""
 
     tx_mm: Finite | None = None
@@ -54,7 +47,7 @@ class StepSection(_Section):
         return Part(transform=se3.translation(*offset), symbol=self.symbol, axis=axis)
 
 
-class DHSection(_Section):
+class DHSection(Section):
     """A row of a Denavit–Hartenberg table, but for the joint's offset."""
 
     alpha_deg: Finite = 0.0
@@ -62,7 +55,7 @@ class DHSection(_Section):
     d_mm: Finite = 0.0
 
 
-class JointSection(_Section):
+class JointSection(Section):
     """A joint with the parts that lead to it: elementary steps, or a row of a table."""
 
     name: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
@@ -110,7 +103,7 @@ def _turn(alpha_deg: float) -> tuple[Part, ...]:
     return (Part(transform=se3.rotation("x", np.radians(alpha_deg))),) if alpha_deg else ()
 
 
-class FourBarSection(_Section):
+class FourBarSection(Section):
     """A four-bar that drives a joint from a motor elsewhere."""
 
     drives: str
@@ -125,14 +118,14 @@ class FourBarSection(_Section):
     assembly: Literal[1, -1] = 1
 
 
-class CoupledLimitSection(_Section):
+class CoupledLimitSection(Section):
     """Limits on a linear combination of joints."""
 
     of: str
     range_deg: tuple[Finite, Finite]
 
 
-class ToleranceSection(_Section):
+class ToleranceSection(Section):
     """Standard deviations of the defects."""
 
     translation_mm: Positive = 1.0
@@ -142,15 +135,16 @@ class ToleranceSection(_Section):
     parameter_mrad: dict[str, Positive] = {}
 
 
-class PublishedSection(_Section):
+class PublishedSection(Section):
     """What a publication says of the parameters."""
 
     source: str
     redundant: tuple[str, ...] = ()
     zero: tuple[str, ...] = ()
+    dropped: tuple[str, ...] = ()
 
 
-class RobotFile(_Section):
+class RobotFile(Section):
     """A robot file."""
 
     name: str = Field(min_length=1)
@@ -255,38 +249,15 @@ def _symbols(section: Mapping[str, str], names: list[str]) -> dict[str, str]:
     return out
 
 
-def _explain(error: ValidationError) -> str:
-    """First problem of a validation, as ``joint 3, steps 1: what is wrong``."""
-    first = error.errors()[0]
-    place: list[str] = []
-    for item in first["loc"]:
-        if isinstance(item, int) and place:
-            place[-1] += f" {item + 1}"
-        else:
-            place.append(str(item))
-    message = first["msg"].removeprefix("Value error, ")
-    value = first.get("input")
-    shown = f" (got {value!r})" if isinstance(value, str | int | float | bool) else ""
-    more = f"; {error.error_count() - 1} more" if error.error_count() > 1 else ""
-    return f"{', '.join(place) or 'the file'}: {message}{shown}{more}"
-
-
 def read_robot(path: Path) -> Robot:
     """Read a robot file.
 
     Raises:
         FileError: it is missing, no TOML, or does not describe a robot.
     """
+    described = read_toml(path, RobotFile)
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FileError(path, f"is no TOML: {error}") from error
-    try:
-        return RobotFile.model_validate(data).robot()
-    except ValidationError as error:
-        raise FileError(path, _explain(error)) from error
+        return described.robot()
     except TaskcalError as error:
         raise FileError(path, str(error)) from error
 
@@ -300,4 +271,4 @@ def robot_from(data: Mapping[str, object]) -> Robot:
     try:
         return RobotFile.model_validate(data).robot()
     except ValidationError as error:
-        raise RobotError(_explain(error)) from error
+        raise RobotError(explain(error)) from error

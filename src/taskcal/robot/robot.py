@@ -70,7 +70,11 @@ class Published:
 
     source: str = ""
     redundant: tuple[str, ...] = ()
+    """Said to repeat others."""
     zero: tuple[str, ...] = ()
+    """Said to be without effect."""
+    dropped: tuple[str, ...] = ()
+    """Left out of its identified model."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,0 +1,1 @@
+"""What the parameters do to the tool, which of them the poses can tell apart, and how well."""

@@ -1,0 +1,79 @@
+"""Sensitivity of the tool point to every parameter, at every pose."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.robot.error_model import ErrorModel
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sensitivity:
+    """S = ∂(tool point)/∂ξ in base axes (Gutiérrez et al., eq. 4)."""
+
+    model: ErrorModel
+    matrix: Float[np.ndarray, "n 3 p"]
+    """Metres per metre and metres per radian."""
+
+    def maximum(self, *, scaled: bool = False) -> Float[np.ndarray, "3 p"]:
+        """Largest influence of each parameter on |X|, |Y| and |Z| over the poses; the publication's figure 5.
+
+        Args:
+            scaled: multiply by each parameter's tolerance: metres that the defect to be expected moves the tool.
+        """
+        return self._weighted(np.abs(self.matrix).max(axis=0), scaled)
+
+    def maximum_in_space(self, *, scaled: bool = False) -> Float[np.ndarray, " p"]:
+        """Largest influence of each parameter in space over the poses."""
+        return self._weighted(np.linalg.norm(self.matrix, axis=1).max(axis=0), scaled)
+
+    def rms(self, *, scaled: bool = False) -> Float[np.ndarray, " p"]:
+        """Root mean square influence in space over the poses."""
+        return self._weighted(np.sqrt((self.matrix**2).sum(axis=1).mean(axis=0)), scaled)
+
+    def _weighted(self, values: np.ndarray, scaled: bool) -> np.ndarray:
+        return values * self.model.tolerances if scaled else values
+
+    def to_frame(self) -> "pd.DataFrame":
+        """A row per parameter: largest influences raw (mm per mm, mm per mrad) and for its tolerance (µm)."""
+        import pandas as pd
+
+        raw, scaled = self.maximum(), self.maximum(scaled=True) * 1e6
+        return pd.DataFrame(
+            {
+                "parameter": self.model.names,
+                "symbol": [p.symbol for p in self.model.parameters],
+                "unit": ["mm/mm" if p.unit == "m" else "mm/mrad" for p in self.model.parameters],
+                "max_x": raw[0],
+                "max_y": raw[1],
+                "max_z": raw[2],
+                "max_space": self.maximum_in_space(),
+                "tolerance": [f"{p.tolerance * 1e3:g} {'mm' if p.unit == 'm' else 'mrad'}" for p in self.model.parameters],
+                "max_x_um": scaled[0],
+                "max_y_um": scaled[1],
+                "max_z_um": scaled[2],
+                "max_space_um": self.maximum_in_space(scaled=True) * 1e6,
+                "rms_space_um": self.rms(scaled=True) * 1e6,
+            }
+        )
+
+
+def sensitivity(
+    model: ErrorModel, q: Float[np.ndarray, "n joints"], x: Float[np.ndarray, " p"] | None = None
+) -> Sensitivity:
+    """Sensitivity of the tool point over some poses.
+
+    Args:
+        model: the model.
+        q: joint positions, radians.
+        x: parameter values; the nominal robot by default.
+
+    Raises:
+        ClosureError: a closed loop cannot be assembled at some pose.
+    """
+    return Sensitivity(model=model, matrix=model.jacobian(q, x, angular=False))

@@ -1,0 +1,1 @@
+"""Inverse kinematics within limits, on the branch of a reference posture."""

@@ -1,0 +1,103 @@
+"""The virtual cell: a true robot drawn from tolerances, measured by a virtual tracker."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.geometry import se3
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.tracker import TrackerNoise
+from taskcal.robot.error_model import ErrorModel
+
+TRACKER_POSE = se3.pose(se3.exp(np.array([0.02, -0.01, 2.1])), np.array([3.2, -1.9, -0.35]))
+"""Where the base is seen by default: a tracker some four metres away that stands nearly upright."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Truth:
+    """What a simulated campaign was made from."""
+
+    model: ErrorModel
+    x: Float[np.ndarray, " p"]
+    """The true robot's defects, metres and radians."""
+    T_tracker_base: Float[np.ndarray, "4 4"]
+    T_tool_target: Float[np.ndarray, "targets 4 4"]
+
+    def poses(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n targets 4 4"]:
+        """True poses of the targets in the tracker frame."""
+        T = self.T_tracker_base @ self.model.poses(q, self.x)
+        return T[:, None] @ self.T_tool_target
+
+    def points(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n targets 3"]:
+        """True positions of the targets in the tracker frame, metres."""
+        return self.poses(q)[..., :3, 3]
+
+
+def draw_defects(model: ErrorModel, rng: np.random.Generator) -> Float[np.ndarray, " p"]:
+    """Defects of a robot drawn from the model's tolerances."""
+    return rng.normal(size=len(model)) * model.tolerances
+
+
+def simulate(
+    model: ErrorModel,
+    q: Float[np.ndarray, "n joints"],
+    *,
+    rng: np.random.Generator,
+    x: Float[np.ndarray, " p"] | None = None,
+    targets: Mapping[str, Float[np.ndarray, " 3"]] | None = None,
+    pose: bool = False,
+    noise: TrackerNoise | None = None,
+    T_tracker_base: Float[np.ndarray, "4 4"] | None = None,
+    lost: float = 0.0,
+) -> tuple[Campaign, Truth]:
+    """Measure a virtual robot.
+
+    Args:
+        model: the model that the true robot follows.
+        q: joint positions of the measured poses, radians.
+        rng: source of the defects and of the noise.
+        x: the true robot's defects; drawn from the tolerances by default.
+        targets: target centres in the tool frame, metres; one at the tool point by default.
+        pose: measure poses of the first target instead of points.
+        noise: the tracker's.
+        T_tracker_base: where the tracker sees the base.
+        lost: share of beams that are lost.
+
+    Returns:
+        the campaign, and the truth it was made from.
+
+    Raises:
+        ClosureError: a closed loop cannot be assembled at some pose.
+    """
+    noise = noise or TrackerNoise()
+    named = {"tool": np.zeros(3)} if targets is None else dict(targets)
+    if pose:
+        named = dict(list(named.items())[:1])
+    offsets = np.array(list(named.values()), dtype=float)
+    truth = Truth(
+        model=model,
+        x=draw_defects(model, rng) if x is None else np.asarray(x, dtype=float),
+        T_tracker_base=TRACKER_POSE if T_tracker_base is None else T_tracker_base,
+        T_tool_target=se3.pose(np.broadcast_to(np.eye(3), (len(offsets), 3, 3)), offsets),
+    )
+    q = np.asarray(q, dtype=float)
+    T = truth.poses(q)
+    points = T[..., :3, 3]
+    factor = np.linalg.cholesky(noise.covariance(points))
+    points = points + (factor @ rng.normal(size=(*points.shape, 1)))[..., 0]
+    rotations = None
+    if pose:
+        rotations = se3.exp(noise.rotation * rng.normal(size=(len(q), 3))) @ T[:, 0, :3, :3]
+    if lost:
+        points[rng.random(points.shape[:2]) < lost] = np.nan
+    campaign = Campaign(
+        ids=tuple(str(i) for i in range(len(q))),
+        q=q,
+        targets=tuple(named),
+        points=points,
+        rotations=rotations,
+        source="virtual cell",
+    )
+    return campaign, truth

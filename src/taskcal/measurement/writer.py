@@ -1,0 +1,71 @@
+"""Writing joints and campaigns as CSV."""
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.files import write_whole
+from taskcal.geometry import se3
+from taskcal.measurement.campaign import Campaign
+from taskcal.robot.robot import Robot
+
+
+def write_campaign(path: str | Path, campaign: Campaign, robot: Robot) -> None:
+    """Write a campaign that `read_campaign` reads back: millimetres and degrees, lost beams empty.
+
+    Raises:
+        FileError: the folder is missing or not writable.
+    """
+    header, columns = _joint_columns(campaign.q, robot)
+    for t, name in enumerate(campaign.targets):
+        prefix = "" if name == "tool" else f"{name}_"
+        for axis in range(3):
+            header.append(f"{prefix}{'xyz'[axis]}_mm")
+            columns.append(_texts(campaign.points[:, t, axis] * 1e3, 6))
+        if campaign.uncertainty is not None:
+            header.append(f"{prefix}u_mm")
+            columns.append(_texts(campaign.uncertainty[:, t] * 1e3, 6))
+    if campaign.rotations is not None:
+        quaternion = se3.to_quaternion(campaign.rotations)
+        for k, name in enumerate(("qx", "qy", "qz", "qw")):
+            header.append(name)
+            columns.append(_texts(quaternion[:, k], 10))
+    for name, points in campaign.nests.items():
+        for axis in range(3):
+            header.append(f"{name}_{'xyz'[axis]}_mm")
+            columns.append(_texts(points[:, axis] * 1e3, 6))
+    if campaign.temperature is not None:
+        header.append("temp_C")
+        columns.append(_texts(campaign.temperature, 3))
+    _write(path, ["id", *header], [list(campaign.ids), *columns])
+
+
+def write_joints(path: str | Path, q: Float[np.ndarray, "n joints"], robot: Robot) -> None:
+    """Write joint positions to be measured: ``id`` and a column for each joint.
+
+    Raises:
+        FileError: the folder is missing or not writable.
+    """
+    header, columns = _joint_columns(q, robot)
+    _write(path, ["id", *header], [[str(i) for i in range(len(q))], *columns])
+
+
+def _joint_columns(q: np.ndarray, robot: Robot) -> tuple[list[str], list[list[str]]]:
+    header = [f"{name}_{'mm' if slides else 'deg'}" for name, slides in zip(robot.joint_names, robot.prismatic, strict=True)]
+    scale = np.where(robot.prismatic, 1e3, 180 / np.pi)
+    return header, [_texts(q[:, j] * scale[j], 9) for j in range(q.shape[1])]
+
+
+def _texts(values: np.ndarray, decimals: int) -> list[str]:
+    return ["" if np.isnan(v) else f"{v:.{decimals}f}" for v in values]
+
+
+def _write(path: str | Path, header: list[str], columns: list[list[str]]) -> None:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(zip(*columns, strict=True))
+    write_whole(path, out.getvalue())

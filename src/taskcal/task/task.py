@@ -1,0 +1,267 @@
+"""A task: the poses that matter, how much each counts, and the accuracy needed."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from jaxtyping import Bool, Float
+from pydantic import Field, model_validator
+
+from taskcal.csv_table import read_csv
+from taskcal.errors import FileError, ReachError
+from taskcal.geometry import se3
+from taskcal.kinematics.inverse import find_posture, follow, solve_near
+from taskcal.robot.error_model import ErrorModel
+from taskcal.task.workspace import Orientation, Workspace
+from taskcal.toml_file import Finite, Positive, Section, read_toml
+
+Triple = tuple[Finite, Finite, Finite]
+Quaternion = tuple[Finite, Finite, Finite, Finite]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Task:
+    """What the robot has to do."""
+
+    name: str
+    workspace: Workspace | None = None
+    """Where the tool works; None for a list of poses or a path."""
+    poses: Float[np.ndarray, "n 4 4"] | None = None
+    """Tool poses in the base, for a list or a path."""
+    weights: Float[np.ndarray, " n"] | None = None
+    """How much each pose counts."""
+    path: bool = False
+    """Whether the poses are run through in order."""
+    accuracy: float | None = None
+    """Position error allowed in space, metres."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TaskPoses:
+    """Poses of a task that the robot reaches, with the joints that do."""
+
+    T: Float[np.ndarray, "n 4 4"]
+    """Tool poses in the base."""
+    q: Float[np.ndarray, "n joints"]
+    """Joint positions, radians, all on the branch of the task's middle."""
+    weights: Float[np.ndarray, " n"]
+    """Adding up to one."""
+    unreachable: Bool[np.ndarray, " asked"]
+    """Which of the poses asked for are missing."""
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+
+def reach_task(model: ErrorModel, task: Task, count: int = 200, seed: int = 0) -> TaskPoses:
+    """Poses of a task with the joints that reach them, continuous in the branch of the task's middle.
+
+    Args:
+        model: the model of the nominal robot.
+        task: the task.
+        count: how many poses to spread over a workspace; a list or a path has its own.
+        seed: of the spread.
+
+    Raises:
+        ReachError: the robot reaches the task nowhere, or leaves the branch along a path.
+    """
+    if task.workspace is not None:
+        T, weights = task.workspace.sample(count, seed), np.ones(count)
+        q, reached = _spread(model, task.workspace, T)
+    else:
+        assert task.poses is not None
+        T = task.poses
+        weights = np.ones(len(T)) if task.weights is None else task.weights
+        q, reached = _in_order(model, T) if task.path else _around(model, T, T[len(T) // 2])
+    if not reached.any():
+        raise ReachError(
+            f"{model.robot.name} reaches none of the {len(T)} poses of task '{task.name}' on one branch inside its limits; "
+            "move the workspace or turn the tool"
+        )
+    kept = weights[reached]
+    return TaskPoses(T=T[reached], q=q[reached], weights=kept / kept.sum(), unreachable=~reached)
+
+
+def _spread(model: ErrorModel, workspace: Workspace, T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Each orientation on the branch of its own middle, each middle on the branch of the first if it can be."""
+    q, reached = np.zeros((len(T), len(model.robot.joints))), np.zeros(len(T), dtype=bool)
+    first: np.ndarray | None = None
+    for k, middle in enumerate(workspace.middle()):
+        mine = slice(k, None, len(workspace.orientations))
+        start = None
+        if first is not None:
+            on_branch = follow(model, middle[None], first)
+            start = on_branch.q[0] if on_branch.reached[0] else None
+        if start is None:
+            start = find_posture(model, middle)
+        first = start if first is None else first
+        found = follow(model, T[mine], start)
+        q[mine], reached[mine] = found.q, found.reached
+    return q, reached
+
+
+def _around(model: ErrorModel, T: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    found = follow(model, T, find_posture(model, middle))
+    return found.q, found.reached
+
+
+def _in_order(model: ErrorModel, T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Along a path, each pose from the one before."""
+    q, reached = np.zeros((len(T), len(model.robot.joints))), np.zeros(len(T), dtype=bool)
+    last = find_posture(model, T[0])
+    for i in range(len(T)):
+        found = solve_near(model, T[i : i + 1], last[None])
+        q[i], reached[i] = found.q[0], found.reached[0]
+        if reached[i]:
+            if np.abs(q[i] - last).max() > np.pi / 3:
+                x, y, z = T[i, :3, 3] * 1e3
+                raise ReachError(
+                    f"the path leaves its branch at pose {i} (x {x:.1f}, y {y:.1f}, z {z:.1f} mm): a joint would jump by "
+                    f"{np.degrees(np.abs(q[i] - last).max()):.0f}°; give closer poses, or keep away from the singularity"
+                )
+            last = q[i]
+    return q, reached
+
+
+class OrientationSection(Section):
+    """A tool orientation of a task file."""
+
+    quaternion: Quaternion
+    cone_deg: Annotated[float, Field(ge=0, le=180)] = 0.0
+    spin: Literal["fixed", "free"] = "fixed"
+    spin_deg: Annotated[float, Field(ge=0, le=180)] | None = None
+
+    def orientation(self) -> Orientation:
+        """The orientation it describes."""
+        spin = 180.0 if self.spin == "free" else self.spin_deg or 0.0
+        return Orientation(
+            rotation=_rotation(self.quaternion), cone=float(np.radians(self.cone_deg)), spin=float(np.radians(spin))
+        )
+
+
+class WorkspaceSection(Section):
+    """The workspace of a task file."""
+
+    frame: str = "base"
+    shape: Literal["box", "cylinder"] = "box"
+    center_mm: Triple
+    size_mm: tuple[Positive, Positive, Positive] | None = None
+    radius_mm: Positive | None = None
+    height_mm: Positive | None = None
+    axis: Triple = (0.0, 0.0, 1.0)
+    orientation: tuple[OrientationSection, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        box = self.size_mm is not None
+        cylinder = self.radius_mm is not None and self.height_mm is not None
+        if self.shape == "box" and (not box or self.radius_mm is not None or self.height_mm is not None):
+            raise ValueError("a box has size_mm, and neither radius_mm nor height_mm")
+        if self.shape == "cylinder" and (not cylinder or box):
+            raise ValueError("a cylinder has radius_mm and height_mm, and no size_mm")
+        if not any(self.axis):
+            raise ValueError("the axis has no direction; give for example [0, 0, 1]")
+        return self
+
+
+class FrameSection(Section):
+    """A named frame of a task file, by its pose in the robot's base."""
+
+    position_mm: Triple
+    quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+
+class AccuracySection(Section):
+    """The accuracy needed."""
+
+    position_mm: Positive
+
+
+class TaskFile(Section):
+    """A task file."""
+
+    name: str = Field(min_length=1)
+    workspace: WorkspaceSection | None = None
+    poses: str | None = None
+    path: str | None = None
+    frames: dict[str, FrameSection] = {}
+    accuracy: AccuracySection | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        given = [key for key in ("workspace", "poses", "path") if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise ValueError(f"a task has exactly one of workspace, poses, path; this one has {' and '.join(given) or 'none'}")
+        if self.workspace and self.workspace.frame != "base" and self.workspace.frame not in self.frames:
+            known = ", ".join(["base", *self.frames])
+            raise ValueError(f"the workspace's frame '{self.workspace.frame}' is not defined; known: {known}")
+        return self
+
+    def task(self, folder: Path) -> Task:
+        """The task it describes; files are looked for in the folder."""
+        accuracy = self.accuracy.position_mm * 1e-3 if self.accuracy else None
+        if self.workspace is None:
+            poses, weights = _read_poses(folder / (self.poses or self.path or ""))
+            return Task(name=self.name, poses=poses, weights=weights, path=self.path is not None, accuracy=accuracy)
+        section = self.workspace
+        frame = np.eye(4)
+        if section.frame != "base":
+            placed = self.frames[section.frame]
+            frame = se3.pose(_rotation(placed.quaternion), np.array(placed.position_mm) * 1e-3)
+        size = section.size_mm or (2 * (section.radius_mm or 0.0), 2 * (section.radius_mm or 0.0), section.height_mm or 0.0)
+        workspace = Workspace(
+            T_base_frame=frame,
+            shape=section.shape,
+            center=np.array(section.center_mm) * 1e-3,
+            size=np.array(size) * 1e-3,
+            turned=_along(np.array(section.axis)) if section.shape == "cylinder" else np.eye(3),
+            orientations=tuple(o.orientation() for o in section.orientation),
+        )
+        return Task(name=self.name, workspace=workspace, accuracy=accuracy)
+
+
+def _rotation(quaternion: Quaternion) -> np.ndarray:
+    q = np.array(quaternion)
+    if abs(np.linalg.norm(q) - 1.0) > 1e-2:
+        raise ValueError(f"the quaternion {list(quaternion)} has length {np.linalg.norm(q):.4f}; it must be 1 (qx qy qz qw)")
+    return se3.from_quaternion(q)
+
+
+def _along(axis: np.ndarray) -> np.ndarray:
+    """A rotation whose z axis has this direction."""
+    z = axis / np.linalg.norm(axis)
+    x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def _read_poses(path: Path) -> tuple[Float[np.ndarray, "n 4 4"], Float[np.ndarray, " n"]]:
+    """Poses of a CSV with x_mm y_mm z_mm qx qy qz qw and, optionally, weight."""
+    table = read_csv(path)
+    p = np.stack([table.numbers(f"{axis}_mm") for axis in "xyz"], axis=1) * 1e-3
+    quaternion = np.stack([table.numbers(name) for name in ("qx", "qy", "qz", "qw")], axis=1)
+    if not len(table):
+        raise FileError(path, "has no poses below its header")
+    for row in np.flatnonzero(np.abs(np.linalg.norm(quaternion, axis=1) - 1.0) > 1e-2):
+        raise table.error("the quaternion's length is not 1 (is qw last?)", int(row), "qx")
+    weights = table.numbers("weight") if "weight" in table else np.ones(len(table))
+    for row in np.flatnonzero(weights < 0):
+        raise table.error(f"{weights[row]:g} is no weight; give zero or more", int(row), "weight")
+    if not weights.any():
+        raise FileError(path, "all weights are zero; give at least one pose a weight")
+    return se3.pose(se3.from_quaternion(quaternion), p), weights
+
+
+def load_task(path: str | Path) -> Task:
+    """Read a task file.
+
+    Raises:
+        FileError: it is missing, no TOML, or does not describe a task.
+    """
+    path = Path(path)
+    described = read_toml(path, TaskFile)
+    try:
+        return described.task(path.parent)
+    except ValueError as error:
+        raise FileError(path, str(error)) from error
