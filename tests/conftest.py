@@ -9,9 +9,18 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from jaxtyping import install_import_hook
 from threadpoolctl import threadpool_limits
 
 threadpool_limits(1)  # a pytest plugin may have loaded NumPy, and its BLAS, before this file
+
+# Shapes and types in annotations are checked at every call, but for compiled kernels, which Numba has to read, and the
+# robot file, which pydantic checks.
+_CHECKED = """
+csv_table files geometry.chain geometry.se3 estimation measurement identification
+robot.catalogue robot.dh_table robot.error_model robot.expression robot.joint_side robot.robot
+"""
+install_import_hook([f"taskcal.{module}" for module in _CHECKED.split()], "beartype.beartype")
 
 # The same examples at every run; compiling a kernel inside an example is slow only once.
 settings.register_profile(

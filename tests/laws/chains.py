@@ -100,20 +100,28 @@ class MeasuredCase:
     seen: Observations
 
     @property
+    def e(self) -> np.ndarray:
+        """Values of the error frames."""
+        return _filled(self.slots, self.z, self.case.e)
+
+    @property
+    def s(self) -> np.ndarray:
+        """Chain coordinates: the joint-side parameters act from z = 0 about the case's own."""
+        s = self.case.s.copy()
+        for k, (joint, column) in enumerate(self.pairs):
+            s[:, joint] += self.factor[:, k] * self.z[column]
+        return s
+
+    @property
     def walked(self) -> Walked:
-        e = _filled(self.slots, self.z, self.case.e)
-        points = _filled(self.point_slots, self.z, self.offsets)
         layout = Columns(
             frames=self.slots,
             joint=np.ascontiguousarray(self.pairs[:, 0]),
             column=np.ascontiguousarray(self.pairs[:, 1]),
             count=len(self.z),
         )
-        # the joint-side parameters act from z = 0 about the coordinates given
-        s = self.case.s.copy()
-        for k, (joint, column) in enumerate(self.pairs):
-            s[:, joint] += self.factor[:, k] * self.z[column]
-        return Walked(self.case.chain, s, e, layout, self.factor, Points(points, self.point_slots))
+        points = Points(_filled(self.point_slots, self.z, self.offsets), self.point_slots)
+        return Walked(self.case.chain, self.s, self.e, layout, self.factor, points)
 
     def residual(self, row: int, target: int, z: np.ndarray) -> np.ndarray:
         """Measured less predicted, written out plainly; z may be complex."""
@@ -167,8 +175,7 @@ def measured(draw: st.DrawFn, poses: int = 4, pose: bool | None = None) -> Measu
     )  # fmt: skip
     rotation = None
     if as_pose:
-        at = unseen.walked
-        predicted = np.array([case.pose(i, at.e, at.s[i])[:3, :3] for i in range(poses)])
+        predicted = np.array([case.pose(i, unseen.e, unseen.s[i])[:3, :3] for i in range(poses)])
         angle = rng.choice([1e-6, 1e-3, 0.5, 2.5])
         axis = rng.normal(size=(poses, 3))
         turned = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis, axis=1, keepdims=True)).as_matrix()

@@ -6,9 +6,12 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
+from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from taskcal.robot.robot import Robot
+
+_IRB6660 = load_robot("abb-irb6660-205-1.9").description
 
 seeds = st.integers(0, 2**32 - 1)
 generators = seeds.map(np.random.default_rng)
@@ -89,9 +92,12 @@ def descriptions(draw: st.DrawFn, min_joints: int = 1, max_joints: int = 7, pris
     return {"name": "random", "joint": joints, "tool": _around(rng, "steps")["steps"]}
 
 
-def defects(rng: np.random.Generator, model: ErrorModel, size: float = 0.1) -> np.ndarray:
-    """Defects far larger than any real robot's, so that second-order effects show."""
-    return rng.normal(scale=size, size=len(model))
+def defects(rng: np.random.Generator, description: dict[str, Any], size: float = 0.1) -> np.ndarray:
+    """Values for every parameter of the error model, far larger than real, so that second-order effects show."""
+    x = rng.normal(scale=size, size=6 * len(description["joint"]) + (9 if "four_bar" in description else 6))
+    if "four_bar" in description:
+        x[-3:] *= 0.05  # a loop soon fails to close
+    return x
 
 
 def positions(rng: np.random.Generator, description: dict[str, Any], n: int) -> np.ndarray:
@@ -105,15 +111,12 @@ def cases(draw: st.DrawFn, poses: int = 3, **structure: Any) -> Case:
     """Random robots at random poses with large random defects."""
     description = draw(descriptions(**structure))
     rng = draw(generators)
-    model = ErrorModel(robot_from(description))
-    return Case(description=description, q=positions(rng, description, poses), x=defects(rng, model))
+    return Case(description=description, q=positions(rng, description, poses), x=defects(rng, description))
 
 
 def irb6660_description() -> dict[str, Any]:
     """The reference robot of Gutiérrez et al., with its parallelogram."""
-    from taskcal.robot.catalogue import load_robot
-
-    return dict(load_robot("abb-irb6660-205-1.9").description)
+    return {**_IRB6660}
 
 
 def irb6660_positions(rng: np.random.Generator, n: int) -> np.ndarray:
@@ -132,10 +135,7 @@ def four_bar_cases(draw: st.DrawFn, poses: int = 3) -> Case:
     for key in ("crank_mm", "rod_mm", "rocker_mm"):
         bar[key] = float(bar[key] * rng.uniform(0.97, 1.03))
     description = {**description, "four_bar": bar}
-    model = ErrorModel(robot_from(description))
-    x = defects(rng, model)
-    x[-3:] *= 0.05
-    return Case(description=description, q=irb6660_positions(rng, poses), x=x)
+    return Case(description=description, q=irb6660_positions(rng, poses), x=defects(rng, description))
 
 
 def industrial(rng: np.random.Generator, name: str = "random-6R") -> dict[str, Any]:

@@ -70,11 +70,10 @@ def fit(
         precision: the prior's inverse covariance; nil for none.
         scale: natural size of each parameter.
         stopping: when to stop.
-        damping: first λ.
+        damping: first λ, below which it never falls.
     """
     stopping = stopping or Stopping()
-    floor = damping * 1e-6
-    z = np.array(start, dtype=float)
+    z, floor = np.array(start, dtype=float), damping
     cost, g, H = equations(z)
     objective = cost + 0.5 * (z - mean) @ precision @ (z - mean)
     reason = f"no convergence in {stopping.iterations} iterations"
@@ -101,7 +100,7 @@ def fit(
             if predicted < 1e-11 * (1.0 + abs(objective)):
                 converged, reason = True, "the objective cannot fall further"
                 break
-            damping = max(10.0 * damping, 1e-6 * float(np.max(np.diag(A) * scale**2)))
+            damping = max(10.0 * damping, 1e-9 * float(np.max(np.diag(A) * scale**2)))
             if damping > 1e12 * float(np.max(np.diag(A) * scale**2)):
                 reason = "no step makes the objective fall"
                 break

@@ -175,26 +175,41 @@ def _estimate(
         variances = np.square(np.resize(np.atleast_1d(np.asarray(model_error, dtype=float)), groups))
     hyper = Hyperparameters(variances=variances, prior_factor=1.0 if isinstance(prior_scale, str) else float(prior_scale) ** 2)
     z = start
-    # once for all rounds: the first fits need not be converged further than the hyperparameters are
-    stopping = replace(_final(belief), decrement=1e-3) if search_error or search_scale else _final(belief)
+    final = _final(belief)
+    loose = replace(final, decrement=max(final.decrement, 1e-3))
+    searching = search_error or search_scale
     rounds = 0
     while True:
         rounds += 1
-        found = _fit_once(problem, belief, loss, hyper, z, stopping, rounds)
+        # the first fits need not be converged further than the hyperparameters are
+        found = _fit_once(problem, belief, loss, hyper, z, loose if searching else final, rounds)
         z = found.solution.z
-        if stopping.decrement < 1e-3:
+        if not searching:
             return found
         following = _rescale(found, problem, belief, tracker, search_error, search_scale)
         moved = np.abs(following.variances - hyper.variances) / (hyper.variances + tracker)
         scale = abs(np.log(following.prior_factor / hyper.prior_factor))
         hyper = following
         if (moved.max() < 1e-3 and scale < 1e-2) or rounds > 60:
-            stopping = _final(belief)
+            searching = False
+            if search_error:
+                hyper = _drop_insignificant(found, hyper, problem, belief)
+
+
+def _drop_insignificant(found: _Found, hyper: Hyperparameters, problem: Problem, belief: _Belief) -> Hyperparameters:
+    """A model error within two standard errors of nil is nil: half of all sound campaigns suggest a little by chance."""
+    at, weights = _linearised(found, problem, belief), found.weights[problem.seen.valid]
+    errors = [evidence.score_model_error(at, slice(3 * g, 3 * g + 3), weights)[1] for g in range(len(hyper.variances))]
+    return replace(hyper, variances=np.where(hyper.variances < 2.0 * np.array(errors), 0.0, hyper.variances))
+
+
+UNDAMPED_END = 1e-2
+"""Newton decrement at which a fit without prior ends: its next step would be a seventh of a standard deviation. Steps
+in undetermined directions are longer but gain nothing; a fit that went on would creep along them without end."""
 
 
 def _final(belief: _Belief) -> Stopping:
-    """Without a prior the fit stops as MATLAB's lsqnonlin does: its damping, not its end, keeps it sound."""
-    return Stopping(decrease=1e-6) if belief.prior is None else Stopping()
+    return Stopping(decrement=UNDAMPED_END, decrease=1e-6) if belief.prior is None else Stopping()
 
 
 def _first_variances(problem: Problem, start: np.ndarray, groups: int) -> np.ndarray:

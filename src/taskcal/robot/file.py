@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Literal, Self
 
 import numpy as np
+from jaxtyping import Float
 from pydantic import Field, ValidationError, model_validator
 
 from taskcal.errors import FileError, RobotError, TaskcalError
@@ -124,6 +125,12 @@ class CoupledLimitSection(Section):
     of: str
     range_deg: tuple[Finite, Finite]
 
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if not self.range_deg[0] < self.range_deg[1]:
+            raise ValueError(f"the lower limit {self.range_deg[0]:g} must be below the upper limit {self.range_deg[1]:g}")
+        return self
+
 
 class ToleranceSection(Section):
     """Standard deviations of the defects."""
@@ -176,7 +183,8 @@ class RobotFile(Section):
             RobotError: an expression or a name in it means nothing.
         """
         names = [joint.name for joint in self.joint]
-        matrix = np.array([parse_linear(joint.angle or joint.name, names) for joint in self.joint])
+        angles = [(f"joint {i}, angle", joint.angle or joint.name) for i, joint in enumerate(self.joint, start=1)]
+        matrix = np.array([_linear(place, text, names) for place, text in angles])
         offset = [np.radians(j.offset_deg) if j.type == "revolute" else j.offset_mm * 1e-3 for j in self.joint]
         return Robot(
             name=self.name,
@@ -187,8 +195,10 @@ class RobotFile(Section):
             four_bar=self._drive(names),
             tool=tuple(step.part() for step in self.tool),
             coupled_limits=tuple(
-                CoupledLimit(text=c.of, coefficients=parse_linear(c.of, names), limits=_pair(np.radians(c.range_deg)))
-                for c in self.coupled_limit
+                CoupledLimit(
+                    text=c.of, coefficients=_linear(f"coupled_limit {i}, of", c.of, names), limits=_pair(np.radians(c.range_deg))
+                )
+                for i, c in enumerate(self.coupled_limit, start=1)
             ),
             tolerances=_tolerances(self.tolerance),
             symbols=_symbols(self.symbols, names),
@@ -219,10 +229,17 @@ class RobotFile(Section):
                 rocker_angle=float(np.radians(bar.rocker_angle_deg)),
                 assembly=bar.assembly,
             ),
-            arm=parse_linear(bar.arm, names),
-            crank=parse_linear(bar.crank, names),
-            output=parse_linear(bar.drives, names),
+            arm=_linear("four_bar, arm", bar.arm, names),
+            crank=_linear("four_bar, crank", bar.crank, names),
+            output=_linear("four_bar, drives", bar.drives, names),
         )
+
+
+def _linear(place: str, text: str, names: list[str]) -> Float[np.ndarray, " names"]:
+    try:
+        return parse_linear(text, names)
+    except TaskcalError as error:
+        raise RobotError(f"{place}: {error}") from error
 
 
 def _pair(limits: np.ndarray) -> tuple[float, float]:
