@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taskcal.errors import FileError
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.dh_table import describe_dh_table, read_dh_table, robot_toml
+from taskcal.robot.error_model import ErrorModel
+from tests.laws.plain import product, shift, turn
+from tests.laws.robots import generators
+
+HEADER = "joint,alpha_deg,a_mm,d_mm,theta_offset_deg"
+
+
+def table_pose(rows, convention, theta):
+    """Product of standard or modified (Khalil, Craig) Denavit–Hartenberg transforms."""
+    T = np.eye(4)
+    for (alpha, a, d, offset), angle in zip(rows, theta, strict=True):
+        about_z, along_x = (
+            [turn(2, angle + np.radians(offset)), shift(2, d / 1e3)],
+            [shift(0, a / 1e3), turn(0, np.radians(alpha))],
+        )
+        T = T @ product([*about_z, *along_x] if convention == "dh" else [*reversed(along_x), *about_z])
+    return T
+
+
+def write(path, lines, header=HEADER):
+    path.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("convention", ["dh", "mdh"])
+def test_a_table_is_the_product_of_its_conventions_transforms(convention, tmp_path_factory):
+    @given(generators, st.integers(1, 8))
+    def law(rng, joints):
+        rows = rng.uniform(-300, 300, (joints, 4))
+        rows[rng.random(rows.shape) < 0.3] = 0.0
+        path = write(
+            tmp_path_factory.mktemp("dh") / "arm.csv",
+            [f"{i + 1}," + ",".join(map(repr, row.tolist())) for i, row in enumerate(rows)],
+        )
+        model = ErrorModel(read_dh_table(path, convention))
+        q = rng.uniform(-3, 3, (4, joints))
+        np.testing.assert_allclose(model.poses(q), [table_pose(rows, convention, row) for row in q], atol=1e-10)
+        assert model.robot.joint_names == tuple(f"J{i + 1}" for i in range(joints))
+
+    law()
+
+
+def test_a_controllers_angles_are_mapped_as_the_table_says(tmp_path):
+    lines = ["1,0,0,670,0,J1", "2,-90,312,0,-90,J2", "3,0,1075,0,0,-(J2+J3)"]
+    robot = read_dh_table(write(tmp_path / "arm.csv", lines, HEADER + ",theta_from_controller"), "mdh")
+    np.testing.assert_array_equal(robot.joint_map.matrix, [[1, 0, 0], [0, 1, 0], [0, -1, -1]])
+    np.testing.assert_allclose(robot.joint_map.offset, [0, -np.pi / 2, 0])
+
+
+def test_limits_and_names_come_from_the_table(tmp_path):
+    lines = ["shoulder,0,0,670,0,-170,170", "elbow,90,0,0,0,-90,90.5"]
+    robot = read_dh_table(write(tmp_path / "arm.csv", lines, HEADER + ",lower_deg,upper_deg"), "dh", name="mine")
+    assert (robot.name, robot.joint_names) == ("mine", ("shoulder", "elbow"))
+    np.testing.assert_allclose(np.degrees(robot.limits), [[-170, 170], [-90, 90.5]])
+
+
+def test_an_imported_table_is_a_robot_file(tmp_path):
+    lines = ["1,-90,100,670,0", "2,0,312.5,0,-90"]
+    table = write(tmp_path / "arm.csv", lines)
+    path = tmp_path / "arm.toml"
+    path.write_text(robot_toml(describe_dh_table(table, "dh")), encoding="utf-8")
+    q = np.random.default_rng(0).normal(size=(3, 2))
+    np.testing.assert_array_equal(
+        ErrorModel(load_robot(path)).poses(q), ErrorModel(read_dh_table(table, "dh")).poses(q)
+    )
+    assert load_robot(path).source == ("imported from arm.csv",)
+
+
+WRONG = {
+    "missing column": ("joint,alpha_deg,a_mm,d_mm", ["1,0,0,0"], r"arm\.csv:1.* no column 'theta_offset_deg'"),
+    "unknown column": (HEADER + ",beta_deg", ["1,0,0,0,0,0"], r"arm\.csv:1: unknown column 'beta_deg'; a table has"),
+    "no joints": (HEADER, [], r"arm\.csv: has no joints"),
+    "text for a number": (
+        HEADER,
+        ["1,0,0,0,0", "2,ninety,0,0,0"],
+        r"arm\.csv:3: column 'alpha_deg': 'ninety' is no number",
+    ),
+    "empty cell": (HEADER, ["1,0,,0,0"], r"arm\.csv:2: column 'a_mm': the cell is empty"),
+    "one limit only": (HEADER + ",lower_deg", ["1,0,0,0,0,-10"], r"arm\.csv:1: gives one limit only"),
+    "joint twice": (HEADER, ["1,0,0,0,0", "1,0,0,0,0"], r"arm\.csv: .*two joints are named 'J1'"),
+    "unknown joint": (HEADER + ",theta_from_controller", ["1,0,0,0,0,J1+J2"], r"arm\.csv: .*no joint 'J2'"),
+    "unknown type": (HEADER + ",type", ["1,0,0,0,0,helical"], r"arm\.csv: joint 1, type: .*helical"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_table_is_refused_with_its_place(case, tmp_path):
+    header, lines, message = WRONG[case]
+    with pytest.raises(FileError, match=message):
+        read_dh_table(write(tmp_path / "arm.csv", lines, header), "dh")

@@ -1,0 +1,142 @@
+import copy
+
+import pytest
+import tomli_w
+
+from taskcal.errors import FileError, RobotError
+from taskcal.robot.file import read_robot, robot_from
+
+SOUND = {
+    "name": "arm",
+    "joint": [
+        {"name": "J1", "steps": [{"tz_mm": 500.0}], "limits_deg": [-170.0, 170.0]},
+        {"name": "J2", "mdh": {"alpha_deg": -90.0, "a_mm": 100.0}},
+        {"name": "J3", "dh": {"a_mm": 400.0}, "angle": "J3 - J2"},
+        {"name": "slide", "type": "prismatic", "steps": [{"rx_deg": 90.0}], "limits_mm": [0.0, 300.0]},
+    ],
+    "tool": [{"tx_mm": 100.0}],
+    "four_bar": {
+        "drives": "J3",
+        "arm": "J2",
+        "crank": "J3",
+        "crank_mm": 400.0,
+        "rod_mm": 600.0,
+        "rocker_mm": 400.0,
+        "arm_mm": 600.0,
+    },
+    "coupled_limit": [{"of": "J3 - J2", "range_deg": [-60.0, 60.0]}],
+    "tolerance": {"translation_mm": 0.5},
+}
+
+
+def edited(*path, value):
+    """The sound file with one entry changed."""
+    data = copy.deepcopy(SOUND)
+    place = data
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    return data
+
+
+WRONG = {
+    "unknown key": (edited("colour", value="red"), "colour: Extra inputs are not permitted.*red"),
+    "unknown key of a joint": (edited("joint", 1, "limit_deg", value=[0.0, 1.0]), "joint 2, limit_deg: Extra inputs"),
+    "name missing": ({k: v for k, v in SOUND.items() if k != "name"}, "name: Field required"),
+    "no joint": (edited("joint", value=[]), "joint: .*at least 1"),
+    "joint without name": (edited("joint", 0, value={"steps": []}), "joint 1, name: Field required"),
+    "text for a number": (
+        edited("joint", 0, "steps", 0, "tz_mm", value="half a metre"),
+        "joint 1, steps 1, tz_mm: .*half a metre",
+    ),
+    "infinite length": (
+        edited("joint", 0, "steps", 0, "tz_mm", value=float("inf")),
+        "joint 1, steps 1, tz_mm: .*finite",
+    ),
+    "empty step": (
+        edited("joint", 0, "steps", 0, value={}),
+        "joint 1, steps 1: a step is one of tx_mm .* this one has none",
+    ),
+    "two in a step": (
+        edited("joint", 0, "steps", 0, "rx_deg", value=9.0),
+        r"joint 1, steps 1: a step is one of .*\['tz_mm', 'rx_deg'\]",
+    ),
+    "symbol of an angle": (
+        edited("tool", 0, value={"rx_deg": 90.0, "symbol": "beta"}),
+        "tool 1: only a length can have a symbol",
+    ),
+    "duplicated joint": (edited("joint", 1, "name", value="J1"), "two joints are named 'J1'"),
+    "reserved name": (edited("joint", 3, "name", value="tool"), "a joint cannot be named 'tool'"),
+    "name with a space": (edited("joint", 3, "name", value="my slide"), "joint 4, name: .*my slide"),
+    "unknown kind": (edited("joint", 3, "type", value="screw"), "joint 4, type: .*screw"),
+    "steps and table": (edited("joint", 0, "dh", value={"a_mm": 1.0}), "joint 1: give the parts before the joint once"),
+    "unknown joint in an expression": (
+        edited("joint", 2, "angle", value="J3 - J9"),
+        r"joint 3, angle: no joint 'J9'.*'J3 - J9'",
+    ),
+    "non-linear expression": (edited("joint", 2, "angle", value="J3*J2"), r"joint 3, angle: 'J3\*J2' is not linear"),
+    "constant in an expression": (
+        edited("joint", 2, "angle", value="J3 + 90"),
+        "constant 90; put it into the joint's offset",
+    ),
+    "limits upside down": (
+        edited("joint", 0, "limits_deg", value=[170.0, -170.0]),
+        "joint 1: the lower limit 170 must be below",
+    ),
+    "limits too few": (edited("joint", 0, "limits_deg", value=[170.0]), "joint 1, limits_deg"),
+    "limits too many": (edited("joint", 0, "limits_deg", value=[0.0, 1.0, 2.0]), "joint 1, limits_deg"),
+    "limits in the other unit": (
+        edited("joint", 0, "limits_mm", value=[0.0, 1.0]),
+        "joint 1: a revolute joint has .* in degrees",
+    ),
+    "offset in the other unit": (
+        edited("joint", 3, "offset_deg", value=90.0),
+        "joint 4: a prismatic joint has .* in mm",
+    ),
+    "loop of an unknown joint": (edited("four_bar", "drives", value="J8"), "four_bar, drives: no joint 'J8'"),
+    "loop without a rod": (edited("four_bar", "rod_mm", value=0.0), "four_bar, rod_mm: .*greater than 0.*0.0"),
+    "loop of a third assembly": (edited("four_bar", "assembly", value=2), "four_bar, assembly"),
+    "coupled limit of an unknown joint": (
+        edited("coupled_limit", 0, "of", value="J3 - A2"),
+        "coupled_limit 1, of: no joint 'A2'",
+    ),
+    "negative tolerance": (
+        edited("tolerance", "translation_mm", value=-1.0),
+        "tolerance, translation_mm: .*greater than 0",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_description_is_refused_with_place_and_value(case, tmp_path):
+    data, message = WRONG[case]
+    with pytest.raises(RobotError, match=message):
+        robot_from(data)
+    path = tmp_path / "arm.toml"
+    path.write_text(tomli_w.dumps(data), encoding="utf-8")
+    with pytest.raises(FileError, match=rf"arm\.toml: .*{message}"):
+        read_robot(path)
+
+
+def test_the_sound_description_is_sound():
+    robot = robot_from(SOUND)
+    assert robot.joint_names == ("J1", "J2", "J3", "slide")
+    assert robot.title == "arm"
+
+
+def test_several_problems_are_counted():
+    with pytest.raises(RobotError, match=r"; 1 more$"):
+        robot_from({**SOUND, "colour": "red", "weight": 3})
+
+
+def test_coupled_limits_upside_down_are_refused():
+    with pytest.raises(RobotError, match="coupled_limit 1: the lower limit 60 must be below the upper limit -60"):
+        robot_from(edited("coupled_limit", 0, "range_deg", value=[60.0, -60.0]))
+
+
+@pytest.mark.parametrize("content", [b"name = ", b"\xff\xfe\x00", b"joint = 3\n[joint]"])
+def test_what_is_no_toml_is_refused(tmp_path, content):
+    path = tmp_path / "arm.toml"
+    path.write_bytes(content)
+    with pytest.raises(FileError, match=r"arm\.toml.*is no TOML"):
+        read_robot(path)
