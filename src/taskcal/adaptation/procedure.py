@@ -1,0 +1,171 @@
+"""The published procedure from beginning to end on a virtual robot, and what goes past it.
+
+Gutiérrez, Chanal, Durieux and Duc adapt the geometric model of a robot to its task space: mechanism, complete model,
+sensitivity over 60 poses of a workspace, elimination, identification of the reduced model, residuals. Here all of it runs
+twice, in one tool orientation and in several, and the reduced model is compared with the others that the same
+measurements allow: errors on poses that were not measured, inside the workspace and outside its orientation.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.analysis.elimination_table import EliminationTable, published_kept, tabulate_elimination
+from taskcal.analysis.sensitivity import Sensitivity, sensitivity
+from taskcal.geometry import se3
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.identify import identify
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.virtual_cell import Truth, draw_defects, simulate
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.mechanism import Mechanism, analyse_mechanism
+from taskcal.task.task import Task, TaskPoses, reach_task
+from taskcal.task.workspace import Orientation, Workspace
+
+ONE, SEVERAL = "one orientation", "±20°"
+SPREAD = np.radians(20.0)
+
+Progress = Callable[[str], None]
+
+
+def reference_task(spread: float = 0.0) -> Task:
+    """The reference machining workspace of the IRB 6660-205/1.9.
+
+    Args:
+        spread: how far the tool tilts and turns about its one orientation, radians.
+    """
+    quaternion = np.array([0.0, 0.955, 0.0, 0.296])
+    orientation = Orientation(rotation=se3.from_quaternion(quaternion), cone=spread, spin=spread)
+    workspace = Workspace(
+        T_base_frame=np.eye(4),
+        shape="box",
+        center=np.array([1.711, 0.03, 1.489]),
+        size=np.array([0.5, 0.7, 0.5]),
+        turned=np.eye(3),
+        orientations=(orientation,),
+    )
+    return Task(name="reference machining workspace", workspace=workspace, accuracy=1e-4)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Errors:
+    """Errors of the predicted tool point against the true one, in the robot's base axes, metres."""
+
+    mean: float
+    maximum: float
+    per_axis: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Fitted:
+    """One model identified from one campaign."""
+
+    campaign: str
+    """Which poses were measured."""
+    model: str
+    """Which parameters were identified, and how."""
+    parameters: int
+    calibration: Calibration
+    residual: Errors
+    """On the measured poses, against the measurements; as published."""
+    inside: Errors
+    """On new poses in the workspace and orientation that were measured."""
+    outside: Errors
+    """On new poses in the workspace, in orientations up to 40° away from the single one."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Procedure:
+    """Everything that the procedure finds."""
+
+    model: ErrorModel
+    mechanism: Mechanism
+    poses: Mapping[str, TaskPoses]
+    """The 60 measured poses of each campaign."""
+    sensitivities: Mapping[str, Sensitivity]
+    elimination: EliminationTable
+    campaigns: Mapping[str, Campaign]
+    truth: Truth
+    fits: tuple[Fitted, ...]
+    seed: int
+
+
+def run_procedure(
+    model: ErrorModel, *, count: int = 60, seed: int = 0, held_out: int = 400, progress: Progress = lambda _: None
+) -> Procedure:
+    """Run the procedure on a virtual robot drawn from the model's tolerances.
+
+    Args:
+        model: the complete model of an IRB 6660-205/1.9.
+        count: measured poses of each campaign.
+        seed: of the true robot and of the tracker's noise.
+        held_out: new poses on which the models are compared.
+        progress: told what is being done.
+    """
+    progress("mechanism and poses")
+    tasks = {ONE: reference_task(), SEVERAL: reference_task(SPREAD)}
+    poses = {label: reach_task(model, task, count) for label, task in tasks.items()}
+    progress("sensitivity and elimination")
+    sensitivities = {label: sensitivity(model, found.q) for label, found in poses.items()}
+    elimination = tabulate_elimination(model, {label: found.q for label, found in poses.items()})
+    progress("virtual measurements")
+    rng = np.random.default_rng(seed)
+    x = draw_defects(model, rng)
+    simulated = {label: simulate(model, found.q, rng=rng, x=x) for label, found in poses.items()}
+    truth = simulated[ONE][1]
+    new = {label: reach_task(model, task, held_out, seed=seed + 1).q for label, task in tasks.items()}
+    far = reach_task(model, reference_task(2.0 * SPREAD), held_out, seed=seed + 1).q
+    fits: list[Fitted] = []
+    for label, (campaign, _) in simulated.items():
+        for name, options in _models(model, elimination, label).items():
+            progress(f"identification in {label}: {name}")
+            calibration = identify(model, campaign, **options)
+            fits.append(
+                Fitted(
+                    campaign=label,
+                    model=name,
+                    parameters=len(calibration.kept),
+                    calibration=calibration,
+                    residual=_errors(calibration.residuals[:, 0], calibration),
+                    inside=_prediction_errors(calibration, truth, new[label]),
+                    outside=_prediction_errors(calibration, truth, far),
+                )
+            )
+    return Procedure(
+        model=model,
+        mechanism=analyse_mechanism(model.robot),
+        poses=poses,
+        sensitivities=sensitivities,
+        elimination=elimination,
+        campaigns={label: campaign for label, (campaign, _) in simulated.items()},
+        truth=truth,
+        fits=tuple(fits),
+        seed=seed,
+    )
+
+
+def _models(model: ErrorModel, elimination: EliminationTable, label: str) -> dict[str, dict[str, Any]]:
+    """The models to compare: names for a reader, and the options of their identification."""
+    published = published_kept(model)
+    independent = elimination.eliminations[label].kept
+    return {
+        "nominal, frames only": {"keep": ()},
+        f"published {len(published)}, damped, no prior": {"keep": published, "prior": None},
+        f"published {len(published)}, prior": {"keep": published},
+        f"identifiable {len(independent)}, prior": {"keep": independent},
+        f"all {len(model)}, prior": {},
+    }
+
+
+def _prediction_errors(calibration: Calibration, truth: Truth, q: Float[np.ndarray, "n joints"]) -> Errors:
+    return _errors(truth.points(q)[:, 0] - calibration.predict(q)[:, 0], calibration)
+
+
+def _errors(in_tracker: Float[np.ndarray, "n 3"], calibration: Calibration) -> Errors:
+    in_base = in_tracker @ calibration.T_tracker_base[:3, :3]
+    length = np.linalg.norm(in_base, axis=1)
+    x, y, z = np.abs(in_base).max(axis=0)
+    return Errors(mean=float(length.mean()), maximum=float(length.max()), per_axis=(float(x), float(y), float(z)))
