@@ -72,7 +72,9 @@ class CsvTable:
                 remedy = "is no number; give a number such as 12.5"
             raise self.error(f"'{text}' {remedy}", row, column) from None
         if not math.isfinite(value):
-            raise self.error(f"'{text}' is no finite number; leave the row out, or the target's cells empty", row, column)
+            raise self.error(
+                f"'{text}' is no finite number; leave the row out, or the target's cells empty", row, column
+            )
         return value
 
 
@@ -106,7 +108,9 @@ def read_csv(path: str | Path) -> CsvTable:
                 header = stripped
                 continue
             if len(stripped) != len(header):
-                hint = "; is it written with decimal commas?" if delimiter == "," and len(stripped) > len(header) else ""
+                hint = (
+                    "; is it written with decimal commas?" if delimiter == "," and len(stripped) > len(header) else ""
+                )
                 message = f"the line has {len(stripped)} fields, the header {len(header)}{hint}"
                 raise FileError(path, message, line=reader.line_num)
             rows.append(stripped)

@@ -10,7 +10,6 @@ from jaxtyping import Float
 from scipy.linalg import qr, solve_triangular
 
 from taskcal.estimation.information import Observability, observability
-from taskcal.geometry import se3
 from taskcal.robot.error_model import COMPONENTS, ErrorModel
 
 NIL = 1e-9
@@ -141,13 +140,15 @@ def eliminate(
 ) -> Identifiability:
     """Elimination of any stack of sensitivities, columns scaled to unit length."""
     p = stacked.shape[1]
-    matrix = np.linalg.qr(stacked, mode="r") if len(stacked) > p else stacked
+    matrix = stacked
+    if len(stacked) > p:
+        matrix = np.asarray(qr(stacked, mode="r")[0])[:p]
     norms = np.linalg.norm(matrix, axis=0)
     alive = np.flatnonzero(norms > NIL * max(norms.max(initial=0.0), 1e-300))
     unit = matrix[:, alive] / norms[alive]
     s = np.linalg.svd(unit, compute_uv=False)
     rank = int((s > NIL * s[0]).sum()) if len(s) else 0
-    diagonal = np.abs(np.diag(qr(unit, mode="r", pivoting=True)[0])) if len(alive) else np.zeros(0)
+    diagonal = np.abs(np.diag(np.asarray(qr(unit, mode="r", pivoting=True)[0]))) if len(alive) else np.zeros(0)
     pivoted = int((diagonal > NIL * diagonal[0]).sum()) if len(diagonal) else 0
     kept, dependent = _left_to_right(unit)
     relations = {

@@ -53,7 +53,9 @@ class Sensitivity:
                 "max_y": raw[1],
                 "max_z": raw[2],
                 "max_space": self.maximum_in_space(),
-                "tolerance": [f"{p.tolerance * 1e3:g} {'mm' if p.unit == 'm' else 'mrad'}" for p in self.model.parameters],
+                "tolerance": [
+                    f"{p.tolerance * 1e3:g} {'mm' if p.unit == 'm' else 'mrad'}" for p in self.model.parameters
+                ],
                 "max_x_um": scaled[0],
                 "max_y_um": scaled[1],
                 "max_z_um": scaled[2],

@@ -37,9 +37,7 @@ class Linearised:
     """Which parameters the factor v scales."""
 
 
-def score_model_error(
-    at: Linearised, components: slice, weights: Float[np.ndarray, " blocks"]
-) -> tuple[float, float]:
+def score_model_error(at: Linearised, components: slice, weights: Float[np.ndarray, " blocks"]) -> tuple[float, float]:
     """Scoring step for the variance u of some residual components: the change of u, and its standard error.
 
     Args:

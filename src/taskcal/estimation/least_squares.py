@@ -37,7 +37,7 @@ class Solution:
     reason: str
 
 
-def solve_scaled(A: Float[np.ndarray, "p p"], b: Float[np.ndarray, "p *k"]) -> Float[np.ndarray, "p *k"]:
+def solve_scaled(A: Float[np.ndarray, "p p"], b: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
     """Solve A·x = b for a positive definite A of very different scales, by Cholesky on unit diagonal.
 
     Raises:
@@ -79,7 +79,8 @@ def fit(
     reason = f"no convergence in {stopping.iterations} iterations"
     converged = False
     iteration = 0
-    for iteration in range(1, stopping.iterations + 1):
+    while iteration < stopping.iterations:
+        iteration += 1
         b = g - precision @ (z - mean)
         A = H + precision
         try:
@@ -112,5 +113,11 @@ def fit(
             converged, reason = True, f"the objective fell by less than {stopping.decrease:g} of itself"
             break
     return Solution(
-        z=z, cost=cost, objective=float(objective), information=H, iterations=iteration, converged=converged, reason=reason
+        z=z,
+        cost=cost,
+        objective=float(objective),
+        information=H,
+        iterations=iteration,
+        converged=converged,
+        reason=reason,
     )

@@ -11,11 +11,11 @@ import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
-import numba.core.config as numba_config
 import platformdirs
+from numba.core import config
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
@@ -46,14 +46,15 @@ def is_warm() -> bool:
 
 def compiled(kernel: Kernel) -> Kernel:
     """Compile a kernel at its first call, without the interpreter lock, and keep the machine code on disk."""
-    previous = numba_config.CACHE_DIR  # process-wide, so that other users of Numba keep their own
-    numba_config.CACHE_DIR = str(cache_folder())
+    settings: Any = config
+    previous = settings.CACHE_DIR  # process-wide, so that other users of Numba keep their own
+    settings.CACHE_DIR = str(cache_folder())
     try:
-        return numba.njit(cache=True, nogil=True, error_model="numpy")(kernel)
+        return cast(Kernel, numba.njit(cache=True, nogil=True, error_model="numpy")(kernel))
     finally:
-        numba_config.CACHE_DIR = previous
+        settings.CACHE_DIR = previous
 
 
 def inlined(kernel: Kernel) -> Kernel:
     """Compile a kernel that only other kernels call; it is compiled with each of them and needs no cache."""
-    return numba.njit(nogil=True, error_model="numpy")(kernel)
+    return cast(Kernel, numba.njit(nogil=True, error_model="numpy")(kernel))

@@ -77,9 +77,7 @@ def _close(arm_angle, crank_angle, L1, L2, L3, d, gamma, rho, assembly, angle, b
     return -1
 
 
-def close_four_bar(
-    bar: FourBar, arm_angle: Float[np.ndarray, " n"], crank_angle: Float[np.ndarray, " n"]
-) -> Closure:
+def close_four_bar(bar: FourBar, arm_angle: Float[np.ndarray, " n"], crank_angle: Float[np.ndarray, " n"]) -> Closure:
     """Rocker angle θ and its derivatives for arm angles α and crank angles κ, radians.
 
     Raises:

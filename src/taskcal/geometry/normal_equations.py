@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.geometry.chain import Chain
 from taskcal.geometry.compiled import compiled, inlined
-from taskcal.geometry.walk import Columns, _error_frames, _fill, _walk, in_chunks
+from taskcal.geometry.walk import Columns, expand_error_frames, fill_columns, in_chunks, walk_pose
 
 SQUARED, HUBER, CAUCHY = range(3)
 
@@ -50,7 +51,7 @@ def _block(T, joint_axes, frame_axes, frames, joint, column, factor, points, poi
     x0 = T[0, 3] + T[0, 0] * a + T[0, 1] * b + T[0, 2] * c
     x1 = T[1, 3] + T[1, 0] * a + T[1, 1] * b + T[1, 2] * c
     x2 = T[2, 3] + T[2, 0] * a + T[2, 1] * b + T[2, 2] * c
-    _fill(joint_axes, frame_axes, frames, joint, column, factor, x0, x1, x2, J)
+    fill_columns(joint_axes, frame_axes, frames, joint, column, factor, x0, x1, x2, J)
     for other in range(point_columns.shape[0]):
         for d in range(3):
             k = point_columns[other, d]
@@ -74,9 +75,8 @@ def _rotation_residual(T, y_rotation, r, J, w):
     # half a turn has no unique axis; a fit starts from a registration that is nowhere near it
     scale = 1.0 if sine < 1e-12 else angle / sine
     r[3], r[4], r[5] = scale * v0, scale * v1, scale * v2
-    if angle < 1e-4:
-        c = 1.0 / 12.0
-    else:
+    c = 1.0 / 12.0
+    if angle > 1e-4:
         c = 1.0 / (angle * angle) - (1.0 + np.cos(angle)) / (2.0 * angle * np.sin(angle))
     a, b, g = r[3], r[4], r[5]
     w[0, 0], w[0, 1], w[0, 2] = 1.0 - c * (b * b + g * g), -0.5 * g + c * a * b, 0.5 * b + c * a * g
@@ -97,14 +97,14 @@ def _accumulate(
 
     Mode 0 adds up H = JᵀWJ and g = JᵀWr and returns the cost; mode 1 stores r and J·matrix·Jᵀ of every block.
     """
-    e_rotation, e_axes, nil = _error_frames(e)
+    e_rotation, e_axes, nil = expand_error_frames(e)
     joint_axes, frame_axes = np.zeros((s.shape[1], 3, 3)), np.zeros((e.shape[0], 7, 3))
     T, w = np.empty((3, 4)), np.empty((3, 3))
     rows, p = whitener.shape[2], g.shape[0]
     r, J, white, product = np.zeros(rows), np.zeros((rows, p)), np.zeros((rows, p)), np.zeros(p)
     cost = 0.0
     for i in range(s.shape[0]):
-        _walk(kind, index, fixed, s[i], e, e_rotation, e_axes, nil, joint_axes, frame_axes, T)
+        walk_pose(kind, index, fixed, s[i], e, e_rotation, e_axes, nil, joint_axes, frame_axes, T)
         for t in range(y.shape[1]):
             if not valid[i, t]:
                 continue
@@ -163,7 +163,8 @@ def _accumulate(
 
 
 _NO_ROTATION = np.zeros((1, 3, 3))
-_NOTHING = np.zeros((0, 0)), np.zeros((0, 0, 0)), np.zeros((0, 0, 0, 0))
+_NO_MATRIX = np.zeros((0, 0))
+_NO_BLOCKS = np.zeros((0, 0, 0)), np.zeros((0, 0, 0, 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,9 +208,9 @@ def normal_equations(
 
     def add(rows: slice) -> tuple[float, np.ndarray, np.ndarray]:
         H, g = np.zeros((p, p)), np.zeros(p)
-        cost = _accumulate(
-            *walked.arrays(rows), *_measured(seen, rows), whitener[rows], loss, threshold, 0, _NOTHING[0], H, g, *_NOTHING[1:]
-        )
+        shared = (*walked.arrays(rows), *_measured(seen, rows))
+        arguments: tuple[Any, ...] = (*shared, whitener[rows], loss, threshold, 0, _NO_MATRIX, H, g, *_NO_BLOCKS)
+        cost = _accumulate(*arguments)
         return cost, g, H
 
     parts = in_chunks(add, len(walked.s))
@@ -231,9 +232,9 @@ def spread(
 
     def fill(rows: slice) -> None:
         g = np.zeros(walked.layout.count)
-        _accumulate(
-            *walked.arrays(rows), *_measured(seen, rows), shape, SQUARED, 1.0, 1, matrix, _NOTHING[0], g, residual[rows], out[rows]
-        )
+        shared = (*walked.arrays(rows), *_measured(seen, rows))
+        arguments: tuple[Any, ...] = (*shared, shape, SQUARED, 1.0, 1, matrix, _NO_MATRIX, g, residual[rows], out[rows])
+        _accumulate(*arguments)
 
     in_chunks(fill, n)
     return residual, out

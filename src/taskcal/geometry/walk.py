@@ -43,7 +43,7 @@ class Columns:
 
 
 @inlined
-def _error_frames(e):
+def expand_error_frames(e):
     """Rotation of each error frame, the axes of its three rotations, and whether it is exactly nil."""
     rotation = np.empty((e.shape[0], 3, 3))
     axes = np.empty((e.shape[0], 3, 3))
@@ -66,13 +66,13 @@ def _error_frames(e):
 
 
 @inlined
-def _walk(kind, index, fixed, s, e, e_rotation, e_axes, nil, joint_axes, frame_axes, T):
+def walk_pose(kind, index, fixed, s, e, e_rotation, e_axes, nil, joint_axes, frame_axes, T):
     """Walk one pose: fill the axes and origins of joints and error frames, and the pose T (3, 4) of the end."""
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
     x, y, z = 0.0, 0.0, 0.0
     for k in range(kind.shape[0]):
         what, i = kind[k], index[k]
-        if what == FIXED or what == ERROR_FRAME:
+        if what in (FIXED, ERROR_FRAME):
             if what == FIXED:
                 tx, ty, tz = fixed[i, 0, 3], fixed[i, 1, 3], fixed[i, 2, 3]
             else:
@@ -132,7 +132,7 @@ def _walk(kind, index, fixed, s, e, e_rotation, e_axes, nil, joint_axes, frame_a
 
 
 @inlined
-def _fill(joint_axes, frame_axes, frames, joint, column, factor, x, y, z, out):
+def fill_columns(joint_axes, frame_axes, frames, joint, column, factor, x, y, z, out):
     """Columns of the point (x, y, z): rows vx vy vz, and wx wy wz where `out` has six rows."""
     angular = out.shape[0] == 6
     for f in range(frames.shape[0]):
@@ -174,25 +174,25 @@ def _fill(joint_axes, frame_axes, frames, joint, column, factor, x, y, z, out):
 
 @compiled
 def _poses(kind, index, fixed, s, e, out):
-    e_rotation, e_axes, nil = _error_frames(e)
+    e_rotation, e_axes, nil = expand_error_frames(e)
     joint_axes, frame_axes = np.zeros((s.shape[1], 3, 3)), np.zeros((e.shape[0], 7, 3))
     for i in range(s.shape[0]):
-        _walk(kind, index, fixed, s[i], e, e_rotation, e_axes, nil, joint_axes, frame_axes, out[i])
+        walk_pose(kind, index, fixed, s[i], e, e_rotation, e_axes, nil, joint_axes, frame_axes, out[i])
         out[i, 3, 0], out[i, 3, 1], out[i, 3, 2], out[i, 3, 3] = 0.0, 0.0, 0.0, 1.0
 
 
 @compiled
 def _columns(kind, index, fixed, s, e, factor, frames, joint, column, point, out):
-    e_rotation, e_axes, nil = _error_frames(e)
+    e_rotation, e_axes, nil = expand_error_frames(e)
     joint_axes, frame_axes = np.zeros((s.shape[1], 3, 3)), np.zeros((e.shape[0], 7, 3))
     T = np.empty((3, 4))
     a, b, c = point
     for i in range(s.shape[0]):
-        _walk(kind, index, fixed, s[i], e, e_rotation, e_axes, nil, joint_axes, frame_axes, T)
+        walk_pose(kind, index, fixed, s[i], e, e_rotation, e_axes, nil, joint_axes, frame_axes, T)
         x = T[0, 3] + T[0, 0] * a + T[0, 1] * b + T[0, 2] * c
         y = T[1, 3] + T[1, 0] * a + T[1, 1] * b + T[1, 2] * c
         z = T[2, 3] + T[2, 0] * a + T[2, 1] * b + T[2, 2] * c
-        _fill(joint_axes, frame_axes, frames, joint, column, factor[i], x, y, z, out[i])
+        fill_columns(joint_axes, frame_axes, frames, joint, column, factor[i], x, y, z, out[i])
 
 
 @cache
@@ -207,7 +207,9 @@ def in_chunks(walk_rows: Callable[[slice], Any], n: int) -> list[Any]:
     return list(_pool().map(walk_rows, [slice(i, min(i + CHUNK, n)) for i in range(0, n, CHUNK)]))
 
 
-def poses(chain: Chain, s: Float[np.ndarray, "n joints"], e: Float[np.ndarray, "frames 6"]) -> Float[np.ndarray, "n 4 4"]:
+def poses(
+    chain: Chain, s: Float[np.ndarray, "n joints"], e: Float[np.ndarray, "frames 6"]
+) -> Float[np.ndarray, "n 4 4"]:
     """Poses of the chain's end in its start.
 
     Args:
@@ -246,6 +248,7 @@ def columns(
     out = (np.empty if full else np.zeros)((len(s), 6 if angular else 3, layout.count))
     arrays = layout.frames, layout.joint, layout.column, point
     in_chunks(
-        lambda rows: _columns(chain.kind, chain.index, chain.fixed, s[rows], e, factor[rows], *arrays, out[rows]), len(s)
+        lambda rows: _columns(chain.kind, chain.index, chain.fixed, s[rows], e, factor[rows], *arrays, out[rows]),
+        len(s),
     )
     return out

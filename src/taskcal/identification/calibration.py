@@ -262,7 +262,9 @@ class Calibration:
 
 
 def _without_nan(array: np.ndarray) -> list[Any]:
-    return np.where(np.isnan(array), None, array.astype(object)).tolist()
+    out = array.astype(object)
+    out[np.isnan(array)] = None
+    return out.tolist()
 
 
 def load_calibration(path: str | Path) -> Calibration:
@@ -284,10 +286,15 @@ def load_calibration(path: str | Path) -> Calibration:
         message = f"is no whole JSON file ({error.msg}); it may have been cut off: save the calibration again"
         raise FileError(path, message, line=error.lineno) from error
     if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise FileError(path, f"is JSON, but no calibration: 'format' is not '{FORMAT}'; write one with taskcal identify")
+        raise FileError(
+            path, f"is JSON, but no calibration: 'format' is not '{FORMAT}'; write one with taskcal identify"
+        )
     if data.get("format_version") != FORMAT_VERSION:
         found = data.get("format_version")
-        raise FileError(path, f"has format version {found!r}, this Taskcal reads {FORMAT_VERSION}; identify again, or use the Taskcal that wrote it")
+        raise FileError(
+            path,
+            f"has format version {found!r}, this Taskcal reads {FORMAT_VERSION}; identify again, or use the Taskcal that wrote it",
+        )
     try:
         return _from_json(data)
     except TaskcalError as error:

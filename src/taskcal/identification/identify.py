@@ -98,7 +98,9 @@ def identify(
         pose=campaign.rotations is not None,
         fixed_frames=frames == "fixed",
     )
-    problem = Problem(frames=layout, q=np.ascontiguousarray(campaign.q), seen=observe(campaign), noise=campaign.covariances(noise))
+    problem = Problem(
+        frames=layout, q=np.ascontiguousarray(campaign.q), seen=observe(campaign), noise=campaign.covariances(noise)
+    )
     belief = _belief(layout, prior)
     found = _estimate(problem, belief, loss, model_error, 1.0 if prior is None else prior_scale)
     return _conclude(found, problem, belief, campaign, outlier_level, loss, prior)
@@ -161,7 +163,11 @@ class _Found:
 
 
 def _estimate(
-    problem: Problem, belief: _Belief, loss: Loss, model_error: float | tuple[float, float] | str, prior_scale: float | str
+    problem: Problem,
+    belief: _Belief,
+    loss: Loss,
+    model_error: float | tuple[float, float] | str,
+    prior_scale: float | str,
 ) -> _Found:
     """Alternate between the estimate and its hyperparameters until both stand still."""
     groups = problem.noise.shape[-1] // 3
@@ -173,7 +179,9 @@ def _estimate(
         variances = _first_variances(problem, start, groups)
     else:
         variances = np.square(np.resize(np.atleast_1d(np.asarray(model_error, dtype=float)), groups))
-    hyper = Hyperparameters(variances=variances, prior_factor=1.0 if isinstance(prior_scale, str) else float(prior_scale) ** 2)
+    hyper = Hyperparameters(
+        variances=variances, prior_factor=1.0 if isinstance(prior_scale, str) else float(prior_scale) ** 2
+    )
     z = start
     final = _final(belief)
     loose = replace(final, decrement=max(final.decrement, 1e-3))
@@ -220,7 +228,13 @@ def _first_variances(problem: Problem, start: np.ndarray, groups: int) -> np.nda
 
 
 def _fit_once(
-    problem: Problem, belief: _Belief, loss: Loss, hyper: Hyperparameters, z: np.ndarray, stopping: Stopping, rounds: int
+    problem: Problem,
+    belief: _Belief,
+    loss: Loss,
+    hyper: Hyperparameters,
+    z: np.ndarray,
+    stopping: Stopping,
+    rounds: int,
 ) -> _Found:
     frames = problem.frames
     covariance = problem.covariance(hyper.variances)
@@ -229,7 +243,9 @@ def _fit_once(
     precision = belief.precision(hyper.prior_factor)
     scale = np.concatenate([belief.sizes, np.full(len(z) - len(belief.sizes), 1e-3)])
     damping = 1e-2 if belief.prior is None else 0.0
-    solution = fit(problem.equations(white, loss.code, loss.threshold), z, belief.mean(start), precision, scale, stopping, damping)
+    solution = fit(
+        problem.equations(white, loss.code, loss.threshold), z, belief.mean(start), precision, scale, stopping, damping
+    )
     if not solution.converged:
         raise FitError(
             f"the fit did not converge: {solution.reason} ({solution.iterations} iterations, objective {solution.objective:.6g}); "
@@ -328,7 +344,9 @@ def _conclude(
         iterations=found.solution.iterations,
         rounds=found.rounds,
         reason=found.solution.reason,
-        provenance=Provenance.of(frames.model, campaign, kept=frames.kept, loss=loss, prior=prior, frames=frames.fixed_frames),
+        provenance=Provenance.of(
+            frames.model, campaign, kept=frames.kept, loss=loss, prior=prior, frames=frames.fixed_frames
+        ),
     )
 
 
@@ -353,7 +371,13 @@ def _studentise(
     limit = np.sqrt(chi2.isf(level / max(int(valid.sum()), 1), b))
     rows = [(float(out[i, t]), int(i), int(t)) for i, t in zip(*np.nonzero(out > limit), strict=True)]
     named = [
-        Outlier(row=i, id=campaign.ids[i], target=campaign.targets[t], studentised=s, residual=float(np.linalg.norm(found.residual[i, t, :3])))
+        Outlier(
+            row=i,
+            id=campaign.ids[i],
+            target=campaign.targets[t],
+            studentised=s,
+            residual=float(np.linalg.norm(found.residual[i, t, :3])),
+        )
         for s, i, t in sorted(rows, reverse=True)
     ]
     return out, tuple(named)

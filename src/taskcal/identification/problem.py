@@ -124,7 +124,9 @@ class FrameLayout:
 def observe(campaign: Campaign) -> Observations:
     """The campaign as the compiled passes take it."""
     return Observations(
-        position=np.ascontiguousarray(campaign.points), rotation=campaign.rotations, valid=np.ascontiguousarray(campaign.valid)
+        position=np.ascontiguousarray(campaign.points),
+        rotation=campaign.rotations,
+        valid=np.ascontiguousarray(campaign.valid),
     )
 
 

@@ -59,7 +59,9 @@ def solve_near(
             active = active[_closes(model, q[active], x)]
             continue
         error = _twist(T[active], at)
-        far = (np.abs(error[:, :3]).max(axis=1) > 1e-4 * POSITION) | (np.abs(error[:, 3:]).max(axis=1) > 1e-4 * ROTATION)
+        far = (np.abs(error[:, :3]).max(axis=1) > 1e-4 * POSITION) | (
+            np.abs(error[:, 3:]).max(axis=1) > 1e-4 * ROTATION
+        )
         active, error, J = active[far], (error * weight)[far], J[far] * weight[:, None]
         size = np.linalg.norm(error, axis=1)
         # damping fades with the error, so that the last steps are pure Newton; it tames singular poses (Wampler 1986)
@@ -108,7 +110,7 @@ def find_posture(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.nda
         ReachError: no seed leads to the pose inside the limits.
     """
     limits = np.clip(model.robot.limits, -np.pi, np.pi)
-    seeds = qmc.scale(qmc.Sobol(len(limits), seed=0).random(256), limits[:, 0], limits[:, 1])
+    seeds = qmc.scale(qmc.Sobol(len(limits), rng=0).random(256), limits[:, 0], limits[:, 1])
     seeds = np.concatenate([limits.mean(axis=1)[None], seeds])
     closing = _closes_all(model, seeds, None)
     found = solve_near(model, np.broadcast_to(T, (int(closing.sum()), 4, 4)), seeds[closing], iterations=60)

@@ -82,7 +82,9 @@ class Campaign:
         def pick(value: object) -> object:
             return value[chosen] if isinstance(value, np.ndarray) else value
 
-        changed = {f.name: pick(getattr(self, f.name)) for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)}
+        changed = {
+            f.name: pick(getattr(self, f.name)) for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)
+        }
         nests = {name: points[chosen] for name, points in self.nests.items()}
         return replace(self, ids=tuple(self.ids[i] for i in chosen), nests=nests, **changed)  # type: ignore[arg-type]
 
@@ -94,7 +96,9 @@ class Campaign:
         """
         out = round(fraction * len(self))
         if not 0 < out < len(self):
-            raise CampaignError(f"holding out {fraction:g} of {len(self)} rows leaves {len(self) - out} to fit and {out} to test")
+            raise CampaignError(
+                f"holding out {fraction:g} of {len(self)} rows leaves {len(self) - out} to fit and {out} to test"
+            )
         order = rng.permutation(len(self))
         return self.take(np.sort(order[out:])), self.take(np.sort(order[:out]))
 

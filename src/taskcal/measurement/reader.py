@@ -107,7 +107,9 @@ def _ids(table: CsvTable, names: dict[str, str], used: set[str]) -> tuple[str, .
         if not text:
             raise table.error("the row has no id; give each row its own", row, names["id"])
         if text in seen:
-            raise table.error(f"id '{text}' stands in line {table.lines[seen[text]]} already; give each row its own", row, names["id"])
+            raise table.error(
+                f"id '{text}' stands in line {table.lines[seen[text]]} already; give each row its own", row, names["id"]
+            )
         seen[text] = row
     return tuple(ids)
 
@@ -157,7 +159,9 @@ def _points(table: CsvTable, names: dict[str, str], used: set[str]) -> dict[str,
                 raise FileError(table.path, f"the unit is not stated; name the column {name}_mm", line=1, column=name)
             continue
         if match["unit"] != "mm":
-            raise FileError(table.path, f"positions are in millimetres; give {name[: -len(match['unit'])]}mm", line=1, column=name)
+            raise FileError(
+                table.path, f"positions are in millimetres; give {name[: -len(match['unit'])]}mm", line=1, column=name
+            )
         used.add(lower)
         label = name[: -len("_x_mm")] if match["name"] else ""
         columns.setdefault(label, {})[match["axis"]] = name
@@ -207,10 +211,14 @@ def _rotations(
     for row in np.flatnonzero(seen):
         if blank[row].any():
             column = names[_QUATERNION[int(np.argmax(blank[row]))]]
-            raise table.error("the cell is empty while the position is there; a pose needs all of qx qy qz qw", int(row), column)
+            raise table.error(
+                "the cell is empty while the position is there; a pose needs all of qx qy qz qw", int(row), column
+            )
         length = float(np.linalg.norm(quaternion[row]))
         if abs(length - 1.0) > _UNIT_QUATERNION:
-            raise table.error(f"the quaternion has length {length:.4f}; it must be 1 (is qw last?)", int(row), names["qx"])
+            raise table.error(
+                f"the quaternion has length {length:.4f}; it must be 1 (is qw last?)", int(row), names["qx"]
+            )
     quaternion[~seen] = (0.0, 0.0, 0.0, 1.0)
     return se3.from_quaternion(quaternion)
 
@@ -224,7 +232,9 @@ def _uncertainty(
         return None
     if len(stated) < len(targets):
         without = targets[columns.index(None)]
-        raise FileError(table.path, f"states the uncertainty of some targets but not of '{without}'; give {without}_u_mm", line=1)
+        raise FileError(
+            table.path, f"states the uncertainty of some targets but not of '{without}'; give {without}_u_mm", line=1
+        )
     used.update(stated)
     out = np.stack([table.numbers(names[c]) for c in stated], axis=1)
     for row, t in zip(*np.nonzero(out <= 0), strict=True):

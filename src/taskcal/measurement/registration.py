@@ -88,7 +88,7 @@ def check_plausible(registration: Registration, model: ErrorModel) -> None:
             f"these joints and points do not fit {model.robot.name}: after registration the nominal robot is off by "
             f"{registration.rms * 1e3:.1f} mm rms, {registration.rms / reach:.1%} of its {reach:.2f} m of links. Likely causes: "
             "another robot or variant; joints in another order, with other signs or zero positions; degrees taken for radians; "
-            "an axis coupling that the robot file lacks (angle = \"-(J2 + J3)\"); inches for millimetres; rows of joints and "
+            'an axis coupling that the robot file lacks (angle = "-(J2 + J3)"); inches for millimetres; rows of joints and '
             "points that do not belong together"
         )
 
@@ -225,7 +225,13 @@ def _refine(
 def _orientations() -> list[np.ndarray]:
     """The 24 rotations of a cube, and the same turned by 45° about a skew axis."""
     cube = [
-        np.array([[s[0] * (p[0] == j) for j in range(3)], [s[1] * (p[1] == j) for j in range(3)], [s[2] * (p[2] == j) for j in range(3)]])
+        np.array(
+            [
+                [s[0] * (p[0] == j) for j in range(3)],
+                [s[1] * (p[1] == j) for j in range(3)],
+                [s[2] * (p[2] == j) for j in range(3)],
+            ]
+        )
         for p in itertools.permutations(range(3))
         for s in itertools.product((1.0, -1.0), repeat=3)
     ]
@@ -246,7 +252,9 @@ def _register_poses(T: np.ndarray, campaign: Campaign) -> Registration:
     if not located[0]:
         t, offsets, residual = _place(Z, R, p, y, target, 1, held=located)
         rms = _rms(residual)
-    return Registration(T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(X[None], offsets), rms=rms, located=located)
+    return Registration(
+        T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(X[None], offsets), rms=rms, located=located
+    )
 
 
 def _rotation_cost(ZX: tuple[np.ndarray, np.ndarray], R: np.ndarray, Y: np.ndarray) -> float:

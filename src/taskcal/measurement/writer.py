@@ -54,7 +54,9 @@ def write_joints(path: str | Path, q: Float[np.ndarray, "n joints"], robot: Robo
 
 
 def _joint_columns(q: np.ndarray, robot: Robot) -> tuple[list[str], list[list[str]]]:
-    header = [f"{name}_{'mm' if slides else 'deg'}" for name, slides in zip(robot.joint_names, robot.prismatic, strict=True)]
+    header = [
+        f"{name}_{'mm' if slides else 'deg'}" for name, slides in zip(robot.joint_names, robot.prismatic, strict=True)
+    ]
     scale = np.where(robot.prismatic, 1e3, 180 / np.pi)
     return header, [_texts(q[:, j] * scale[j], 9) for j in range(q.shape[1])]
 

@@ -40,5 +40,7 @@ def load_robot(source: str | Path) -> Robot:
     if path.suffix == ".toml":
         return read_robot(path)
     if path.suffix == ".csv":
-        raise TaskcalError(f"'{text}' is a table; make a robot file of it: taskcal robots import {text} --convention dh|mdh -o ROBOT.toml")
+        raise TaskcalError(
+            f"'{text}' is a table; make a robot file of it: taskcal robots import {text} --convention dh|mdh -o ROBOT.toml"
+        )
     raise UnknownName("robot", text, catalogue_names(), "(or give the path of a robot file, .toml)")

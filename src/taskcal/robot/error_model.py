@@ -62,7 +62,7 @@ class ErrorModel:
 
     def __init__(self, robot: Robot, *, lengths_only: bool = False):
         self.robot = robot
-        self.terms = () if robot.four_bar is None else (robot.four_bar,)
+        self.terms = _terms(robot)
         steps, slots = _length_steps(robot) if lengths_only else _defect_steps(robot)
         self.steps = tuple(steps)
         named = [(f, c, name) for f, frame in enumerate(slots) for c, name in enumerate(frame) if name]
@@ -82,7 +82,9 @@ class ErrorModel:
             Parameter(
                 name=name,
                 unit=unit,
-                tolerance=tolerances.overrides.get(name, tolerances.length if name.startswith("loop.") else default[unit]),
+                tolerance=tolerances.overrides.get(
+                    name, tolerances.length if name.startswith("loop.") else default[unit]
+                ),
                 symbol=robot.symbols.get(name, ""),
             )
             for name, unit in zip(names, units, strict=True)
@@ -135,14 +137,17 @@ class ErrorModel:
     @cached_property
     def _pairs(self) -> Int[np.ndarray, "pairs 2"]:
         """Rows (chain coordinate, parameter) of all joint-side terms."""
-        rows, first = [np.empty((0, 2), dtype=np.int64)], self._frame_count
+        rows: list[np.ndarray] = [np.empty((0, 2), dtype=np.int64)]
+        first = self._frame_count
         if first < len(self.parameters):
             for term in self.terms:
-                rows.append(term.pairs + (0, first))
+                rows.append(term.pairs + np.array([0, first]))
                 first += len(term.names)
         return np.concatenate(rows)
 
-    def layout(self, columns: Sequence[int] | Int[np.ndarray, " p"] | None = None, count: int | None = None) -> walk.Columns:
+    def layout(
+        self, columns: Sequence[int] | Int[np.ndarray, " p"] | None = None, count: int | None = None
+    ) -> walk.Columns:
         """Columns of a walk: parameter k has column `columns[k]`, −1 for none; by default its own number."""
         target = np.arange(len(self.parameters)) if columns is None else np.asarray(columns)
         frames = np.where(self._frame_slots < 0, -1, target[self._frame_slots] if len(target) else -1)
@@ -182,7 +187,9 @@ class ErrorModel:
             raise ValueError(f"q has shape {q.shape}; {self.robot.name} needs (n, {joints}), in radians")
         x = np.zeros(len(self.parameters)) if x is None else np.asarray(x, dtype=float)
         if x.shape != (len(self.parameters),):
-            raise ValueError(f"x has shape {x.shape}; {self!r} needs ({len(self.parameters)},), in the order of its names")
+            raise ValueError(
+                f"x has shape {x.shape}; {self!r} needs ({len(self.parameters)},), in the order of its names"
+            )
         e = self.error_frames(x)
         s = self.robot.joint_map(q)
         factors = [np.empty((len(q), 0))]
@@ -241,6 +248,11 @@ class ErrorModel:
         ones = np.ones((len(at.s), self.chain.joints))
         by_coordinate = walk.columns(self.chain, at.s, at.e, layout, ones, angular=True)
         return by_coordinate @ (self.robot.joint_map.matrix if at.by_joint is None else at.by_joint)
+
+
+def _terms(robot: Robot) -> tuple[JointTerm, ...]:
+    """Joint-side effects that the robot's structure brings."""
+    return () if robot.four_bar is None else (robot.four_bar,)
 
 
 def _defect_steps(robot: Robot) -> tuple[list[Step], list[list[str]]]:

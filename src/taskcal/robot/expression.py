@@ -58,7 +58,9 @@ def _terms(node: ast.expr, text: str) -> dict[str, float]:
                 a, b = b, a
             factor = b.get("", 0.0)
             if set(b) <= {""} and (factor or isinstance(op, ast.Mult)):
-                return {name: value * factor if isinstance(op, ast.Mult) else value / factor for name, value in a.items()}
+                return {
+                    name: value * factor if isinstance(op, ast.Mult) else value / factor for name, value in a.items()
+                }
         case _:
             pass
     raise RobotError(f"'{text}' is not linear in joint names; write for example '-(J2 + J3)'")

@@ -86,7 +86,11 @@ class JointSection(Section):
         """Fixed parts before the joint, and behind its error frame."""
         if self.dh:
             # Rz(θ)·Tz(d)·Tx(a)·Rx(α): everything but the rotation follows the joint
-            return (), (*_length(2, self.dh.d_mm, f"d{number}"), *_length(0, self.dh.a_mm, f"a{number}"), *_turn(self.dh.alpha_deg))
+            return (), (
+                *_length(2, self.dh.d_mm, f"d{number}"),
+                *_length(0, self.dh.a_mm, f"a{number}"),
+                *_turn(self.dh.alpha_deg),
+            )
         if self.mdh:
             # Rx(α)·Tx(a)·Rz(θ)·Tz(d): d lies along the joint's axis, so it may as well come first
             m = self.mdh
@@ -128,7 +132,9 @@ class CoupledLimitSection(Section):
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if not self.range_deg[0] < self.range_deg[1]:
-            raise ValueError(f"the lower limit {self.range_deg[0]:g} must be below the upper limit {self.range_deg[1]:g}")
+            raise ValueError(
+                f"the lower limit {self.range_deg[0]:g} must be below the upper limit {self.range_deg[1]:g}"
+            )
         return self
 
 
@@ -138,8 +144,8 @@ class ToleranceSection(Section):
     translation_mm: Positive = 1.0
     rotation_mrad: Positive = 1.0
     length_mm: Positive | None = None
-    parameter_mm: dict[str, Positive] = {}
-    parameter_mrad: dict[str, Positive] = {}
+    parameter_mm: dict[str, Positive] = Field(default_factory=dict)
+    parameter_mrad: dict[str, Positive] = Field(default_factory=dict)
 
 
 class PublishedSection(Section):
@@ -162,7 +168,7 @@ class RobotFile(Section):
     four_bar: FourBarSection | None = None
     coupled_limit: tuple[CoupledLimitSection, ...] = ()
     tolerance: ToleranceSection = ToleranceSection()
-    symbols: dict[str, str] = {}
+    symbols: dict[str, str] = Field(default_factory=dict)
     published: PublishedSection | None = None
 
     @model_validator(mode="after")
@@ -196,7 +202,9 @@ class RobotFile(Section):
             tool=tuple(step.part() for step in self.tool),
             coupled_limits=tuple(
                 CoupledLimit(
-                    text=c.of, coefficients=_linear(f"coupled_limit {i}, of", c.of, names), limits=_pair(np.radians(c.range_deg))
+                    text=c.of,
+                    coefficients=_linear(f"coupled_limit {i}, of", c.of, names),
+                    limits=_pair(np.radians(c.range_deg)),
                 )
                 for i, c in enumerate(self.coupled_limit, start=1)
             ),

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -22,6 +22,7 @@ class Shift:
     """∂δs/∂q."""
 
 
+@runtime_checkable
 class JointTerm(Protocol):
     """A physical effect on the joint side: δs = φ(q, ξ), with its derivatives."""
 
@@ -61,9 +62,7 @@ class JointMap:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FourBarDrive:
-    """A four-bar between a motor's crank and the link it drives: the link turns by θ where a perfect
-    parallelogram would turn it by the crank's angle κ.
-    """
+    """A four-bar between a motor's crank and its link, which turns by θ where a parallelogram would turn it by κ."""
 
     bar: FourBar
     """Nominal lengths."""

@@ -90,6 +90,12 @@ def _loop_screws(drive: FourBarDrive) -> Float[np.ndarray, "6 5"]:
         return np.array([length * np.cos(angle), length * np.sin(angle), 0.0])
 
     elbow = at(bar.arm, alpha)
-    points = [np.zeros(3), np.zeros(3), at(bar.crank, kappa + bar.crank_angle), elbow + at(bar.rocker, theta + bar.rocker_angle), elbow]
+    points = [
+        np.zeros(3),
+        np.zeros(3),
+        at(bar.crank, kappa + bar.crank_angle),
+        elbow + at(bar.rocker, theta + bar.rocker_angle),
+        elbow,
+    ]
     axis = np.array([0.0, 0.0, 1.0])
     return np.array([np.concatenate([axis, np.cross(r, axis)]) for r in points]).T

@@ -122,7 +122,9 @@ class Robot:
     def reach(self) -> float:
         """Sum of the lengths of all fixed parts and sliding ranges, metres: no point of the tool is farther away."""
         parts = [p for joint in self.joints for p in (*joint.before, *joint.after)] + list(self.tool)
-        slides = sum(max(map(abs, j.limits)) for j in self.joints if j.kind == "prismatic" and np.isfinite(j.limits).all())
+        slides = sum(
+            max(map(abs, j.limits)) for j in self.joints if j.kind == "prismatic" and np.isfinite(j.limits).all()
+        )
         return float(sum(np.linalg.norm(p.transform[:3, 3]) for p in parts) + slides)
 
     def steps(self) -> list[Step]:
@@ -144,7 +146,10 @@ class Robot:
             scale, unit = (1e3, " mm") if kind == "prismatic" else (180 / np.pi, "°")
             for row in np.flatnonzero((value < low - slack) | (value > high + slack)):
                 out.append(
-                    (int(row), f"{name} = {value[row] * scale:.3f}{unit} is outside {low * scale:g} to {high * scale:g}{unit}")
+                    (
+                        int(row),
+                        f"{name} = {value[row] * scale:.3f}{unit} is outside {low * scale:g} to {high * scale:g}{unit}",
+                    )
                 )
         return sorted(out)
 

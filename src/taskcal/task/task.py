@@ -185,14 +185,16 @@ class TaskFile(Section):
     workspace: WorkspaceSection | None = None
     poses: str | None = None
     path: str | None = None
-    frames: dict[str, FrameSection] = {}
+    frames: dict[str, FrameSection] = Field(default_factory=dict)
     accuracy: AccuracySection | None = None
 
     @model_validator(mode="after")
     def _one(self) -> Self:
         given = [key for key in ("workspace", "poses", "path") if getattr(self, key) is not None]
         if len(given) != 1:
-            raise ValueError(f"a task has exactly one of workspace, poses, path; this one has {' and '.join(given) or 'none'}")
+            raise ValueError(
+                f"a task has exactly one of workspace, poses, path; this one has {' and '.join(given) or 'none'}"
+            )
         if self.workspace and self.workspace.frame != "base" and self.workspace.frame not in self.frames:
             known = ", ".join(["base", *self.frames])
             raise ValueError(f"the workspace's frame '{self.workspace.frame}' is not defined; known: {known}")
@@ -209,7 +211,11 @@ class TaskFile(Section):
         if section.frame != "base":
             placed = self.frames[section.frame]
             frame = se3.pose(_rotation(placed.quaternion), np.array(placed.position_mm) * 1e-3)
-        size = section.size_mm or (2 * (section.radius_mm or 0.0), 2 * (section.radius_mm or 0.0), section.height_mm or 0.0)
+        size = section.size_mm or (
+            2 * (section.radius_mm or 0.0),
+            2 * (section.radius_mm or 0.0),
+            section.height_mm or 0.0,
+        )
         workspace = Workspace(
             T_base_frame=frame,
             shape=section.shape,
@@ -224,7 +230,9 @@ class TaskFile(Section):
 def _rotation(quaternion: Quaternion) -> np.ndarray:
     q = np.array(quaternion)
     if abs(np.linalg.norm(q) - 1.0) > 1e-2:
-        raise ValueError(f"the quaternion {list(quaternion)} has length {np.linalg.norm(q):.4f}; it must be 1 (qx qy qz qw)")
+        raise ValueError(
+            f"the quaternion {list(quaternion)} has length {np.linalg.norm(q):.4f}; it must be 1 (qx qy qz qw)"
+        )
     return se3.from_quaternion(q)
 
 

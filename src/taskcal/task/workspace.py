@@ -48,7 +48,7 @@ class Workspace:
 
     def sample(self, count: int, seed: int = 0) -> Float[np.ndarray, "count 4 4"]:
         """Poses of the tool in the base, spread evenly (scrambled Halton sequence), orientations in turn."""
-        u = qmc.Halton(6, seed=seed).random(count)
+        u = qmc.Halton(6, rng=seed).random(count)
         if self.shape == "box":
             local = (u[:, :3] - 0.5) * self.size
         else:
