@@ -1,0 +1,152 @@
+import numpy as np
+import pytest
+import scipy.optimize
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.linalg import LinAlgError
+
+from taskcal.estimation.least_squares import Stopping, fit, solve_scaled
+from taskcal.estimation.loss import Cauchy, Huber, Squared
+from tests.laws.robots import generators
+
+BLOCK = 3
+
+
+class Curve:
+    """A smooth nonlinear model with blocks of whitened residuals r = y − f(z), and a prior."""
+
+    def __init__(self, rng, p=4, blocks=20, outliers=0):
+        self.A, self.B = rng.normal(size=(2, BLOCK * blocks, p))
+        self.mean = rng.normal(scale=0.1, size=p)
+        root = rng.normal(size=(p, p)) + 2 * np.eye(p)
+        self.precision = 0.1 * root.T @ root
+        self.y = self.predict(self.mean + rng.normal(scale=0.3, size=p)) + rng.normal(scale=0.5, size=BLOCK * blocks)
+        self.y[: BLOCK * outliers] += 30.0
+
+    def predict(self, z):
+        return self.A @ z + np.sin(self.B @ z)
+
+    def derivative(self, z):
+        return self.A + np.cos(self.B @ z)[:, None] * self.B
+
+    def equations(self, loss):
+        def at(z):
+            r, J = (self.y - self.predict(z)).reshape(-1, BLOCK), self.derivative(z)
+            rms = np.sqrt((r**2).mean(axis=1))
+            weights = np.repeat(loss.weights(rms), BLOCK)
+            return BLOCK * float(cost(loss, rms).sum()), J.T @ (weights * r.reshape(-1)), J.T @ (weights[:, None] * J)
+
+        return at
+
+    def objective(self, z, loss):
+        """Cost with the prior's share, and its gradient, for SciPy."""
+        value, g, _ = self.equations(loss)(z)
+        deviation = z - self.mean
+        return value + 0.5 * deviation @ self.precision @ deviation, self.precision @ deviation - g
+
+
+def cost(loss, z):
+    """Half of ρ(z²) for each block."""
+    t = loss.threshold
+    match loss:
+        case Huber():
+            return np.where(z <= t, 0.5 * z**2, t * z - 0.5 * t**2)
+        case Cauchy():
+            return 0.5 * t**2 * np.log1p((z / t) ** 2)
+    return 0.5 * z**2
+
+
+def converge(problem, loss=None):
+    loss = loss or Squared()
+    p = len(problem.mean)
+    found = fit(
+        problem.equations(loss), problem.mean, problem.mean, problem.precision, np.ones(p), Stopping(decrement=1e-20)
+    )
+    assert found.converged, found.reason
+    return found
+
+
+@given(generators)
+def test_the_fit_agrees_with_scipys_least_squares_with_prior_rows(rng):
+    problem = Curve(rng)
+    L = np.linalg.cholesky(problem.precision).T
+    reference = scipy.optimize.least_squares(
+        lambda z: np.concatenate([problem.y - problem.predict(z), L @ (z - problem.mean)]),
+        problem.mean,
+        jac=lambda z: np.concatenate([-problem.derivative(z), L]),
+        method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15,
+    )  # fmt: skip
+    found = converge(problem)
+    # both go downhill from the same start; the valley is wide enough to be one
+    np.testing.assert_allclose(found.objective, reference.cost, rtol=1e-12)
+    np.testing.assert_allclose(found.z, reference.x, rtol=1e-7, atol=1e-8)
+    J = problem.derivative(found.z)
+    np.testing.assert_allclose(found.information, J.T @ J, rtol=1e-12, atol=1e-10)
+    r = problem.y - problem.predict(found.z)
+    np.testing.assert_allclose(found.cost, 0.5 * r @ r, rtol=1e-12)
+
+
+@given(generators, st.sampled_from([Huber(0.8), Huber(1.5), Cauchy(1.0), Cauchy(2.4)]))
+def test_a_robust_fit_minimises_the_same_cost_as_scipy_does(rng, loss):
+    problem = Curve(rng, outliers=2)
+    found = converge(problem, loss)
+    reference = scipy.optimize.minimize(
+        problem.objective, found.z + 1e-3 * rng.normal(size=len(found.z)), args=(loss,), jac=True, method="BFGS",
+        options={"gtol": 1e-9, "maxiter": 2000},
+    )  # fmt: skip
+    np.testing.assert_allclose(found.objective, reference.fun, rtol=1e-10)
+    np.testing.assert_allclose(found.z, reference.x, atol=1e-5)
+    gradient = problem.objective(found.z, loss)[1]
+    assert np.abs(gradient).max() < 1e-6 * np.abs(found.information).max()
+
+
+@given(generators)
+def test_a_direction_without_data_or_prior_stays_where_it_started(rng):
+    A = rng.normal(size=(30, 2)) @ rng.normal(size=(2, 4))  # rank 2 of 4
+    y = rng.normal(size=30)
+    start = rng.normal(size=4)
+
+    def equations(z):
+        r = y - A @ z
+        return 0.5 * r @ r, A.T @ r, A.T @ A
+
+    found = fit(equations, start, start, np.zeros((4, 4)), np.ones(4), Stopping(decrement=1e-10), damping=1e-2)
+    null = np.linalg.svd(A)[2][2:]
+    np.testing.assert_allclose(null @ (found.z - start), 0.0, atol=1e-6)
+    best = np.linalg.lstsq(A, y, rcond=None)[0]
+    np.testing.assert_allclose(A @ found.z, A @ best, atol=1e-4 * np.abs(y).max())
+
+
+def test_a_fit_that_runs_out_of_iterations_says_so():
+    problem = Curve(np.random.default_rng(0))
+    p = len(problem.mean)
+    found = fit(
+        problem.equations(Squared()), problem.mean, problem.mean, problem.precision, np.ones(p), Stopping(iterations=1)
+    )
+    assert not found.converged
+    assert found.reason == "no convergence in 1 iterations"
+
+
+def test_a_fit_stops_at_the_decrease_asked_for():
+    problem = Curve(np.random.default_rng(0))
+    arguments = problem.equations(Squared()), problem.mean, problem.mean, problem.precision, np.ones(len(problem.mean))
+    loose, tight = fit(*arguments, Stopping(decrease=0.5)), fit(*arguments, Stopping(decrement=1e-20))
+    assert loose.converged
+    assert "0.5 of itself" in loose.reason
+    assert loose.iterations < tight.iterations
+
+
+@given(generators, st.floats(0, 12))
+def test_scaled_solving_survives_parameters_of_very_different_sizes(rng, decades):
+    root = rng.normal(size=(9, 5))
+    A = root.T @ root + 0.1 * np.eye(5)
+    size = 10.0 ** rng.uniform(-decades, decades, 5)
+    b = rng.normal(size=(5, 2))
+    x = solve_scaled(A * size * size[:, None], b * size[:, None])
+    np.testing.assert_allclose(x * size[:, None], np.linalg.solve(A, b), rtol=1e-9, atol=1e-10)
+    np.testing.assert_allclose(solve_scaled(A * size * size[:, None], b[:, 0] * size), x[:, 0])
+
+
+def test_scaled_solving_refuses_what_is_not_positive_definite():
+    with pytest.raises(LinAlgError):
+        solve_scaled(np.array([[1.0, 2.0], [2.0, 1.0]]), np.ones(2))
