@@ -1,0 +1,136 @@
+"""What ``taskcal identify`` says of a calibration."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from taskcal.cli.errors_table import show_errors
+from taskcal.cli.output import show_facts, show_table
+from taskcal.cli.robot_sheet import placement
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.validation import validate
+from taskcal.measurement.campaign import Campaign
+
+CORRELATIONS = 6
+"""How many of the largest correlations are named."""
+
+
+def report(
+    calibration: Calibration, measured: Campaign, chosen: Sequence[int], others: Sequence[int]
+) -> dict[str, Any]:
+    """Everything that a reader of the fit asks for, in millimetres and milliradians.
+
+    Args:
+        calibration: the fit of the chosen rows.
+        measured: the whole campaign.
+        chosen: rows that were fitted.
+        others: rows that were held out.
+    """
+    rest = measured.take(list(others)) if others else None
+    predictable = rest is not None and bool(rest.valid.any())
+    rotation = calibration.model_error[1:]
+    return {
+        "robot": calibration.model.robot.name,
+        "rows": len(chosen),
+        "fitted": validate(calibration, measured.take(list(chosen))).summary(),
+        "held_out": validate(calibration, rest).summary() if rest is not None and predictable else None,
+        "model_error_mm": calibration.model_error[0] * 1e3,
+        **({"model_error_mrad": rotation[0] * 1e3} if rotation else {}),
+        "prior_scale": calibration.prior_scale,
+        "parameters": _parameters(calibration),
+        "correlations": _correlations(calibration),
+        "tracker_frame": placement(calibration.T_tracker_base),
+        "targets": {
+            name: {**placement(T), "located": located}
+            for name, T, located in zip(
+                calibration.targets, calibration.T_tool_target, calibration.layout.registration.located, strict=True
+            )
+        },
+        "outliers": [
+            {
+                "row": int(chosen[o.row]),
+                "id": o.id,
+                "target": o.target,
+                "residual_mm": o.residual * 1e3,
+                "studentised": o.studentised,
+            }
+            for o in calibration.outliers
+        ],
+        "reason": calibration.reason,
+        "iterations": calibration.iterations,
+        "rounds": calibration.rounds,
+    }
+
+
+def _parameters(calibration: Calibration) -> list[dict[str, Any]]:
+    out: list[dict[str, Any]] = []
+    for i in calibration.layout.kept:
+        p = calibration.model.parameters[i]
+        unit = "mm" if p.unit == "m" else "mrad"
+        values = {
+            f"estimate_{unit}": float(calibration.estimate[i]) * 1e3,
+            f"standard_error_{unit}": float(calibration.standard_errors[i]) * 1e3,
+            f"tolerance_{unit}": p.tolerance * 1e3,
+        }
+        out.append({"name": p.name, "symbol": p.symbol, "unit": unit, **values})
+    return out
+
+
+def _correlations(calibration: Calibration) -> list[dict[str, Any]]:
+    """The largest, between parameters, tracker frame and targets."""
+    names, correlation = calibration.all_names, calibration.correlation
+    i, j = np.triu_indices(len(names), 1)
+    largest = np.argsort(-np.abs(correlation[i, j]), kind="stable")[:CORRELATIONS]
+    return [{"a": names[i[k]], "b": names[j[k]], "correlation": float(correlation[i[k], j[k]])} for k in largest]
+
+
+def show(result: Mapping[str, Any]) -> None:
+    """Print what `report` says."""
+    summaries = {"fitted": result["fitted"]}
+    if result["held_out"] is not None:
+        summaries["held out"] = result["held_out"]
+    rows = [
+        (
+            p["name"],
+            p["symbol"],
+            f"{p['estimate_' + p['unit']]:+.4f}",
+            f"{p['standard_error_' + p['unit']]:.4f}",
+            p["unit"],
+        )
+        for p in result["parameters"]
+    ]
+    show_table("Parameters", ("parameter", "symbol", "estimate", "± 1σ", "unit"), rows, left=(0, 1, 4))
+    show_errors(f"Position error of {result['robot']}: axes of the robot's base, then in space", summaries)
+    if result["outliers"]:
+        header = ("row", "id", "target", "residual mm", "over its 1σ")
+        cells = [
+            (str(o["row"]), o["id"], o["target"], f"{o['residual_mm']:.3f}", f"{o['studentised']:.1f}")
+            for o in result["outliers"]
+        ]
+        show_table("Outliers, too far for chance: measure again, or leave out", header, cells, left=(1, 2))
+    show_facts(_facts(result))
+
+
+def _facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+    scale = result["prior_scale"]
+    pairs = [f"{c['a']} and {c['b']} {c['correlation']:+.3f}" for c in result["correlations"]]
+    rotation = f" and {result['model_error_mrad']:.4f} mrad" if "model_error_mrad" in result else ""
+    facts = [
+        ("model error", f"{result['model_error_mm']:.4f} mm{rotation} per axis (1σ), what geometry leaves unexplained"),
+        ("prior scale", "no prior" if scale is None else f"{scale:.3g} times the tolerances"),
+        ("largest correlations", "; ".join(pairs)),
+        ("tracker frame", f"base at {_point(result['tracker_frame'])}"),
+    ]
+    for name, target in result["targets"].items():
+        unsure = "" if target["located"] else "; the poses do not locate it: taken at the tool point"
+        facts.append((f"target {name}", f"at {_point(target)} of the tool frame{unsure}"))
+    ended = f"{result['reason']}; {result['iterations']} iterations in the last of {result['rounds']} rounds"
+    facts += [("ended", ended), ("calibration", f"wrote {result['calibration']}")]
+    return facts
+
+
+def _point(placed: Mapping[str, Any]) -> str:
+    position = " ".join(f"{value:.3f}" for value in placed["position_mm"])
+    quaternion = " ".join(f"{value:.6f}" for value in placed["quaternion"])
+    return f"{position} mm, quaternion {quaternion}"

@@ -1,0 +1,175 @@
+"""``taskcal identify``: a campaign in, a calibration out."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from taskcal.cli.options import JsonOption, NestsOption, RobotOption, RowsOption, SeedOption, TargetsOption, split_names
+from taskcal.cli.output import announce_compilation, check_destination, note, write_json
+
+if TYPE_CHECKING:
+    from taskcal.measurement.campaign import Campaign
+    from taskcal.robot.error_model import ErrorModel
+
+
+class PriorChoice(StrEnum):
+    """What is known of the parameters beforehand."""
+
+    tolerances = "tolerances"
+    none = "none"
+
+
+class LossChoice(StrEnum):
+    """How much a large residual counts."""
+
+    squared = "squared"
+    huber = "huber"
+    cauchy = "cauchy"
+
+
+class FramesChoice(StrEnum):
+    """What becomes of tracker frame and targets."""
+
+    fit = "fit"
+    fixed = "fixed"
+
+
+def command(
+    campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN.csv", help="Joints and where the targets were seen.")],
+    robot: RobotOption,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="CAL.json", help="Calibration to write.")],
+    rows: RowsOption = None,
+    holdout: Annotated[
+        float | None,
+        typer.Option("--holdout", metavar="SHARE", help="Hold this share of the rows out, at random, and predict it."),
+    ] = None,
+    seed: SeedOption = 0,
+    targets: TargetsOption = None,
+    nests: NestsOption = None,
+    keep: Annotated[
+        str | None,
+        typer.Option(
+            "--keep",
+            metavar="NAME,…",
+            help="Parameters to fit, by name or symbol, or frames such as J2 or tool; 'published' for the choice of the "
+            "robot's publication. All by default.",
+        ),
+    ] = None,
+    prior: Annotated[PriorChoice, typer.Option("--prior", help="Prior of the parameters.")] = PriorChoice.tolerances,
+    loss: Annotated[
+        LossChoice, typer.Option("--loss", help="Robust losses give outliers less weight.")
+    ] = LossChoice.squared,
+    frames: Annotated[
+        FramesChoice,
+        typer.Option("--frames", help="Refine tracker frame and targets with the fit, or hold them as registered."),
+    ] = FramesChoice.fit,
+    model_error: Annotated[
+        float | None,
+        typer.Option("--model-error", metavar="MM", help="What geometry cannot explain (1σ); estimated by default."),
+    ] = None,
+    prior_scale: Annotated[
+        float | None,
+        typer.Option("--prior-scale", metavar="FACTOR", help="Factor of the tolerances; estimated by default."),
+    ] = None,
+    mpe_to_sigma: Annotated[
+        float | None,
+        typer.Option(
+            "--mpe-to-sigma",
+            metavar="FACTOR",
+            help="1σ of the tracker per maximum permissible error; 0.5 by default, 0.577 for a "
+            "rectangular distribution.",
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Identify a robot's parameters from a campaign, with tracker frame and targets.
+
+    Rows that are not fitted, by --rows or --holdout, are predicted and reported beside the fitted ones.
+    """
+    if rows is not None and holdout is not None:
+        raise typer.BadParameter(
+            "choose one: rows that --rows leaves out are held out already", param_hint="--rows / --holdout"
+        )
+    if holdout is not None and not 0 < holdout < 1:
+        raise typer.BadParameter(f"{holdout:g} is no share between 0 and 1, such as 0.3", param_hint="--holdout")
+    if prior is PriorChoice.none and prior_scale is not None:
+        raise typer.BadParameter("without a prior there is nothing to scale", param_hint="--prior-scale / --prior")
+    for option, value in (
+        ("--model-error", model_error),
+        ("--prior-scale", prior_scale),
+        ("--mpe-to-sigma", mpe_to_sigma),
+    ):
+        if value is not None and not 0 < value < float("inf"):
+            raise typer.BadParameter(f"{value:g} is not above zero", param_hint=option)
+    wanted, fixed, names = split_names(targets, "--targets"), split_names(nests, "--nests"), split_names(keep, "--keep")
+    check_destination(output, [campaign])
+    from taskcal.cli.calibration_report import report, show
+    from taskcal.estimation.loss import Cauchy, Huber, Squared
+    from taskcal.identification.identify import identify
+    from taskcal.measurement.reader import read_campaign
+    from taskcal.measurement.tracker import TrackerNoise
+    from taskcal.robot.catalogue import load_robot
+    from taskcal.robot.error_model import ErrorModel
+
+    model = ErrorModel(load_robot(robot))
+    measured = read_campaign(campaign, model.robot, targets=wanted, nests=fixed)
+    if mpe_to_sigma is not None and measured.uncertainty is not None:
+        note("--mpe-to-sigma has no effect: the campaign states its own uncertainties (u_mm)")
+    chosen, others = _divide(measured, rows, holdout, seed, campaign)
+    announce_compilation()
+    calibration = identify(
+        model,
+        measured.take(chosen),
+        keep=_kept(model, names),
+        prior=None if prior is PriorChoice.none else "tolerances",
+        loss={LossChoice.squared: Squared, LossChoice.huber: Huber, LossChoice.cauchy: Cauchy}[loss](),
+        noise=None if mpe_to_sigma is None else TrackerNoise(mpe_to_sigma=mpe_to_sigma),
+        frames=frames.value,
+        model_error="estimate" if model_error is None else model_error * 1e-3,
+        prior_scale="estimate" if prior_scale is None else prior_scale,
+    )
+    calibration.save(output)
+    result: dict[str, Any] = {"calibration": output, **report(calibration, measured, chosen, others)}
+    if as_json:
+        write_json(result)
+    else:
+        show(result)
+
+
+def _divide(
+    measured: "Campaign", rows: str | None, holdout: float | None, seed: int, source: Path
+) -> tuple[list[int], list[int]]:
+    """Rows to fit and rows held out."""
+    import numpy as np
+
+    from taskcal.cli.rows import choose_rows
+
+    everything = range(len(measured))
+    if rows is not None:
+        chosen = choose_rows(rows, len(measured), source)
+        return chosen, sorted(set(everything) - set(chosen))
+    if holdout is not None:
+        row = {name: i for i, name in enumerate(measured.ids)}
+        fitted, held_out = measured.split(holdout, np.random.default_rng(seed))
+        return [row[name] for name in fitted.ids], [row[name] for name in held_out.ids]
+    return list(everything), []
+
+
+def _kept(model: "ErrorModel", names: list[str] | None) -> list[str] | None:
+    """Parameters to fit; ``published`` stands for a publication's choice.
+
+    Raises:
+        TaskcalError: nothing is published of the robot.
+    """
+    if names != ["published"]:
+        return names
+    from taskcal.analysis.elimination_table import published_kept
+    from taskcal.errors import TaskcalError
+
+    if not model.robot.published.source:
+        raise TaskcalError(
+            f"--keep published: the robot file of {model.robot.name} names no publication; name the parameters"
+        )
+    return list(published_kept(model))

@@ -1,0 +1,51 @@
+"""Options that several commands share, and the lists written in them."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+RobotOption = Annotated[
+    str, typer.Option("--robot", "-r", metavar="ROBOT", help="Name in the catalogue, or a robot file (.toml).")
+]
+TaskOption = Annotated[Path, typer.Option("--task", "-t", metavar="TASK.toml", help="Task file.")]
+CountOption = Annotated[int, typer.Option("--count", "-n", min=1, help="Poses to spread over the task's workspace.")]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON, alone on standard output.")]
+TargetsOption = Annotated[
+    str | None,
+    typer.Option("--targets", metavar="NAME,…", help="Targets to use; all that are not nests by default."),
+]
+NestsOption = Annotated[
+    str | None,
+    typer.Option(
+        "--nests", metavar="NAME,…", help="Fixed points beside the robot; names beginning with 'base' by default."
+    ),
+]
+RowsOption = Annotated[
+    str | None,
+    typer.Option(
+        "--rows",
+        metavar="A:B|FILE",
+        help="Rows to use, counted from 0: A:B without B, or a file with one number per line.",
+    ),
+]
+
+
+def split_names(text: str | None, option: str) -> list[str] | None:
+    """Names from a list with commas; None where the option is not given.
+
+    Raises:
+        typer.BadParameter: a name is empty or stands twice.
+    """
+    if text is None:
+        return None
+    names = [name.strip() for name in text.split(",")]
+    if not all(names):
+        raise typer.BadParameter(
+            f"'{text}' has an empty name; write names with single commas between them", param_hint=option
+        )
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise typer.BadParameter(f"'{twice[0]}' stands twice", param_hint=option)
+    return names

@@ -1,0 +1,101 @@
+"""What commands print: tables for people or JSON for programs on standard output, everything else beside it."""
+
+import json
+import math
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from taskcal.errors import FileError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def complain(message: str) -> None:
+    """An error, on standard error."""
+    print(f"error: {message}", file=sys.stderr)
+
+
+def note(message: str) -> None:
+    """A message beside the result, on standard error."""
+    print(message, file=sys.stderr, flush=True)
+
+
+def announce_compilation() -> None:
+    """Say why the first run takes its time, if it will."""
+    from taskcal.geometry.compiled import is_warm
+
+    if not is_warm():
+        note("compiling kernels, once: about 6 seconds")
+
+
+def check_destination(path: Path, inputs: Iterable[Path] = ()) -> None:
+    """See that a file can be written before anything is computed for it.
+
+    Raises:
+        FileError: its folder is missing, it is a folder itself, or one of the command's own inputs.
+    """
+    folder = path.parent
+    if not folder.is_dir():
+        raise FileError(path, f"cannot be written: there is no folder '{folder}'; make it, or name one that exists")
+    if path.is_dir():
+        raise FileError(path, "cannot be written: it is a folder; name a file in it")
+    for given in inputs:
+        if path.exists() and given.exists() and path.samefile(given):
+            raise FileError(path, "would overwrite what is read; name another file")
+
+
+def write_json(result: Mapping[str, Any]) -> None:
+    """The machine-readable result, alone on standard output."""
+    print(json.dumps(plain(result), indent=1, ensure_ascii=False, allow_nan=False))
+
+
+def plain(value: Any) -> Any:
+    """Lists, dictionaries and numbers that JSON knows; null for what is not finite."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Path):
+        return str(value)
+    return value
+
+
+def console() -> "Console":
+    """Standard output for tables; not narrower than they need where no terminal says how wide it is."""
+    from rich.console import Console
+
+    width = None if sys.stdout.isatty() else 140
+    return Console(width=width, markup=False, highlight=False, emoji=False, soft_wrap=False)
+
+
+def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]], *, left: Iterable[int] = (0,)) -> None:
+    """Print a table; columns are flush right but for those in `left`."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    flush_left = set(left)
+    table = Table(title=title or None, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, title_style="bold")
+    for i, name in enumerate(header):
+        table.add_column(name, justify="left" if i in flush_left else "right", overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    console().print(table)
+
+
+def show_facts(facts: Iterable[tuple[str, str]]) -> None:
+    """Print labelled lines."""
+    from rich.table import Table
+
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="dim")
+    table.add_column(overflow="fold")
+    for label, text in facts:
+        table.add_row(label, text)
+    console().print(table)

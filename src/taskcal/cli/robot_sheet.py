@@ -1,0 +1,179 @@
+"""What ``taskcal robots`` says of a robot."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from taskcal.analysis.elimination_table import describe_combination
+from taskcal.cli.output import show_facts, show_table
+from taskcal.geometry import se3
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.mechanism import analyse_mechanism
+from taskcal.robot.robot import Part, Robot
+
+
+def catalogue_entry(robot: Robot) -> dict[str, Any]:
+    """A robot in one line."""
+    return {"name": robot.name, "title": robot.title, "joints": len(robot.joints), "notes": _notes(robot)}
+
+
+def _notes(robot: Robot) -> list[str]:
+    notes: list[str] = []
+    if robot.four_bar is not None:
+        notes.append("parallelogram in its drive")
+    elif any(np.count_nonzero(row) > 1 for row in robot.joint_map.matrix):
+        notes.append("coupled axes")
+    if len(robot.joints) > 6:
+        notes.append("redundant")
+    if any(robot.prismatic):
+        notes.append("sliding joints")
+    if robot.tool:
+        notes.append("with a tool")
+    if robot.published.source:
+        notes.append("parameters published")
+    return notes
+
+
+def describe(robot: Robot) -> dict[str, Any]:
+    """All there is to say of a robot: lengths in millimetres, angles in degrees."""
+    model, mechanism = ErrorModel(robot), analyse_mechanism(robot)
+    bar = robot.four_bar
+    return {
+        **catalogue_entry(robot),
+        "source": list(robot.source),
+        "joint_table": [_joint(robot, i) for i in range(len(robot.joints))],
+        "tool": {"parts": [_part(part) for part in robot.tool], **_placement(robot.tool)},
+        "coupled_limits": [{"of": c.text, "range_deg": np.degrees(c.limits).tolist()} for c in robot.coupled_limits],
+        "four_bar": None
+        if bar is None
+        else {f"{key}_mm": getattr(bar.bar, key) * 1e3 for key in ("crank", "rod", "rocker", "arm")},
+        "mechanism": {
+            "mobility": mechanism.mobility,
+            "overconstraint": mechanism.overconstraint,
+            "motorised": list(mechanism.motorised),
+            "passive": list(mechanism.passive),
+            "loops": mechanism.loops,
+            "explanation": mechanism.explanation,
+        },
+        "parameter_count": len(model),
+        "parameters": [
+            {
+                "name": p.name,
+                "symbol": p.symbol,
+                "unit": "mm" if p.unit == "m" else "mrad",
+                "tolerance": p.tolerance * 1e3,
+            }
+            for p in model.parameters
+        ],
+        "published": {"source": robot.published.source, "dropped": list(robot.published.dropped)}
+        if robot.published.source
+        else None,
+    }
+
+
+def _joint(robot: Robot, i: int) -> dict[str, Any]:
+    joint, names = robot.joints[i], robot.joint_names
+    slides = joint.kind == "prismatic"
+    scale, unit = (1e3, "mm") if slides else (180 / np.pi, "deg")
+    row, offset = robot.joint_map.matrix[i], float(robot.joint_map.offset[i]) * scale
+    expression = describe_combination({names[j]: float(row[j]) for j in np.flatnonzero(row)}, {})
+    if offset:
+        expression += f" {'−' if offset < 0 else '+'} {abs(offset):g}{' mm' if slides else '°'}"
+    if robot.four_bar is not None and robot.four_bar.output[i]:
+        expression += ", through the four-bar"
+    return {
+        "name": joint.name,
+        "kind": joint.kind,
+        f"limits_{unit}": [value * scale for value in joint.limits],
+        "coordinate": expression,
+        "before": [_part(part) for part in joint.before],
+        "after": [_part(part) for part in joint.after],
+    }
+
+
+def _part(part: Part) -> str:
+    """An elementary part in words, such as ``Tx 300 (d2)`` or ``Rx −90°``."""
+    p = part.transform[:3, 3] * 1e3
+    if p.any():
+        axis = int(np.argmax(np.abs(p)))
+        text = f"T{'xyz'[axis]} {p[axis]:g}"
+    else:
+        turn = np.degrees(se3.log(part.transform[:3, :3]))
+        axis = int(np.argmax(np.abs(turn)))
+        text = f"R{'xyz'[axis]} {turn[axis]:.6g}°"
+    return (text + (f" ({part.symbol})" if part.symbol else "")).replace("-", "−")
+
+
+def _placement(parts: tuple[Part, ...]) -> dict[str, Any]:
+    T = np.eye(4)
+    for part in parts:
+        T = T @ part.transform
+    return placement(T)
+
+
+def placement(T: np.ndarray) -> dict[str, Any]:
+    """A pose for people: position in millimetres, orientation as a quaternion."""
+    return {"position_mm": (T[:3, 3] * 1e3).tolist(), "quaternion": se3.to_quaternion(T[None, :3, :3])[0].tolist()}
+
+
+def show_sheet(sheet: Mapping[str, Any]) -> None:
+    """Print what `describe` says."""
+    position = "  ".join(f"{axis} {value:g}" for axis, value in zip("xyz", sheet["tool"]["position_mm"], strict=True))
+    mechanism = sheet["mechanism"]
+    facts = [
+        (sheet["name"], sheet["title"]),
+        (
+            "tool",
+            f"{position} mm; {', '.join(sheet['tool']['parts'])}"
+            if sheet["tool"]["parts"]
+            else "none: the last joint's frame",
+        ),
+        *(
+            ("limit", f"{c['of']} from {c['range_deg'][0]:g}° to {c['range_deg'][1]:g}°")
+            for c in sheet["coupled_limits"]
+        ),
+    ]
+    if sheet["four_bar"]:
+        lengths = ", ".join(f"{key.removesuffix('_mm')} {value:g}" for key, value in sheet["four_bar"].items())
+        facts.append(("four-bar", f"{lengths} mm"))
+    facts += [
+        ("mobility", f"{mechanism['mobility']}, overconstrained to degree {mechanism['overconstraint']}"),
+        ("", mechanism["explanation"]),
+        ("parameters", str(sheet["parameter_count"])),
+    ]
+    if sheet["published"]:
+        dropped = len(sheet["published"]["dropped"])
+        facts.append(("published", f"{sheet['published']['source']} ({dropped} dropped, marked –)"))
+    facts += [("source", text) for text in sheet["source"]]
+    show_facts(facts)
+    rows = [
+        (j["name"], j["kind"], _limits(j), j["coordinate"], ", ".join(j["before"]), ", ".join(j["after"]))
+        for j in sheet["joint_table"]
+    ]
+    header = ("joint", "kind", "limits", "coordinate", "parts before", "behind")
+    show_table("Joints", header, rows, left=(0, 1, 3, 4, 5))
+    _show_parameters(sheet)
+
+
+def _limits(joint: Mapping[str, Any]) -> str:
+    (low, high), unit = (joint["limits_mm"], " mm") if "limits_mm" in joint else (joint["limits_deg"], "°")
+    return f"{low:g} … {high:g}{unit}" if np.isfinite(low) else "none stated"
+
+
+def _show_parameters(sheet: Mapping[str, Any]) -> None:
+    """A row for each frame, with the publication's symbol behind each parameter."""
+    dropped = set(sheet["published"]["dropped"]) if sheet["published"] else set[str]()
+    frames: dict[str, list[str]] = {}
+    tolerances: dict[str, dict[str, None]] = {}
+    for p in sheet["parameters"]:
+        frame, component = p["name"].split(".", 1)
+        symbol = f" {p['symbol']}" if p["symbol"] else ""
+        frames.setdefault(frame, []).append(f"{'–' if p['name'] in dropped else ''}{component}{symbol}")
+        tolerances.setdefault(frame, {})[f"{p['tolerance']:g} {p['unit']}"] = None
+    width = max(len(cells) for cells in frames.values())
+    rows = [
+        (frame, *cells, *[""] * (width - len(cells)), ", ".join(tolerances[frame])) for frame, cells in frames.items()
+    ]
+    header = ("frame", *[""] * width, "tolerance (1σ)")
+    show_table("Parameters", header, rows, left=range(width + 2))

@@ -1,0 +1,116 @@
+"""``taskcal robots``: the catalogue, one robot, and robots from tables."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from taskcal.cli.options import JsonOption
+from taskcal.cli.output import check_destination, note, show_table, write_json
+
+
+class ShowByDefault(TyperGroup):
+    """A group whose first argument, where it is no command, is the robot to show."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Put ``show`` before a robot's name."""
+        if args and args[0] not in self.commands and not args[0].startswith("-"):
+            args = ["show", *args]
+        return super().resolve_command(ctx, args)
+
+
+class Convention(StrEnum):
+    """Denavit–Hartenberg conventions."""
+
+    dh = "dh"
+    mdh = "mdh"
+
+
+app = typer.Typer(
+    cls=ShowByDefault,
+    invoke_without_command=True,
+    subcommand_metavar="[NAME_OR_FILE | COMMAND …]",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+@app.callback()
+def catalogue(context: typer.Context, as_json: JsonOption = False) -> None:
+    """List the catalogue, show one robot, or make a robot file from a table.
+
+    taskcal robots — the catalogue
+
+    taskcal robots NAME_OR_FILE — one robot: joints, tool, mechanism, parameters
+
+    taskcal robots import TABLE.csv --convention dh -o ROBOT.toml — a robot of your own
+    """
+    context.obj = as_json
+    if context.invoked_subcommand is not None:
+        return
+    from taskcal.cli.robot_sheet import catalogue_entry
+    from taskcal.robot.catalogue import catalogue_names, load_robot
+
+    result = {"robots": [catalogue_entry(load_robot(name)) for name in catalogue_names()]}
+    if as_json:
+        write_json(result)
+        return
+    rows = [(r["name"], r["title"], str(r["joints"]), "; ".join(r["notes"])) for r in result["robots"]]
+    show_table("Robots in the catalogue", ("name", "robot", "joints", "notes"), rows, left=(0, 1, 3))
+
+
+@app.command("show")
+def show(
+    context: typer.Context,
+    robot: Annotated[
+        str, typer.Argument(metavar="NAME_OR_FILE", help="Name in the catalogue, or a robot file (.toml).")
+    ],
+    as_json: JsonOption = False,
+) -> None:
+    """Show one robot (the word 'show' may be left out)."""
+    from taskcal.cli.robot_sheet import describe, show_sheet
+    from taskcal.robot.catalogue import load_robot
+
+    result = describe(load_robot(robot))
+    if as_json or context.obj:
+        write_json(result)
+    else:
+        show_sheet(result)
+
+
+@app.command("import")
+def import_table(
+    context: typer.Context,
+    table: Annotated[
+        Path,
+        typer.Argument(
+            metavar="TABLE.csv",
+            help="Columns joint, alpha_deg, a_mm, d_mm, theta_offset_deg; optionally theta_from_controller such as -(J2+J3), "
+            "type, lower_deg and upper_deg.",
+        ),
+    ],
+    convention: Annotated[
+        Convention, typer.Option("--convention", help="dh: Rz(θ)·Tz(d)·Tx(a)·Rx(α); mdh: Rx(α)·Tx(a)·Rz(θ)·Tz(d).")
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="ROBOT.toml", help="Robot file to write.")],
+    name: Annotated[str | None, typer.Option("--name", help="Name of the robot; the table's by default.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Make a robot file from a Denavit–Hartenberg table."""
+    if output.suffix != ".toml":
+        raise typer.BadParameter(f"'{output}' does not end in .toml, as robot files do", param_hint="--output")
+    check_destination(output, [table])
+    from taskcal.files import write_whole
+    from taskcal.robot.dh_table import describe_dh_table, robot_toml
+
+    described = describe_dh_table(table, convention.value, name)
+    write_whole(output, robot_toml(described))
+    if as_json or context.obj:
+        write_json({"robot": str(output), "name": described["name"], "joints": [j["name"] for j in described["joint"]]})
+        return
+    print(f"wrote {output}: {described['name']}, {len(described['joint'])} joints")
+    note(
+        f"use it with --robot {output}; taskcal robots {output} shows it. Add limits, tool and tolerances to the file where "
+        "they are known: the tolerances are the prior of every fit"
+    )

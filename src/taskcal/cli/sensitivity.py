@@ -1,0 +1,173 @@
+"""``taskcal sensitivity``: what each parameter does to the tool, and which of them poses can tell apart."""
+
+from collections.abc import Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from taskcal.cli.options import CountOption, JsonOption, RobotOption, SeedOption
+from taskcal.cli.output import announce_compilation, check_destination, show_facts, show_table, write_json
+
+if TYPE_CHECKING:
+    from taskcal.analysis.elimination_table import EliminationTable
+    from taskcal.analysis.sensitivity import Sensitivity
+
+
+class Order(StrEnum):
+    """Order of the parameters."""
+
+    model = "model"
+    influence = "influence"
+
+
+def command(
+    robot: RobotOption,
+    task: Annotated[Path | None, typer.Option("--task", "-t", metavar="TASK.toml", help="Poses of a task.")] = None,
+    campaign: Annotated[
+        Path | None, typer.Option("--campaign", metavar="CAMPAIGN.csv", help="Poses of a campaign.")
+    ] = None,
+    count: CountOption = 60,
+    seed: SeedOption = 0,
+    sort: Annotated[
+        Order,
+        typer.Option(
+            "--sort", help="Parameters in the model's order, or the most influential for their tolerance first."
+        ),
+    ] = Order.model,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE.csv", help="Write the table here.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Influence of each parameter on the tool point, and which parameters the poses can tell apart."""
+    if (task is None) == (campaign is None):
+        raise typer.BadParameter("give exactly one of them, to say at which poses", param_hint="--task / --campaign")
+    if output is not None:
+        check_destination(output, [path for path in (task, campaign) if path is not None])
+    from taskcal.analysis.elimination_table import tabulate_elimination
+    from taskcal.analysis.sensitivity import sensitivity
+    from taskcal.cli.task_poses import read_and_reach
+    from taskcal.files import write_whole
+    from taskcal.measurement.reader import read_campaign
+    from taskcal.robot.catalogue import load_robot
+    from taskcal.robot.error_model import ErrorModel
+
+    model = ErrorModel(load_robot(robot))
+    unreachable = 0.0
+    if campaign is not None:
+        q = read_campaign(campaign, model.robot).q
+        announce_compilation()
+    else:
+        assert task is not None
+        announce_compilation()
+        poses = read_and_reach(model, task, count, seed)
+        q, unreachable = poses.q, float(poses.unreachable.mean())
+    found, elimination = sensitivity(model, q), tabulate_elimination(model, {"poses": q})
+    result = _result(found, elimination, unreachable)
+    if sort is Order.influence:
+        result["parameters"].sort(key=lambda p: -p["tolerance_scaled_um"]["space"])
+    if output is not None:
+        frame = found.to_frame().set_index("parameter").loc[[p["name"] for p in result["parameters"]]].reset_index()
+        write_whole(output, frame.to_csv(index=False))
+    if as_json:
+        write_json(result)
+        return
+    _show(result)
+    if output is not None:
+        print(f"wrote {output}")
+
+
+def _result(found: "Sensitivity", table: "EliminationTable", unreachable: float) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    from taskcal.analysis.elimination_table import published_kept
+
+    model, elimination = found.model, table.eliminations["poses"]
+    raw, scaled = found.maximum(), found.maximum(scaled=True) * 1e6
+    space, scaled_space = found.maximum_in_space(), found.maximum_in_space(scaled=True) * 1e6
+    parameters = [
+        {
+            "name": p.name,
+            "symbol": p.symbol,
+            "unit": "mm/mm" if p.unit == "m" else "mm/mrad",
+            **{f"max_{axis}": float(raw[k, i]) for k, axis in enumerate("xyz")},
+            "max_space": float(space[i]),
+            "tolerance": p.tolerance * 1e3,
+            "tolerance_scaled_um": {
+                **{axis: float(scaled[k, i]) for k, axis in enumerate("xyz")},
+                "space": float(scaled_space[i]),
+            },
+        }
+        for i, p in enumerate(model.parameters)
+    ]
+    published = model.robot.published
+    return {
+        "robot": model.robot.name,
+        "poses": len(found.matrix),
+        "unreachable_share": unreachable,
+        "parameters": parameters,
+        "identifiability": {
+            "rank": elimination.rank,
+            "zero": elimination.zero,
+            "dependent": elimination.dependent,
+            "repeats": {name: {other: c} for name, (other, c) in elimination.repeats.items()},
+            "kept": elimination.kept,
+            "singular_values": elimination.singular_values,
+            "gap": elimination.gap,
+            "condition_number": elimination.condition_number,
+            "observability": asdict(elimination.observability()),
+        },
+        "elimination": [
+            {
+                "name": r.name,
+                "symbol": r.symbol,
+                "published": r.published,
+                "repeats": r.repeats,
+                "eliminated": r.eliminated["poses"],
+            }
+            for r in table.rows
+        ],
+        "published": {"source": published.source, "kept": published_kept(model)} if published.source else None,
+    }
+
+
+def _show(result: Mapping[str, Any]) -> None:
+    fate = {row["name"]: row for row in result["elimination"]}
+    rows = [
+        (
+            p["name"],
+            p["symbol"],
+            *(f"{p[f'max_{axis}']:.3f}" for axis in ("x", "y", "z", "space")),
+            p["unit"],
+            *(f"{p['tolerance_scaled_um'][axis]:.1f}" for axis in ("x", "y", "z", "space")),
+            "kept" if fate[p["name"]]["eliminated"] == "kept" else "–",
+        )
+        for p in result["parameters"]
+    ]
+    header = ("parameter", "symbol", "x", "y", "z", "space", "unit", "x µm", "y µm", "z µm", "space µm", "tells apart")
+    show_table(
+        f"Largest influence over {result['poses']} poses: per unit, and of the tolerance (1σ) in µm",
+        header,
+        rows,
+        left=(0, 1, 6, 11),
+    )
+    said = [row for row in result["elimination"] if row["eliminated"] != "kept" or row["published"] not in ("", "kept")]
+    if said:
+        columns = ["parameter", "symbol", "published", "repeats exactly", "full elimination"]
+        cells = [[r["name"], r["symbol"], r["published"], r["repeats"], r["eliminated"]] for r in said]
+        if not result["published"]:
+            columns, cells = [c for c in columns if c != "published"], [row[:2] + row[3:] for row in cells]
+        show_table("What these poses cannot tell from other parameters", columns, cells, left=range(5))
+    found = result["identifiability"]
+    indices = "  ".join(f"{name} {value:.4g}" for name, value in found["observability"].items())
+    eliminated = f"{len(found['zero'])} without effect, {len(found['dependent'])} dependent, {len(found['kept'])} kept"
+    facts = [
+        ("rank", f"{found['rank']} of {len(result['parameters'])} ({eliminated}); gap {found['gap']:.2g}"),
+        ("condition number", f"{found['condition_number']:.4g} (kept columns, unit length)"),
+        ("observability", f"{indices} (kept, in units of tolerance)"),
+    ]
+    if result["published"]:
+        facts.append(("published", f"{len(result['published']['kept'])} kept: {result['published']['source']}"))
+    show_facts(facts)

@@ -1,0 +1,79 @@
+"""``taskcal simulate``: a campaign of the virtual cell."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from taskcal.cli.options import CountOption, JsonOption, RobotOption, SeedOption, TaskOption
+from taskcal.cli.output import announce_compilation, check_destination, plain, write_json
+
+if TYPE_CHECKING:
+    from taskcal.measurement.virtual_cell import Truth
+
+REFLECTORS_MM = {"smr1": (60.0, 10.0, -20.0), "smr2": (-45.0, 55.0, 15.0), "smr3": (-20.0, -70.0, 35.0)}
+"""Three reflectors about the tool point, in the tool frame, not on a line and no two alike."""
+
+
+def command(
+    robot: RobotOption,
+    task: TaskOption,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="CAMPAIGN.csv", help="Campaign to write.")],
+    count: CountOption = 60,
+    seed: SeedOption = 0,
+    truth: Annotated[
+        Path | None,
+        typer.Option("--truth", metavar="TRUTH.json", help="Write the true defects, tracker frame and targets here."),
+    ] = None,
+    targets: Annotated[int, typer.Option("--targets", metavar="1|3", help="Reflectors on the tool.")] = 1,
+    pose: Annotated[bool, typer.Option("--pose", help="Measure poses instead of points.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure a virtual robot: defects drawn from its tolerances, a laser tracker with its noise."""
+    if targets not in (1, 3):
+        raise typer.BadParameter(f"{targets} reflectors are not offered; choose 1 or 3", param_hint="--targets")
+    if pose and targets != 1:
+        raise typer.BadParameter("a measured pose has one target; leave out --targets", param_hint="--pose / --targets")
+    for path in (output, truth):
+        if path is not None:
+            check_destination(path, [task])
+    if truth is not None and truth.resolve() == output.resolve():
+        raise typer.BadParameter("campaign and truth cannot be one file", param_hint="--truth / --output")
+    import numpy as np
+
+    from taskcal.cli.task_poses import read_and_reach
+    from taskcal.files import write_whole
+    from taskcal.measurement.virtual_cell import simulate
+    from taskcal.measurement.writer import write_campaign
+    from taskcal.robot.catalogue import load_robot
+    from taskcal.robot.error_model import ErrorModel
+
+    model = ErrorModel(load_robot(robot))
+    announce_compilation()
+    poses = read_and_reach(model, task, count, seed)
+    reflectors = None if targets == 1 else {name: np.array(p) * 1e-3 for name, p in REFLECTORS_MM.items()}
+    campaign, made_from = simulate(model, poses.q, rng=np.random.default_rng(seed), targets=reflectors, pose=pose)
+    write_campaign(output, campaign, model.robot)
+    if truth is not None:
+        write_whole(truth, _truth_json(made_from, campaign.targets))
+    share = float(poses.unreachable.mean())
+    if as_json:
+        result = {"campaign": output, "truth": truth, "robot": model.robot.name, "rows": len(campaign), "seed": seed}
+        write_json({**result, "targets": campaign.targets, "pose": pose, "unreachable_share": share})
+        return
+    print(f"wrote {output}: {len(campaign)} rows of {model.robot.name}, targets {', '.join(campaign.targets)}")
+    print(f"{share:.1%} of the task's poses are out of reach")
+    if truth is not None:
+        print(f"wrote {truth}: the defects, tracker frame and targets it was made from")
+
+
+def _truth_json(truth: "Truth", targets: tuple[str, ...]) -> str:
+    content = {
+        "robot": truth.model.robot.name,
+        "units": "metres and radians",
+        "x": dict(zip(truth.model.names, truth.x.tolist(), strict=True)),
+        "T_tracker_base": truth.T_tracker_base,
+        "targets": dict(zip(targets, truth.T_tool_target, strict=True)),
+    }
+    return json.dumps(plain(content), indent=1, allow_nan=False) + "\n"
