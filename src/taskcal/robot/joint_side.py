@@ -81,7 +81,7 @@ class FourBarDrive:
         """Chain coordinates that the loop moves."""
         return np.flatnonzero(self.output)
 
-    @cached_property
+    @property
     def pairs(self) -> Int[np.ndarray, "pairs 2"]:
         """Each of the three lengths moves every coordinate that the loop moves."""
         return np.array([(c, k) for k in range(3) for c in self.moved])

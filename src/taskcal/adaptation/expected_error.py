@@ -1,0 +1,195 @@
+"""The error to be expected over a task from a campaign and a choice of parameters, in closed form.
+
+The truth is an over-complete model with prior Σ₀; the parameters outside a kept set K act on the measurements, but the
+estimator x̂_K = G·y does not know them. With A = JᵀR⁻¹J of the campaign, L = A_KK + Σ₀_KK⁻¹, F its inverse (nil outside K)
+and M = F·A, the covariance of the estimate's error is
+
+    C(K) = (I − M)·Σ₀·(I − M)ᵀ + F·A·F = Σ₀ − F·D − Dᵀ·F + F·B·F,   D = A·Σ₀,  B = A·Σ₀·A + A
+
+and the mean squared error over the task is tr(W·C), W the mean of J_tᵀJ_t. Tracker frame and targets are always estimated
+and nothing is known of them beforehand: they are eliminated first (Schur complement), which leaves the error of the
+predicted target in the tracker's frame. Leaving them out would count the base's arbitrary placement as an error.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.geometry import normal_equations
+from taskcal.geometry.normal_equations import Observations
+from taskcal.identification.problem import FrameLayout, Problem, observe, whitener
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.registration import register
+from taskcal.measurement.tracker import TrackerNoise
+from taskcal.robot.error_model import ErrorModel
+from taskcal.task.task import TaskPoses
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Design:
+    """What a campaign says of the parameters, and how they move the task, tracker frame and targets eliminated."""
+
+    model: ErrorModel
+    information: Float[np.ndarray, "p p"]
+    """A of the campaign."""
+    influence: Float[np.ndarray, "p p"]
+    """W of the task, m² per parameter unit squared."""
+    prior: Float[np.ndarray, " p"]
+    """Prior standard deviations, metres and radians."""
+    frames: float
+    """Mean squared error that the noise in tracker frame and targets adds, m²."""
+
+    @cached_property
+    def _D(self) -> Float[np.ndarray, "p p"]:
+        return self.information * self.prior**2
+
+    @cached_property
+    def _B(self) -> Float[np.ndarray, "p p"]:
+        return self._D @ self.information + self.information
+
+    @cached_property
+    def before(self) -> float:
+        """Expected rms error in space with frames alone fitted, metres."""
+        return float(np.sqrt(np.sum(np.diag(self.influence) * self.prior**2) + self.frames))
+
+    def gain(self, kept: Int[np.ndarray, " k"]) -> Float[np.ndarray, "p p"]:
+        """F of a kept set."""
+        p = len(self.prior)
+        F = np.zeros((p, p))
+        if len(kept):
+            scale = self.prior[kept]
+            L = self.information[np.ix_(kept, kept)] * scale * scale[:, None] + np.eye(len(kept))
+            F[np.ix_(kept, kept)] = np.linalg.inv(L) * scale * scale[:, None]
+        return F
+
+    def error_covariance(self, kept: Int[np.ndarray, " k"]) -> Float[np.ndarray, "p p"]:
+        """C of a kept set."""
+        F = self.gain(kept)
+        rest = np.eye(len(self.prior)) - F @ self.information
+        return (rest * self.prior**2) @ rest.T + F @ self.information @ F
+
+    def expected_error(self, kept: Int[np.ndarray, " k"]) -> float:
+        """Expected rms error in space over the task, metres."""
+        return float(np.sqrt(np.sum(self.influence * self.error_covariance(kept)) + self.frames))
+
+    def expected_of(self, names: Iterable[str]) -> float:
+        """Expected rms error of a model with these parameters, metres."""
+        return self.expected_error(self.model.indices(names))
+
+    def ladder(self) -> tuple[list[int], Float[np.ndarray, " sizes"]]:
+        """Drop parameters one by one, always the one that is missed least.
+
+        Returns:
+            the parameters in the order in which they go, and the expected error before each goes and after the last.
+        """
+        p = len(self.prior)
+        F, W, D, B = self.gain(np.arange(p)), self.influence, self._D, self._B
+        kept = np.ones(p, dtype=bool)
+        order: list[int] = []
+        errors = [self.expected_error(np.arange(p))]
+        DW = D @ W
+        for _ in range(p):
+            # dropping j makes F − f·fᵀ/a with f = F[:, j], a = F[j, j]; all candidates at once
+            a = np.where(kept, np.diag(F), 1.0)
+            FW = F @ W
+            change = (
+                2.0 * np.einsum("ij,ij->j", F, DW @ F) / a
+                - 2.0 * np.einsum("ij,ij->j", F, B @ (FW @ F)) / a
+                + np.einsum("ij,ij->j", F, W @ F) * np.einsum("ij,ij->j", F, B @ F) / a**2
+            )
+            change[~kept] = np.inf
+            smallest = change.min()
+            # parameters that repeat each other cost the same: let the last one go
+            j = int(np.flatnonzero(change <= smallest + 1e-9 * (abs(smallest) + errors[-1] ** 2))[-1])
+            F = F - np.outer(F[:, j], F[:, j]) / F[j, j]
+            F[j, :] = F[:, j] = 0.0
+            kept[j] = False
+            order.append(j)
+            errors.append(self.expected_error(np.flatnonzero(kept)))
+        return order, np.array(errors)
+
+
+def design(
+    model: ErrorModel,
+    campaign: Campaign,
+    task: TaskPoses,
+    *,
+    noise: TrackerNoise | None = None,
+    model_error: tuple[float, ...] = (0.0, 0.0),
+    prior_scale: float = 1.0,
+) -> Design:
+    """The design of a campaign for a task.
+
+    Args:
+        model: the over-complete model.
+        campaign: the measurements; only where they were made matters here.
+        task: the task's poses.
+        noise: the tracker's.
+        model_error: standard deviation of what the model cannot explain, metres (and radians).
+        prior_scale: factor of the tolerances.
+
+    Raises:
+        CampaignError: too few rows for the frames.
+    """
+    registration = register(model, campaign)
+    pose = campaign.rotations is not None
+    layout = FrameLayout(
+        model=model, kept=np.arange(len(model)), registration=registration, targets=campaign.targets, pose=pose
+    )
+    problem = Problem(
+        frames=layout, q=np.ascontiguousarray(campaign.q), seen=observe(campaign), noise=campaign.covariances(noise)
+    )
+    variances = np.square(model_error[: 2 if pose else 1])
+    start = layout.start()
+    white = whitener(problem.covariance(variances))
+    walked = problem.walked(start)
+    _, _, A = normal_equations.normal_equations(walked, problem.seen, white)
+    W = _influence(layout, task)
+    p = len(model)
+    free = np.ones(len(layout.names), dtype=bool)
+    free[:p] = False
+    if not registration.located[0]:
+        free[-(6 if pose else 3) :][:3] = False
+    return _without_frames(model, A, W, free, model.tolerances * prior_scale)
+
+
+def _influence(layout: FrameLayout, task: TaskPoses) -> Float[np.ndarray, "z z"]:
+    """Weighted mean of JᵀJ of the targets' positions over the task."""
+    n, targets = len(task), len(layout.targets)
+    rotation = np.broadcast_to(np.eye(3), (n, 3, 3)).copy() if layout.pose else None
+    nowhere = Observations(
+        position=np.zeros((n, targets, 3)), rotation=rotation, valid=np.ones((n, targets), dtype=bool)
+    )
+    rows = 6 if layout.pose else 3
+    weight = np.zeros((n, targets, rows, rows))
+    weight[..., range(3), range(3)] = np.sqrt(task.weights / targets)[:, None, None]
+    return normal_equations.normal_equations(layout.walked(task.q, layout.start()), nowhere, weight)[2]
+
+
+def _without_frames(
+    model: ErrorModel,
+    A: Float[np.ndarray, "z z"],
+    W: Float[np.ndarray, "z z"],
+    free: np.ndarray,
+    prior: Float[np.ndarray, " p"],
+) -> Design:
+    """Eliminate tracker frame and targets, of which nothing is known beforehand."""
+    p = len(model)
+    f = np.flatnonzero(free)
+    m = np.arange(p)
+    A_ff = A[np.ix_(f, f)]
+    scale = 1.0 / np.sqrt(np.diag(A_ff))
+    # directions that the campaign does not see, as of a target's offset against the base in one orientation, stay at nil
+    inverse = np.linalg.pinv(A_ff * scale * scale[:, None], rcond=1e-10, hermitian=True) * scale * scale[:, None]
+    K = inverse @ A[np.ix_(f, m)]
+    W_mf, W_ff = W[np.ix_(m, f)], W[np.ix_(f, f)]
+    return Design(
+        model=model,
+        information=A[np.ix_(m, m)] - A[np.ix_(m, f)] @ K,
+        influence=W[np.ix_(m, m)] - W_mf @ K - (W_mf @ K).T + K.T @ W_ff @ K,
+        prior=prior,
+        frames=float(np.sum(W_ff * inverse)),
+    )

@@ -1,0 +1,273 @@
+"""How many parameters a task needs, and which: the ladder of expected task error, and a choice with its reasons."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.adaptation.expected_error import Design, design
+from taskcal.analysis.elimination_table import describe_combination, published_kept
+from taskcal.analysis.identifiability import Identifiability, identifiability
+from taskcal.errors import CampaignError
+from taskcal.identification.identify import identify
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.tracker import TrackerNoise
+from taskcal.measurement.virtual_cell import simulate
+from taskcal.robot.error_model import ErrorModel
+from taskcal.task.task import Task, TaskPoses, reach_task
+
+SUFFICIENT = 1.02
+"""A model is sufficient if its expected task error is within 2 % of the full model's."""
+
+ASSUMED_POSES = 60
+"""Measured poses assumed where there is no campaign yet: so many of the task's own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rung:
+    """One size of the model."""
+
+    size: int
+    dropped_next: str
+    """The parameter that goes on the step down from here; empty on the last rung."""
+    expected: float
+    """Expected rms error in space over the task, metres."""
+    cross_validated: float | None
+    """Mean error in space on left-out rows of the campaign, metres."""
+    standard_error: float | None
+    """Of the cross-validated error."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Selection:
+    """The model chosen, and why each other parameter is not in it."""
+
+    kept: tuple[str, ...]
+    dropped: Mapping[str, str]
+    """Reason by name."""
+    ladder: tuple[Rung, ...]
+    """From the full model down to none."""
+    why: str
+    """The rule that decided."""
+    before: float
+    """Expected rms error over the task with the nominal robot, frames fitted, metres."""
+    references: Mapping[str, tuple[int, float]]
+    """Size and expected error of the published and the identifiable set."""
+    unreachable: float
+    """Share of the task's poses that the robot does not reach."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Machine-readable, in millimetres."""
+        return {
+            "kept": list(self.kept),
+            "dropped": dict(self.dropped),
+            "why": self.why,
+            "before_mm": self.before * 1e3,
+            "unreachable": self.unreachable,
+            "references": {name: {"size": size, "expected_mm": e * 1e3} for name, (size, e) in self.references.items()},
+            "ladder": [
+                {
+                    "size": rung.size,
+                    "expected_mm": rung.expected * 1e3,
+                    "cross_validated_mm": None if rung.cross_validated is None else rung.cross_validated * 1e3,
+                }
+                for rung in self.ladder
+            ],
+        }
+
+
+def select(
+    model: ErrorModel,
+    task: Task,
+    campaign: Campaign | None = None,
+    accuracy: float | None = None,
+    *,
+    count: int = 200,
+    seed: int = 0,
+    folds: int = 5,
+    noise: TrackerNoise | None = None,
+) -> Selection:
+    """Choose the smallest model that serves the task.
+
+    Without an accuracy it is the smallest within 2 % of the full model's expected error, and with a campaign also within
+    one standard error of the best cross-validated one; with an accuracy, the smallest expected to meet it.
+
+    Args:
+        model: the over-complete model.
+        task: what the robot has to do.
+        campaign: measurements, from which model error and prior scale are taken, and which cross-validate every size.
+        accuracy: error in space that the task allows (rms), metres; the task's own by default, if there is no campaign.
+        count: poses spread over the task.
+        seed: of that spread, and of the folds.
+        folds: of the cross-validation.
+        noise: the tracker's.
+
+    Raises:
+        ReachError: the robot does not reach the task.
+        CampaignError: the accuracy is below what even the full model is expected to reach, or too few rows.
+    """
+    reached = reach_task(model, task, count, seed)
+    made, hyper = _design(model, reached, task, campaign, seed, noise)
+    order, expected = made.ladder()
+    p = len(model)
+    crossed = (
+        [None] * (p + 1) if campaign is None else _cross_validate(model, campaign, order, hyper, folds, seed, noise)
+    )
+    ladder = tuple(
+        Rung(
+            size=p - k,
+            dropped_next=model.names[order[k]] if k < p else "",
+            expected=float(expected[k]),
+            cross_validated=None if value is None else value[0],
+            standard_error=None if value is None else value[1],
+        )
+        for k, value in enumerate(crossed)
+    )
+    k, why = _choose(ladder, accuracy)
+    kept = sorted(set(range(p)) - set(order[:k]))
+    poses = reached.q if campaign is None else np.concatenate([reached.q, campaign.q])
+    found = identifiability(model, poses)
+    return Selection(
+        kept=tuple(model.names[i] for i in kept),
+        dropped=_reasons(made, order[:k], expected, found, kept),
+        ladder=ladder,
+        why=why,
+        before=made.before,
+        references=_references(model, made, found),
+        unreachable=float(reached.unreachable.mean()),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Scales:
+    model_error: tuple[float, ...] = (0.0, 0.0)
+    prior_scale: float = 1.0
+
+
+def _design(
+    model: ErrorModel, reached: TaskPoses, task: Task, campaign: Campaign | None, seed: int, noise: TrackerNoise | None
+) -> tuple[Design, _Scales]:
+    if campaign is None:
+        assumed = reach_task(model, task, ASSUMED_POSES, seed + 1)
+        measured, _ = simulate(model, assumed.q, rng=np.random.default_rng(seed), x=np.zeros(len(model)), noise=noise)
+        scales = _Scales()
+    else:
+        measured = campaign
+        full = identify(model, campaign, noise=noise)
+        scales = _Scales(model_error=full.model_error, prior_scale=full.prior_scale or 1.0)
+    made = design(model, measured, reached, noise=noise, model_error=scales.model_error, prior_scale=scales.prior_scale)
+    return made, scales
+
+
+def _cross_validate(
+    model: ErrorModel,
+    campaign: Campaign,
+    order: list[int],
+    scales: _Scales,
+    folds: int,
+    seed: int,
+    noise: TrackerNoise | None,
+) -> list[tuple[float, float] | None]:
+    """Mean error on left-out rows for every rung, with its standard error over the rows."""
+    n, p = len(campaign), len(model)
+    if n < 2 * folds:
+        raise CampaignError(
+            f"{n} rows are too few for cross-validation in {folds} folds; measure more, or select without it"
+        )
+    shuffled = np.random.default_rng(seed).permutation(n)
+    parts = [np.sort(shuffled[i::folds]) for i in range(folds)]
+    error = scales.model_error[0] if len(scales.model_error) == 1 else (scales.model_error[0], scales.model_error[1])
+    out: list[tuple[float, float] | None] = []
+    for k in range(p + 1):
+        keep = [model.names[i] for i in sorted(set(range(p)) - set(order[:k]))]
+        lengths: list[np.ndarray] = []
+        for part in parts:
+            rest = campaign.take(np.setdiff1d(np.arange(n), part))
+            fitted = identify(model, rest, keep=keep, noise=noise, model_error=error, prior_scale=scales.prior_scale)
+            left_out = campaign.take(part)
+            predicted = fitted.predict(left_out.q)
+            points = predicted[:, None, :3, 3] if campaign.rotations is not None else predicted
+            lengths.append(np.linalg.norm(left_out.points - points, axis=2)[left_out.valid])
+        every = np.concatenate(lengths)
+        out.append((float(every.mean()), float(every.std(ddof=1) / np.sqrt(len(every)))))
+    return out
+
+
+def _choose(ladder: tuple[Rung, ...], accuracy: float | None) -> tuple[int, str]:
+    """How many parameters go, and the rule that says so."""
+    full = ladder[0].expected
+    if accuracy is not None:
+        if full > accuracy:
+            raise CampaignError(
+                f"an accuracy of {accuracy * 1e3:.3f} mm is out of reach: even the full model is expected to leave "
+                f"{full * 1e3:.3f} mm rms over the task; measure more poses, nearer to the task, or allow more"
+            )
+        k = max(k for k, rung in enumerate(ladder) if rung.expected <= accuracy)
+        return k, f"the smallest model expected to leave at most {accuracy * 1e3:g} mm rms over the task"
+    enough = [k for k, rung in enumerate(ladder) if rung.expected <= SUFFICIENT * full]
+    why = "the smallest model within 2 % of the full one's expected task error"
+    crossed = [
+        (rung.cross_validated, rung.standard_error or 0.0) for rung in ladder if rung.cross_validated is not None
+    ]
+    if crossed:
+        best, error = min(crossed)
+        within = {k for k, rung in enumerate(ladder) if (rung.cross_validated or 0.0) <= best + error}
+        enough = [k for k in enough if k in within] or [min(within)]
+        why += f" whose cross-validated error is within one standard error ({error * 1e3:.3f} mm) of the best ({best * 1e3:.3f} mm)"
+    return max(enough), why
+
+
+def _reasons(
+    made: Design,
+    gone: list[int],
+    expected: Float[np.ndarray, " sizes"],
+    found: Identifiability,
+    kept: list[int],
+) -> dict[str, str]:
+    """Why each dropped parameter is not in the model."""
+    names, out = made.model.names, dict[str, str]()
+    alone = np.sqrt(np.maximum(np.diag(made.influence), 0.0)) * made.prior
+    for step, j in enumerate(gone):
+        name = names[j]
+        relation = _relation(made, j, kept)
+        if name in found.zero:
+            out[name] = "no effect on the position at any of these poses"
+        elif alone[j] <= 1e-6 * expected[0]:
+            out[name] = "moves the task only as tracker frame and targets do, which are fitted in any case"
+        elif relation:
+            out[name] = f"repeats {describe_combination(relation, {})}"
+        elif alone[j] <= 0.1 * expected[0]:
+            out[name] = (
+                f"its tolerance moves the task by {alone[j] * 1e6:.1f} µm rms, once tracker frame and targets are fitted"
+            )
+        else:
+            cost = (expected[step + 1] / expected[step] - 1.0) * 100
+            out[name] = (
+                f"not worth its variance: without it the expected error of {expected[step] * 1e6:.1f} µm changes by {cost:+.2f} %"
+            )
+    return out
+
+
+def _relation(made: Design, j: int, kept: list[int]) -> dict[str, float]:
+    """The combination of kept parameters that a dropped one equals, for campaign and task together; empty if none."""
+    both = made.information / np.trace(made.information) + made.influence / np.trace(made.influence)
+    if not kept or both[j, j] <= 0.0:
+        return {}
+    inner = both[np.ix_(kept, kept)]
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    c = scale * (np.linalg.pinv(inner * scale * scale[:, None], rcond=1e-12, hermitian=True) @ (scale * both[kept, j]))
+    left = both[j, j] - 2.0 * c @ both[kept, j] + c @ inner @ c
+    if left > 1e-9 * both[j, j]:
+        return {}
+    weight = np.abs(c) * np.sqrt(np.diag(inner))
+    return {made.model.names[kept[i]]: float(c[i]) for i in np.flatnonzero(weight > 1e-4 * weight.max())}
+
+
+def _references(model: ErrorModel, made: Design, found: Identifiability) -> dict[str, tuple[int, float]]:
+    """The published and the identifiable set in the same terms."""
+    sets: dict[str, Int[np.ndarray, " k"]] = {"identifiable": model.indices(found.kept)}
+    if model.robot.published.dropped:
+        sets["published"] = model.indices(published_kept(model))
+    return {name: (len(kept), made.expected_error(kept)) for name, kept in sets.items()}
