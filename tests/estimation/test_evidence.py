@@ -51,9 +51,15 @@ class LinearModel:
         posterior = np.linalg.inv(H + self.precision(v))
         z = posterior @ np.einsum("nia,nij,nj->a", self.J, W, self.y)
         return Linearised(
-            residual=self.y - self.J @ z, covariance=R, spread=self.J @ posterior @ self.J.swapaxes(1, 2), information=H,
-            posterior=posterior, prior_covariance=self.Sigma, deviation=z[self.scaled], scaled=self.scaled,
-        )  # fmt: skip
+            residual=self.y - self.J @ z,
+            covariance=R,
+            spread=self.J @ posterior @ self.J.swapaxes(1, 2),
+            information=H,
+            posterior=posterior,
+            prior_covariance=self.Sigma,
+            deviation=z[self.scaled],
+            scaled=self.scaled,
+        )
 
     def maximum(self, u, v):
         """Of the exact log marginal likelihood, by SciPy."""

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import CampaignError
+from taskcal.estimation.blas import single_threaded
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
 from taskcal.robot.error_model import ErrorModel
@@ -36,11 +37,13 @@ class Registration:
     tool point, as well as the tool's own tolerance says."""
 
 
+@single_threaded
 def register(model: ErrorModel, campaign: Campaign, x: Float[np.ndarray, " p"] | None = None) -> Registration:
     """Find the tracker frame and every target in closed form, then by a search from many orientations if that fails.
 
     The closed form solves M·y + m = p + R·o for an unconstrained matrix M, a vector m and the offsets o, which is linear
-    in all three, and projects M onto a rotation. For poses the rotations come first, from Z·R = Y·Xᵀ (Shah 2013).
+    in all three, and projects M onto a rotation. For poses the rotations come first, from Z·R = Y·Xᵀ (Shah 2013); where
+    they turn about one direction only, or not at all, the positions say the rest.
 
     Args:
         model: the robot's model.
@@ -54,7 +57,7 @@ def register(model: ErrorModel, campaign: Campaign, x: Float[np.ndarray, " p"] |
     T = model.poses(campaign.q, x)
     if campaign.rotations is None:
         return _register_points(T, campaign, model.robot.reach)
-    return _register_poses(T, campaign)
+    return _register_poses(T, campaign, model.robot.reach)
 
 
 def check_rows(campaign: Campaign, parameters: int = 0) -> None:
@@ -108,13 +111,7 @@ def _register_points(T: np.ndarray, campaign: Campaign, reach: float) -> Registr
             f"the measured points lie within {extent[1] * 1e3:.1f} mm of one line, which does not fix the tracker frame; measure "
             "poses spread over a plane at least"
         )
-    best = _refine(_closed_form(R, p, y, target, count), R, p, y, target, count)
-    if best[2] > PLAUSIBLE * reach:
-        for Z in _orientations():
-            found = _refine(Z, R, p, y, target, count)
-            if found[2] < best[2] * (1.0 - 1e-9):
-                best = found
-    Z, (t, offsets), rms = best
+    Z, (t, offsets), rms = _search(R, p, y, target, count, reach)
     located = _located(Z, R, target, count, rms)
     if not all(located):
         t, offsets, residual = _place(Z, R, p, y, target, count, held=located)
@@ -125,6 +122,19 @@ def _register_points(T: np.ndarray, campaign: Campaign, reach: float) -> Registr
         rms=rms,
         located=located,
     )
+
+
+def _search(
+    R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray, count: int, reach: float
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], float]:
+    """From the closed form, and from many orientations if that ends where no robot would be."""
+    best = _refine(_closed_form(R, p, y, target, count), R, p, y, target, count)
+    if best[2] > PLAUSIBLE * reach:
+        for Z in _orientations():
+            found = _refine(Z, R, p, y, target, count)
+            if found[2] < best[2] * (1.0 - 1e-9):
+                best = found
+    return best
 
 
 def _located(Z: np.ndarray, R: np.ndarray, target: np.ndarray, count: int, rms: float) -> tuple[bool, ...]:
@@ -240,13 +250,19 @@ def _orientations() -> list[np.ndarray]:
     return proper + [skew @ R for R in proper]
 
 
-def _register_poses(T: np.ndarray, campaign: Campaign) -> Registration:
+def _register_poses(T: np.ndarray, campaign: Campaign, reach: float) -> Registration:
     assert campaign.rotations is not None
     seen = campaign.valid[:, 0]
     R, p, y, Y = T[seen, :3, :3], T[seen, :3, 3], campaign.points[seen, 0], campaign.rotations[seen]
     target = np.zeros(len(y), dtype=int)
-    starts = [_closed_form_rotations(R, Y), *(_alternate(Z, R, Y) for Z in _orientations())]
-    Z, X = min(starts, key=lambda ZX: _rotation_cost(ZX, R, Y))
+    by_points = _search(R, p, y, target, 1, reach)[0]
+    starts = [_closed_form_rotations(R, Y), *(_alternate(Z, R, Y) for Z in [by_points, *_orientations()])]
+    starts.append((by_points, _target_rotation(by_points, R, Y)))
+
+    def cost(ZX: tuple[np.ndarray, np.ndarray]) -> float:
+        return reach**2 * _rotation_cost(ZX, R, Y) + float((_place(ZX[0], R, p, y, target, 1)[2] ** 2).sum())
+
+    Z, X = min(starts, key=cost)
     t, offsets, residual = _place(Z, R, p, y, target, 1)
     rms, located = _rms(residual), _located(Z, R, target, 1, _rms(residual))
     if not located[0]:
@@ -283,6 +299,10 @@ def _alternate(Z: np.ndarray, R: np.ndarray, Y: np.ndarray, rounds: int = 30) ->
     """Each of Z and X in turn from the other, as the rotation nearest to the mean."""
     X = np.eye(3)
     for _ in range(rounds):
-        X = se3.nearest_rotation((np.swapaxes(Z @ R, 1, 2) @ Y).mean(axis=0))
+        X = _target_rotation(Z, R, Y)
         Z = se3.nearest_rotation((Y @ np.swapaxes(R @ X, 1, 2)).mean(axis=0))
     return Z, X
+
+
+def _target_rotation(Z: np.ndarray, R: np.ndarray, Y: np.ndarray) -> np.ndarray:
+    return se3.nearest_rotation((np.swapaxes(Z @ R, 1, 2) @ Y).mean(axis=0))

@@ -1,0 +1,320 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from taskcal.errors import FileError
+from taskcal.measurement.reader import read_campaign
+from taskcal.robot.file import robot_from
+
+ROBOT = robot_from({
+    "name": "arm",
+    "joint": [
+        {"name": "J1", "limits_deg": [-170.0, 170.0]},
+        {"name": "Elbow", "limits_deg": [-90.0, 90.0], "steps": [{"tx_mm": 500.0}]},
+        {"name": "slide", "type": "prismatic", "limits_mm": [0.0, 800.0]},
+    ],
+    "coupled_limit": [{"of": "Elbow - J1", "range_deg": [-100.0, 100.0]}],
+})  # fmt: skip
+
+JOINTS = "J1_deg,Elbow_deg,slide_mm"
+HEADER = f"id,{JOINTS},x_mm,y_mm,z_mm"
+ROWS = ["a,10,20,300,1000,-200,50.5", "b,-30.5,4,0,900,100,60"]
+
+
+def write(folder, header=HEADER, rows=ROWS):
+    path = folder / "campaign.csv"
+    path.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_a_sound_campaign_is_in_metres_and_radians(tmp_path):
+    campaign = read_campaign(write(tmp_path), ROBOT)
+    assert campaign.ids == ("a", "b")
+    np.testing.assert_allclose(
+        campaign.q, [[np.radians(10), np.radians(20), 0.3], [np.radians(-30.5), np.radians(4), 0.0]]
+    )
+    assert campaign.targets == ("tool",)
+    np.testing.assert_allclose(campaign.points, [[[1.0, -0.2, 0.0505]], [[0.9, 0.1, 0.06]]])
+    assert campaign.rotations is None
+    assert campaign.uncertainty is None
+    assert campaign.temperature is None
+    assert campaign.nests == {}
+    assert campaign.source == "campaign.csv"
+
+
+SPELLINGS = {
+    "of the robot": "J1_deg,Elbow_deg,slide_mm",
+    "J numbers": "J1_deg,J2_deg,J3_mm",
+    "q numbers": "q1_deg,q2_deg,q3_mm",
+    "small letters": "j1_deg,elbow_deg,slide_mm",
+    "capitals": "J1_DEG,ELBOW_DEG,SLIDE_MM",
+    "mixed": "q1_deg,Elbow_deg,J3_mm",
+}
+
+
+@pytest.mark.parametrize("joints", SPELLINGS.values(), ids=list(SPELLINGS))
+def test_every_spelling_of_the_joints_means_the_same(tmp_path, joints):
+    expected = read_campaign(write(tmp_path), ROBOT)
+    campaign = read_campaign(write(tmp_path, f"ID,{joints},X_mm,y_MM,z_mm"), ROBOT)
+    np.testing.assert_array_equal(campaign.q, expected.q)
+    np.testing.assert_array_equal(campaign.points, expected.points)
+
+
+def test_radians_and_metres_and_any_order_of_columns_mean_the_same(tmp_path):
+    expected = read_campaign(write(tmp_path), ROBOT)
+    rows = []
+    for text in ROWS:
+        name, *numbers = text.split(",")
+        j1, j2, j3, x, y, z = map(float, numbers)
+        j1, j2 = (float(np.radians(v)) for v in (j1, j2))
+        rows.append(f"{z},{j2!r},{x},{j1!r},{y},{j3 / 1e3!r},{name}")
+    campaign = read_campaign(write(tmp_path, "z_mm,q2_rad,x_mm,J1_rad,y_mm,slide_m,id", rows), ROBOT)
+    assert campaign.ids == expected.ids
+    np.testing.assert_allclose(campaign.q, expected.q, rtol=1e-15)
+    np.testing.assert_array_equal(campaign.points, expected.points)
+
+
+def test_semicolons_and_tabs_separate_as_well_as_commas(tmp_path):
+    expected = read_campaign(write(tmp_path), ROBOT)
+    for delimiter in ";\t":
+        path = write(tmp_path, HEADER.replace(",", delimiter), [row.replace(",", delimiter) for row in ROWS])
+        np.testing.assert_array_equal(read_campaign(path, ROBOT).points, expected.points)
+
+
+def test_a_lost_beam_is_empty_or_all_zero_in_its_target_alone(tmp_path):
+    header = f"id,{JOINTS},smr1_x_mm,smr1_y_mm,smr1_z_mm,smr2_x_mm,smr2_y_mm,smr2_z_mm"
+    rows = ["a,0,0,0,,,,1,2,3", "b,0,0,0,4,5,6,0,0.0,0", "c,0,0,0,0,1,0,7,8,9"]
+    campaign = read_campaign(write(tmp_path, header, rows), ROBOT)
+    assert campaign.targets == ("smr1", "smr2")
+    np.testing.assert_array_equal(campaign.valid, [[False, True], [True, False], [True, True]])
+    assert np.isnan(campaign.points[0, 0]).all()
+    np.testing.assert_allclose(campaign.points[2], [[0, 1e-3, 0], [7e-3, 8e-3, 9e-3]])
+
+
+TARGETS = f"id,{JOINTS}," + ",".join(f"{t}_{a}_mm" for t in ("smr1", "base1", "Base2", "smr2") for a in "xyz")
+TARGET_ROW = ["a,0,0,0," + ",".join(map(str, range(1, 13)))]
+
+
+@pytest.mark.parametrize(
+    ("targets", "nests", "read", "fixed"),
+    [
+        (None, None, ("smr1", "smr2"), {"base1", "Base2"}),
+        (["SMR2"], None, ("smr2",), {"base1", "Base2"}),
+        (["smr2", "smr1"], None, ("smr2", "smr1"), {"base1", "Base2"}),
+        (["base1", "smr1"], None, ("base1", "smr1"), {"Base2"}),
+        (None, ["smr1"], ("base1", "Base2", "smr2"), {"smr1"}),
+        (None, [], ("smr1", "base1", "Base2", "smr2"), set()),
+        (["smr1"], ["smr2"], ("smr1",), {"smr2"}),
+    ],
+)
+def test_targets_and_nests_are_chosen_by_name_and_nests_begin_with_base(tmp_path, targets, nests, read, fixed):
+    campaign = read_campaign(write(tmp_path, TARGETS, TARGET_ROW), ROBOT, targets=targets, nests=nests)
+    assert campaign.targets == read
+    assert set(campaign.nests) == fixed
+    first = {"smr1": 1, "base1": 4, "Base2": 7, "smr2": 10}
+    for t, name in enumerate(read):
+        np.testing.assert_allclose(campaign.points[0, t], (first[name] + np.arange(3)) / 1e3)
+    for name in fixed:
+        np.testing.assert_allclose(campaign.nests[name][0], (first[name] + np.arange(3)) / 1e3)
+
+
+def test_a_pose_has_its_quaternion_with_the_scalar_last(tmp_path):
+    R = Rotation.from_euler("xyz", [0.3, -0.2, 1.0])
+    quaternion = ",".join(f"{v:.6f}" for v in R.as_quat())
+    rows = [f"a,0,0,0,1,2,3,{quaternion}", "b,0,0,0,,,,,,,"]
+    campaign = read_campaign(write(tmp_path, HEADER + ",qx,qy,qz,qw", rows), ROBOT)
+    assert campaign.rotations is not None
+    np.testing.assert_allclose(campaign.rotations[0], R.as_matrix(), atol=2e-6)
+    np.testing.assert_allclose(campaign.rotations[0] @ campaign.rotations[0].T, np.eye(3), atol=1e-14)
+    np.testing.assert_array_equal(campaign.valid, [[True], [False]])
+
+
+def test_uncertainty_is_stated_for_all_targets_or_each(tmp_path):
+    campaign = read_campaign(write(tmp_path, HEADER + ",u_mm", [row + ",0.02" for row in ROWS]), ROBOT)
+    np.testing.assert_allclose(campaign.uncertainty, [[2e-5], [2e-5]])
+    header = f"id,{JOINTS},A_x_mm,A_y_mm,A_z_mm,B_x_mm,B_y_mm,B_z_mm"
+    campaign = read_campaign(write(tmp_path, header + ",A_u_mm,u_mm", ["a,0,0,0,1,2,3,4,5,6,0.01,0.05"]), ROBOT)
+    np.testing.assert_allclose(campaign.uncertainty, [[1e-5, 5e-5]])
+
+
+def test_temperature_may_be_missing_here_and_there(tmp_path):
+    campaign = read_campaign(write(tmp_path, HEADER + ",temp_C", [ROWS[0] + ",21.5", ROWS[1] + ","]), ROBOT)
+    np.testing.assert_array_equal(campaign.temperature, [21.5, np.nan])
+
+
+def row(**cells):
+    """The first row with some cells replaced."""
+    names = HEADER.split(",")
+    values = dict(zip(names, ROWS[0].split(","), strict=True)) | cells
+    return [",".join(values[name] for name in names), ROWS[1]]
+
+
+POSE = HEADER + ",qx,qy,qz,qw"
+
+WRONG = {
+    "no id": (HEADER.replace("id,", ""), [r.split(",", 1)[1] for r in ROWS], ":1: has no column 'id'; name every row"),
+    "id empty": (HEADER, row(id=""), ":2: column 'id': the row has no id; give each row its own"),
+    "id twice": (HEADER, row(id="b"), ":3: column 'id': id 'b' stands in line 2 already; give each row its own"),
+    "joint missing": (
+        HEADER.replace(",Elbow_deg", ""),
+        ["a,1,2,3,4,5"],
+        r":1: has no column for joint Elbow of arm; it needs one for each of J1, Elbow, slide, such as Elbow_deg or q",
+    ),
+    "joint twice": (
+        HEADER.replace("id,", "id,q2_deg,"),
+        ["a,1,2,3,4,5,6,7"],
+        r":1: joint Elbow is given twice, by 'Elbow_deg' and 'q2_deg'; keep one",
+    ),
+    "joint in two units": (
+        HEADER.replace("id,", "id,J1_rad,"),
+        ["a,1,2,3,4,5,6,7"],
+        r":1: joint J1 is given twice, by 'J1_deg' and 'J1_rad'; keep one",
+    ),
+    "joint without unit": (
+        HEADER.replace("J1_deg", "J1"),
+        ROWS,
+        ":1: column 'J1': the unit is not stated; name the column J1_deg or J1_rad",
+    ),
+    "sliding joint in degrees": (
+        HEADER.replace("slide_mm", "slide_deg"),
+        ROWS,
+        ":1: has no column for joint slide .* slide_mm",
+    ),
+    "joint too many": (
+        HEADER + ",J4_deg",
+        [r + ",0" for r in ROWS],
+        ":1: 'J4_deg' is a joint that arm does not have; it has 3",
+    ),
+    "joint empty": (
+        HEADER,
+        row(J1_deg=""),
+        ":2: column 'J1_deg': the cell is empty; give a number, or leave out the row",
+    ),
+    "joint NaN": (HEADER, row(Elbow_deg="NaN"), ":2: column 'Elbow_deg': 'NaN' is no finite number; leave the row out"),
+    "joint infinite": (HEADER, row(Elbow_deg="-inf"), ":2: column 'Elbow_deg': '-inf' is no finite number"),
+    "joint text": (HEADER, row(J1_deg="home"), ":2: column 'J1_deg': 'home' is no number; give a number such as 12.5"),
+    "joint beyond its limit": (
+        HEADER,
+        row(J1_deg="170.1", Elbow_deg="75"),
+        r":2: J1 = 170\.100° is outside -170 to 170° \(1 of 2 rows are outside the limits of arm\); check the units",
+    ),
+    "joints beyond a coupled limit": (HEADER, row(J1_deg="-90"), r":2: Elbow - J1 = 110\.000° is outside -100 to 100°"),
+    "sliding joint beyond its limit": (HEADER, row(slide_mm="-1"), r":2: slide = -1\.000 mm is outside 0 to 800 mm"),
+    "no target": (f"id,{JOINTS}", ["a,0,0,0"], ":1: names no target; give columns x_mm, y_mm, z_mm, or NAME_x_mm"),
+    "only nests": (f"id,{JOINTS},base_x_mm,base_y_mm,base_z_mm", ["a,0,0,0,1,2,3"], ":1: names no target"),
+    "axis missing": (HEADER.replace(",y_mm", ""), ["a,0,0,0,1,2"], ":1: has no column 'y_mm' beside 'x_mm'"),
+    "axis of a target missing": (
+        HEADER + ",smr_x_mm,smr_y_mm",
+        [r + ",1,2" for r in ROWS],
+        ":1: has no column 'smr_z_mm' beside 'smr_x_mm'",
+    ),
+    "point partly empty": (
+        HEADER,
+        row(z_mm=""),
+        ":2: column 'z_mm': the cell is empty while its target's others are not; leave all three empty",
+    ),
+    "point text": (HEADER, row(x_mm="lost"), ":2: column 'x_mm': 'lost' is no number"),
+    "point NaN": (HEADER, row(x_mm="nan"), ":2: column 'x_mm': 'nan' is no finite number; .*target's cells empty"),
+    "point without unit": (
+        HEADER.replace("x_mm", "x"),
+        ROWS,
+        ":1: column 'x': the unit is not stated; name the column x_mm",
+    ),
+    "inches": (HEADER.replace("_mm,y", "_in,y"), ROWS, ":1: column 'x_in': positions are in millimetres; give x_mm"),
+    "metres": (HEADER.replace("z_mm", "z_m"), ROWS, ":1: column 'z_m': positions are in millimetres; give z_mm"),
+    "unknown column": (
+        HEADER + ",force_N",
+        [r + ",5" for r in ROWS],
+        r":1: unknown column 'force_N'; a campaign has id, joints \(J1_deg",
+    ),
+    "unknown columns": (HEADER + ",a,b", [r + ",5,6" for r in ROWS], ":1: unknown columns 'a', 'b'"),
+    "columns equal but for case": (
+        HEADER + ",X_mm",
+        [r + ",5" for r in ROWS],
+        ":1: two columns are named 'x_mm' but for letter case",
+    ),
+    "quaternion lacks a column": (
+        HEADER + ",qx,qy,qz",
+        [r + ",0,0,0" for r in ROWS],
+        ":1: has 'qx' but no column 'qw'; a pose needs",
+    ),
+    "quaternion partly empty": (
+        POSE,
+        [r + ",0,0,,1" for r in ROWS],
+        ":2: column 'qz': the cell is empty while the position is there",
+    ),
+    "quaternion not unit": (
+        POSE,
+        [ROWS[0] + ",0,0,0,1", ROWS[1] + ",0.5,0,0,1"],
+        r":3: column 'qx': the quaternion has length 1\.1180; it must be 1",
+    ),
+    "quaternion of several targets": (
+        TARGETS + ",qx,qy,qz,qw",
+        [TARGET_ROW[0] + ",0,0,0,1"],
+        ":1: a pose has one target, this file names smr1, smr2; choose one",
+    ),
+    "uncertainty nil": (
+        HEADER + ",u_mm",
+        [ROWS[0] + ",0.1", ROWS[1] + ",0"],
+        ":3: column 'u_mm': 0 is no standard uncertainty; give one",
+    ),
+    "uncertainty negative": (
+        HEADER + ",u_mm",
+        [r + ",-0.1" for r in ROWS],
+        ":2: column 'u_mm': -0.1 is no standard uncertainty",
+    ),
+    "uncertainty empty": (HEADER + ",u_mm", [ROWS[0] + ",", ROWS[1] + ",1"], ":2: column 'u_mm': the cell is empty"),
+    "uncertainty of some targets": (
+        TARGETS + ",smr1_u_mm",
+        [TARGET_ROW[0] + ",1"],
+        ":1: states the uncertainty of some targets but not of 'smr2'; give smr2_u_mm",
+    ),
+    "decimal comma": (
+        HEADER.replace(",", ";"),
+        ["a;10,5;20;0;1;2;3"],
+        r":2: column 'J1_deg': '10,5' is written with a decimal comma; write 10\.5",
+    ),
+    "decimal comma between commas": (
+        HEADER,
+        ["a,10,5,20,0,1,2,3"],
+        r":2: the line has 8 fields, the header 7; is it written with decimal commas\?",
+    ),
+    "fields too few": (HEADER, ["a,10,20"], ":2: the line has 3 fields, the header 7"),
+    "no rows": (HEADER, [], ": has no measurements below its header"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_bad_input_is_refused_with_file_line_column_value_and_remedy(tmp_path, case):
+    header, rows, message = WRONG[case]
+    with pytest.raises(FileError, match=rf"campaign\.csv{message}"):
+        read_campaign(write(tmp_path, header, rows), ROBOT)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "is empty"),
+        (b"\x00\x01\x02\x03,\n", "binary file"),
+        (b"\xff\xfe\x81", "no UTF-8 text"),
+        (None, "cannot be read"),
+    ],
+    ids=["empty", "binary", "not UTF-8", "missing"],
+)
+def test_what_is_no_table_is_refused(tmp_path, content, message):
+    path = tmp_path / "campaign.csv"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(FileError, match=rf"campaign\.csv: .*{message}"):
+        read_campaign(path, ROBOT)
+
+
+@pytest.mark.parametrize("choice", [{"targets": ["smr9"]}, {"nests": ["smr9"]}])
+def test_a_target_that_is_not_there_is_named_with_those_that_are(tmp_path, choice):
+    with pytest.raises(FileError, match=r"campaign\.csv:1: has no target 'smr9'; it has smr1, base1, Base2, smr2"):
+        read_campaign(write(tmp_path, TARGETS, TARGET_ROW), ROBOT, **choice)
+
+
+def test_limits_forgive_rounding_to_six_digits(tmp_path):
+    campaign = read_campaign(write(tmp_path, rows=row(J1_deg="100.00001", Elbow_deg="0")), ROBOT)
+    assert len(campaign) == 2

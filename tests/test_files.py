@@ -1,0 +1,54 @@
+import os
+
+import pytest
+
+from taskcal import files
+from taskcal.errors import FileError
+from taskcal.files import write_whole
+
+
+@pytest.mark.parametrize("content", ["σ = 15 µm\n", b"\x00\xff"])
+def test_what_is_written_is_what_was_given(tmp_path, content):
+    path = tmp_path / "out"
+    write_whole(path, content)
+    assert path.read_bytes() == (content.encode("utf-8") if isinstance(content, str) else content)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_new_file_has_the_modes_of_any_other_and_an_old_one_keeps_its_own(tmp_path):
+    write_whole(tmp_path / "new", "")
+    (tmp_path / "other").write_text("")
+    assert (tmp_path / "new").stat().st_mode == (tmp_path / "other").stat().st_mode
+    (tmp_path / "old").write_text("")
+    (tmp_path / "old").chmod(0o640)
+    write_whole(tmp_path / "old", "more")
+    assert (tmp_path / "old").stat().st_mode & 0o777 == 0o640
+
+
+@pytest.mark.parametrize("failure", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_an_interrupted_write_leaves_the_old_file_and_nothing_beside(tmp_path, monkeypatch, failure):
+    path = tmp_path / "out"
+    path.write_text("old")
+
+    def fail(*_):
+        raise failure
+
+    monkeypatch.setattr(files.os, "replace", fail)
+    with pytest.raises((FileError, KeyboardInterrupt)) as caught:
+        write_whole(path, "new")
+    if isinstance(failure, OSError):
+        assert "cannot be written: No space left on device" in str(caught.value)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_missing_folder_is_named(tmp_path):
+    with pytest.raises(FileError, match=r"none.out: cannot be written: .*; name a folder that exists"):
+        write_whole(tmp_path / "none" / "out", "")
+
+
+def test_a_folder_in_the_way_is_named(tmp_path):
+    (tmp_path / "out").mkdir()
+    with pytest.raises(FileError, match=r"out: cannot be written"):
+        write_whole(tmp_path / "out", "")
+    assert os.listdir(tmp_path) == ["out"]
