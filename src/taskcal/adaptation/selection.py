@@ -11,6 +11,7 @@ from taskcal.adaptation.expected_error import Design, design
 from taskcal.analysis.elimination_table import describe_combination, published_kept
 from taskcal.analysis.identifiability import Identifiability, identifiability
 from taskcal.errors import CampaignError
+from taskcal.estimation.blas import single_threaded
 from taskcal.identification.identify import identify
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.tracker import TrackerNoise
@@ -78,6 +79,7 @@ class Selection:
         }
 
 
+@single_threaded
 def select(
     model: ErrorModel,
     task: Task,

@@ -7,13 +7,30 @@ from contextlib import suppress
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from taskcal.cli import doctor, identify, robots, sensitivity, simulate, validate, warm
 from taskcal.cli.output import complain
 from taskcal.errors import TaskcalError
 
+ORDER = (
+    "demo", "robots", "sensitivity", "select", "plan", "study", "simulate", "identify", "validate", "correct", "report", "studio",
+    "doctor", "warm",
+)  # fmt: skip
+"""The user's road, and then what keeps the installation in order."""
+
+
+class Road(TyperGroup):
+    """A group that lists its commands in the order of the user's road."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names of the commands."""
+        return sorted(self.commands, key=ORDER.index)
+
+
 app = typer.Typer(
     name="taskcal",
+    cls=Road,
     help="Calibrate a serial robot to the task it has to do: from a tracker file to a corrected robot program.",
     no_args_is_help=True,
     add_completion=False,

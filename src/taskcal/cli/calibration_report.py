@@ -94,7 +94,7 @@ def show(result: Mapping[str, Any]) -> None:
         (
             p["name"],
             p["symbol"],
-            f"{p['estimate_' + p['unit']]:+.4f}",
+            _signed(p["estimate_" + p["unit"]]),
             f"{p['standard_error_' + p['unit']]:.4f}",
             p["unit"],
         )
@@ -128,6 +128,11 @@ def _facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     ended = f"{result['reason']}; {result['iterations']} iterations in the last of {result['rounds']} rounds"
     facts += [("ended", ended), ("calibration", f"wrote {result['calibration']}")]
     return facts
+
+
+def _signed(value: float) -> str:
+    text = f"{value:+.4f}"
+    return text if float(text) else " 0.0000"
 
 
 def _point(placed: Mapping[str, Any]) -> str:

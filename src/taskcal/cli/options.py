@@ -9,8 +9,10 @@ RobotOption = Annotated[
     str, typer.Option("--robot", "-r", metavar="ROBOT", help="Name in the catalogue, or a robot file (.toml).")
 ]
 TaskOption = Annotated[Path, typer.Option("--task", "-t", metavar="TASK.toml", help="Task file.")]
-CountOption = Annotated[int, typer.Option("--count", "-n", min=1, help="Poses to spread over the task's workspace.")]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
+CountOption = Annotated[
+    int, typer.Option("--count", "-n", min=1, metavar="N", help="Poses to spread over the task's workspace.")
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, metavar="N", help="Seed of everything random.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON, alone on standard output.")]
 TargetsOption = Annotated[
     str | None,

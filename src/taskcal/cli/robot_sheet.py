@@ -1,6 +1,6 @@
 """What ``taskcal robots`` says of a robot."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -44,10 +44,10 @@ def describe(robot: Robot) -> dict[str, Any]:
         "source": list(robot.source),
         "joint_table": [_joint(robot, i) for i in range(len(robot.joints))],
         "tool": {"parts": [_part(part) for part in robot.tool], **_placement(robot.tool)},
-        "coupled_limits": [{"of": c.text, "range_deg": np.degrees(c.limits).tolist()} for c in robot.coupled_limits],
+        "coupled_limits": [{"of": c.text, "range_deg": _scaled(c.limits, 180 / np.pi)} for c in robot.coupled_limits],
         "four_bar": None
         if bar is None
-        else {f"{key}_mm": getattr(bar.bar, key) * 1e3 for key in ("crank", "rod", "rocker", "arm")},
+        else {f"{key}_mm": _scaled([getattr(bar.bar, key)], 1e3)[0] for key in ("crank", "rod", "rocker", "arm")},
         "mechanism": {
             "mobility": mechanism.mobility,
             "overconstraint": mechanism.overconstraint,
@@ -62,7 +62,7 @@ def describe(robot: Robot) -> dict[str, Any]:
                 "name": p.name,
                 "symbol": p.symbol,
                 "unit": "mm" if p.unit == "m" else "mrad",
-                "tolerance": p.tolerance * 1e3,
+                "tolerance": _scaled([p.tolerance], 1e3)[0],
             }
             for p in model.parameters
         ],
@@ -85,11 +85,16 @@ def _joint(robot: Robot, i: int) -> dict[str, Any]:
     return {
         "name": joint.name,
         "kind": joint.kind,
-        f"limits_{unit}": [value * scale for value in joint.limits],
+        f"limits_{unit}": _scaled(joint.limits, scale),
         "coordinate": expression,
         "before": [_part(part) for part in joint.before],
         "after": [_part(part) for part in joint.after],
     }
+
+
+def _scaled(values: Iterable[float], scale: float) -> list[float]:
+    """In the unit of a file, without the last digits that conversion leaves."""
+    return [round(float(value) * scale, 9) for value in values]
 
 
 def _part(part: Part) -> str:
@@ -114,7 +119,7 @@ def _placement(parts: tuple[Part, ...]) -> dict[str, Any]:
 
 def placement(T: np.ndarray) -> dict[str, Any]:
     """A pose for people: position in millimetres, orientation as a quaternion."""
-    return {"position_mm": (T[:3, 3] * 1e3).tolist(), "quaternion": se3.to_quaternion(T[None, :3, :3])[0].tolist()}
+    return {"position_mm": _scaled(T[:3, 3], 1e3), "quaternion": se3.to_quaternion(T[None, :3, :3])[0].tolist()}
 
 
 def show_sheet(sheet: Mapping[str, Any]) -> None:

@@ -134,7 +134,9 @@ def _result(found: "Sensitivity", table: "EliminationTable", unreachable: float)
 
 
 def _show(result: Mapping[str, Any]) -> None:
-    fate = {row["name"]: row for row in result["elimination"]}
+    found = result["identifiability"]
+    fate = dict.fromkeys(found["kept"], "kept") | dict.fromkeys(found["zero"], "zero")
+    fate |= dict.fromkeys(found["dependent"], "dependent")
     rows = [
         (
             p["name"],
@@ -142,11 +144,11 @@ def _show(result: Mapping[str, Any]) -> None:
             *(f"{p[f'max_{axis}']:.3f}" for axis in ("x", "y", "z", "space")),
             p["unit"],
             *(f"{p['tolerance_scaled_um'][axis]:.1f}" for axis in ("x", "y", "z", "space")),
-            "kept" if fate[p["name"]]["eliminated"] == "kept" else "–",
+            fate[p["name"]],
         )
         for p in result["parameters"]
     ]
-    header = ("parameter", "symbol", "x", "y", "z", "space", "unit", "x µm", "y µm", "z µm", "space µm", "tells apart")
+    header = ("parameter", "symbol", "x", "y", "z", "space", "unit", "x µm", "y µm", "z µm", "space µm", "elimination")
     show_table(
         f"Largest influence over {result['poses']} poses: per unit, and of the tolerance (1σ) in µm",
         header,
@@ -160,7 +162,6 @@ def _show(result: Mapping[str, Any]) -> None:
         if not result["published"]:
             columns, cells = [c for c in columns if c != "published"], [row[:2] + row[3:] for row in cells]
         show_table("What these poses cannot tell from other parameters", columns, cells, left=range(5))
-    found = result["identifiability"]
     indices = "  ".join(f"{name} {value:.4g}" for name, value in found["observability"].items())
     eliminated = f"{len(found['zero'])} without effect, {len(found['dependent'])} dependent, {len(found['kept'])} kept"
     facts = [

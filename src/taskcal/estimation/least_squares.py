@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg import LinAlgError
+from scipy.linalg.lapack import dposv
 
 from taskcal.geometry.normal_equations import WhitenedEquations
 
@@ -44,9 +45,11 @@ def solve_scaled(A: Float[np.ndarray, "p p"], b: Float[np.ndarray, "..."]) -> Fl
         scipy.linalg.LinAlgError: A is not positive definite.
     """
     scale = 1.0 / np.sqrt(np.maximum(np.diag(A), 1e-300))
-    factor = cho_factor(A * scale * scale[:, None], lower=True, overwrite_a=True, check_finite=False)
-    scale = scale if b.ndim == 1 else scale[:, None]
-    return scale * cho_solve(factor, scale * b, check_finite=False)
+    right = scale * b if b.ndim == 1 else scale[:, None] * b
+    _, x, info = dposv(A * scale * scale[:, None], right, lower=True)
+    if info:
+        raise LinAlgError(f"leading minor {info} is not positive definite")
+    return scale * x if b.ndim == 1 else scale[:, None] * x
 
 
 def fit(

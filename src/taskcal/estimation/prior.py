@@ -1,6 +1,7 @@
 """What is known of parameters before any measurement."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -25,6 +26,12 @@ class GaussianPrior:
     def _correlation(self) -> np.ndarray:
         scale = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
         return self.covariance / scale / scale[:, None]
+
+    @cached_property
+    def precision(self) -> Float[np.ndarray, "p p"]:
+        """Inverse of the covariance."""
+        scale = 1.0 / np.sqrt(np.diag(self.covariance))
+        return np.linalg.inv(self._correlation()) * scale * scale[:, None]
 
     @classmethod
     def of_deviations(cls, deviations: Float[np.ndarray, " p"]) -> "GaussianPrior":

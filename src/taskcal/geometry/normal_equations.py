@@ -149,13 +149,12 @@ def _accumulate(
             else:
                 weight = 1.0
             cost += 0.5 * square
-            for j in range(p):
-                for a in range(rows):
-                    v = weight * white[a, j]
-                    g[j] += v * r[a]
-                    if v != 0.0:
-                        for k in range(j, p):
-                            H[j, k] += v * white[a, k]
+            for a in range(0, rows, 3):  # three rows at a time: a third of the traffic on H
+                for j in range(p):
+                    u, v, x = weight * white[a, j], weight * white[a + 1, j], weight * white[a + 2, j]
+                    g[j] += u * r[a] + v * r[a + 1] + x * r[a + 2]
+                    for k in range(j, p):
+                        H[j, k] += u * white[a, k] + v * white[a + 1, k] + x * white[a + 2, k]
     for j in range(H.shape[0]):  # mode 1 brings an empty H
         for k in range(j):
             H[j, k] = H[k, j]

@@ -11,6 +11,7 @@ from scipy.stats import chi2
 
 from taskcal.errors import FitError
 from taskcal.estimation import evidence
+from taskcal.estimation.blas import single_threaded
 from taskcal.estimation.least_squares import Solution, Stopping, fit, solve_scaled
 from taskcal.estimation.loss import Loss, Squared
 from taskcal.estimation.prior import GaussianPrior
@@ -41,6 +42,7 @@ class Hyperparameters:
     """Factor of the prior's covariance."""
 
 
+@single_threaded
 def identify(
     model: ErrorModel,
     campaign: Campaign,
@@ -120,7 +122,7 @@ class _Belief:
         k, count = len(self.sizes), len(self.sizes) + len(self.frames)
         out = np.zeros((count, count))
         if self.prior is not None:
-            out[:k, :k] = solve_scaled(self.prior.covariance, np.eye(k)) / factor
+            out[:k, :k] = self.prior.precision / factor
         out[k:, k:] = np.diag(1.0 / self.frames**2)
         return out
 

@@ -1,0 +1,228 @@
+"""The published procedure on a virtual robot: tables here, a page with figures, and files to go on with."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from taskcal.cli.options import JsonOption, SeedOption
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from taskcal.adaptation.procedure import Errors, Procedure
+    from taskcal.presentation.predictions import Predictions
+
+ROBOT = "abb-irb6660-205-1.9"
+HELD_OUT = 400
+
+Output = Annotated[
+    Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the results; made if absent.")
+]
+Count = Annotated[int, typer.Option("--count", "-n", min=10, help="Measured poses of each campaign.")]
+
+
+def demo(
+    output: Output = Path("taskcal-demo"),
+    count: Count = 60,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Run the published procedure on a virtual robot.
+
+    Mechanism, complete model, sensitivity, elimination, identification, and errors on new poses, in one tool orientation
+    and in several. Needs no file of yours; leaves a page with figures, the calibrations and the campaigns in a folder.
+    """
+    from rich.console import Console
+
+    from taskcal.adaptation.procedure import run_procedure
+    from taskcal.cli.output import announce_compilation, console, write_json
+    from taskcal.errors import FileError
+    from taskcal.files import write_whole
+    from taskcal.identification.calibration import package_version
+    from taskcal.presentation.procedure_report import procedure_html
+    from taskcal.robot.catalogue import load_robot
+    from taskcal.robot.error_model import ErrorModel
+
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"no folder can be made here: {error.strerror or error}; name another with --output"
+        raise FileError(output, message) from error
+    announce_compilation()
+    with Console(stderr=True).status("starting") as status:
+        model = ErrorModel(load_robot(ROBOT))
+        procedure = run_procedure(
+            model, count=count, seed=seed, held_out=HELD_OUT, progress=lambda step: status.update(f"{step} …")
+        )
+        status.update("uncertainty of the predictions …")
+        predictions = list(_predict(procedure))
+        status.update("figures and page …")
+        page = output / "report.html"
+        files = _write_data(procedure, output)
+        commands = _next_steps(output, files)
+        html = procedure_html(procedure, predictions, next_steps=commands, version=package_version())
+        write_whole(page, html)
+    files = {"page": page, **files}
+    if as_json:
+        write_json(_as_json(procedure, predictions, files))
+        return
+    out = console()
+    _show(out, procedure)
+    out.print(f"The page with all tables and figures: {page}", soft_wrap=True)
+    out.print("\nGo on:\n" + commands, soft_wrap=True)
+
+
+def _predict(procedure: "Procedure") -> "Iterator[Predictions]":
+    """Every fit on the new poses that the procedure compares its models on."""
+    import numpy as np
+
+    from taskcal.adaptation.procedure import ONE, SEVERAL, SPREAD, reference_task
+    from taskcal.geometry import se3
+    from taskcal.presentation.predictions import Predictions
+    from taskcal.task.task import reach_task
+
+    def reach(spread: float) -> np.ndarray:
+        return reach_task(procedure.model, reference_task(spread), HELD_OUT, seed=procedure.seed + 1).q
+
+    inside = {ONE: reach(0.0), SEVERAL: reach(SPREAD)}
+    outside = reach(2.0 * SPREAD)
+    workspace = reference_task().workspace
+    assert workspace is not None
+    middle = workspace.middle()[0, :3, :3]
+    for fit in procedure.fits:
+        for where, q in (("same orientations", inside[fit.campaign]), ("turned farther", outside)):
+            T = procedure.model.poses(q)
+            yield Predictions(
+                campaign=fit.campaign,
+                model=fit.model,
+                where=where,
+                position=T[:, :3, 3],
+                angle=np.linalg.norm(se3.log(middle.T @ T[:, :3, :3]), axis=1),
+                error=procedure.truth.points(q)[:, 0] - fit.calibration.predict(q)[:, 0],
+                covariance=fit.calibration.predict_covariance(q)[:, 0],
+            )
+
+
+def _write_data(procedure: "Procedure", folder: Path) -> dict[str, Path]:
+    """Campaigns, and the calibrations of the whole model."""
+    from taskcal.adaptation.procedure import ONE, SEVERAL
+    from taskcal.measurement.writer import write_campaign
+
+    names = {ONE: "one-orientation", SEVERAL: "several-orientations"}
+    files: dict[str, Path] = {}
+    for label, campaign in procedure.campaigns.items():
+        files[f"campaign {label}"] = folder / f"campaign-{names[label]}.csv"
+        write_campaign(files[f"campaign {label}"], campaign, procedure.model.robot)
+    for fit in procedure.fits:
+        if fit.parameters == len(procedure.model):
+            files[f"calibration {fit.campaign}"] = folder / f"calibration-{names[fit.campaign]}.json"
+            fit.calibration.save(files[f"calibration {fit.campaign}"])
+    return files
+
+
+def _next_steps(folder: Path, files: dict[str, Path]) -> str:
+    from taskcal.adaptation.procedure import ONE, SEVERAL
+
+    one, several = files[f"campaign {ONE}"], files[f"campaign {SEVERAL}"]
+    return "\n".join(
+        (
+            "  # the demonstration's own measurements, a third of them kept aside to check",
+            f"  taskcal identify --robot {ROBOT} {several} -o {folder / 'cal.json'} --holdout 0.3",
+            f"  taskcal validate {folder / 'cal.json'} {one}",
+            "  # your robot: one of the catalogue, or a table of its dimensions; joints and tracker points as CSV",
+            "  taskcal robots",
+            "  taskcal identify --robot ROBOT CAMPAIGN.csv -o CAL.json --holdout 0.3",
+        )
+    )
+
+
+def _show(out: Any, procedure: "Procedure") -> None:
+    from rich.text import Text
+
+    from taskcal.presentation import procedure_tables as tables
+    from taskcal.presentation.procedure_report import summary_points
+    from taskcal.presentation.terminal import print_tables
+
+    robot = procedure.model.robot
+    out.print(Text(f"The published procedure on a virtual {robot.title or robot.name}", style="bold"))
+    explanation = procedure.mechanism.explanation
+    out.print(Text(f"{explanation[0].upper()}{explanation[1:]}.\n"))
+    print_tables(
+        out,
+        (
+            tables.tabulate_model(procedure.model),
+            tables.tabulate_influences(procedure, 10),
+            tables.tabulate_counts(procedure),
+            tables.tabulate_relations(procedure),
+            tables.tabulate_residuals(procedure),
+            tables.tabulate_held_out(procedure),
+        ),
+    )
+    out.print(Text("In short", style="bold"))
+    for point in summary_points(procedure):
+        out.print(Text(f"- {point}"))
+    out.print()
+
+
+def _as_json(procedure: "Procedure", predictions: "list[Predictions]", files: dict[str, Path]) -> dict[str, Any]:
+    mechanism, elimination = procedure.mechanism, procedure.elimination
+    scaled = {label: found.maximum(scaled=True) * 1e6 for label, found in procedure.sensitivities.items()}
+    covered = {(p.campaign, p.model, p.where): p.share_inside(0.95) for p in predictions}
+    return {
+        "robot": procedure.model.robot.name,
+        "seed": procedure.seed,
+        "poses": {label: len(campaign) for label, campaign in procedure.campaigns.items()},
+        "mechanism": {
+            "motorised": mechanism.motorised,
+            "passive": mechanism.passive,
+            "mobility": mechanism.mobility,
+            "overconstraint": mechanism.overconstraint,
+        },
+        "parameters": [
+            {
+                "name": row.name,
+                "symbol": row.symbol,
+                "published": row.published,
+                "repeats": row.repeats,
+                "eliminated": row.eliminated,
+                "largest_influence_um": {label: values[:, i] for label, values in scaled.items()},
+            }
+            for i, row in enumerate(elimination.rows)
+        ],
+        "elimination": {
+            label: {
+                "rank": found.rank,
+                "kept": found.kept,
+                "zero": found.zero,
+                "dependent": found.dependent,
+                "condition_number": found.condition_number,
+            }
+            for label, found in elimination.eliminations.items()
+        },
+        "fits": [
+            {
+                "campaign": fit.campaign,
+                "model": fit.model,
+                "parameters": fit.parameters,
+                "residual": _errors(fit.residual),
+                "inside": _errors(fit.inside),
+                "outside": _errors(fit.outside),
+                "inside_95": covered[fit.campaign, fit.model, "same orientations"],
+                "outside_95": covered[fit.campaign, fit.model, "turned farther"],
+            }
+            for fit in procedure.fits
+        ],
+        "files": files,
+    }
+
+
+def _errors(errors: "Errors") -> dict[str, float]:
+    x, y, z = (value * 1e3 for value in errors.per_axis)
+    return {
+        "mean_mm": errors.mean * 1e3,
+        "max_mm": errors.maximum * 1e3,
+        "max_x_mm": x,
+        "max_y_mm": y,
+        "max_z_mm": z,
+    }

@@ -1,0 +1,115 @@
+"""Figures of identified calibrations: what they leave of the measurements, and what they find of the parameters."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import plotly.graph_objects as go
+from jaxtyping import Float
+from plotly.subplots import make_subplots
+
+from taskcal.identification.calibration import Calibration
+from taskcal.presentation.theme import AXIS_COLOURS, AXIS_SHAPES, INK, SERIES, VERMILION, label_panels, styled, switch
+
+
+def draw_residuals(calibrations: Mapping[str, Mapping[str, Calibration]], start: str = "") -> go.Figure:
+    """Residuals of the first target, pose by pose, in the robot's base axes.
+
+    Args:
+        calibrations: a panel for each campaign, in it the models to choose from, in the same order in all.
+        start: beginning of the name of the model that is shown first; the last by default.
+    """
+    figure = make_subplots(
+        rows=len(calibrations), cols=1, shared_xaxes=True, vertical_spacing=0.12, subplot_titles=list(calibrations)
+    )
+    models = [list(panel) for panel in calibrations.values()]
+    shown = next((m for m, name in enumerate(models[0]) if start and name.startswith(start)), len(models[0]) - 1)
+    owner: list[int] = []
+    for row, (label, panel) in enumerate(calibrations.items(), start=1):
+        for m, (name, calibration) in enumerate(panel.items()):
+            values = calibration.residuals[:, 0, :3] @ calibration.T_tracker_base[:3, :3] * 1e6
+            for axis, letter in enumerate("XYZ"):
+                owner.append(m)
+                figure.add_scatter(
+                    x=np.arange(1, len(values) + 1),
+                    y=values[:, axis],
+                    name=letter,
+                    legendgroup=letter,
+                    showlegend=row == 1,
+                    visible=m == shown,
+                    mode="markers",
+                    marker={"color": AXIS_COLOURS[letter], "symbol": AXIS_SHAPES[letter], "size": 7},
+                    hovertemplate="pose %{x}: %{y:.1f} µm<extra>" + f"{letter}, {name}, {label}</extra>",
+                    row=row,
+                    col=1,
+                )
+    styled(figure, height=260 * len(calibrations) + 120, top=100)
+    figure.update_layout(legend={"y": 1.06})
+    figure.update_yaxes(title="residual (µm)")
+    figure.update_xaxes(title="measured pose", row=len(calibrations), col=1)
+    if len(models[0]) > 1:
+        choices = {_choice(names): ({"visible": [o == m for o in owner]},) for m, names in enumerate(zip(*models, strict=True))}
+        switch(figure, choices, y=1.06)
+        figure.layout.updatemenus[0].active = shown  # pyright: ignore[reportAttributeAccessIssue]
+    return label_panels(figure)
+
+
+def _choice(names: tuple[str, ...]) -> str:
+    """One label for the models of all campaigns, which may differ in their count of parameters."""
+    return names[0] if len(set(names)) == 1 else " / ".join(dict.fromkeys(names))
+
+
+def draw_parameters(calibrations: Mapping[str, Calibration], truth: Float[np.ndarray, " p"] | None = None) -> go.Figure:
+    """Estimated parameters with two standard errors, beside the truth where it is known.
+
+    Args:
+        calibrations: calibrations of one model to choose from.
+        truth: the true parameters, metres and radians.
+    """
+    model = next(iter(calibrations.values())).model
+    panels = [("lengths", "m", "mm"), ("angles", "rad", "mrad")]
+    figure = make_subplots(rows=2, cols=1, vertical_spacing=0.2, subplot_titles=[title for title, _, _ in panels])
+    owner: list[int] = []
+    for row, (_, kind, unit) in enumerate(panels, start=1):
+        columns = [i for i, p in enumerate(model.parameters) if p.unit == kind]
+        names = [model.parameters[i].symbol or model.parameters[i].name for i in columns]
+        ours = [model.parameters[i].name for i in columns]
+        for k, (label, calibration) in enumerate(calibrations.items()):
+            owner.append(k)
+            figure.add_scatter(
+                x=names,
+                y=calibration.estimate[columns] * 1e3,
+                error_y={"array": 2e3 * calibration.standard_errors[columns], "thickness": 1.6, "width": 4},
+                name="estimate ± 2 standard errors",
+                legendgroup="estimate",
+                showlegend=row == 1,
+                visible=k == 0,
+                mode="markers",
+                marker={"color": SERIES[1], "size": 8},
+                customdata=ours,
+                hovertemplate="%{customdata}: %{y:.3f} " + unit + f"<extra>{label}</extra>",
+                row=row,
+                col=1,
+            )
+        if truth is not None:
+            owner.append(-1)
+            figure.add_scatter(
+                x=names,
+                y=truth[columns] * 1e3,
+                name="truth",
+                legendgroup="truth",
+                showlegend=row == 1,
+                mode="markers",
+                marker={"color": VERMILION, "symbol": "diamond-open", "size": 11, "line": {"width": 2}},
+                customdata=ours,
+                hovertemplate="%{customdata}: %{y:.3f} " + unit + "<extra>truth</extra>",
+                row=row,
+                col=1,
+            )
+        figure.update_yaxes(title=f"defect ({unit})", zeroline=True, zerolinecolor=INK, row=row, col=1)
+    styled(figure, height=680, top=100)
+    figure.update_layout(legend={"y": 1.06})
+    figure.update_xaxes(tickangle=-60, tickfont={"size": 12})
+    if len(calibrations) > 1:
+        choices = {label: ({"visible": [o in (k, -1) for o in owner]},) for k, label in enumerate(calibrations)}
+        switch(figure, choices, y=1.06)
+    return label_panels(figure)

@@ -1,0 +1,199 @@
+"""Tables of the published procedure, the same for the page and for the terminal."""
+
+from taskcal.adaptation.procedure import ONE, SEVERAL, Errors, Procedure
+from taskcal.analysis.elimination_table import published_kept
+from taskcal.presentation.content import Table
+from taskcal.robot.error_model import COMPONENTS, ErrorModel, Parameter
+
+PUBLISHED_RESIDUALS = "180.3", "95.7", "122.2", "91.9"
+"""Largest residuals in space and on X, Y, Z of Gutiérrez et al., measured robot, 33 parameters, µm."""
+
+
+def label_of(parameter: Parameter) -> str:
+    """Our name of a parameter, with the publication's behind it."""
+    return f"{parameter.name} ({parameter.symbol})" if parameter.symbol else parameter.name
+
+
+def tabulate_model(model: ErrorModel) -> Table:
+    """All parameters at a glance: a row per frame, the publication's symbols in the cells."""
+    symbols = {p.name: p.symbol or "·" for p in model.parameters}
+    frames = list(dict.fromkeys(p.name.split(".")[0] for p in model.parameters))
+    rows: list[tuple[str, ...]] = []
+    for frame in frames:
+        names = [f"{frame}.{c}" for c in COMPONENTS]
+        if names[0] in symbols:
+            rows.append((frame, *(symbols.get(name, "") for name in names)))
+        else:
+            mine = [n for n in symbols if n.startswith(frame + ".")]
+            rows.append((frame, *(f"{n.split('.')[1]} = {symbols[n]}" for n in mine), *[""] * (6 - len(mine))))
+    return Table.of_rows(
+        f"The model's {len(model)} parameters",
+        ("frame", *COMPONENTS),
+        rows,
+        text_columns=tuple(range(7)),
+        note="Rows and columns make our name (J3.ry), cells hold the publication's symbol (psi3). Translations t and "
+        "rotations r of each joint's frame about its own axes, then of the tool's; the loop has three lengths.",
+    )
+
+
+def tabulate_influences(procedure: Procedure, limit: int | None = None) -> Table:
+    """Largest influence of each parameter at its tolerance; with a limit, only the largest in space."""
+    sets = procedure.sensitivities
+    per_axis = {label: found.maximum(scaled=True) * 1e6 for label, found in sets.items()}
+    in_space = {label: found.maximum_in_space(scaled=True) * 1e6 for label, found in sets.items()}
+    order = list(range(len(procedure.model)))
+    if limit is not None:
+        order = sorted(order, key=lambda i: -max(float(values[i]) for values in in_space.values()))[:limit]
+    rows: list[tuple[str, ...]] = []
+    for i in order:
+        parameter = procedure.model.parameters[i]
+        cells = [f"{v:.0f}" for label in sets for v in (*per_axis[label][:, i], in_space[label][i])]
+        rows.append((label_of(parameter), _tolerance(parameter), *cells))
+    short = {ONE: "1", SEVERAL: SEVERAL}
+    title = "Largest influence on the tool point" + (f": the {limit} strongest parameters" if limit else "")
+    return Table.of_rows(
+        title,
+        ("parameter", "tolerance", *(f"{a} {short.get(s, s)}" for s in sets for a in ("X", "Y", "Z", "space"))),
+        rows,
+        note="In µm for a defect of one tolerance (1σ), along the robot's base axes, over the measured poses: "
+        + " and ".join(f"“{short.get(s, s)}” is {s}" for s in sets)
+        + ".",
+        folded=limit is None,
+    )
+
+
+def _tolerance(parameter: Parameter) -> str:
+    return f"{parameter.tolerance * 1e3:g} {'mm' if parameter.unit == 'm' else 'mrad'}"
+
+
+def tabulate_counts(procedure: Procedure) -> Table:
+    """How many parameters the publication keeps, and how many can be told apart."""
+    elimination = procedure.elimination
+    total = len(procedure.model)
+    published = [row.published for row in elimination.rows]
+    dropped = sum(said in ("zero", "redundant", "dropped") for said in published)
+    zero = published.count("zero")
+    rows: list[tuple[str, ...]] = [
+        ("as published", str(dropped - zero), str(zero), str(total - dropped), ""),
+    ]
+    repeats = [row.repeats for row in elimination.rows]
+    nil = repeats.count("zero")
+    alone = sum(bool(r) for r in repeats) - nil
+    rows.append(("repeats of one other", str(alone), str(nil), str(total - alone - nil), ""))
+    for label, found in elimination.eliminations.items():
+        condition = f"{found.condition_number:.0f}"
+        rows.append(
+            (f"full elimination, {label}", str(len(found.dependent)), str(len(found.zero)), str(found.rank), condition)
+        )
+    return Table.of_rows(
+        f"What remains of the {total} parameters",
+        ("by", "redundant", "no effect", "remain", "condition"),
+        rows,
+        note="“Repeats of one other” finds parameters that act exactly like one other; “full elimination” also finds "
+        "those that equal a combination of several. The condition number is that of the remaining columns, scaled "
+        "to unit length: the larger, the harder to tell them apart.",
+    )
+
+
+def tabulate_relations(procedure: Procedure) -> Table:
+    """Those of the published reduced model that repeat others, and what they repeat."""
+    kept = set(published_kept(procedure.model))
+    sets = list(procedure.elimination.eliminations)
+    rows = [
+        (f"{row.name} ({row.symbol})", *("independent" if row.eliminated[s] == "kept" else f"= {row.eliminated[s]}" for s in sets))
+        for row in procedure.elimination.rows
+        if row.name in kept and any(row.eliminated[s] != "kept" for s in sets)
+    ]
+    return Table.of_rows(
+        f"Of the published {len(kept)}, these repeat others",
+        ("parameter", *sets),
+        rows,
+        text_columns=tuple(range(len(sets) + 1)),
+        note="A combination moves the tool point exactly as the parameter does, at every pose of the set, to first "
+        "order. Coefficients are in metres and radians: 0.3·t1z means 0.3 mm of t1z for 1 mrad of the parameter.",
+    )
+
+
+def tabulate_elimination(procedure: Procedure) -> Table:
+    """Every parameter: what was published of it, and what each set of poses says."""
+    sets = list(procedure.elimination.eliminations)
+    rows = [
+        (row.name, row.symbol, row.published, row.repeats, *(row.eliminated[s] for s in sets))
+        for row in procedure.elimination.rows
+    ]
+    return Table.of_rows(
+        f"Elimination of all {len(rows)} parameters",
+        ("parameter", "symbol", "published", "repeats", *sets),
+        rows,
+        text_columns=tuple(range(4 + len(sets))),
+        note="“repeats” names the one other parameter that it equals at all poses; the last columns say what full "
+        "elimination from left to right finds: kept, zero, or the combination that it equals.",
+        folded=True,
+    )
+
+
+def tabulate_residuals(procedure: Procedure) -> Table:
+    """What each model leaves of the measurements that it was fitted to."""
+    groups = tuple(
+        (
+            f"measured in {campaign}",
+            tuple((f.model, str(f.parameters), *_axes(f.residual)) for f in procedure.fits if f.campaign == campaign),
+        )
+        for campaign in procedure.campaigns
+    )
+    published = ("real robot, as published", (("published 33", "33", "", *PUBLISHED_RESIDUALS),))
+    return Table(
+        title="Residuals on the measured poses (µm)",
+        header=("model", "fitted", "mean", "max", "X", "Y", "Z"),
+        groups=(*groups, published),
+        note="Measured less predicted: mean and largest in space, largest on each axis of the robot's base. “fitted” "
+        "counts the model's parameters; tracker frame and target are fitted with them each time.",
+    )
+
+
+def tabulate_held_out(procedure: Procedure) -> Table:
+    """Errors on poses that were not measured, for every model."""
+    groups = tuple(
+        (
+            f"measured in {campaign}",
+            tuple(
+                (f.model, *(f"{v * 1e6:.1f}" for e in (f.inside, f.outside) for v in (e.mean, e.maximum)))
+                for f in procedure.fits
+                if f.campaign == campaign
+            ),
+        )
+        for campaign in procedure.campaigns
+    )
+    return Table(
+        title="Errors on new poses (µm)",
+        header=("model", "inside mean", "inside max", "outside mean", "outside max"),
+        groups=groups,
+        note="True less predicted tool point in the tracker frame, in space. Inside: new poses in the workspace and the "
+        "orientations that were measured. Outside: the same workspace with the tool tilted by up to 40° from the "
+        "single orientation, and turned by up to 40° about its axis.",
+    )
+
+
+def tabulate_parameters(procedure: Procedure) -> Table:
+    """Estimates of the whole model beside the truth."""
+    whole = {f.campaign: f.calibration for f in procedure.fits if f.parameters == len(procedure.model)}
+    rows: list[tuple[str, ...]] = []
+    for i, parameter in enumerate(procedure.model.parameters):
+        cells = [
+            f"{calibration.estimate[i] * 1e3:.3f} ± {calibration.standard_errors[i] * 1e3:.3f}"
+            for calibration in whole.values()
+        ]
+        unit = "mm" if parameter.unit == "m" else "mrad"
+        rows.append((label_of(parameter), unit, f"{procedure.truth.x[i] * 1e3:.3f}", *cells))
+    return Table.of_rows(
+        f"All {len(procedure.model)} parameters: estimates and truth",
+        ("parameter", "unit", "truth", *whole),
+        rows,
+        text_columns=(0, 1),
+        note="Estimate ± one standard error, identified with the prior.",
+        folded=True,
+    )
+
+
+def _axes(errors: Errors) -> tuple[str, ...]:
+    return tuple(f"{value * 1e6:.1f}" for value in (errors.mean, errors.maximum, *errors.per_axis))

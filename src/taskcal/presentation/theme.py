@@ -1,0 +1,63 @@
+"""How every figure looks: colours that colour-blind readers tell apart (Okabe and Ito 2008), fonts, margins."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import plotly.graph_objects as go
+
+BLUE, ORANGE, GREEN, VERMILION, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#AA4499", "#7A7A7A"
+INK, GRID = "#1f2933", "#e3e7eb"
+
+AXIS_COLOURS = {"X": BLUE, "Y": ORANGE, "Z": GREEN}
+AXIS_SHAPES = {"X": "circle", "Y": "square", "Z": "diamond"}
+SERIES = (VERMILION, BLUE, GREEN, PURPLE, ORANGE, GREY)
+FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
+
+
+def styled(figure: go.Figure, *, height: int, legend: bool = True, top: int = 60) -> go.Figure:
+    """The figure with the house's layout: white, with light grids, its legend above."""
+    figure.update_layout(
+        template="none",
+        height=height,
+        font={"family": FONT, "size": 14, "color": INK},
+        margin={"l": 70, "r": 20, "t": top, "b": 60},
+        showlegend=legend,
+        legend={"orientation": "h", "yanchor": "bottom", "y": 1.02, "xanchor": "left", "x": 0.0},
+        hoverlabel={"font": {"family": FONT, "size": 13}},
+        paper_bgcolor="white",
+        plot_bgcolor="white",
+        bargap=0.25,
+    )
+    axis = {"gridcolor": GRID, "zerolinecolor": "#b8c1ca", "linecolor": "#b8c1ca", "ticks": "outside", "ticklen": 4}
+    figure.update_xaxes(automargin=True, **axis)
+    figure.update_yaxes(automargin=True, **axis)
+    return figure
+
+
+def switch(figure: go.Figure, choices: Mapping[str, Sequence[Any]], *, y: float, x: float = 1.0) -> go.Figure:
+    """The figure with a row of buttons above it, or a list where they are many; each choice has its update."""
+    buttons = [{"label": label, "method": "update", "args": list(arguments)} for label, arguments in choices.items()]
+    figure.update_layout(
+        updatemenus=[
+            {
+                "type": "buttons" if len(buttons) < 4 else "dropdown",
+                "direction": "right" if len(buttons) < 4 else "down",
+                "buttons": buttons,
+                "x": x,
+                "xanchor": "right",
+                "y": y,
+                "yanchor": "bottom",
+                "pad": {"r": 0, "t": 0, "b": 4},
+                "bgcolor": "white",
+                "bordercolor": "#b8c1ca",
+                "font": {"size": 13},
+            }
+        ]
+    )
+    return figure
+
+
+def label_panels(figure: go.Figure) -> go.Figure:
+    """Panel titles of a figure with several panels, set flush left and in the text's size."""
+    figure.update_annotations(font={"family": FONT, "size": 14, "color": INK})
+    return figure

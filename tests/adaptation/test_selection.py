@@ -1,0 +1,74 @@
+"""The choice of parameters for a task, and its reasons."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.adaptation.procedure import reference_task
+from taskcal.adaptation.selection import SUFFICIENT, select
+from taskcal.errors import CampaignError, ReachError
+from taskcal.measurement.virtual_cell import simulate
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from taskcal.task.task import reach_task
+
+
+@pytest.fixture(scope="module")
+def model():
+    return ErrorModel(load_robot("abb-irb6660-205-1.9"))
+
+
+def test_the_chosen_model_is_the_smallest_that_suffices(model):
+    chosen = select(model, reference_task())
+    full = chosen.ladder[0].expected
+    sizes = [rung.size for rung in chosen.ladder if rung.expected <= SUFFICIENT * full]
+    assert len(chosen.kept) == min(sizes) < 25
+    assert set(chosen.kept) | set(chosen.dropped) == set(model.names)
+    assert not set(chosen.kept) & set(chosen.dropped)
+    assert chosen.before > 20 * full
+
+
+def test_every_dropped_parameter_carries_a_reason_that_holds(model):
+    chosen = select(model, reference_task(np.radians(20.0)))
+    assert "no effect" in chosen.dropped["tool.rx"]
+    assert chosen.dropped["J4.tz"] == "repeats J3.ty"
+    assert chosen.dropped["J4.rz"] == "repeats 0.28·J1.ty + J3.ry"
+    assert all(reason for reason in chosen.dropped.values())
+
+
+def test_the_published_and_the_identifiable_set_stand_in_the_same_picture(model):
+    chosen = select(model, reference_task())
+    assert chosen.references["published"][0] == 33
+    assert chosen.references["identifiable"][0] == 24
+    assert all(e >= chosen.ladder[0].expected * (1 - 1e-9) for _, e in chosen.references.values())
+
+
+def test_an_accuracy_is_met_by_the_smallest_model_that_meets_it(model):
+    loose = select(model, reference_task(), accuracy=1e-4)
+    assert len(loose.kept) < len(select(model, reference_task()).kept)
+    by_size = {rung.size: rung.expected for rung in loose.ladder}
+    assert by_size[len(loose.kept)] <= 1e-4 < by_size[len(loose.kept) - 1]
+
+
+def test_an_accuracy_below_the_noise_is_refused_with_what_can_be_reached(model):
+    with pytest.raises(CampaignError, match=r"out of reach.*0\.00\d mm rms"):
+        select(model, reference_task(), accuracy=1e-6)
+
+
+def test_a_campaign_cross_validates_every_size(model):
+    task = reference_task(np.radians(20.0))
+    measured = reach_task(model, task, 40, seed=2)
+    campaign, _ = simulate(model, measured.q, rng=np.random.default_rng(0))
+    chosen = select(model, task, campaign, folds=3)
+    crossed = [rung.cross_validated for rung in chosen.ladder]
+    assert all(value is not None for value in crossed)
+    assert crossed[-1] > 5 * crossed[0]
+    assert 10 < len(chosen.kept) < 26
+
+
+def test_an_unreachable_workspace_says_so(model):
+    task = reference_task()
+    far = replace(task.workspace, center=np.array([6.0, 0.0, 1.0]))
+    with pytest.raises(ReachError, match="does not reach"):
+        select(model, replace(task, workspace=far))
