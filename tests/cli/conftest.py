@@ -1,0 +1,71 @@
+"""The command line in this process, and the files that its commands read."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from taskcal.cli import main
+
+IRB6660 = "abb-irb6660-205-1.9"
+
+TASK = """
+name = "pocket milling"
+[workspace]
+frame = "base"
+shape = "box"
+center_mm = [1711.0, 30.0, 1489.0]
+size_mm = [500.0, 700.0, 500.0]
+[[workspace.orientation]]
+quaternion = [0.0, 0.955, 0.0, 0.296]
+cone_deg = 30.0
+[accuracy]
+position_mm = 0.1
+"""
+
+
+@dataclass(frozen=True)
+class Ended:
+    status: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.out)
+
+
+Run = Callable[..., Ended]
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run a command in this process."""
+
+    def call(*arguments: object) -> Ended:
+        capsys.readouterr()
+        status = main([str(a) for a in arguments])
+        captured = capsys.readouterr()
+        assert "Traceback" not in captured.err
+        return Ended(status, captured.out, captured.err)
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a task, campaigns of one and three reflectors and of poses, and a calibration of the first."""
+    folder = tmp_path_factory.mktemp("cell")
+    (folder / "task.toml").write_text(TASK)
+    task = ["--robot", IRB6660, "--task", str(folder / "task.toml"), "--json"]
+    truth = ["--truth", str(folder / "truth.json")]
+    assert main(["simulate", *task, "--count", "60", "-o", str(folder / "one.csv"), *truth]) == 0
+    assert main(["simulate", *task, "--count", "30", "-o", str(folder / "three.csv"), "--targets", "3"]) == 0
+    assert main(["simulate", *task, "--count", "30", "-o", str(folder / "poses.csv"), "--pose"]) == 0
+    assert (
+        main(["identify", "--robot", IRB6660, str(folder / "one.csv"), "-o", str(folder / "cal.json"), "--json"]) == 0
+    )
+    return folder

@@ -1,0 +1,297 @@
+"""taskcal identify."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taskcal.identification.calibration import load_calibration
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.dh_table import robot_toml
+from tests.cli.conftest import IRB6660, Ended, Run
+
+ERRORS = {"mean_mm", "rms_mm", "p95_mm", "max_mm", "max_x_mm", "max_y_mm", "max_z_mm", "n"}
+
+
+def identify(run: Run, campaign: Path, output: Path, *options: object, robot: object = IRB6660) -> Ended:
+    return run("identify", "--robot", robot, campaign, "-o", output, *options)
+
+
+def test_json_of_a_fit(run: Run, cell: Path, tmp_path: Path) -> None:
+    ended = identify(run, cell / "one.csv", tmp_path / "cal.json", "--json")
+    result = ended.json
+    assert (ended.status, ended.err) == (0, "")
+    assert result["calibration"] == str(tmp_path / "cal.json")
+    assert (result["robot"], result["rows"]) == (IRB6660, 60)
+    assert set(result["fitted"]) == ERRORS
+    assert result["held_out"] is None
+    assert result["fitted"]["rms_mm"] < 0.05
+    assert len(result["parameters"]) == 45
+    first, turn = result["parameters"][0], result["parameters"][3]
+    assert (first["name"], first["symbol"], first["unit"]) == ("J1.tx", "t1x", "mm")
+    assert turn["unit"] == "mrad"
+    saved = load_calibration(tmp_path / "cal.json")
+    assert first["estimate_mm"] == pytest.approx(saved.estimate[0] * 1e3)
+    assert turn["standard_error_mrad"] == pytest.approx(saved.standard_errors[3] * 1e3)
+    assert result["model_error_mm"] == pytest.approx(saved.model_error[0] * 1e3)
+    assert result["outliers"] == []
+    assert result["reason"]
+
+
+def test_the_report_for_people(run: Run, cell: Path, tmp_path: Path) -> None:
+    text = identify(run, cell / "one.csv", tmp_path / "cal.json", "--holdout", "0.3").out
+    for word in ("max x mm", "max in space mm", "fitted", "held out", "psi5", "model error", "tracker frame", "ended"):
+        assert word in text
+
+
+@pytest.mark.parametrize("campaign", ["three.csv", "poses.csv"])
+def test_three_reflectors_and_poses(run: Run, cell: Path, tmp_path: Path, campaign: str) -> None:
+    result = identify(run, cell / campaign, tmp_path / "cal.json", "--json", "--rows", "0:25").json
+    assert result["held_out"]["rms_mm"] < 0.15
+    assert result["held_out"]["n"] == (15 if campaign == "three.csv" else 5)
+    assert ("mean_mrad" in result["held_out"]) == (campaign == "poses.csv")
+    assert ("model_error_mrad" in result) == (campaign == "poses.csv")
+    assert identify(run, cell / campaign, tmp_path / "cal.json").status == 0
+
+
+def test_rows_by_range_and_by_file_are_the_same_rows(run: Run, cell: Path, tmp_path: Path) -> None:
+    (tmp_path / "rows.txt").write_text("# the first forty\n\n" + "\n".join(f"{i}  # row" for i in range(40)))
+    by_file = identify(run, cell / "one.csv", tmp_path / "a.json", "--rows", tmp_path / "rows.txt", "--json").json
+    by_range = identify(run, cell / "one.csv", tmp_path / "a.json", "--rows", "0:40", "--json").json
+    assert by_file == by_range
+    assert by_file["rows"] == by_file["fitted"]["n"] == 40
+    assert by_file["held_out"]["n"] == 20
+    assert identify(run, cell / "one.csv", tmp_path / "a.json", "--rows", ":40", "--json").json == by_range
+
+
+def test_a_holdout_is_random_but_for_its_seed(run: Run, cell: Path, tmp_path: Path) -> None:
+    options = ["--holdout", "0.3", "--json", "--seed"]
+    first, again, other = (
+        identify(run, cell / "one.csv", tmp_path / "a.json", *options, seed).json for seed in (1, 1, 2)
+    )
+    assert first == again
+    assert first["held_out"]["n"] == 18
+    assert first["held_out"] != other["held_out"]
+
+
+def test_targets_and_kept_parameters(run: Run, cell: Path, tmp_path: Path) -> None:
+    options = ["--targets", "smr3,smr1", "--keep", "J2,psi5,loop.rod", "--json"]
+    result = identify(run, cell / "three.csv", tmp_path / "a.json", *options).json
+    assert list(result["targets"]) == ["smr3", "smr1"]
+    names = [p["name"] for p in result["parameters"]]
+    assert names == [*(f"J2.{c}" for c in ("tx", "ty", "tz", "rx", "ry", "rz")), "J5.ry", "loop.rod"]
+
+
+def test_the_published_choice(run: Run, cell: Path, tmp_path: Path) -> None:
+    result = identify(
+        run, cell / "one.csv", tmp_path / "a.json", "--keep", "published", "--prior", "none", "--json"
+    ).json
+    assert len(result["parameters"]) == 33
+    assert result["prior_scale"] is None
+
+
+def test_options_reach_the_fit(run: Run, cell: Path, tmp_path: Path) -> None:
+    options = [
+        "--model-error",
+        "0.05",
+        "--prior-scale",
+        "2",
+        "--loss",
+        "huber",
+        "--frames",
+        "fixed",
+        "--mpe-to-sigma",
+        "0.577",
+    ]
+    result = identify(run, cell / "one.csv", tmp_path / "a.json", *options, "--json").json
+    assert result["model_error_mm"] == pytest.approx(0.05)
+    assert result["prior_scale"] == pytest.approx(2.0)
+    options = load_calibration(tmp_path / "a.json").provenance.options
+    assert (options["loss"]["kind"], options["frames"]) == ("huber", "fixed")
+
+
+def shift(source: Path, target: Path, row: int, mm: float) -> None:
+    """Move a measured point along x."""
+    lines = source.read_text().splitlines()
+    column = lines[0].split(",").index("x_mm")
+    cells = lines[row + 1].split(",")
+    cells[column] = str(float(cells[column]) + mm)
+    lines[row + 1] = ",".join(cells)
+    target.write_text("\n".join(lines))
+
+
+def test_outliers_are_named_by_the_row_of_the_file(run: Run, cell: Path, tmp_path: Path) -> None:
+    shift(cell / "one.csv", tmp_path / "bad.csv", 33, 5.0)
+    options = ["--rows", "20:60", "--loss", "cauchy"]
+    result = identify(run, tmp_path / "bad.csv", tmp_path / "a.json", *options, "--json").json
+    assert [(o["row"], o["id"], o["target"]) for o in result["outliers"]] == [(33, "33", "tool")]
+    assert result["outliers"][0]["residual_mm"] == pytest.approx(5.0, abs=0.5)
+    assert "Outliers" in identify(run, tmp_path / "bad.csv", tmp_path / "a.json", *options).out
+
+
+def test_an_old_calibration_is_replaced_only_by_a_whole_new_one(run: Run, cell: Path, tmp_path: Path) -> None:
+    output = tmp_path / "cal.json"
+    output.write_text("the old one")
+    assert identify(run, cell / "one.csv", output, "--rows", "0:2").status == 1
+    assert output.read_text() == "the old one"
+    assert identify(run, cell / "one.csv", output).status == 0
+    assert json.loads(output.read_text())["format"] == "taskcal-calibration"
+    assert list(tmp_path.iterdir()) == [output]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--rows", "0:40", "--holdout", "0.3"],
+        ["--rows", "40:0"],
+        ["--rows", "a:b"],
+        ["--rows", "1:2:3"],
+        ["--rows", "-5:10"],
+        ["--rows", "60"],
+        ["--holdout", "0"],
+        ["--holdout", "1.5"],
+        ["--prior", "none", "--prior-scale", "2"],
+        ["--prior", "flat"],
+        ["--model-error", "-1"],
+        ["--mpe-to-sigma", "0"],
+        ["--targets", "smr1,,smr2"],
+        ["--keep", "J1,J1"],
+    ],
+    ids=" ".join,
+)
+def test_wrong_usage(run: Run, cell: Path, tmp_path: Path, options: list[str]) -> None:
+    ended = identify(run, cell / "one.csv", tmp_path / "a.json", *options)
+    assert (ended.status, ended.out) == (2, "")
+    assert options[0] in ended.err
+    assert not (tmp_path / "a.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--rows", "0:61"], "has 60 rows, numbered 0 to 59; write 0:60"),
+        (["--rows", "70:"], "has 60 rows, numbered 0 to 59"),
+        (["--rows", "0:2"], "2 measured points in 2 rows are too few"),
+        (["--rows", "nowhere.txt"], "nowhere.txt: cannot be read"),
+        (["--targets", "smr1"], "one.csv:1: has no target 'smr1'; it has tool"),
+        (["--keep", "J7.tx"], "no parameter 'J7.tx'; did you mean "),
+        (["--holdout", "0.001"], "holding out 0.001 of 60 rows leaves 60 to fit and 0 to test"),
+    ],
+)
+def test_what_the_data_cannot_give(run: Run, cell: Path, tmp_path: Path, options: list[str], message: str) -> None:
+    ended = identify(run, cell / "one.csv", tmp_path / "a.json", *options)
+    assert (ended.status, ended.out) == (1, "")
+    assert ended.err.startswith("error: ")
+    assert message in ended.err
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("0\n1\nthree\n", ":3: 'three' is no row number"),
+        ("0\n60\n", ":2: row 60: "),
+        ("-1\n", ":1: '-1' is no row number"),
+        ("5\n6\n5\n", ":3: row 5 stands in line 1 already"),
+        ("# nothing\n", ": names no row"),
+    ],
+)
+def test_a_file_of_rows_that_is_wrong(run: Run, cell: Path, tmp_path: Path, text: str, message: str) -> None:
+    rows = tmp_path / "rows.txt"
+    rows.write_text(text)
+    ended = identify(run, cell / "one.csv", tmp_path / "a.json", "--rows", rows)
+    assert ended.status == 1
+    assert f"{rows}{message}" in ended.err
+
+
+def edited(source: Path, target: Path, row: int | None, column: str, cell: str) -> None:
+    """Write a cell, or with row None rename the column."""
+    lines = [line.split(",") for line in source.read_text().splitlines()]
+    lines[0 if row is None else row + 1][lines[0].index(column)] = cell
+    target.write_text("\n".join(",".join(cells) for cells in lines))
+
+
+@pytest.mark.parametrize(
+    ("row", "column", "text", "message"),
+    [
+        (4, "J2_deg", "12;5", "bad.csv:6: column 'J2_deg': '12;5' is no number"),
+        (4, "J2_deg", "", "bad.csv:6: column 'J2_deg': the cell is empty"),
+        (4, "J2_deg", "95", "bad.csv:6: J2 = 95.000° is outside -42 to 85°"),
+        (4, "y_mm", "", "bad.csv:6: column 'y_mm': the cell is empty while its target's others are not"),
+        (4, "id", "3", "bad.csv:6: column 'id': id '3' stands in line 5 already"),
+        (None, "J4_deg", "J7_deg", "bad.csv:1: has no column for joint J4"),
+        (None, "J4_deg", "J4", "bad.csv:1: column 'J4': the unit is not stated; name the column J4_deg"),
+        (None, "z_mm", "depth", "bad.csv:1: has no column 'z_mm' beside 'x_mm'"),
+        (None, "z_mm", "z_in", "positions are in millimetres; give z_mm"),
+    ],
+)
+def test_a_campaign_that_is_wrong(
+    run: Run, cell: Path, tmp_path: Path, row: int | None, column: str, text: str, message: str
+) -> None:
+    edited(cell / "one.csv", tmp_path / "bad.csv", row, column, text)
+    ended = identify(run, tmp_path / "bad.csv", tmp_path / "a.json")
+    assert (ended.status, ended.out) == (1, "")
+    assert message in ended.err
+
+
+def test_a_campaign_of_another_robot(run: Run, cell: Path, tmp_path: Path) -> None:
+    ended = identify(run, cell / "one.csv", tmp_path / "a.json", robot="ur5")
+    assert ended.status == 1
+    assert "these joints and points do not fit ur5" in ended.err
+    ended = identify(run, cell / "one.csv", tmp_path / "a.json", robot="barrett-wam")
+    assert ended.status == 1
+    assert "has no column for joint J7 of barrett-wam" in ended.err
+
+
+def test_a_loop_that_does_not_close(run: Run, cell: Path, tmp_path: Path) -> None:
+    described = dict(load_robot(IRB6660).description)
+    described.pop("coupled_limit")
+    described["four_bar"] = {**described["four_bar"], "rod_mm": 400.0}
+    (tmp_path / "robot.toml").write_text(robot_toml(described))
+    ended = identify(run, cell / "one.csv", tmp_path / "a.json", robot=tmp_path / "robot.toml")
+    assert (ended.status, ended.out) == (1, "")
+    assert "the four-bar does not close at pose" in ended.err
+
+
+def test_an_unknown_robot(run: Run, cell: Path, tmp_path: Path) -> None:
+    ended = identify(run, cell / "one.csv", tmp_path / "a.json", robot="abb-irb6660")
+    assert ended.status == 1
+    assert "no robot 'abb-irb6660'; did you mean" in ended.err
+
+
+@pytest.mark.parametrize(
+    ("campaign", "message"),
+    [("nowhere.csv", "No such file"), (".", "Is a directory"), ("binary.csv", "is no UTF-8 text")],
+)
+def test_a_campaign_that_cannot_be_read(run: Run, tmp_path: Path, campaign: str, message: str) -> None:
+    (tmp_path / "binary.csv").write_bytes(bytes(range(256)))
+    ended = identify(run, tmp_path / campaign, tmp_path / "a.json")
+    assert ended.status == 1
+    assert f"error: {tmp_path / campaign}: " in ended.err
+    assert message in ended.err
+
+
+def test_where_nothing_can_be_written(run: Run, cell: Path, tmp_path: Path) -> None:
+    missing = identify(run, cell / "one.csv", tmp_path / "none" / "a.json")
+    folder = identify(run, cell / "one.csv", tmp_path)
+    itself = identify(run, cell / "one.csv", cell / "one.csv")
+    assert [ended.status for ended in (missing, folder, itself)] == [1, 1, 1]
+    assert "there is no folder" in missing.err
+    assert "it is a folder" in folder.err
+    assert "would overwrite what is read" in itself.err
+
+
+def test_the_keyword_published_needs_a_publication(run: Run, cell: Path, tmp_path: Path) -> None:
+    ended = identify(run, cell / "one.csv", tmp_path / "a.json", "--keep", "published", robot="ur5")
+    assert ended.status == 1
+    assert "names no publication" in ended.err
+
+
+def test_held_out_rows_without_any_measurement(run: Run, cell: Path, tmp_path: Path) -> None:
+    lines = (cell / "one.csv").read_text().splitlines()
+    first = lines[0].split(",").index("x_mm")
+    lines[50:] = [",".join([*line.split(",")[:first], "", "", ""]) for line in lines[50:]]
+    (tmp_path / "lost.csv").write_text("\n".join(lines))
+    result = identify(run, tmp_path / "lost.csv", tmp_path / "a.json", "--rows", "0:49", "--json").json
+    assert result["held_out"] is None
+    assert np.isfinite(result["fitted"]["rms_mm"])

@@ -1,0 +1,139 @@
+"""taskcal robots."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from taskcal.robot.catalogue import catalogue_names, load_robot
+from tests.cli.conftest import IRB6660, Run
+
+TABLE = """joint,alpha_deg,a_mm,d_mm,theta_offset_deg,theta_from_controller
+1,0,0,670,0,J1
+2,-90,312,0,-90,J2
+3,0,1075,0,0,-(J2+J3)
+4,-90,225,1280,0,-J4
+5,90,0,0,0,-J5
+6,-90,0,215,0,-J6
+"""
+
+
+def test_the_catalogue_lists_every_robot(run: Run) -> None:
+    ended = run("robots")
+    assert ended.status == 0
+    assert all(name in ended.out for name in catalogue_names())
+    assert [robot["name"] for robot in run("robots", "--json").json["robots"]] == list(catalogue_names())
+
+
+@pytest.mark.parametrize("name", catalogue_names())
+def test_every_robot_can_be_shown(run: Run, name: str) -> None:
+    assert name in run("robots", name).out
+    sheet = run("robots", name, "--json").json
+    assert sheet["name"] == name
+    assert sheet["parameter_count"] == len(sheet["parameters"])
+    assert len(sheet["joint_table"]) == sheet["joints"]
+
+
+def test_the_word_show_and_the_place_of_json_do_not_matter(run: Run) -> None:
+    assert run("robots", "show", "ur5").out == run("robots", "ur5").out
+    assert run("robots", "--json", "ur5").json == run("robots", "ur5", "--json").json
+
+
+def test_the_reference_robot_says_why_defects_are_left_out(run: Run) -> None:
+    sheet = run("robots", IRB6660, "--json").json
+    assert sheet["parameter_count"] == 45
+    assert (sheet["mechanism"]["mobility"], sheet["mechanism"]["overconstraint"]) == (6, 3)
+    assert sheet["four_bar"] == {"crank_mm": 500.0, "rod_mm": 700.0, "rocker_mm": 500.0, "arm_mm": 700.0}
+    assert {p["name"]: p["symbol"] for p in sheet["parameters"]}["J5.ry"] == "psi5"
+    text = " ".join(run("robots", IRB6660).out.split())
+    assert "orientation defects between them are not modelled" in text
+    assert "psi5" in text
+
+
+def test_a_table_becomes_a_robot(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "table.csv").write_text(TABLE)
+    robot = tmp_path / "robot.toml"
+    ended = run("robots", "import", tmp_path / "table.csv", "--convention", "mdh", "-o", robot, "--name", "mine")
+    assert ended.status == 0
+    assert f"--robot {robot}" in ended.err
+    assert load_robot(robot).name == "mine"
+    assert run("robots", robot, "--json").json["notes"] == ["coupled axes"]
+
+
+def test_a_table_with_json(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "table.csv").write_text(TABLE)
+    robot = tmp_path / "robot.toml"
+    ended = run("robots", "import", tmp_path / "table.csv", "--convention", "mdh", "-o", robot, "--json")
+    assert ended.json == {"robot": str(robot), "name": "table", "joints": ["J1", "J2", "J3", "J4", "J5", "J6"]}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("a_mm,", "", "has no column 'a_mm'"),
+        ("2,-90,312", "2,-90,3l2", "table.csv:3: column 'a_mm': '3l2' is no number"),
+        ("-(J2+J3)", "J2*J3", "'J2*J3' is not linear"),
+        ("-(J2+J3)", "-(J2+J9)", "no joint 'J9'; did you mean"),
+    ],
+)
+def test_a_table_that_is_wrong(run: Run, tmp_path: Path, old: str, new: str, message: str) -> None:
+    text = TABLE.replace(old, new)
+    if old == "a_mm,":
+        lines = [line.split(",") for line in TABLE.splitlines()]
+        text = "\n".join(",".join(cells[:2] + cells[3:]) for cells in lines)
+    (tmp_path / "table.csv").write_text(text)
+    ended = run("robots", "import", tmp_path / "table.csv", "--convention", "mdh", "-o", tmp_path / "robot.toml")
+    assert (ended.status, ended.out) == (1, "")
+    assert message in ended.err
+    assert not (tmp_path / "robot.toml").exists()
+
+
+def test_an_unknown_robot_brings_a_suggestion(run: Run) -> None:
+    ended = run("robots", "abb-irb6660-205-1.8")
+    assert (ended.status, ended.out) == (1, "")
+    assert ended.err.startswith("error: no robot 'abb-irb6660-205-1.8'; did you mean 'abb-irb6660-205-1.9'")
+
+
+def test_a_table_given_as_a_robot_says_how_to_import_it(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "table.csv").write_text(TABLE)
+    ended = run("robots", tmp_path / "table.csv")
+    assert ended.status == 1
+    assert "taskcal robots import" in ended.err
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("name = 'x'\n[[joint]\n", "is no TOML"),
+        ("name = 'x'\n", "joint: Field required"),
+        (
+            "name = 'x'\n[[joint]]\nname = 'J1'\nlimits_deg = [10, -10]\n",
+            "the lower limit 10 must be below the upper limit -10",
+        ),
+    ],
+)
+def test_a_robot_file_that_is_wrong(run: Run, tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "robot.toml").write_text(text)
+    ended = run("robots", tmp_path / "robot.toml")
+    assert ended.status == 1
+    assert f"{tmp_path / 'robot.toml'}: " in ended.err
+    assert message in ended.err
+
+
+def test_a_robot_file_must_end_in_toml(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "table.csv").write_text(TABLE)
+    ended = run("robots", "import", tmp_path / "table.csv", "--convention", "mdh", "-o", tmp_path / "robot.json")
+    assert ended.status == 2
+    assert not (tmp_path / "robot.json").exists()
+
+
+def test_limits_that_are_not_stated_are_null(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text("name = 'x'\n[[joint]]\nname = 'J1'\n")
+    assert run("robots", tmp_path / "robot.toml", "--json").json["joint_table"][0]["limits_deg"] == [None, None]
+    assert "none stated" in run("robots", tmp_path / "robot.toml").out
+
+
+def test_json_is_alone_on_standard_output(run: Run) -> None:
+    ended = run("robots", "ur5", "--json")
+    assert ended.err == ""
+    assert json.loads(ended.out)["name"] == "ur5"

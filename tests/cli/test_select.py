@@ -1,0 +1,49 @@
+"""taskcal select."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import IRB6660, Run
+
+
+def test_the_choice_and_its_reasons(run: Run, cell: Path) -> None:
+    ended = run("select", "--robot", IRB6660, "--task", cell / "task.toml", "--json")
+    assert (ended.status, ended.err) == (0, "")
+    result = ended.json
+    assert len(result["kept"]) + len(result["dropped"]) == 45
+    assert all(result["dropped"].values())
+    assert [rung["size"] for rung in result["ladder"]] == list(range(45, -1, -1))
+    assert {"size", "expected_mm", "cross_validated_mm"} <= set(result["ladder"][0])
+
+
+def test_an_accuracy_in_millimetres_decides(run: Run, cell: Path) -> None:
+    task = ["select", "--robot", IRB6660, "--task", cell / "task.toml", "--json"]
+    rough, fine = (run(*task, "--accuracy", mm).json for mm in (0.5, 0.1))
+    assert len(rough["kept"]) < len(fine["kept"])
+    size = {rung["size"]: rung["expected_mm"] for rung in fine["ladder"]}
+    assert size[len(fine["kept"])] <= 0.1 < size[len(fine["kept"]) - 1]
+
+
+def test_the_report_for_people(run: Run, cell: Path) -> None:
+    ended = run("select", "--robot", IRB6660, "--task", cell / "task.toml")
+    assert ended.status == 0
+    assert "chosen" in ended.out
+    assert "published" in ended.out
+
+
+@pytest.mark.slow
+def test_a_campaign_cross_validates_every_size(run: Run, cell: Path) -> None:
+    task = ["select", "--robot", IRB6660, "--task", cell / "task.toml", "--campaign", cell / "one.csv", "--json"]
+    ended = run(*task)
+    assert "cross-validating 46 sizes" in ended.err
+    assert all(rung["cross_validated_mm"] > 0 for rung in ended.json["ladder"])
+
+
+def test_what_cannot_be_had(run: Run, cell: Path) -> None:
+    task = ["select", "--robot", IRB6660, "--task", cell / "task.toml"]
+    assert run(*task, "--accuracy", "0").status == 2
+    ended = run(*task, "--accuracy", "0.0001")
+    assert (ended.status, ended.out) == (1, "")
+    assert "out of reach" in ended.err
+    assert run("select", "--robot", IRB6660, "--task", cell / "nowhere.toml").status == 1

@@ -1,0 +1,72 @@
+"""taskcal sensitivity."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taskcal.csv_table import read_csv
+from tests.cli.conftest import IRB6660, Run
+
+
+def test_influences_and_identifiability_of_a_task(run: Run, cell: Path) -> None:
+    result = run("sensitivity", "--robot", IRB6660, "--task", cell / "task.toml", "--json").json
+    assert len(result["parameters"]) == 45
+    first = result["parameters"][0]
+    assert (first["name"], first["symbol"], first["unit"]) == ("J1.tx", "t1x", "mm/mm")
+    assert first["tolerance_scaled_um"]["space"] == pytest.approx(first["max_space"] * 300.0)
+    found = result["identifiability"]
+    assert found["rank"] == len(found["kept"]) == 25
+    assert found["zero"] == ["tool.rx", "tool.ry", "tool.rz"]
+    assert found["dependent"]["J3.rz"] == pytest.approx({"J1.tz": 0.3, "J1.ry": 1.0, "J2.ty": -0.7})
+    assert len(found["singular_values"]) == 45
+    assert found["condition_number"] > 1.0
+    assert set(found["observability"]) == {"O1", "O2", "O3", "O4", "O5"}
+    assert len(result["published"]["kept"]) == 33
+
+
+def test_the_poses_of_a_campaign_do_as_well(run: Run, cell: Path) -> None:
+    by_task = run("sensitivity", "--robot", IRB6660, "--task", cell / "task.toml", "--json").json
+    by_campaign = run("sensitivity", "--robot", IRB6660, "--campaign", cell / "one.csv", "--json").json
+    expected = [p["max_space"] for p in by_task["parameters"]]
+    np.testing.assert_allclose([p["max_space"] for p in by_campaign["parameters"]], expected, atol=1e-8)
+
+
+def test_the_table_for_people_and_the_file_in_order_of_influence(run: Run, cell: Path, tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    ended = run("sensitivity", "--robot", IRB6660, "--task", cell / "task.toml", "--sort", "influence", "-o", path)
+    assert ended.status == 0
+    assert "0.3·t1z + psi1 − 0.7·t2y" in ended.out
+    influence = read_csv(path).numbers("max_space_um")
+    assert len(influence) == 45
+    assert np.all(np.diff(influence) <= 0)
+
+
+def test_a_robot_without_publication(run: Run, cell: Path, tmp_path: Path) -> None:
+    task = (cell / "task.toml").read_text().replace("[1711.0, 30.0, 1489.0]", "[300.0, 200.0, 400.0]")
+    (tmp_path / "near.toml").write_text(task.replace("[500.0, 700.0, 500.0]", "[100.0, 100.0, 100.0]"))
+    ended = run("sensitivity", "--robot", "ur5", "--task", tmp_path / "near.toml", "--count", "20")
+    assert ended.status == 0
+    assert "published" not in ended.out
+
+
+@pytest.mark.parametrize("given", [[], ["--task", "task.toml", "--campaign", "one.csv"]])
+def test_exactly_one_source_of_poses(run: Run, given: list[str]) -> None:
+    ended = run("sensitivity", "--robot", IRB6660, *given)
+    assert ended.status == 2
+    assert "exactly one" in ended.err
+
+
+def test_a_task_out_of_reach(run: Run, cell: Path) -> None:
+    ended = run("sensitivity", "--robot", "ur5", "--task", cell / "task.toml")
+    assert (ended.status, ended.out) == (1, "")
+    assert "ur5 does not reach" in ended.err
+
+
+def test_a_task_partly_out_of_reach_says_so(run: Run, cell: Path, tmp_path: Path) -> None:
+    task = (cell / "task.toml").read_text().replace("[500.0, 700.0, 500.0]", "[3000.0, 700.0, 500.0]")
+    (tmp_path / "wide.toml").write_text(task)
+    ended = run("sensitivity", "--robot", IRB6660, "--task", tmp_path / "wide.toml", "--json")
+    assert ended.status == 0
+    assert 0 < ended.json["unreachable_share"] < 1
+    assert "out of the robot's reach" in ended.err

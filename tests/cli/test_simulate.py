@@ -1,0 +1,87 @@
+"""taskcal simulate."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taskcal.measurement.reader import read_campaign
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from tests.cli.conftest import IRB6660, Run
+
+
+def test_the_truth_explains_the_campaign(cell: Path) -> None:
+    robot = load_robot(IRB6660)
+    campaign, truth = read_campaign(cell / "one.csv", robot), json.loads((cell / "truth.json").read_text())
+    model = ErrorModel(robot)
+    assert tuple(truth["x"]) == model.names
+    ends = np.array(truth["T_tracker_base"]) @ model.poses(campaign.q, np.array(list(truth["x"].values())))
+    ends = ends @ np.array(truth["targets"]["tool"])
+    assert len(campaign) == 60
+    assert np.abs(campaign.points[:, 0] - ends[:, :3, 3]).max() < 2e-4
+
+
+def test_three_reflectors_and_poses(cell: Path) -> None:
+    robot = load_robot(IRB6660)
+    assert read_campaign(cell / "three.csv", robot).targets == ("smr1", "smr2", "smr3")
+    assert read_campaign(cell / "poses.csv", robot).rotations is not None
+
+
+def test_the_same_seed_gives_the_same_file(run: Run, cell: Path, tmp_path: Path) -> None:
+    written = []
+    for name, seed in (("a.csv", 3), ("b.csv", 3), ("c.csv", 4)):
+        task = ["--task", cell / "task.toml", "--count", 8, "--seed", seed]
+        assert run("simulate", "--robot", IRB6660, *task, "-o", tmp_path / name).status == 0
+        written.append((tmp_path / name).read_bytes())
+    assert written[0] == written[1] != written[2]
+
+
+def test_json(run: Run, cell: Path, tmp_path: Path) -> None:
+    path = tmp_path / "c.csv"
+    ended = run("simulate", "--robot", IRB6660, "--task", cell / "task.toml", "--count", 8, "-o", path, "--json")
+    assert ended.err == ""
+    assert ended.json["campaign"] == str(path)
+    assert ended.json["rows"] == 8
+    assert ended.json["unreachable_share"] == 0.0
+
+
+@pytest.mark.parametrize(
+    "options", [["--targets", "2"], ["--targets", "3", "--pose"], ["--truth", "c.csv"]], ids=["two", "pose", "one file"]
+)
+def test_inconsistent_options(
+    run: Run, cell: Path, tmp_path: Path, options: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    ended = run("simulate", "--robot", IRB6660, "--task", cell / "task.toml", "-o", "c.csv", *options)
+    assert ended.status == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('shape = "box"', 'shape = "ball"', "workspace, shape: Input should be 'box' or 'cylinder' (got 'ball')"),
+        ("0.296]", "0.9]", "has length 1.3"),
+        ("size_mm = [500.0, 700.0, 500.0]", "", "a box has size_mm"),
+        ("[workspace]", "[workspace", "is no TOML"),
+        ('frame = "base"', 'frame = "vice"', "the workspace's frame 'vice' is not defined; known: base"),
+    ],
+)
+def test_a_task_file_that_is_wrong(run: Run, cell: Path, tmp_path: Path, old: str, new: str, message: str) -> None:
+    path = tmp_path / "task.toml"
+    path.write_text((cell / "task.toml").read_text().replace(old, new))
+    ended = run("simulate", "--robot", IRB6660, "--task", path, "-o", tmp_path / "c.csv")
+    assert (ended.status, ended.out) == (1, "")
+    assert f"error: {path}: " in ended.err
+    assert message in ended.err
+
+
+def test_a_folder_that_is_missing_is_found_before_anything_is_computed(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("taskcal.task.task.load_task", lambda *_: pytest.fail("read"))
+    ended = run("simulate", "--robot", IRB6660, "--task", "any.toml", "-o", tmp_path / "none" / "c.csv")
+    assert ended.status == 1
+    assert "there is no folder" in ended.err

@@ -1,0 +1,149 @@
+"""Start-up, help and the outermost errors, in processes of their own."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import taskcal
+from taskcal.cli import app, main
+from tests.cli.conftest import IRB6660, Run
+
+HEAVY = ("numpy", "scipy", "numba", "pandas", "jaxtyping")
+
+COMMANDS = [
+    ["robots"], ["robots", "import"], ["sensitivity"], ["select"], ["simulate"], ["identify"], ["validate"], ["warm"], ["doctor"],
+]  # fmt: skip
+
+
+def python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, env={**os.environ, **environment}
+    )
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = (
+        "import sys; from taskcal.cli import main; status = main(['--help']); "
+        f"print([m for m in {HEAVY!r} if m in sys.modules], file=sys.stderr); sys.exit(status)"
+    )
+    ended = python(code)
+    assert ended.returncode == 0
+    assert ended.stderr.strip() == "[]"
+    assert "identify" in ended.stdout
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_every_command_has_help(run: Run, command: list[str]) -> None:
+    ended = run(*command, "--help")
+    assert ended.status == 0
+    assert "--json" in ended.out
+    assert ended.err == ""
+
+
+def test_the_commands_stand_in_the_order_of_the_road(run: Run) -> None:
+    text = run("--help").out
+    places = [text.index(f" {name} ") for name in ("demo", "robots", "sensitivity", "simulate", "identify", "validate")]
+    assert places == sorted(places)
+
+
+def test_version(run: Run) -> None:
+    ended = run("--version")
+    assert (ended.status, ended.out) == (0, f"taskcal {taskcal.__version__}\n")
+
+
+def test_blas_threads_are_set_before_numpy_is_imported() -> None:
+    code = (
+        "import os, sys; from taskcal.cli import main; assert 'numpy' not in sys.modules; main(['--version']); "
+        "print(os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS'], os.environ['MKL_NUM_THREADS'])"
+    )
+    kept = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env={**kept, "OMP_NUM_THREADS": "2"}
+    )
+    assert ended.stdout.splitlines()[-1] == "1 2 1"
+
+
+@pytest.mark.parametrize(
+    "arguments", [["nothing"], ["identify"], ["robots", "--nothing"], ["simulate", "--count", "0"]]
+)
+def test_wrong_usage_is_2(run: Run, arguments: list[str]) -> None:
+    ended = run(*arguments)
+    assert ended.status == 2
+    assert ended.out == ""
+    assert ended.err
+
+
+def test_an_interrupt_is_130(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("taskcal.robot.catalogue.load_robot", interrupt)
+    ended = run("robots", "ur5")
+    assert (ended.status, ended.out) == (130, "")
+
+
+def test_a_fault_of_our_own_is_said_in_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("nothing to divide by")
+
+    monkeypatch.setattr("taskcal.robot.catalogue.load_robot", fail)
+    ended = run("robots", "ur5")
+    assert ended.status == 1
+    assert "ZeroDivisionError: nothing to divide by" in ended.err
+    monkeypatch.setenv("TASKCAL_TRACEBACK", "1")
+    with pytest.raises(ZeroDivisionError):
+        main(["robots", "ur5"])
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes end otherwise on Windows")
+def test_a_reader_that_leaves_early_is_no_error() -> None:
+    code = "import sys; from taskcal.cli import main; sys.exit(main(['robots', '--json']))"
+    read, write = os.pipe()
+    os.close(read)
+    ended = subprocess.run([sys.executable, "-c", code], stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(write)
+    assert ended.stderr == ""
+    assert ended.returncode == 1
+
+
+def test_the_first_compilation_is_announced_beside_the_result(tmp_path: Path, cell: Path) -> None:
+    code = (
+        "import sys; from taskcal.geometry import compiled; compiled.is_warm = lambda: False; from taskcal.cli import main; "
+        f"sys.exit(main(['validate', {str(cell / 'cal.json')!r}, {str(cell / 'one.csv')!r}, '--json']))"
+    )
+    ended = python(code)
+    assert ended.returncode == 0
+    assert ended.stderr == "compiling kernels, once: about 6 seconds\n"
+    assert ended.stdout.startswith("{")
+
+
+def test_every_command_is_listed_in_the_order() -> None:
+    from typer.main import get_command
+
+    from taskcal.cli import ORDER
+
+    assert set(get_command(app).commands) <= set(ORDER)  # type: ignore[attr-defined]
+
+
+def test_warm_compiles_everything_that_other_commands_need(cell: Path, tmp_path: Path) -> None:
+    """With a cache of its own: after `warm`, no command leaves another kernel."""
+    script = (
+        "import sys; from taskcal.cli import main; from taskcal.geometry.compiled import cache_folder; "
+        "count = lambda: len(list(cache_folder().rglob('*.nbc'))); "
+        "assert main(['warm', '--json']) == 0; first = count(); "
+        f"c = {str(cell)!r}; o = {str(tmp_path / 'out')!r}; robot = ['--robot', {IRB6660!r}]; "
+        "assert first > 0; "
+        "assert main(['sensitivity', *robot, '--task', c + '/task.toml', '--json']) == 0; "
+        "assert main(['simulate', *robot, '--task', c + '/task.toml', '-o', o + '.csv']) == 0; "
+        "assert main(['identify', *robot, c + '/three.csv', '-o', o + '.json', '--loss', 'huber', '--keep', 'J2,J3']) == 0; "
+        "assert main(['identify', *robot, c + '/poses.csv', '-o', o + '.json']) == 0; "
+        "assert main(['validate', o + '.json', c + '/poses.csv', '--reregister']) == 0; "
+        "print(count() - first, file=sys.stderr)"
+    )
+    ended = python(script, NUMBA_CACHE_DIR=str(tmp_path / "kernels"))
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stderr.splitlines()[0].startswith("compiling kernels")
+    assert ended.stderr.splitlines()[-1] == "0"

@@ -1,0 +1,117 @@
+"""taskcal validate."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taskcal.geometry import se3
+from taskcal.measurement.reader import read_campaign
+from taskcal.measurement.writer import write_campaign
+from taskcal.robot.catalogue import load_robot
+from tests.cli.conftest import IRB6660, Run
+
+KEYS = ["mean_mm", "rms_mm", "p95_mm", "max_mm", "max_x_mm", "max_y_mm", "max_z_mm", "n"]
+
+
+def test_json_has_exactly_these_keys(run: Run, cell: Path) -> None:
+    ended = run("validate", cell / "cal.json", cell / "one.csv", "--json")
+    assert (ended.status, ended.err) == (0, "")
+    assert list(ended.json) == KEYS
+    assert ended.json["n"] == 60
+    assert ended.json["max_mm"] < 0.1
+
+
+def test_the_table_for_people(run: Run, cell: Path) -> None:
+    ended = run("validate", cell / "cal.json", cell / "one.csv")
+    assert ended.status == 0
+    assert "max in space mm" in ended.out
+
+
+def test_a_moved_tracker_needs_a_new_registration(run: Run, cell: Path, tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    robot = load_robot(IRB6660)
+    campaign = read_campaign(cell / "one.csv", robot)
+    moved = se3.apply(se3.pose(se3.exp(np.array([0.01, 0.02, 0.5])), np.array([0.4, -0.2, 0.1])), campaign.points)
+    write_campaign(tmp_path / "moved.csv", replace(campaign, points=moved), robot)
+    assert run("validate", cell / "cal.json", tmp_path / "moved.csv", "--json").json["mean_mm"] > 100
+    assert run("validate", cell / "cal.json", tmp_path / "moved.csv", "--reregister", "--json").json["max_mm"] < 0.1
+
+
+def test_poses_bring_rotations(run: Run, cell: Path, tmp_path: Path) -> None:
+    assert run("identify", "--robot", IRB6660, cell / "poses.csv", "-o", tmp_path / "cal.json").status == 0
+    result = run("validate", tmp_path / "cal.json", cell / "poses.csv", "--rows", "0:10", "--json").json
+    assert list(result) == [*KEYS, "mean_mrad", "max_mrad"]
+    assert result["n"] == 10
+
+
+def test_other_targets_are_left_out_with_a_note(run: Run, cell: Path, tmp_path: Path) -> None:
+    fit = ["identify", "--robot", IRB6660, cell / "three.csv", "-o", tmp_path / "cal.json", "--targets", "smr2"]
+    assert run(*fit).status == 0
+    ended = run("validate", tmp_path / "cal.json", cell / "three.csv", "--json")
+    assert ended.json["n"] == 30
+    assert ended.json["max_mm"] < 0.1
+    assert "leaving out smr1, smr3" in ended.err
+    refused = run("validate", tmp_path / "cal.json", cell / "three.csv", "--targets", "smr1")
+    assert refused.status == 1
+    assert "the campaign's target 'smr1' is not in the calibration, which knows smr2" in refused.err
+    refitted = run("validate", tmp_path / "cal.json", cell / "three.csv", "--targets", "smr1", "--reregister", "--json")
+    assert refitted.json["max_mm"] < 0.2
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "is no whole JSON file"),
+        ('{"format": "taskcal-calibration", "robot": {', "it may have been cut off"),
+        ("[1, 2]", "is JSON, but no calibration"),
+        ('{"format": "taskcal-calibration", "format_version": 99}', "has format version 99"),
+        ('{"format": "taskcal-calibration", "format_version": 1}', "lacks 'robot'"),
+    ],
+)
+def test_a_calibration_that_is_none(run: Run, cell: Path, tmp_path: Path, content: str, message: str) -> None:
+    path = tmp_path / "cal.json"
+    path.write_text(content)
+    ended = run("validate", path, cell / "one.csv")
+    assert (ended.status, ended.out) == (1, "")
+    assert f"error: {path}" in ended.err
+    assert message in ended.err
+
+
+def test_a_calibration_cut_off_anywhere(run: Run, cell: Path, tmp_path: Path) -> None:
+    whole, path = (cell / "cal.json").read_text(), tmp_path / "cal.json"
+    for share in (0.01, 0.3, 0.7, 0.99):
+        path.write_text(whole[: int(share * len(whole))])
+        ended = run("validate", path, cell / "one.csv")
+        assert ended.status == 1
+        assert "cut off" in ended.err
+
+
+def test_a_calibration_that_was_edited(run: Run, cell: Path, tmp_path: Path) -> None:
+    data = json.loads((cell / "cal.json").read_text())
+    data["estimate"] = data["estimate"][:-1]
+    (tmp_path / "cal.json").write_text(json.dumps(data))
+    ended = run("validate", tmp_path / "cal.json", cell / "one.csv")
+    assert ended.status == 1
+    assert "'estimate' has shape (53,), not (54,)" in ended.err
+
+
+def test_calibration_and_campaign_exchanged(run: Run, cell: Path) -> None:
+    ended = run("validate", cell / "one.csv", cell / "cal.json")
+    assert (ended.status, ended.out) == (1, "")
+
+
+def test_a_campaign_with_joints_the_robot_lacks(run: Run, cell: Path, tmp_path: Path) -> None:
+    lines = (cell / "one.csv").read_text().splitlines()
+    (tmp_path / "seven.csv").write_text("\n".join([lines[0] + ",J7_deg", *(line + ",0" for line in lines[1:])]))
+    ended = run("validate", cell / "cal.json", tmp_path / "seven.csv")
+    assert ended.status == 1
+    assert "'J7_deg' is a joint that abb-irb6660-205-1.9 does not have" in ended.err
+
+
+def test_a_folder_given_as_a_file(run: Run, cell: Path) -> None:
+    ended = run("validate", cell, cell / "one.csv")
+    assert ended.status == 1
+    assert "Is a directory" in ended.err
