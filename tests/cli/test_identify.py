@@ -281,6 +281,13 @@ def test_where_nothing_can_be_written(run: Run, cell: Path, tmp_path: Path) -> N
     assert "would overwrite what is read" in itself.err
 
 
+def test_a_folder_that_is_closed_to_us(run: Run, cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.access", lambda *_: False)
+    ended = identify(run, cell / "one.csv", tmp_path / "a.json")
+    assert ended.status == 1
+    assert "is not yours to write in" in ended.err
+
+
 def test_the_keyword_published_needs_a_publication(run: Run, cell: Path, tmp_path: Path) -> None:
     ended = identify(run, cell / "one.csv", tmp_path / "a.json", "--keep", "published", robot="ur5")
     assert ended.status == 1

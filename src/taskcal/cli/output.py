@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -35,13 +36,15 @@ def check_destination(path: Path, inputs: Iterable[Path] = ()) -> None:
     """See that a file can be written before anything is computed for it.
 
     Raises:
-        FileError: its folder is missing, it is a folder itself, or one of the command's own inputs.
+        FileError: its folder is missing or closed to us, it is a folder itself, or one of the command's own inputs.
     """
     folder = path.parent
     if not folder.is_dir():
         raise FileError(path, f"cannot be written: there is no folder '{folder}'; make it, or name one that exists")
     if path.is_dir():
         raise FileError(path, "cannot be written: it is a folder; name a file in it")
+    if not os.access(folder, os.W_OK):
+        raise FileError(path, f"cannot be written: folder '{folder}' is not yours to write in; name another")
     for given in inputs:
         if path.exists() and given.exists() and path.samefile(given):
             raise FileError(path, "would overwrite what is read; name another file")
