@@ -1,0 +1,24 @@
+"""Which parameters matter in a task, which can be told apart there, and how few of them are enough."""
+
+import taskcal as tc
+from taskcal.adaptation.procedure import reference_task
+from taskcal.adaptation.selection import select
+from taskcal.task.task import reach_task
+
+model = tc.ErrorModel(tc.load_robot("abb-irb6660-205-1.9"))
+task = reference_task()  # one tool orientation
+q = reach_task(model, task, count=60).q
+
+table = tc.sensitivity(model, q).to_frame().nlargest(5, "max_space_um")
+print(table[["parameter", "symbol", "tolerance", "max_space_um"]].to_string(index=False))
+
+found = tc.identifiability(model, q)
+print(f"\n{found.rank} of {len(model)} can be told apart; without effect: {', '.join(found.zero)}")
+for name, relation in list(found.dependent.items())[:4]:
+    print(f"  {name} =", " ".join(f"{c:+.4g}·{other}" for other, c in relation.items()))
+
+chosen = select(model, task)
+print(f"\n{chosen.why}: {len(chosen.kept)} parameters")
+for rung in chosen.ladder:
+    if rung.size in (len(model), 33, 20, len(chosen.kept), 5, 0):
+        print(f"  {rung.size:2d} parameters: {rung.expected * 1e3:.4f} mm expected")
