@@ -234,6 +234,7 @@ class Calibration:
             "format_version": FORMAT_VERSION,
             "provenance": asdict(self.provenance),
             "robot": dict(self.model.robot.description),
+            "lengths_only": self.model.lengths_only,
             "units": "metres and radians",
             "kept": list(self.kept),
             "targets": list(self.targets),
@@ -307,7 +308,7 @@ def load_calibration(path: str | Path) -> Calibration:
 
 
 def _from_json(data: Mapping[str, Any]) -> Calibration:
-    model = ErrorModel(robot_from(data["robot"]))
+    model = ErrorModel(robot_from(data["robot"]), lengths_only=bool(data["lengths_only"]))
     registration = Registration(
         T_tracker_base=_array(data["registration"], "T_tracker_base", (4, 4)),
         T_tool_target=_array(data["registration"], "T_tool_target", (len(data["targets"]), 4, 4)),
@@ -330,8 +331,8 @@ def _from_json(data: Mapping[str, Any]) -> Calibration:
         z_covariance=_array(data, "covariance", (size, size)),
         T_tracker_base=_array(data, "T_tracker_base", (4, 4)),
         T_tool_target=_array(data, "T_tool_target", (len(layout.targets), 4, 4)),
-        residuals=_array(data, "residuals", (rows, len(layout.targets), 6 if layout.pose else 3)),
-        studentised=_array(data, "studentised", (rows, len(layout.targets))),
+        residuals=_array(data, "residuals", (rows, len(layout.targets), 6 if layout.pose else 3), gaps=True),
+        studentised=_array(data, "studentised", (rows, len(layout.targets)), gaps=True),
         outliers=tuple(Outlier(**outlier) for outlier in data["outliers"]),
         ids=tuple(data["ids"]),
         model_error=tuple(float(value) for value in data["model_error"]),
@@ -343,8 +344,10 @@ def _from_json(data: Mapping[str, Any]) -> Calibration:
     )
 
 
-def _array(data: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> np.ndarray:
+def _array(data: Mapping[str, Any], key: str, shape: tuple[int, ...], *, gaps: bool = False) -> np.ndarray:
     array = np.array(data[key], dtype=float)  # None becomes NaN
     if array.shape != shape:
         raise ValueError(f"'{key}' has shape {array.shape}, not {shape}")
+    if not gaps and not np.isfinite(array).all():
+        raise ValueError(f"'{key}' holds what is no finite number")
     return array

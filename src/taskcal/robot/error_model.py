@@ -53,6 +53,7 @@ class ErrorModel:
     """
 
     robot: Robot
+    lengths_only: bool
     parameters: tuple[Parameter, ...]
     """In the order of every x, column and covariance."""
     steps: tuple[Step, ...]
@@ -62,6 +63,7 @@ class ErrorModel:
 
     def __init__(self, robot: Robot, *, lengths_only: bool = False):
         self.robot = robot
+        self.lengths_only = lengths_only
         self.terms = _terms(robot)
         steps, slots = _length_steps(robot) if lengths_only else _defect_steps(robot)
         self.steps = tuple(steps)

@@ -1,0 +1,208 @@
+import json
+
+import numpy as np
+import pytest
+
+from taskcal.errors import FileError
+from taskcal.identification.calibration import Calibration, load_calibration
+from taskcal.identification.identify import identify
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from tests.laws.campaigns import measure
+from tests.laws.robots import irb6660_positions
+
+KINDS = {
+    "one target": {},
+    "lost beams": {"targets": 3, "lost": 0.2},
+    "poses": {"pose": True, "rotation_sigma": 5e-5},
+}
+OPTIONS = {
+    "default": {},
+    "some parameters": {"keep": ["J2", "loop"]},
+    "no prior": {"prior": None},
+    "held frames": {"frames": "fixed"},
+}
+
+
+def calibration(seed=0, *, kind="one target", **options) -> Calibration:
+    rng = np.random.default_rng(seed)
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    x = rng.normal(size=len(model)) * model.tolerances
+    campaign, _ = measure(rng, model, irb6660_positions(rng, 50), x, sigma=3e-5, **KINDS[kind])
+    return identify(model, campaign, **options)
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    """A calibration and the content of its file."""
+    found = calibration()
+    path = tmp_path_factory.mktemp("saved") / "cal.json"
+    found.save(path)
+    return found, path.read_text(encoding="utf-8")
+
+
+ARRAYS = (
+    "z",
+    "z_covariance",
+    "T_tracker_base",
+    "T_tool_target",
+    "residuals",
+    "studentised",
+    "estimate",
+    "covariance",
+    "standard_errors",
+    "correlation",
+)
+OTHERS = (
+    "names",
+    "kept",
+    "all_names",
+    "targets",
+    "outliers",
+    "ids",
+    "model_error",
+    "prior_scale",
+    "iterations",
+    "rounds",
+    "reason",
+    "provenance",
+)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("options", OPTIONS)
+def test_a_saved_calibration_loads_to_the_last_bit(tmp_path, kind, options):
+    found = calibration(kind=kind, **OPTIONS[options])
+    path = tmp_path / "cal.json"
+    found.save(path)
+    again = load_calibration(path)
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(again, name), getattr(found, name), err_msg=name)
+    for name in OTHERS:
+        assert getattr(again, name) == getattr(found, name), name
+    assert again.model.robot.digest == found.model.robot.digest
+    q = irb6660_positions(np.random.default_rng(1), 20)
+    np.testing.assert_array_equal(again.predict(q), found.predict(q))
+    np.testing.assert_array_equal(again.predict_covariance(q), found.predict_covariance(q))
+    again.save(tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == path.read_bytes()
+
+
+def test_the_file_is_plain_json_that_names_format_version_units_and_parameters(saved):
+    found, text = saved
+    data = json.loads(text, parse_constant=lambda constant: pytest.fail(f"{constant} is no JSON"))
+    assert data["format"] == "taskcal-calibration"
+    assert data["format_version"] == 1
+    assert data["units"] == "metres and radians"
+    assert data["names"] == list(found.all_names)
+    assert data["provenance"]["rows"] == 50
+    assert data["provenance"]["robot"] == "abb-irb6660-205-1.9"
+
+
+def edit(text, *path, value=None, remove=False):
+    data = json.loads(text)
+    place = data
+    for key in path[:-1]:
+        place = place[key]
+    if remove:
+        del place[path[-1]]
+    else:
+        place[path[-1]] = value
+    return json.dumps(data)
+
+
+BROKEN = {
+    "empty": (lambda text: "", r"cal\.json:1: is no whole JSON file .*cut off"),
+    "truncated": (
+        lambda text: text[: len(text) // 2],
+        r"cal\.json:\d+: is no whole JSON file .*cut off: save the calibration again",
+    ),
+    "no JSON": (lambda text: "id,J1_deg\n1,2\n", r"cal\.json:1: is no whole JSON file"),
+    "a list": (lambda text: "[1, 2]", "is JSON, but no calibration: 'format' is not 'taskcal-calibration'"),
+    "foreign": (lambda text: '{"format": "other"}', "is JSON, but no calibration"),
+    "later version": (
+        lambda text: edit(text, "format_version", value=99),
+        r"has format version 99, this Taskcal reads 1",
+    ),
+    "no version": (lambda text: edit(text, "format_version", remove=True), "has format version None"),
+    "no robot": (
+        lambda text: edit(text, "robot", remove=True),
+        "lacks 'robot'; it may have been edited: identify again",
+    ),
+    "robot edited": (
+        lambda text: edit(text, "robot", "joint", 0, "name", value="J2"),
+        "its robot: .*two joints are named 'J2'",
+    ),
+    "unknown parameter": (lambda text: edit(text, "kept", 0, value="J9.tx"), r"no parameter 'J9\.tx'"),
+    "estimate shortened": (
+        lambda text: edit(text, "estimate", value=[0.0]),
+        r"is inconsistent: 'estimate' has shape \(1,\), not",
+    ),
+    "estimate of text": (lambda text: edit(text, "estimate", 0, value="much"), "is inconsistent: .*much"),
+    "estimate with a gap": (lambda text: edit(text, "estimate", 0, value=None), "is inconsistent: 'estimate'"),
+    "covariance with a gap": (lambda text: edit(text, "covariance", 2, 3, value=None), "is inconsistent: 'covariance'"),
+    "frame with a gap": (
+        lambda text: edit(text, "T_tracker_base", 0, 0, value=None),
+        "is inconsistent: 'T_tracker_base'",
+    ),
+    "ragged covariance": (lambda text: edit(text, "covariance", 0, value=[1.0]), "is inconsistent"),
+    "residuals of other rows": (lambda text: edit(text, "ids", value=["a"]), "is inconsistent: 'residuals' has shape"),
+    "provenance edited": (lambda text: edit(text, "provenance", "mood", value="good"), "is inconsistent: .*mood"),
+    "registration lost": (lambda text: edit(text, "registration", "rms", remove=True), "lacks 'rms'"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_a_broken_file_is_refused_with_a_reason(tmp_path, saved, case):
+    breaking, message = BROKEN[case]
+    path = tmp_path / "cal.json"
+    path.write_text(breaking(saved[1]), encoding="utf-8")
+    with pytest.raises(FileError, match=message):
+        load_calibration(path)
+
+
+def test_a_missing_or_binary_file_says_so(tmp_path):
+    with pytest.raises(FileError, match=r"none\.json: cannot be read"):
+        load_calibration(tmp_path / "none.json")
+    (tmp_path / "cal.json").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(FileError, match=r"cal\.json: is no calibration: it is no UTF-8 text"):
+        load_calibration(tmp_path / "cal.json")
+
+
+def test_a_calibration_of_nominal_lengths_saves_and_loads(tmp_path):
+    rng = np.random.default_rng(0)
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"), lengths_only=True)
+    campaign, _ = measure(rng, model, irb6660_positions(rng, 40), 1e-3 * rng.normal(size=6), sigma=3e-5)
+    found = identify(model, campaign)
+    found.save(tmp_path / "cal.json")
+    again = load_calibration(tmp_path / "cal.json")
+    q = irb6660_positions(rng, 10)
+    assert again.names == found.names
+    np.testing.assert_array_equal(again.predict(q), found.predict(q))
+
+
+def test_an_estimate_is_nil_where_not_kept_and_its_errors_are_the_covariances():
+    found = calibration(keep=["J2", "J4.rz"])
+    kept = found.model.indices(["J2", "J4.rz"])
+    others = np.setdiff1d(np.arange(45), kept)
+    np.testing.assert_array_equal(found.estimate[kept], found.z[: len(kept)])
+    assert not found.estimate[others].any()
+    np.testing.assert_allclose(found.standard_errors[kept], np.sqrt(np.diag(found.z_covariance)[: len(kept)]))
+    np.testing.assert_allclose(np.diag(found.correlation), 1.0)
+    np.testing.assert_allclose(found.z_covariance, found.z_covariance.T)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_predicted_covariance_grows_by_the_model_error_alone(kind):
+    found = calibration(kind=kind, model_error=(1e-4, 2e-4) if kind == "poses" else 1e-4)
+    q = irb6660_positions(np.random.default_rng(1), 5)
+    geometry, whole = found.predict_covariance(q, model_error=False), found.predict_covariance(q)
+    expected = np.diag(np.repeat([1e-4**2, 2e-4**2][: 2 if kind == "poses" else 1], 3))
+    np.testing.assert_allclose(whole - geometry, np.broadcast_to(expected, whole.shape), atol=1e-20)
+    assert (np.linalg.eigvalsh(geometry) > 0).all()
+
+
+def test_a_calibration_shows_robot_size_and_model_error():
+    assert repr(calibration()).startswith(
+        "Calibration(abb-irb6660-205-1.9: 45 parameters from 50 rows, model error 0.0"
+    )

@@ -1,0 +1,379 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.optimize
+from scipy.linalg import qr
+
+from taskcal.errors import CampaignError, FitError, UnknownName
+from taskcal.estimation.loss import Cauchy, Huber, Squared
+from taskcal.estimation.prior import GaussianPrior
+from taskcal.identification.identify import BASE_PRIOR, TARGET_PRIOR, identify
+from taskcal.measurement.registration import Registration, register
+from taskcal.measurement.tracker import TrackerNoise
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import COMPONENTS, ErrorModel
+from taskcal.robot.file import robot_from
+from tests.laws import plain
+from tests.laws.campaigns import measure
+from tests.laws.robots import industrial, industrial_positions, irb6660_positions
+
+KINDS = {
+    "one target": {},
+    "three targets and lost beams": {"targets": 3, "lost": 0.2},
+    "poses": {"pose": True, "rotation_sigma": 5e-5},
+}
+
+
+def arm(seed, tolerance_mm=0.5):
+    rng = np.random.default_rng(seed)
+    tolerance = {"translation_mm": tolerance_mm, "rotation_mrad": tolerance_mm}
+    return rng, ErrorModel(robot_from({**industrial(rng), "tolerance": tolerance}))
+
+
+def defects(rng, model, factor=1.0):
+    return factor * rng.normal(size=len(model)) * model.tolerances
+
+
+def true_points(model, truth, q):
+    return (truth.T_tracker_base @ model.poses(q, truth.x)[:, None] @ truth.T_tool_target)[..., :3, 3]
+
+
+class Reference:
+    """The same least-squares problem written out plainly, for SciPy."""
+
+    def __init__(self, model, campaign, registration, model_error, prior_scale):
+        self.model, self.campaign, self.registration = model, campaign, registration
+        self.pose = campaign.rotations is not None
+        self.p, targets = len(model), len(campaign.targets)
+        covariance = campaign.covariances(TrackerNoise()) + np.diag(np.repeat(np.square(model_error), 3))
+        self.white = np.linalg.inv(np.linalg.cholesky(covariance))
+        per_target = 6 if self.pose else 3
+        self.sizes = np.concatenate(
+            [prior_scale * model.tolerances, np.full(6, BASE_PRIOR), np.full(per_target * targets, TARGET_PRIOR)]
+        )
+        self.start = np.zeros(len(self.sizes))
+        if not self.pose:
+            self.start[self.p + 6 :] = registration.T_tool_target[:, :3, 3].reshape(-1)
+
+    def ends(self, z, q):
+        """Poses of the targets in the tracker frame."""
+        base = self.registration.T_tracker_base @ plain.error_frame(z[self.p : self.p + 6])
+        if self.pose:
+            tools = (self.registration.T_tool_target[0] @ plain.error_frame(z[self.p + 6 :]))[None]
+        else:
+            tools = np.tile(np.eye(4), (len(self.campaign.targets), 1, 1))
+            tools[:, :3, 3] = z[self.p + 6 :].reshape(-1, 3)
+        return base @ self.model.poses(q, z[: self.p])[:, None] @ tools
+
+    def whitened(self, z):
+        """One row per block that was seen."""
+        ends = self.ends(z, self.campaign.q)
+        r = self.campaign.points - ends[..., :3, 3]
+        if self.pose:
+            turned = self.campaign.rotations[:, None] @ ends[..., :3, :3].swapaxes(-1, -2)
+            r = np.concatenate([r, np.array([[plain.rotation_vector(R) for R in row] for row in turned])], axis=-1)
+        return np.einsum("ntij,ntj->nti", self.white, r)[self.campaign.valid]
+
+    def solve(self, loss=None):
+        """Residual blocks shortened so that their squares are the loss's cost ½·b·t²·ρ."""
+
+        def residuals(z):
+            r = self.whitened(z)
+            if loss is not None:
+                square = (r**2).mean(axis=1, keepdims=True) / loss.threshold**2
+                rho = (
+                    np.log1p(square)
+                    if isinstance(loss, Cauchy)
+                    else np.where(square <= 1, square, 2 * np.sqrt(square) - 1)
+                )
+                r = r * np.sqrt(rho / square)
+            return np.concatenate([r.reshape(-1), (z - self.start) / self.sizes])
+
+        tight = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
+        scale = np.minimum(self.sizes, 1e-3)
+        return scipy.optimize.least_squares(
+            residuals, self.start, jac="3-point", x_scale=scale, max_nfev=200, **tight
+        ).x
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(2))
+def test_the_fit_agrees_with_scipys_least_squares(kind, seed):
+    rng, model = arm(seed)
+    q = industrial_positions(rng, 30)
+    campaign, _ = measure(rng, model, q, defects(rng, model), sigma=3e-5, **KINDS[kind])
+    model_error = (4e-5, 1e-4) if campaign.rotations is not None else 4e-5
+    calibration = identify(model, campaign, model_error=model_error, prior_scale=1.5)
+    reference = Reference(model, campaign, register(model, campaign), model_error, 1.5)
+    z = reference.solve()
+    unseen = industrial_positions(rng, 50)
+    predicted, expected = calibration.predict(unseen), reference.ends(z, unseen)
+    if campaign.rotations is None:
+        np.testing.assert_allclose(predicted, expected[..., :3, 3], rtol=1e-8, atol=1e-8)
+    else:
+        np.testing.assert_allclose(predicted, expected[:, 0], rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(calibration.estimate / model.tolerances, z[: len(model)] / model.tolerances, atol=1e-4)
+
+
+@pytest.mark.parametrize("loss", [Huber(1.2), Cauchy(2.0)], ids=str)
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_robust_fit_minimises_the_cost_that_scipy_does(kind, loss):
+    rng, model = arm(5)
+    campaign, _ = measure(rng, model, industrial_positions(rng, 30), defects(rng, model), sigma=3e-5, **KINDS[kind])
+    campaign.points[[3, 11]] += 2e-4
+    model_error = (4e-5, 1e-4) if campaign.rotations is not None else 4e-5
+    calibration = identify(model, campaign, loss=loss, model_error=model_error, prior_scale=1.0)
+    reference = Reference(model, campaign, register(model, campaign), model_error, 1.0)
+    expected = reference.ends(reference.solve(loss), campaign.q)[..., :3, 3]
+    predicted = calibration.predict(campaign.q)
+    predicted = predicted[:, None, :3, 3] if campaign.rotations is not None else predicted
+    np.testing.assert_allclose(predicted, expected, rtol=1e-7, atol=1e-7)
+
+
+def tiny_campaign(seed):
+    """Defects of a micrometre, whose squares do not count, on an arm whose tolerances are as small."""
+    rng, model = arm(seed, tolerance_mm=1e-3)
+    q = industrial_positions(rng, 60)
+    campaign, _ = measure(rng, model, q, defects(rng, model), sigma=1e-6, uncertainty=1e-6)
+    return rng, model, campaign
+
+
+def kept_and_relations(model, q):
+    """Independent columns K by pivoted QR, and B with J = J_K·B for the whole pose, so for every target."""
+    J = model.jacobian(q).reshape(-1, len(model))
+    R, order = qr(J, mode="r", pivoting=True)
+    diagonal = np.abs(np.diag(R))
+    rank = int((diagonal > 1e-9 * diagonal[0]).sum())
+    kept = np.sort(order[:rank])
+    B = np.linalg.lstsq(J[:, kept], J, rcond=None)[0]
+    np.testing.assert_allclose(J[:, kept] @ B, J, atol=1e-10)
+    return kept, B
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_minimal_model_with_the_mapped_prior_predicts_what_the_full_model_does(seed):
+    rng, model, campaign = tiny_campaign(seed)
+    kept, B = kept_and_relations(model, industrial_positions(rng, 200))
+    assert len(kept) < len(model)
+    full = GaussianPrior.of_deviations(model.tolerances)
+    fixed = {"model_error": 1e-6, "prior_scale": 1.0}
+    whole = identify(model, campaign, prior=full, **fixed)
+    minimal = identify(model, campaign, keep=[model.names[i] for i in kept], prior=full.mapped(B), **fixed)
+    q = industrial_positions(rng, 100)
+    np.testing.assert_allclose(minimal.predict(q), whole.predict(q), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(B @ whole.estimate, minimal.estimate[kept], atol=1e-9)
+    np.testing.assert_allclose(minimal.predict_covariance(q), whole.predict_covariance(q), rtol=1e-3, atol=1e-16)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_dropping_a_dependent_parameter_leaves_every_prediction_unchanged(seed):
+    rng, model, campaign = tiny_campaign(seed)
+    J = model.jacobian(industrial_positions(rng, 200)).reshape(-1, len(model))
+    full, fixed = GaussianPrior.of_deviations(model.tolerances), {"model_error": 1e-6, "prior_scale": 1.0}
+    whole, q = identify(model, campaign, prior=full, **fixed), industrial_positions(rng, 100)
+    dropped = 0
+    for k in rng.permutation(len(model)):
+        others = np.delete(np.arange(len(model)), k)
+        c, *_ = np.linalg.lstsq(J[:, others], J[:, k], rcond=1e-12)
+        if np.linalg.norm(J[:, others] @ c - J[:, k]) > 1e-9:
+            continue
+        B = np.zeros((len(others), len(model)))
+        B[np.arange(len(others)), others], B[:, k] = 1.0, c
+        less = identify(model, campaign, keep=[model.names[i] for i in others], prior=full.mapped(B), **fixed)
+        np.testing.assert_allclose(less.predict(q), whole.predict(q), rtol=0, atol=1e-9)
+        assert less.estimate[k] == 0.0
+        dropped += 1
+        if dropped == 4:
+            return
+    raise AssertionError("the arm has no four dependent parameters")
+
+
+@pytest.mark.parametrize(
+    "keep", [None, ["J2", "J3", "J4", "J5"], ["J1.tz", "J1.rz", "J2", "tool"]], ids=["all", "redundant", "mixed"]
+)
+@pytest.mark.parametrize("seed", range(3))
+def test_without_a_prior_redundant_parameters_do_not_run_away(keep, seed):
+    rng, model = arm(seed)
+    x = defects(rng, model)
+    if keep is not None:
+        x[np.setdiff1d(np.arange(len(model)), model.indices(keep))] = 0.0
+    campaign, truth = measure(rng, model, industrial_positions(rng, 60), x, sigma=2e-5, uncertainty=2e-5)
+    calibration = identify(model, campaign, keep=keep, prior=None)
+    assert np.abs(calibration.estimate).max() < 5.0 * np.abs(x).max()
+    q = industrial_positions(rng, 200)
+    error = np.linalg.norm(calibration.predict(q) - true_points(model, truth, q), axis=-1)
+    assert error.mean() < 5e-5
+    assert calibration.prior_scale is None
+
+
+@pytest.mark.parametrize("spread_deg", [0, 20])
+@pytest.mark.parametrize("seed", range(2))
+def test_without_a_prior_the_irb6660_in_nearly_one_orientation_does_not_run_away(spread_deg, seed):
+    rng = np.random.default_rng(seed)
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    q = irb6660_positions(rng, 60)
+    wrist = np.radians([20.0, 60.0, -30.0])
+    q[:, 3:] = wrist + np.radians(spread_deg) * rng.uniform(-1, 1, (60, 3))
+    x = defects(rng, model)
+    campaign, truth = measure(rng, model, q, x, sigma=2e-5, uncertainty=2e-5)
+    for prior in (None, "tolerances"):
+        calibration = identify(model, campaign, prior=prior)
+        assert np.abs(calibration.estimate).max() < 6.0 * np.abs(x).max()
+        seen = calibration.predict(q) - true_points(model, truth, q)
+        assert np.linalg.norm(seen, axis=-1).mean() < 5e-5
+
+
+OUTLIERS = {4: 3e-3, 17: 1.5e-3, 40: 5e-3}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("loss", [Squared(), Huber(), Cauchy()], ids=lambda loss: type(loss).__name__)
+def test_outliers_are_named_by_row_and_a_robust_loss_recovers_the_robot(kind, loss):
+    rng, model = arm(3)
+    campaign, truth = measure(rng, model, industrial_positions(rng, 80), defects(rng, model), sigma=2e-5, **KINDS[kind])
+    clean = identify(model, campaign)
+    assert not {o.row for o in clean.outliers} & set(OUTLIERS)
+    points = campaign.points.copy()
+    for row, size in OUTLIERS.items():
+        points[row] += size * np.array([0.6, -0.64, 0.48])
+    spoilt = replace(campaign, points=points)
+    found = identify(model, spoilt, loss=loss)
+    named = [o.row for o in found.outliers]
+    assert found.outliers[0].studentised == max(o.studentised for o in found.outliers)
+    assert all(o.id == campaign.ids[o.row] and o.target in campaign.targets for o in found.outliers)
+    assert 40 in named
+    if isinstance(loss, Squared):
+        return
+    assert set(named) == set(OUTLIERS)
+    q = industrial_positions(rng, 100)
+    T = found.predict(q)
+    predicted = T[:, None, :3, 3] if found.layout.pose else T
+    error = np.linalg.norm(predicted - true_points(model, truth, q), axis=-1)
+    assert error.mean() < (4e-5 if isinstance(loss, Cauchy) else 1.5e-4)
+
+
+def test_the_stated_covariance_is_that_of_repeated_campaigns():
+    rng, model = arm(7)
+    measured, unseen = industrial_positions(rng, 40), industrial_positions(rng, 10)
+    square, parameter_square = [], []
+    for _ in range(80):
+        campaign, truth = measure(rng, model, measured, defects(rng, model), sigma=3e-5, uncertainty=3e-5)
+        calibration = identify(model, campaign, model_error=0.0, prior_scale=1.0)
+        error = (true_points(model, truth, unseen) - calibration.predict(unseen))[:, 0]
+        covariance = calibration.predict_covariance(unseen)[:, 0]
+        square.append(np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error) / 3)
+        deviation = calibration.estimate - truth.x
+        parameter_square.append(deviation @ np.linalg.solve(calibration.covariance, deviation) / len(model))
+    assert 0.85 < np.mean(square) < 1.18
+    assert 0.9 < np.mean(parameter_square) < 1.1
+
+
+def test_the_model_error_is_found_and_a_sound_campaign_has_none():
+    rng, model = arm(8)
+    q = industrial_positions(rng, 200)
+    sound, _ = measure(rng, model, q, defects(rng, model), sigma=2e-5, uncertainty=2e-5)
+    assert identify(model, sound).model_error[0] < 1e-5
+    noisy, _ = measure(rng, model, q, defects(rng, model), sigma=1e-4, uncertainty=2e-5)
+    assert identify(model, noisy).model_error[0] == pytest.approx(np.sqrt(1e-4**2 - 2e-5**2), rel=0.15)
+
+
+@pytest.mark.parametrize("factor", [0.3, 1.0, 4.0])
+def test_the_priors_scale_is_that_of_the_defects(factor):
+    rng, model = arm(9)
+    campaign, _ = measure(
+        rng, model, industrial_positions(rng, 150), defects(rng, model, factor), sigma=1e-5, targets=3
+    )
+    assert identify(model, campaign).prior_scale == pytest.approx(factor, rel=0.5)
+
+
+def test_frames_that_are_held_stay_where_the_registration_put_them():
+    rng, model = arm(4)
+    campaign, truth = measure(rng, model, industrial_positions(rng, 60), defects(rng, model), targets=2, sigma=1e-5)
+    held = Registration(
+        T_tracker_base=truth.T_tracker_base, T_tool_target=truth.T_tool_target, rms=0.0, located=(True, True)
+    )
+    calibration = identify(model, campaign, registration=held, frames="fixed")
+    assert calibration.all_names == model.names
+    np.testing.assert_array_equal(calibration.T_tracker_base, truth.T_tracker_base)
+    np.testing.assert_array_equal(calibration.T_tool_target, truth.T_tool_target)
+    q = industrial_positions(rng, 50)
+    np.testing.assert_allclose(calibration.predict(q), true_points(model, truth, q), atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("keep", "expected"),
+    [
+        (["J3.tx", "J1.rz"], ["J1.rz", "J3.tx"]),
+        (["t3x", "alf6"], ["J3.tx", "J6.rz"]),
+        (["J5"], [f"J5.{c}" for c in COMPONENTS]),
+        (["loop", "tool.tx"], ["tool.tx", "loop.crank", "loop.rod", "loop.rocker"]),
+    ],
+)
+def test_parameters_are_kept_by_name_symbol_or_joint(keep, expected):
+    rng = np.random.default_rng(0)
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    campaign, _ = measure(rng, model, irb6660_positions(rng, 30), sigma=1e-4)
+    calibration = identify(model, campaign, keep=keep)
+    assert list(calibration.kept) == expected
+    others = np.setdiff1d(np.arange(45), model.indices(keep))
+    assert not calibration.estimate[others].any()
+    assert not calibration.covariance[others].any()
+    assert calibration.all_names[: len(expected)] == tuple(expected)
+
+
+def test_an_unknown_parameter_cannot_be_kept():
+    rng, model = arm(0)
+    campaign, _ = measure(rng, model, industrial_positions(rng, 30))
+    with pytest.raises(UnknownName, match=r"no parameter 'J7\.tx'; .*joint frames run from J1 to J6, then tool"):
+        identify(model, campaign, keep=["J3.tx", "J7.tx"])
+
+
+def test_a_fit_is_the_same_whatever_the_order_of_the_rows():
+    rng, model = arm(6)
+    campaign, _ = measure(rng, model, industrial_positions(rng, 40), defects(rng, model), sigma=2e-5)
+    order = rng.permutation(40)
+    q = industrial_positions(rng, 20)
+    a, b = identify(model, campaign), identify(model, campaign.take(order))
+    np.testing.assert_allclose(a.predict(q), b.predict(q), atol=1e-8)
+    np.testing.assert_allclose(a.residuals[order], b.residuals, atol=1e-8)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_residuals_are_measured_less_predicted_and_nan_where_the_beam_was_lost(kind):
+    rng, model = arm(2)
+    campaign, _ = measure(rng, model, industrial_positions(rng, 40), defects(rng, model), sigma=2e-5, **KINDS[kind])
+    calibration = identify(model, campaign)
+    T = calibration.predict(campaign.q)
+    predicted = T[:, None, :3, 3] if campaign.rotations is not None else T
+    np.testing.assert_allclose(calibration.residuals[..., :3], campaign.points - predicted, atol=1e-12)
+    np.testing.assert_array_equal(np.isnan(calibration.studentised), ~campaign.valid)
+
+
+def test_a_campaign_that_is_another_robots_is_refused():
+    rng, model = arm(0)
+    campaign, _ = measure(rng, model, industrial_positions(rng, 40))
+    with pytest.raises(CampaignError, match="these joints and points do not fit ur5"):
+        identify(ErrorModel(load_robot("ur5")), campaign)
+
+
+def test_a_prior_of_another_size_is_refused():
+    rng, model = arm(0)
+    campaign, _ = measure(rng, model, industrial_positions(rng, 40))
+    with pytest.raises(ValueError, match="the prior has 3 parameters, 6 are kept"):
+        identify(model, campaign, keep=["J3"], prior=GaussianPrior.of_deviations(np.ones(3)))
+
+
+def test_a_fit_that_does_not_converge_says_what_to_try(monkeypatch):
+    from taskcal.identification import identify as module
+
+    rng, model = arm(0)
+    campaign, _ = measure(rng, model, industrial_positions(rng, 40), defects(rng, model), sigma=1e-4)
+    whole = module.fit
+
+    def impatient(*args):
+        return whole(*args[:5], replace(args[5], iterations=1), *args[6:])
+
+    monkeypatch.setattr(module, "fit", impatient)
+    with pytest.raises(FitError, match=r"did not converge: no convergence in 1 iterations .*robust loss"):
+        identify(model, campaign, model_error=1e-4, prior_scale=1.0)
