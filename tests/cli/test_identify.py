@@ -1,6 +1,8 @@
 """taskcal identify."""
 
+import errno
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -282,10 +284,21 @@ def test_where_nothing_can_be_written(run: Run, cell: Path, tmp_path: Path) -> N
 
 
 def test_a_folder_that_is_closed_to_us(run: Run, cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("os.access", lambda *_: False)
+    monkeypatch.setattr("os.access", lambda _, mode: mode != os.W_OK)
     ended = identify(run, cell / "one.csv", tmp_path / "a.json")
     assert ended.status == 1
     assert "is not yours to write in" in ended.err
+
+
+def test_a_file_that_is_closed_to_us(run: Run, cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(path: Path, **_: object) -> str:
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "read_text", refuse)
+    monkeypatch.setattr("os.access", lambda _, mode: mode != os.R_OK)
+    ended = identify(run, cell / "one.csv", tmp_path / "a.json", robot="ur5")
+    assert ended.status == 1
+    assert "cannot be read: Permission denied" in ended.err
 
 
 def test_the_keyword_published_needs_a_publication(run: Run, cell: Path, tmp_path: Path) -> None:

@@ -120,6 +120,13 @@ def test_the_first_compilation_is_announced_beside_the_result(tmp_path: Path, ce
     assert ended.stdout.startswith("{")
 
 
+def test_the_demonstration_takes_its_own_options(run: Run) -> None:
+    ended = run("demo", "--help")
+    assert ended.status == 0
+    assert "taskcal demo" in ended.out
+    assert run("demo", "--no-such-option").status == 2
+
+
 def test_every_command_is_listed_in_the_order() -> None:
     from typer.main import get_command
 
@@ -128,6 +135,7 @@ def test_every_command_is_listed_in_the_order() -> None:
     assert set(get_command(app).commands) <= set(ORDER)  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_warm_compiles_everything_that_other_commands_need(cell: Path, tmp_path: Path) -> None:
     """With a cache of its own: after `warm`, no command leaves another kernel."""
     script = (

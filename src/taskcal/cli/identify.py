@@ -37,9 +37,13 @@ class FramesChoice(StrEnum):
 
 
 def command(
-    campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN.csv", help="Joints and where the targets were seen.")],
+    campaign: Annotated[
+        Path, typer.Argument(metavar="CAMPAIGN.csv", readable=False, help="Joints and where the targets were seen.")
+    ],
     robot: RobotOption,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="CAL.json", help="Calibration to write.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="CAL.json", readable=False, help="Calibration to write.")
+    ],
     rows: RowsOption = None,
     holdout: Annotated[
         float | None,

@@ -8,7 +8,7 @@ import typer
 RobotOption = Annotated[
     str, typer.Option("--robot", "-r", metavar="ROBOT", help="Name in the catalogue, or a robot file (.toml).")
 ]
-TaskOption = Annotated[Path, typer.Option("--task", "-t", metavar="TASK.toml", help="Task file.")]
+TaskOption = Annotated[Path, typer.Option("--task", "-t", metavar="TASK.toml", readable=False, help="Task file.")]
 CountOption = Annotated[
     int, typer.Option("--count", "-n", min=1, metavar="N", help="Poses to spread over the task's workspace.")
 ]

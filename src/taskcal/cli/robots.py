@@ -86,6 +86,7 @@ def import_table(
         Path,
         typer.Argument(
             metavar="TABLE.csv",
+            readable=False,
             help="Columns joint, alpha_deg, a_mm, d_mm, theta_offset_deg; optionally theta_from_controller such as -(J2+J3), "
             "type, lower_deg and upper_deg.",
         ),
@@ -93,7 +94,9 @@ def import_table(
     convention: Annotated[
         Convention, typer.Option("--convention", help="dh: Rz(θ)·Tz(d)·Tx(a)·Rx(α); mdh: Rx(α)·Tx(a)·Rz(θ)·Tz(d).")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="ROBOT.toml", help="Robot file to write.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="ROBOT.toml", readable=False, help="Robot file to write.")
+    ],
     name: Annotated[str | None, typer.Option("--name", help="Name of the robot; the table's by default.")] = None,
     as_json: JsonOption = False,
 ) -> None:

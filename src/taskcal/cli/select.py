@@ -16,7 +16,10 @@ def command(
     campaign: Annotated[
         Path | None,
         typer.Option(
-            "--campaign", metavar="CAMPAIGN.csv", help="Measurements, to cross-validate every size of the model."
+            "--campaign",
+            metavar="CAMPAIGN.csv",
+            readable=False,
+            help="Measurements, to cross-validate every size of the model.",
         ),
     ] = None,
     accuracy: Annotated[

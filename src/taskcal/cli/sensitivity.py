@@ -24,9 +24,11 @@ class Order(StrEnum):
 
 def command(
     robot: RobotOption,
-    task: Annotated[Path | None, typer.Option("--task", "-t", metavar="TASK.toml", help="Poses of a task.")] = None,
+    task: Annotated[
+        Path | None, typer.Option("--task", "-t", metavar="TASK.toml", readable=False, help="Poses of a task.")
+    ] = None,
     campaign: Annotated[
-        Path | None, typer.Option("--campaign", metavar="CAMPAIGN.csv", help="Poses of a campaign.")
+        Path | None, typer.Option("--campaign", metavar="CAMPAIGN.csv", readable=False, help="Poses of a campaign.")
     ] = None,
     count: CountOption = 60,
     seed: SeedOption = 0,
@@ -37,7 +39,7 @@ def command(
         ),
     ] = Order.model,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE.csv", help="Write the table here.")
+        Path | None, typer.Option("--output", "-o", metavar="FILE.csv", readable=False, help="Write the table here.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

@@ -19,12 +19,19 @@ REFLECTORS_MM = {"smr1": (60.0, 10.0, -20.0), "smr2": (-45.0, 55.0, 15.0), "smr3
 def command(
     robot: RobotOption,
     task: TaskOption,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="CAMPAIGN.csv", help="Campaign to write.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="CAMPAIGN.csv", readable=False, help="Campaign to write.")
+    ],
     count: CountOption = 60,
     seed: SeedOption = 0,
     truth: Annotated[
         Path | None,
-        typer.Option("--truth", metavar="TRUTH.json", help="Write the true defects, tracker frame and targets here."),
+        typer.Option(
+            "--truth",
+            metavar="TRUTH.json",
+            readable=False,
+            help="Write the true defects, tracker frame and targets here.",
+        ),
     ] = None,
     targets: Annotated[int, typer.Option("--targets", metavar="1|3", help="Reflectors on the tool.")] = 1,
     pose: Annotated[bool, typer.Option("--pose", help="Measure poses instead of points.")] = False,

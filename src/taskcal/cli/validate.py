@@ -10,8 +10,10 @@ from taskcal.cli.output import announce_compilation, note, write_json
 
 
 def command(
-    calibration: Annotated[Path, typer.Argument(metavar="CAL.json", help="Calibration written by taskcal identify.")],
-    campaign: Annotated[Path, typer.Argument(metavar="OTHER.csv", help="Campaign to predict.")],
+    calibration: Annotated[
+        Path, typer.Argument(metavar="CAL.json", readable=False, help="Calibration written by taskcal identify.")
+    ],
+    campaign: Annotated[Path, typer.Argument(metavar="OTHER.csv", readable=False, help="Campaign to predict.")],
     reregister: Annotated[
         bool,
         typer.Option(
