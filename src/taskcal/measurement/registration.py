@@ -256,13 +256,15 @@ def _register_poses(T: np.ndarray, campaign: Campaign, reach: float) -> Registra
     R, p, y, Y = T[seen, :3, :3], T[seen, :3, 3], campaign.points[seen, 0], campaign.rotations[seen]
     target = np.zeros(len(y), dtype=int)
     by_points = _search(R, p, y, target, 1, reach)[0]
-    starts = [_closed_form_rotations(R, Y), *(_alternate(Z, R, Y) for Z in [by_points, *_orientations()])]
-    starts.append((by_points, _target_rotation(by_points, R, Y)))
 
     def cost(ZX: tuple[np.ndarray, np.ndarray]) -> float:
         return reach**2 * _rotation_cost(ZX, R, Y) + float((_place(ZX[0], R, p, y, target, 1)[2] ** 2).sum())
 
-    Z, X = min(starts, key=cost)
+    starts = [_closed_form_rotations(R, Y), _alternate(by_points, R, Y), (by_points, _target_rotation(by_points, R, Y))]
+    best = min(starts, key=cost)
+    if cost(best) > len(y) * (PLAUSIBLE * reach) ** 2:
+        best = min([best, *(_alternate(Z, R, Y) for Z in _orientations())], key=cost)
+    Z, X = best
     t, offsets, residual = _place(Z, R, p, y, target, 1)
     rms, located = _rms(residual), _located(Z, R, target, 1, _rms(residual))
     if not located[0]:

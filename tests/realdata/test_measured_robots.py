@@ -1,0 +1,134 @@
+"""Held-out errors on real robots, with generic bounds a little above what a full geometric fit reaches."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from taskcal.identification.identify import identify
+from taskcal.identification.validation import validate
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.reader import read_campaign
+from taskcal.measurement.registration import register
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.dh_table import read_dh_table
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot import Robot
+from tests.laws.plain import product, shift, turn
+
+pytestmark = pytest.mark.realdata
+
+TABLES = {
+    "ur5": ("ur5_tracker", "dh"),
+    "ur10": ("ur10_tmac", "dh"),
+    "barrett-wam": ("wam_tracker", "dh"),
+    "abb-irb120": ("irb120_faro", "mdh"),
+    "fanuc-r2000ic-165f": ("fanuc_r2000_tracker", "mdh"),
+}
+
+
+def robot_of(data_folder, name: str, source: str) -> Robot:
+    folder, convention = TABLES[name]
+    return (
+        load_robot(name)
+        if source == "catalogue"
+        else read_dh_table(data_folder / folder / f"nominal_{convention}.csv", convention)
+    )
+
+
+def campaign_of(data_folder, name: str, robot: Robot, **options) -> Campaign:
+    return read_campaign(data_folder / TABLES[name][0] / "measurements.csv", robot, **options)
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_robots_table_and_catalogue_and_plain_product_are_one(data_folder, name):
+    table, catalogued = (robot_of(data_folder, name, source) for source in ("table", "catalogue"))
+    folder, convention = TABLES[name]
+    lines = (data_folder / folder / f"nominal_{convention}.csv").read_text(encoding="utf-8-sig").splitlines()
+    header = lines[0].split(",")
+    rows = [dict(zip(header, line.split(","), strict=True)) for line in lines[1:] if line.strip()]
+    q = np.random.default_rng(0).uniform(-1.2, 1.2, (20, len(rows)))
+
+    def pose(joints):
+        by_name = {f"J{i + 1}": value for i, value in enumerate(joints)}
+        T = np.eye(4)
+        for i, row in enumerate(rows):
+            theta = eval(row.get("theta_from_controller") or f"J{i + 1}", {}, by_name) + np.radians(
+                float(row["theta_offset_deg"])
+            )
+            alpha, a, d = (
+                turn(0, np.radians(float(row["alpha_deg"]))),
+                shift(0, float(row["a_mm"]) / 1e3),
+                shift(2, float(row["d_mm"]) / 1e3),
+            )
+            T = T @ product([turn(2, theta), d, a, alpha] if convention == "dh" else [alpha, a, turn(2, theta), d])
+        return T
+
+    expected = [pose(row) for row in q]
+    np.testing.assert_allclose(ErrorModel(table).poses(q), expected, atol=1e-12)
+    np.testing.assert_allclose(ErrorModel(catalogued).poses(q), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "worst_mm"),
+    {"ur5": 1.2, "ur10": 2.0, "barrett-wam": 8.0, "abb-irb120": 1.5, "fanuc-r2000ic-165f": 1.5}.items(),
+)
+def test_the_nominal_robot_registers_to_its_campaign_as_to_its_own(data_folder, name, worst_mm):
+    robot = robot_of(data_folder, name, "catalogue")
+    found = register(ErrorModel(robot), campaign_of(data_folder, name, robot))
+    assert found.rms * 1e3 < worst_mm
+
+
+def splits(campaign: Campaign, count: int) -> Iterator[tuple[Campaign, Campaign]]:
+    """Ten random choices of rows to fit, and the rest."""
+    for seed in range(10):
+        order = np.random.default_rng(seed).permutation(len(campaign))
+        yield campaign.take(order[:count]), campaign.take(order[count:])
+
+
+def held_out_mm(model: ErrorModel, campaign: Campaign, count: int) -> float:
+    """Median over the splits of the mean error on rows not used for the fit."""
+    means = [validate(identify(model, fitted), held).mean * 1e3 for fitted, held in splits(campaign, count)]
+    return float(np.median(means))
+
+
+BOUNDS = {
+    "ur5, 60 rows": ("ur5", {}, 60, 0.115),
+    "ur5, 700 rows": ("ur5", {}, 700, 0.106),
+    "irb120, one reflector, 60 rows": ("abb-irb120", {"targets": ["smr1"]}, 60, 0.48),
+    "ur10, 70 %": ("ur10", {}, 0.7, 0.41),
+    "wam, 70 %": ("barrett-wam", {}, 0.7, 2.6),
+}
+
+
+@pytest.mark.parametrize("source", ["catalogue", "table"])
+@pytest.mark.parametrize("case", BOUNDS)
+def test_rows_held_out_are_predicted_as_well_as_a_full_geometric_fit_can(data_folder, case, source):
+    name, options, count, bound_mm = BOUNDS[case]
+    robot = robot_of(data_folder, name, source)
+    campaign = campaign_of(data_folder, name, robot, **options)
+    rows = count if isinstance(count, int) else round(count * len(campaign))
+    assert held_out_mm(ErrorModel(robot), campaign, rows) <= bound_mm
+
+
+@pytest.mark.parametrize("source", ["catalogue", "table"])
+def test_each_pose_of_the_coupled_robot_is_predicted_from_all_others(data_folder, source):
+    robot = robot_of(data_folder, "fanuc-r2000ic-165f", source)
+    model, campaign = ErrorModel(robot), campaign_of(data_folder, "fanuc-r2000ic-165f", robot)
+    errors = []
+    for i in range(len(campaign)):
+        others = campaign.take(np.arange(len(campaign)) != i)
+        errors.append(validate(identify(model, others), campaign.take([i])).errors)
+    assert np.concatenate(errors).mean() * 1e3 <= 0.345
+
+
+def test_nests_and_lost_beams_are_told_from_targets(data_folder):
+    robot = load_robot("abb-irb120")
+    campaign = campaign_of(data_folder, "abb-irb120", robot)
+    assert campaign.targets == ("smr1", "smr2", "smr3")
+    assert set(campaign.nests) == {"base1", "base2", "base3"}
+    assert len(campaign) == 620
+    assert not all(np.isfinite(points).all() for points in campaign.nests.values())
+    for points in campaign.nests.values():
+        drift = np.linalg.norm(points - np.nanmedian(points, axis=0), axis=1)
+        assert np.nanpercentile(drift, 90) < 1e-3
