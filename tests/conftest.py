@@ -14,11 +14,12 @@ from threadpoolctl import threadpool_limits
 
 threadpool_limits(1)  # a pytest plugin may have loaded NumPy, and its BLAS, before this file
 
-# Shapes and types in annotations are checked at every call, but for compiled kernels, which Numba has to read, and the
-# robot file, which pydantic checks.
+# Shapes and types in annotations are checked at every call, but for compiled kernels, which Numba has to read, and for
+# robot and task files, which pydantic checks.
 _CHECKED = """
-csv_table files geometry.chain geometry.se3 estimation measurement identification
-robot.catalogue robot.dh_table robot.error_model robot.expression robot.joint_side robot.robot
+csv_table files geometry.chain geometry.se3 estimation measurement identification analysis adaptation kinematics
+robot.catalogue robot.dh_table robot.error_model robot.expression robot.joint_side robot.mechanism robot.robot
+task.workspace
 """
 install_import_hook([f"taskcal.{module}" for module in _CHECKED.split()], "beartype.beartype")
 
