@@ -23,3 +23,18 @@ add_module_names = False
 html_theme = "furo"
 html_title = "Taskcal"
 html_static_path = ["_static"] if (Path(__file__).parent / "_static").is_dir() else []
+
+
+def _prepare(_app, what, _name, _object, _options, lines):
+    """Keep Sphinx from reading |x| as a substitution, and what stands before a colon as a type."""
+    lines[:] = [line.replace("|", r"\|") for line in lines]
+    if what in ("attribute", "property") and lines:
+        lines.insert(0, "\\")  # an escaped line end, which prints nothing
+    for i, line in enumerate(lines[:-1]):
+        if line.strip() == "Returns:":
+            lines[i + 1] = lines[i + 1].replace(": ", " – ", 1)
+
+
+def setup(app):
+    """Connect the above, ahead of napoleon."""
+    app.connect("autodoc-process-docstring", _prepare, priority=400)
