@@ -36,7 +36,7 @@ class UnknownName(TaskcalError):
         else:
             shown = ", ".join(known[:12]) + (", …" if len(known) > 12 else "")
             advice = f"known: {shown}"
-        super().__init__(f"no {kind} '{name}'; {advice}" + (f" {hint}" if hint else ""))
+        super().__init__(f"no {kind} '{name}'{f' {hint}' if hint else ''}; {advice}")
 
 
 class ClosureError(TaskcalError):

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import LinAlgError
-from scipy.linalg.lapack import dposv
+from scipy.linalg import LinAlgError, get_lapack_funcs
 
 from taskcal.geometry.normal_equations import WhitenedEquations
+
+(dposv,) = get_lapack_funcs(("posv",), dtype=np.float64)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -40,8 +40,8 @@ def cache_folder() -> Path:
 
 
 def is_warm() -> bool:
-    """Whether an earlier process has already left compiled kernels in the cache."""
-    return any(cache_folder().rglob("*.nbi"))
+    """Whether an earlier process has already left the kernel of the fit, the largest, in the cache."""
+    return any(cache_folder().rglob("normal_equations._accumulate-*.nbi"))
 
 
 def compiled(kernel: Kernel) -> Kernel:

@@ -284,6 +284,8 @@ def load_calibration(path: str | Path) -> Calibration:
         raise FileError(path, "is no calibration: it is no UTF-8 text") from error
     try:
         data = json.loads(text)
+    except RecursionError as error:
+        raise FileError(path, "is no calibration: its JSON is nested too deeply") from error
     except json.JSONDecodeError as error:
         message = f"is no whole JSON file ({error.msg}); it may have been cut off: save the calibration again"
         raise FileError(path, message, line=error.lineno) from error

@@ -13,6 +13,9 @@ from taskcal.robot.error_model import ErrorModel
 POSITION, ROTATION = 1e-9, 1e-9
 """A pose is reached within these, metres and radians."""
 
+JUMP = np.pi / 3
+"""Within a short step of the tool, a joint that turns farther has left its branch."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Reached:
@@ -47,6 +50,18 @@ def solve_near(
         x: parameter values; the nominal robot by default.
         iterations: Newton steps at most.
     """
+    q = _approach(model, T, seed, x, iterations)
+    return Reached(q=q, reached=_met(model, T, q, x))
+
+
+def _approach(
+    model: ErrorModel,
+    T: Float[np.ndarray, "n 4 4"],
+    seed: Float[np.ndarray, "n joints"],
+    x: Float[np.ndarray, " p"] | None,
+    iterations: int,
+) -> Float[np.ndarray, "n joints"]:
+    """Newton steps from the seeds, each pose until it is met."""
     q = np.array(seed, dtype=float)
     weight = np.repeat([1.0, 0.5], 3)  # a metre counts like two radians, about an arm's length
     active = np.arange(len(q))
@@ -56,7 +71,7 @@ def solve_near(
         try:
             at, J = model.poses(q[active], x), model.joint_jacobian(q[active], x)
         except ClosureError:
-            active = active[_closes(model, q[active], x)]
+            active = active[_closes_one_by_one(model, q[active], x)]
             continue
         error = _twist(T[active], at)
         far = (np.abs(error[:, :3]).max(axis=1) > 1e-4 * POSITION) | (
@@ -70,10 +85,10 @@ def solve_near(
         step = (JT @ np.linalg.solve(J @ JT + damping[:, None, None] * np.eye(6), error[:, :, None]))[:, :, 0]
         step *= np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=1), 1e-12))[:, None]
         q[active] += step
-    return Reached(q=q, reached=_met(model, T, q, x))
+    return q
 
 
-def _closes(model: ErrorModel, q: np.ndarray, x: np.ndarray | None) -> np.ndarray:
+def _closes_one_by_one(model: ErrorModel, q: np.ndarray, x: np.ndarray | None) -> np.ndarray:
     out = np.ones(len(q), dtype=bool)
     for i in range(len(q)):
         try:
@@ -85,21 +100,22 @@ def _closes(model: ErrorModel, q: np.ndarray, x: np.ndarray | None) -> np.ndarra
 
 def _met(model: ErrorModel, T: np.ndarray, q: np.ndarray, x: np.ndarray | None) -> np.ndarray:
     """Whether each pose is met inside the limits."""
-    ok = _closes_all(model, q, x)
+    ok = closes(model, q, x)
     error = np.full((len(q), 6), np.inf)
     if ok.any():
         error[ok] = _twist(T[ok], model.poses(q[ok], x))
     ok &= (np.abs(error[:, :3]).max(axis=1) < POSITION) & (np.abs(error[:, 3:]).max(axis=1) < ROTATION)
-    outside = [row for row, _ in model.robot.outside_limits(q)]
-    ok[outside] = False
-    return ok
+    return ok & model.robot.inside_limits(q)
 
 
-def _closes_all(model: ErrorModel, q: np.ndarray, x: np.ndarray | None) -> np.ndarray:
+def closes(
+    model: ErrorModel, q: Float[np.ndarray, "n joints"], x: Float[np.ndarray, " p"] | None = None
+) -> Bool[np.ndarray, " n"]:
+    """Whether the closed loops of a robot assemble at each pose."""
     try:
         model.walk(q, x)
     except ClosureError:
-        return _closes(model, q, x)
+        return _closes_one_by_one(model, q, x)
     return np.ones(len(q), dtype=bool)
 
 
@@ -112,7 +128,7 @@ def find_posture(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.nda
     limits = np.clip(model.robot.limits, -np.pi, np.pi)
     seeds = qmc.scale(qmc.Sobol(len(limits), rng=0).random(256), limits[:, 0], limits[:, 1])
     seeds = np.concatenate([limits.mean(axis=1)[None], seeds])
-    closing = _closes_all(model, seeds, None)
+    closing = closes(model, seeds, None)
     found = solve_near(model, np.broadcast_to(T, (int(closing.sum()), 4, 4)), seeds[closing], iterations=60)
     if not found.reached.any():
         x, y, z = T[:3, 3] * 1e3
@@ -146,13 +162,15 @@ def follow(
     home = model.poses(start[None])[0]
     q = np.tile(start, (len(T), 1))
     turn = se3.log(T[:, :3, :3] @ home[:3, :3].T)
-    reached = np.ones(len(T), dtype=bool)
-    for k in range(1, steps + 1):
+    stayed = np.ones(len(T), dtype=bool)
+    for k in range(1, steps):
         share = k / steps
         R = se3.exp(share * turn) @ home[:3, :3]
         p = home[:3, 3] + share * (T[:, :3, 3] - home[:3, 3])
-        found = solve_near(model, se3.pose(R, p), q)
-        # within a step the way is short: a joint that turns far has left the branch
-        jumped = np.abs(found.q - q).max(axis=1) > np.pi / 3
-        q, reached = found.q, found.reached & ~jumped
-    return Reached(q=q, reached=reached)
+        # on the way two Newton steps keep up; only the end must be exact
+        ahead = _approach(model, se3.pose(R, p), q, None, 2)
+        stayed &= np.abs(ahead - q).max(axis=1) < JUMP
+        q = ahead
+    found = solve_near(model, T, q)
+    stayed &= np.abs(found.q - q).max(axis=1) < JUMP
+    return Reached(q=found.q, reached=found.reached & stayed)

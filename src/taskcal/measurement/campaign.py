@@ -86,7 +86,7 @@ class Campaign:
             f.name: pick(getattr(self, f.name)) for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)
         }
         nests = {name: points[chosen] for name, points in self.nests.items()}
-        return replace(self, ids=tuple(self.ids[i] for i in chosen), nests=nests, **changed)  # type: ignore[arg-type]
+        return replace(self, ids=tuple(self.ids[i] for i in chosen), nests=nests, **changed)
 
     def split(self, fraction: float, rng: np.random.Generator) -> tuple["Campaign", "Campaign"]:
         """Two campaigns: the rows to fit, and a random `fraction` of rows held out.

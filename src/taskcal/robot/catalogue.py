@@ -43,4 +43,4 @@ def load_robot(source: str | Path) -> Robot:
         raise TaskcalError(
             f"'{text}' is a table; make a robot file of it: taskcal robots import {text} --convention dh|mdh -o ROBOT.toml"
         )
-    raise UnknownName("robot", text, catalogue_names(), "(or give the path of a robot file, .toml)")
+    raise UnknownName("robot", text, catalogue_names(), "in the catalogue, nor a robot file (.toml)")

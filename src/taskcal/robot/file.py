@@ -167,6 +167,7 @@ class RobotFile(Section):
     tool: tuple[StepSection, ...] = ()
     four_bar: FourBarSection | None = None
     coupled_limit: tuple[CoupledLimitSection, ...] = ()
+    link_radii_mm: tuple[Positive, ...] | None = None
     tolerance: ToleranceSection = ToleranceSection()
     symbols: dict[str, str] = Field(default_factory=dict)
     published: PublishedSection | None = None
@@ -177,6 +178,11 @@ class RobotFile(Section):
         twice = {name for name in names if names.count(name) > 1}
         if twice:
             raise ValueError(f"two joints are named '{min(twice)}'")
+        if self.link_radii_mm is not None and len(self.link_radii_mm) != len(names) + 1:
+            raise ValueError(
+                f"link_radii_mm has {len(self.link_radii_mm)} values; {len(names)} joints have {len(names) + 1} links: base to "
+                "first joint, joint to joint, last joint to tool point"
+            )
         reserved = {"tool", "base", "loop"} & set(names)
         if reserved:
             raise ValueError(f"a joint cannot be named '{min(reserved)}'; Taskcal uses that name for other parameters")
@@ -208,6 +214,7 @@ class RobotFile(Section):
                 )
                 for i, c in enumerate(self.coupled_limit, start=1)
             ),
+            link_radii=None if self.link_radii_mm is None else tuple(r * 1e-3 for r in self.link_radii_mm),
             tolerances=_tolerances(self.tolerance),
             symbols=_symbols(self.symbols, names),
             published=Published(**self.published.model_dump()) if self.published else Published(),

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from taskcal.errors import ReachError
 from taskcal.geometry.chain import Fixed, Joint, Step
@@ -91,6 +91,9 @@ class Robot:
     tool: tuple[Part, ...]
     """Fixed parts from the last joint frame to the tool."""
     coupled_limits: tuple[CoupledLimit, ...]
+    link_radii: tuple[float, ...] | None
+    """Radii of the capsules around the links, from base to first joint, joint to joint, last joint to tool point, metres;
+    None where the file does not say."""
     tolerances: Tolerances
     symbols: Mapping[str, str]
     """Parameter names of a publication, by Taskcal's names."""
@@ -136,21 +139,30 @@ class Robot:
             out += [Fixed(part.transform) for part in joint.after]
         return out + [Fixed(part.transform) for part in self.tool]
 
+    def _limited(self) -> list[tuple[str, Float[np.ndarray, " joints"], tuple[float, float], bool]]:
+        """Name, coefficients, limits and whether it slides, of every joint and coupled limit."""
+        own = [
+            (j.name, np.eye(len(self.joints))[i], j.limits, j.kind == "prismatic") for i, j in enumerate(self.joints)
+        ]
+        return own + [(c.text, c.coefficients, c.limits, False) for c in self.coupled_limits]
+
+    def inside_limits(self, q: Float[np.ndarray, "n joints"], slack: float = 1e-6) -> Bool[np.ndarray, " n"]:
+        """Whether each pose is inside all limits; `slack` forgives rounding, radians or metres."""
+        inside = np.ones(len(q), dtype=bool)
+        for _, coefficients, (low, high), _ in self._limited():
+            value = q @ coefficients
+            inside &= (value >= low - slack) & (value <= high + slack)
+        return inside
+
     def outside_limits(self, q: Float[np.ndarray, "n joints"], slack: float = 1e-6) -> list[tuple[int, str]]:
         """Rows of q outside a limit, with the reason in words; `slack` forgives rounding, radians or metres."""
         out: list[tuple[int, str]] = []
-        checks = [(j.name, np.eye(len(self.joints))[i], j.limits, j.kind) for i, j in enumerate(self.joints)]
-        checks += [(c.text, c.coefficients, c.limits, "revolute") for c in self.coupled_limits]
-        for name, coefficients, (low, high), kind in checks:
+        for name, coefficients, (low, high), slides in self._limited():
             value = q @ coefficients
-            scale, unit = (1e3, " mm") if kind == "prismatic" else (180 / np.pi, "°")
+            scale, unit = (1e3, " mm") if slides else (180 / np.pi, "°")
             for row in np.flatnonzero((value < low - slack) | (value > high + slack)):
-                out.append(
-                    (
-                        int(row),
-                        f"{name} = {value[row] * scale:.3f}{unit} is outside {low * scale:g} to {high * scale:g}{unit}",
-                    )
-                )
+                shown = f"{name} = {value[row] * scale:.3f}{unit}"
+                out.append((int(row), f"{shown} is outside {low * scale:g} to {high * scale:g}{unit}"))
         return sorted(out)
 
     def check_limits(self, q: Float[np.ndarray, "n joints"]) -> None:

@@ -1,0 +1,274 @@
+"""Which poses to measure, so that the task becomes accurate."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from taskcal.adaptation.candidates import (
+    Experiment,
+    Measurable,
+    check,
+    find_measurable,
+    keep_measurable,
+    make_experiment,
+)
+from taskcal.adaptation.expected_error import design
+from taskcal.adaptation.visiting_order import order_visits
+from taskcal.errors import CampaignError, UnknownName
+from taskcal.estimation.blas import single_threaded
+from taskcal.estimation.experiment_design import CRITERIA, Criterion, choose
+from taskcal.identification.identify import identify
+from taskcal.kinematics.clearance import place_links
+from taskcal.kinematics.inverse import closes
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.registration import register
+from taskcal.measurement.station import Station
+from taskcal.measurement.tracker import TrackerNoise
+from taskcal.measurement.virtual_cell import simulate
+from taskcal.robot.error_model import ErrorModel
+from taskcal.task.task import Task, TaskPoses, reach_task
+
+CANDIDATES = 10_000
+RANDOM_PLANS = 20
+NEARBY = 24
+"""Variations tried of each pose in a round of refinement."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Plan:
+    """Poses to measure, in the order in which to measure them."""
+
+    q: Float[np.ndarray, "count joints"]
+    """Radians."""
+    visible: Bool[np.ndarray, "count targets"]
+    """Which reflectors the tracker sees at each."""
+    expected: float
+    """Expected rms error in space over the task after these measurements, tracker frame, metres."""
+    random: Float[np.ndarray, " plans"]
+    """The same for as many random poses of the task's own workspace, of several plans."""
+    grid: float
+    """The same for as many poses spread evenly over the task's own workspace."""
+    by_count: Float[np.ndarray, " count"]
+    """Expected error after the first 1, 2, … poses of the greedy start."""
+    before: float
+    """Expected error of the nominal robot, tracker frame and targets found from the same measurements, metres."""
+    criterion: str
+    exchanges: int
+    lost: dict[str, int] = field(default_factory=dict[str, int])
+    """Candidates that fell away, by reason."""
+    candidates: int = 0
+    """Candidates that could be measured."""
+    accuracy: float | None = None
+    """Needed by the task, metres."""
+
+    @property
+    def enough(self) -> int | None:
+        """How many poses the accuracy needs; None if these do not reach it or none is stated."""
+        if self.accuracy is None:
+            return None
+        met = np.flatnonzero(self.by_count <= self.accuracy)
+        return int(met[0]) + 1 if len(met) else None
+
+    def to_json(self) -> dict[str, Any]:
+        """Machine-readable, in millimetres."""
+        return {
+            "count": len(self.q),
+            "criterion": self.criterion,
+            "expected_error_mm": self.expected * 1e3,
+            "random_expected_error_mm": float(np.mean(self.random)) * 1e3,
+            "random_expected_error_range_mm": [float(self.random.min()) * 1e3, float(self.random.max()) * 1e3],
+            "grid_expected_error_mm": self.grid * 1e3,
+            "before_mm": self.before * 1e3,
+            "by_count_mm": (self.by_count * 1e3).tolist(),
+            "accuracy_mm": None if self.accuracy is None else self.accuracy * 1e3,
+            "poses_needed": self.enough,
+            "candidates": self.candidates,
+            "lost": self.lost,
+            "exchanges": self.exchanges,
+        }
+
+
+@single_threaded
+def plan(
+    model: ErrorModel,
+    task: Task,
+    count: int = 60,
+    *,
+    seed: int = 0,
+    station: Station | None = None,
+    criterion: Criterion = "task",
+    campaign: Campaign | None = None,
+    candidates: int = CANDIDATES,
+    refine: int = 2,
+    noise: TrackerNoise | None = None,
+    model_error: float = 0.0,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Plan:
+    """Choose the poses whose measurement leaves the least expected error over the task.
+
+    Args:
+        model: the model to be identified.
+        task: what the robot has to do.
+        count: poses to measure.
+        seed: of the candidates and of the refinement; the same seed gives the same plan.
+        station: tracker, reflectors and keep-out boxes; without it one reflector at the tool point is always seen.
+        criterion: ``task`` for the expected task error, or D, A, E, O1–O5.
+        campaign: already measured, with points; the plan extends it, with its own model error and prior scale.
+        candidates: poses to choose among.
+        refine: rounds of continuous refinement after the exchange.
+        noise: the tracker's.
+        model_error: standard deviation of what geometry does not explain, metres.
+        progress: told what is being done.
+
+    Raises:
+        ReachError: no candidate can be reached and seen.
+        CampaignError: fewer poses than tracker frame and targets need, or a campaign of poses.
+    """
+    if criterion not in CRITERIA:
+        raise UnknownName("criterion", criterion, CRITERIA)
+    progress("candidates")
+    goal = reach_task(model, task, 200, seed)
+    found = find_measurable(model, task, station, candidates, seed)
+    experiment = _experiment(model, goal, found, station, campaign, noise, model_error)
+    _check_count(count, experiment, campaign)
+    progress(f"choosing {count} of {len(found.q)}")
+    chosen = choose(experiment.candidates(found), count, criterion, progress=progress)
+    q, visible = found.q[chosen.chosen], found.visible[chosen.chosen]
+    if criterion == "task":
+        for round_ in range(refine):
+            progress(f"refining, round {round_ + 1}")
+            q, visible = _refine(model, experiment, station, q, visible, scale=0.12 / (1 + round_), seed=seed + round_)
+    order = order_visits(model.robot, q)
+    q, visible = q[order], visible[order]
+    return Plan(
+        q=q,
+        visible=visible,
+        expected=experiment.error(q, visible),
+        random=_random_plans(model, experiment, task, station, count, seed),
+        grid=_even_plan(model, experiment, task, station, count),
+        by_count=chosen.greedy,
+        before=_before(model, goal, station, q),
+        criterion=criterion,
+        exchanges=chosen.exchanges,
+        lost=dict(found.lost),
+        candidates=len(found.q),
+        accuracy=task.accuracy,
+    )
+
+
+def _experiment(
+    model: ErrorModel,
+    goal: TaskPoses,
+    found: Measurable,
+    station: Station | None,
+    campaign: Campaign | None,
+    noise: TrackerNoise | None,
+    model_error: float,
+) -> Experiment:
+    if campaign is None:
+        return make_experiment(model, goal, found, station, noise=noise, model_error=model_error)
+    if campaign.rotations is not None:
+        raise CampaignError("a plan extends a campaign of points; this one measured poses")
+    if station is not None and set(campaign.targets) != {r.name for r in station.reflectors}:
+        raise CampaignError(
+            f"the campaign's targets are {', '.join(campaign.targets)}, the station's reflectors "
+            f"{', '.join(r.name for r in station.reflectors)}; name them alike"
+        )
+    if station is None and len(campaign.targets) > 1:
+        raise CampaignError("the campaign has several targets; say with a station which reflectors the tool carries")
+    if station is not None:
+        campaign = campaign.of_targets([r.name for r in station.reflectors])
+    fitted = identify(model, campaign, noise=noise)
+    return make_experiment(
+        model,
+        goal,
+        found,
+        station,
+        campaign=campaign,
+        registration=register(model, campaign),
+        noise=noise,
+        model_error=fitted.model_error[0],
+        prior_scale=fitted.prior_scale or 1.0,
+    )
+
+
+def _check_count(count: int, experiment: Experiment, campaign: Campaign | None) -> None:
+    frames = len(experiment.layout.names) - len(experiment.layout.kept)
+    fewest = frames // (3 * len(experiment.layout.targets)) + 1
+    if count < 1 or (campaign is None and count < fewest):
+        raise CampaignError(
+            f"{count} poses are too few: tracker frame and targets alone have {frames} unknowns; plan at least {fewest}, "
+            "better 30 or more"
+        )
+
+
+def _refine(
+    model: ErrorModel,
+    experiment: Experiment,
+    station: Station | None,
+    q: Float[np.ndarray, "count joints"],
+    visible: Bool[np.ndarray, "count targets"],
+    *,
+    scale: float,
+    seed: int,
+) -> tuple[Float[np.ndarray, "count joints"], Bool[np.ndarray, "count targets"]]:
+    """Move each pose in turn to the best of some variations, if that lowers the expected error.
+
+    Args:
+        model: the model.
+        experiment: of the plan.
+        station: of the plan.
+        q: the poses, radians.
+        visible: which reflectors are seen at each.
+        scale: standard deviation of the variations, radians or metres.
+        seed: of the variations.
+    """
+    rng = np.random.default_rng(seed)
+    q, visible = q.copy(), visible.copy()
+    moved = (q[:, None] + scale * rng.normal(size=(len(q), NEARBY, q.shape[1]))).reshape(-1, q.shape[1])
+    ok = model.robot.inside_limits(moved) & closes(model, moved)
+    sees = np.zeros((len(moved), visible.shape[1]), dtype=bool)
+    able, seen = check(model, moved[ok], place_links(model, moved[ok]), station)
+    ok[np.flatnonzero(ok)] = able
+    sees[ok] = seen[able]
+    rows = np.zeros((len(moved), experiment.rows(q[:1], visible[:1]).shape[1], experiment.basis.shape[1]))
+    rows[ok] = experiment.rows(moved[ok], sees[ok])
+    own = experiment.rows(q, visible)
+    M = experiment.prior + np.einsum("nbi,nbj->ij", own, own)
+    for k in range(len(q)):
+        near = k * NEARBY + np.flatnonzero(ok[k * NEARBY : (k + 1) * NEARBY])
+        without = np.linalg.inv(M - own[k].T @ own[k])
+        trials = np.concatenate([own[k][None], rows[near]])
+        U = trials @ without
+        S = np.eye(trials.shape[1]) + U @ np.swapaxes(trials, 1, 2)
+        gain = np.trace(np.linalg.solve(S, U @ experiment.task @ np.swapaxes(U, 1, 2)), axis1=1, axis2=2)
+        best = int(np.argmax(gain))
+        if best:
+            M = M - own[k].T @ own[k] + trials[best].T @ trials[best]
+            own[k], q[k], visible[k] = trials[best], moved[near[best - 1]], sees[near[best - 1]]
+    return q, visible
+
+
+def _random_plans(
+    model: ErrorModel, experiment: Experiment, task: Task, station: Station | None, count: int, seed: int
+) -> Float[np.ndarray, " plans"]:
+    """Expected error of random poses from the task's own workspace."""
+    pool = keep_measurable(model, reach_task(model, task, max(10 * count, 600), seed + 77), station)
+    rng = np.random.default_rng(seed)
+    picks = [rng.permutation(len(pool.q))[:count] for _ in range(RANDOM_PLANS)]
+    return np.array([experiment.error(pool.q[pick], pool.visible[pick]) for pick in picks])
+
+
+def _even_plan(model: ErrorModel, experiment: Experiment, task: Task, station: Station | None, count: int) -> float:
+    pool = keep_measurable(model, reach_task(model, task, count, 0), station)
+    return experiment.error(pool.q, pool.visible)
+
+
+def _before(model: ErrorModel, goal: TaskPoses, station: Station | None, q: Float[np.ndarray, "count joints"]) -> float:
+    """Expected error when the measurements only serve to find tracker frame and targets."""
+    targets = None if station is None else {r.name: r.position for r in station.reflectors}
+    nominal, _ = simulate(model, q, rng=np.random.default_rng(0), x=np.zeros(len(model)), targets=targets)
+    return design(model, nominal, goal).before

@@ -1,0 +1,206 @@
+"""Optimal experiments: which of many candidate measurements to make (Fedorov 1972, Atkinson and Donev 1992).
+
+A candidate is a block of whitened rows X (b, d); a choice of candidates has the information M = M₀ + ΣXᵀX. Adding a block
+changes C = M⁻¹ by −C·Xᵀ·S⁻¹·X·C with S = I + X·C·Xᵀ, removing it by the same with S = I − X·C·Xᵀ and the other sign, so no
+matrix larger than a block is ever inverted. A plan starts greedily; then each block in turn is exchanged for the best
+candidate until no exchange helps.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from taskcal.estimation.information import observability
+
+Criterion = Literal["task", "D", "A", "E", "O1", "O2", "O3", "O4", "O5"]
+CRITERIA: tuple[Criterion, ...] = ("task", "D", "A", "E", "O1", "O2", "O3", "O4", "O5")
+
+SHORTLIST = 200
+"""Candidates of the largest D-gain among which a criterion of the spectrum is evaluated exactly."""
+
+POOL, RENEWED = 1500, 5
+"""Gains change slowly from one step to the next: all candidates are weighed every few steps, and in between only those
+that were best then."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Candidates:
+    """What could be measured, and what it is for, in coordinates of unit prior variance."""
+
+    rows: Float[np.ndarray, "n b d"]
+    """Whitened sensitivities of each candidate; nil rows where nothing would be seen."""
+    prior: Float[np.ndarray, "d d"]
+    """Information before any of them: the prior's, and that of what is measured already."""
+    task: Float[np.ndarray, "d d"]
+    """W: the task's mean squared error is tr(W·C)."""
+    signal: Float[np.ndarray, "d d"]
+    """Of criteria that leave the prior out: information of a measurement as such, nil or that of a campaign."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Choice:
+    """The candidates chosen."""
+
+    chosen: Int[np.ndarray, " count"]
+    """Which, in the order in which the greedy start found their places."""
+    greedy: Float[np.ndarray, " count"]
+    """Task error (rms) after each step of the greedy start: what so many measurements give."""
+    value: float
+    """The criterion at the end; smaller is better."""
+    exchanges: int
+    """How many blocks were exchanged."""
+
+
+def _small(a: Float[np.ndarray, "n b d"], b: Float[np.ndarray, "n b d"]) -> Float[np.ndarray, "n b b"]:
+    """a·bᵀ of each block, symmetric; one row product at a time is faster than a batch of tiny matrices."""
+    rows = a.shape[1]
+    out = np.empty((len(a), rows, rows))
+    for i in range(rows):
+        for j in range(i + 1):
+            out[:, i, j] = out[:, j, i] = np.einsum("nd,nd->n", a[:, i], b[:, j])
+    return out
+
+
+def _solve_trace(S: Float[np.ndarray, "n b b"], Y: Float[np.ndarray, "n b b"]) -> Float[np.ndarray, " n"]:
+    """Trace of S⁻¹·Y for each block; 3×3 by cofactors, in vectors over the blocks."""
+    if S.shape[1] != 3:
+        return np.trace(np.linalg.solve(S, Y), axis1=1, axis2=2)
+    a, b, c, d, e, f = S[:, 0, 0], S[:, 0, 1], S[:, 0, 2], S[:, 1, 1], S[:, 1, 2], S[:, 2, 2]
+    A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
+    D, E, F = a * f - c * c, b * c - a * e, a * d - b * b
+    determinant = a * A + b * B + c * C
+    total = A * Y[:, 0, 0] + D * Y[:, 1, 1] + F * Y[:, 2, 2]
+    total += 2.0 * (B * Y[:, 0, 1] + C * Y[:, 0, 2] + E * Y[:, 1, 2])
+    return total / determinant
+
+
+class _State:
+    """Covariance of the present choice, and the gain of every candidate over it."""
+
+    def __init__(self, candidates: Candidates, criterion: Criterion):
+        self.candidates = candidates
+        self.criterion = criterion
+        self.C = np.linalg.inv(candidates.prior)
+        self.information = candidates.signal.copy()
+        self.weight = np.eye(len(self.C)) if criterion == "A" else candidates.task
+        values, vectors = np.linalg.eigh(self.weight)
+        strong = values > 1e-14 * max(values[-1], 1e-300)
+        self.root = vectors[:, strong] * np.sqrt(values[strong])
+        self.size = 0
+
+    def change(self, i: int, sign: float) -> None:
+        """Add (+1) or remove (−1) a candidate."""
+        X = self.candidates.rows[i]
+        XC = X @ self.C
+        S = np.eye(len(X)) + sign * (XC @ X.T)
+        self.C = self.C - sign * XC.T @ np.linalg.solve(S, XC)
+        self.C = 0.5 * (self.C + self.C.T)
+        self.information = self.information + sign * X.T @ X
+        self.size += int(sign)
+
+    def task_error(self) -> float:
+        return float(np.sqrt(max(np.sum(self.candidates.task * self.C), 0.0)))
+
+    def value(self) -> float:
+        """The criterion, smaller is better."""
+        if self.criterion == "task":
+            return self.task_error()
+        if self.criterion == "A":
+            return float(np.trace(self.C))
+        if self.criterion == "D":
+            return float(np.linalg.slogdet(self.C)[1])
+        return self._spectral(self.information)
+
+    def _spectral(self, information: Float[np.ndarray, "d d"]) -> float:
+        s = np.sqrt(np.maximum(np.linalg.eigvalsh(information), 0.0))
+        if self.criterion == "E":
+            # ties at nil are broken by what is there already, so that a greedy start knows where to go
+            return -float(s[0] + 1e-6 * np.sum(np.minimum(s, 1.0)))
+        return -float(getattr(observability(np.maximum(s, 1e-9), max(self.size, 1)), self.criterion))
+
+    def gains(self, among: Int[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+        """How much each of some candidates would improve the criterion, or D for a criterion of the spectrum."""
+        rows = self.candidates.rows[among]
+        flat = rows.reshape(-1, rows.shape[2])
+        U = flat @ self.C
+        S = _small(U.reshape(rows.shape), rows)
+        S[:, range(rows.shape[1]), range(rows.shape[1])] += 1.0
+        if self.criterion not in ("task", "A"):
+            return np.linalg.slogdet(S)[1]
+        V = (U @ self.root).reshape(len(rows), rows.shape[1], -1)
+        return _solve_trace(S, _small(V, V))
+
+    def pool(self, free: Bool[np.ndarray, " n"]) -> Int[np.ndarray, " k"]:
+        """The candidates worth weighing for the next few steps."""
+        among = np.flatnonzero(free)
+        if len(among) <= POOL:
+            return among
+        gain = self.gains(among)
+        return np.sort(among[np.argpartition(-gain, POOL)[:POOL]])
+
+    def best(self, among: Int[np.ndarray, " k"]) -> int:
+        """The candidate that improves the criterion most; of equals the first."""
+        gain = self.gains(among)
+        if self.criterion in ("task", "A", "D"):
+            return int(among[int(np.argmax(gain))])
+        listed = among[np.argsort(-gain, kind="stable")[:SHORTLIST]]
+        rows = self.candidates.rows
+        values = [self._spectral(self.information + rows[i].T @ rows[i]) for i in listed]
+        return int(listed[int(np.argmin(values))])
+
+
+def choose(
+    candidates: Candidates,
+    count: int,
+    criterion: Criterion = "task",
+    *,
+    sweeps: int = 4,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Choice:
+    """Choose `count` candidates: greedily, then by exchange.
+
+    Args:
+        candidates: what could be measured, and what for.
+        count: how many.
+        criterion: ``task`` for the task's mean squared error, or D, A, E, O1–O5.
+        sweeps: through all chosen, of exchanges at most.
+        progress: told what is being done.
+    """
+    n = len(candidates.rows)
+    state = _State(candidates, criterion)
+    free = np.ones(n, dtype=bool)
+    chosen: list[int] = []
+    greedy: list[float] = []
+    pool = np.arange(n)
+    for step in range(min(count, n)):
+        if step % RENEWED == 0:
+            pool = state.pool(free)
+        i = state.best(pool[free[pool]])
+        state.change(i, 1.0)
+        free[i] = False
+        chosen.append(i)
+        greedy.append(state.task_error())
+    progress("exchange")
+    value, exchanges = state.value(), 0
+    for _ in range(sweeps):
+        before = value
+        pool = np.union1d(state.pool(free), chosen)
+        for k, old in enumerate(chosen):
+            state.change(old, -1.0)
+            free[old] = True
+            new = state.best(pool[free[pool]])
+            state.change(new, 1.0)
+            trial = state.value()
+            if new != old and trial < value - 1e-12 * abs(value):
+                value, exchanges, chosen[k] = trial, exchanges + 1, new
+            elif new != old:
+                state.change(new, -1.0)
+                state.change(old, 1.0)
+                new = old
+            free[new] = False
+        if not value < before - 1e-4 * abs(before):
+            break
+    return Choice(chosen=np.array(chosen, dtype=np.int64), greedy=np.array(greedy), value=value, exchanges=exchanges)
