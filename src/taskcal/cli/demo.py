@@ -127,7 +127,7 @@ def _next_steps(folder: Path, files: dict[str, Path]) -> str:
     one, several = files[f"campaign {ONE}"], files[f"campaign {SEVERAL}"]
     return "\n".join(
         (
-            "  # the demonstration's own measurements, a third of them kept aside to check",
+            "  # the demonstration's own measurements, 30 % of them kept aside to check",
             f"  taskcal identify --robot {ROBOT} {several} -o {folder / 'cal.json'} --holdout 0.3",
             f"  taskcal validate {folder / 'cal.json'} {one}",
             "  # your robot: one of the catalogue, or a table of its dimensions; joints and tracker points as CSV",

@@ -19,7 +19,11 @@ def draw_residuals(calibrations: Mapping[str, Mapping[str, Calibration]], start:
         start: beginning of the name of the model that is shown first; the last by default.
     """
     figure = make_subplots(
-        rows=len(calibrations), cols=1, shared_xaxes=True, vertical_spacing=0.12, subplot_titles=list(calibrations)
+        rows=len(calibrations),
+        cols=1,
+        shared_xaxes=True,
+        vertical_spacing=0.12,
+        subplot_titles=[f"measured in {label}" for label in calibrations],
     )
     models = [list(panel) for panel in calibrations.values()]
     shown = next((m for m, name in enumerate(models[0]) if start and name.startswith(start)), len(models[0]) - 1)
@@ -44,10 +48,12 @@ def draw_residuals(calibrations: Mapping[str, Mapping[str, Calibration]], start:
                 )
     styled(figure, height=260 * len(calibrations) + 120, top=100)
     figure.update_layout(legend={"y": 1.06})
-    figure.update_yaxes(title="residual (µm)")
-    figure.update_xaxes(title="measured pose", row=len(calibrations), col=1)
+    figure.update_yaxes(title_text="residual (µm)")
+    figure.update_xaxes(title_text="measured pose", row=len(calibrations), col=1)
     if len(models[0]) > 1:
-        choices = {_choice(names): ({"visible": [o == m for o in owner]},) for m, names in enumerate(zip(*models, strict=True))}
+        choices = {
+            _choice(names): ({"visible": [o == m for o in owner]},) for m, names in enumerate(zip(*models, strict=True))
+        }
         switch(figure, choices, y=1.06)
         figure.layout.updatemenus[0].active = shown  # pyright: ignore[reportAttributeAccessIssue]
     return label_panels(figure)
@@ -105,7 +111,7 @@ def draw_parameters(calibrations: Mapping[str, Calibration], truth: Float[np.nda
                 row=row,
                 col=1,
             )
-        figure.update_yaxes(title=f"defect ({unit})", zeroline=True, zerolinecolor=INK, row=row, col=1)
+        figure.update_yaxes(title_text=f"defect ({unit})", zeroline=True, zerolinecolor=INK, row=row, col=1)
     styled(figure, height=680, top=100)
     figure.update_layout(legend={"y": 1.06})
     figure.update_xaxes(tickangle=-60, tickfont={"size": 12})

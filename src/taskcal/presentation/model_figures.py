@@ -26,7 +26,11 @@ def draw_sensitivities(
         eliminations: of the same sets; parameters that they do not keep are drawn pale.
     """
     figure = make_subplots(
-        rows=len(sensitivities), cols=1, shared_xaxes=True, vertical_spacing=0.09, subplot_titles=list(sensitivities)
+        rows=len(sensitivities),
+        cols=1,
+        shared_xaxes=True,
+        vertical_spacing=0.16,
+        subplot_titles=[f"poses in {label}" for label in sensitivities],
     )
     scaled: list[list[float]] = []
     raw: list[list[float]] = []
@@ -52,10 +56,10 @@ def draw_sensitivities(
                 row=row,
                 col=1,
             )
-    styled(figure, height=330 * len(sensitivities) + 80, top=100)
+    styled(figure, height=350 * len(sensitivities) + 80, top=100)
     figure.update_layout(barmode="group", bargap=0.2, legend={"y": 1.06})
     figure.update_xaxes(tickangle=-60, tickfont={"size": 12}, showticklabels=True, showgrid=False)
-    figure.update_yaxes(title={"text": EXPECTED})
+    figure.update_yaxes(title_text=EXPECTED)
     axes = [f"yaxis{'' if row == 0 else row + 1}.title.text" for row in range(len(sensitivities))]
     switch(
         figure,
@@ -90,15 +94,22 @@ def draw_singular_values(eliminations: Mapping[str, Identifiability]) -> go.Figu
             hovertemplate="%{x}: %{y:.2e}<extra>" + label + "</extra>",
         )
     largest = max(found.singular_values.max(initial=0.0) for found in eliminations.values())
-    figure.add_hline(
-        y=NIL * largest,
+    count = max(len(found.names) for found in eliminations.values())
+    figure.add_scatter(
+        x=[0.5, count + 0.5],
+        y=[NIL * largest] * 2,
+        mode="lines",
+        name="limit: 10⁻⁹ of the largest",
         line={"color": GREY, "dash": "dash", "width": 1.5},
-        annotation={"text": f"limit: {NIL:.0e} of the largest", "font": {"color": GREY, "size": 13}},
-        annotation_position="top left",
+        hoverinfo="skip",
     )
     styled(figure, height=420)
-    figure.update_xaxes(title="number of the singular value")
+    figure.update_xaxes(title_text="number of the singular value", range=[0, count + 1])
     figure.update_yaxes(
-        title="singular value (columns of unit length)", type="log", exponentformat="power", dtick=3, range=[-18.7, 1.3]
+        title_text="singular value (columns of unit length)",
+        type="log",
+        exponentformat="power",
+        dtick=3,
+        range=[-18.7, 1.3],
     )
     return figure

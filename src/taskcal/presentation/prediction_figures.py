@@ -74,7 +74,7 @@ def draw_held_out(fits: Sequence[Fitted]) -> go.Figure:
     errors = [value * 1e6 for f in fits for e in (f.inside, f.outside) for value in (e.mean, e.maximum)]
     span = [np.log10(min(errors)) - 0.35, np.log10(max(errors)) + 0.35]
     figure.update_xaxes(type="log", range=span, tickvals=TICKS, tickfont={"size": 12})
-    figure.update_xaxes(title="error of the predicted tool point (µm)", row=len(campaigns))
+    figure.update_xaxes(title_text="error of the predicted tool point (µm)", row=len(campaigns))
     figure.update_yaxes(autorange="reversed", ticks="")
     figure.update_layout(legend={"y": 1.07})
     return label_panels(figure)
@@ -95,8 +95,8 @@ def draw_error_over_angle(predictions: Sequence[Predictions]) -> go.Figure:
             hovertemplate="%{x:.1f}°: %{y:.1f} µm<extra>" + label + "</extra>",
         )
     styled(figure, height=440)
-    figure.update_xaxes(title="rotation of the tool from the single measured orientation (°)")
-    figure.update_yaxes(title="error of the predicted tool point (µm)", type="log", tickvals=TICKS)
+    figure.update_xaxes(title_text="rotation of the tool from the single measured orientation (°)")
+    figure.update_yaxes(title_text="error of the predicted tool point (µm)", type="log", tickvals=TICKS)
     return figure
 
 
@@ -146,18 +146,18 @@ def draw_coverage(predictions: Sequence[Predictions]) -> go.Figure:
             row=1,
             col=col,
         )
-    styled(figure, height=540, top=40)
+    styled(figure, height=560, top=70)
     figure.update_layout(legend={"y": -0.17, "yanchor": "top", "itemsizing": "constant"}, margin={"b": 150})
-    figure.update_xaxes(title="stated standard uncertainty in space (µm)", type="log", tickvals=TICKS, row=1, col=1)
-    figure.update_yaxes(title="actual error in space (µm)", type="log", tickvals=TICKS, row=1, col=1)
-    figure.update_xaxes(title="stated probability (%)", range=[0, 100], row=1, col=2)
-    figure.update_yaxes(title="new poses inside (%)", range=[0, 102], row=1, col=2)
+    figure.update_xaxes(
+        title_text="stated standard uncertainty in space (µm)", type="log", tickvals=TICKS, row=1, col=1
+    )
+    figure.update_yaxes(title_text="actual error in space (µm)", type="log", tickvals=TICKS, row=1, col=1)
+    figure.update_xaxes(title_text="stated probability (%)", range=[0, 100], row=1, col=2)
+    figure.update_yaxes(title_text="new poses inside (%)", range=[0, 102], row=1, col=2)
     return label_panels(figure)
 
 
-def draw_workspace(
-    predictions: Sequence[Predictions], measured: Mapping[str, Float[np.ndarray, "n 3"]]
-) -> go.Figure:
+def draw_workspace(predictions: Sequence[Predictions], measured: Mapping[str, Float[np.ndarray, "n 3"]]) -> go.Figure:
     """New poses where they are in the workspace, coloured by the error of their prediction.
 
     Args:
@@ -178,7 +178,7 @@ def draw_workspace(
             marker={
                 "size": 5,
                 "color": np.log10(np.maximum(p.length * 1e6, 1e-3)),
-                "colorscale": "Cividis",
+                "colorscale": "Viridis",
                 "cmin": 0.0,
                 "cmax": top,
                 "colorbar": {
@@ -210,7 +210,7 @@ def draw_workspace(
             "yaxis": {"title": {"text": "Y (mm)"}, **axis},
             "zaxis": {"title": {"text": "Z (mm)"}, **axis},
             "aspectmode": "data",
-            "camera": {"eye": {"x": 1.5, "y": -1.5, "z": 0.9}},
+            "camera": {"eye": {"x": 1.6, "y": -1.6, "z": 0.8}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
         },
         margin={"l": 0, "r": 0, "b": 10},
     )

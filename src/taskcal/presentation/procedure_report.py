@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from taskcal.adaptation.procedure import ONE, SEVERAL, Fitted, Procedure
 from taskcal.analysis.elimination_table import published_kept
@@ -56,7 +57,9 @@ def summary_points(procedure: Procedure) -> tuple[str, ...]:
     """What to remember, with the numbers of this run."""
     kept = len(published_kept(procedure.model))
     one, several = (find_fit(procedure, label, "all") for label in (ONE, SEVERAL))
-    undamped, prior = (find_fit(procedure, ONE, start) for start in (f"published {kept}, damped", f"published {kept}, prior"))
+    undamped, prior = (
+        find_fit(procedure, ONE, start) for start in (f"published {kept}, damped", f"published {kept}, prior")
+    )
     ranks = procedure.elimination.eliminations
     return (
         f"Of {len(procedure.model)} parameters the publication keeps {kept}. Only {ranks[ONE].rank} can be told apart in "
@@ -86,10 +89,18 @@ def _summary(procedure: Procedure) -> Section:
         blocks=(
             Numbers(
                 (
-                    (f"{ranks[ONE].rank} of {len(procedure.model)}", "", "parameters can be told apart in one orientation"),
-                    (_um(nominal.inside.mean), "µm", f"mean error before calibration, in {SEVERAL}"),
+                    (
+                        f"{ranks[ONE].rank} of {len(procedure.model)}",
+                        "",
+                        "parameters can be told apart in one orientation",
+                    ),
+                    (_um(nominal.inside.mean), "µm", f"mean error of the nominal robot in {SEVERAL}, frames fitted"),
                     (_um(several.inside.mean), "µm", f"after calibration in {SEVERAL}, on new poses there"),
-                    (_um(one.outside.mean), "µm", "after calibration in one orientation, with the tool turned away from it"),
+                    (
+                        _um(one.outside.mean),
+                        "µm",
+                        "after calibration in one orientation, with the tool turned away from it",
+                    ),
                 )
             ),
             Points(summary_points(procedure)),
@@ -160,13 +171,15 @@ def _sensitivity(procedure: Procedure) -> Section:
 def _elimination(procedure: Procedure) -> Section:
     kept = published_kept(procedure.model)
     counts = {
-        label: sum(name not in found.kept for name in kept) for label, found in procedure.elimination.eliminations.items()
+        label: sum(name not in found.kept for name in kept)
+        for label, found in procedure.elimination.eliminations.items()
     }
     said = " and ".join(f"{count} in {label}" for label, count in counts.items())
     gaps = "; ".join(
-        f"in {label} the last that counts is {found.singular_values[found.rank - 1]:.1e}, the next {found.singular_values[found.rank]:.0e}"
+        f"in {label} the last that counts is {_power(last)}, the next {_power(following)}"
         for label, found in procedure.elimination.eliminations.items()
         if 0 < found.rank < len(found.singular_values)
+        for last, following in [found.singular_values[found.rank - 1 : found.rank + 1]]
     )
     return Section(
         title="Which parameters can be told apart",
@@ -184,8 +197,8 @@ def _elimination(procedure: Procedure) -> Section:
             Chart(
                 title="Singular values of the stacked sensitivities",
                 figure=draw_singular_values(procedure.elimination.eliminations),
-                note=f"Filled: counted as rank. The gap is clear: {gaps}. Below it there is only rounding, so the rank is "
-                f"no matter of judgement. Values under 1e-18 are drawn there.",
+                note=f"Filled: counted as rank. The gap is clear: {gaps}. Below it there is only rounding. Values under "
+                "10⁻¹⁸ are drawn there.",
             ),
             tables.tabulate_elimination(procedure),
         ),
@@ -241,7 +254,8 @@ def _held_out(procedure: Procedure, predictions: Sequence[Predictions]) -> Secti
                 title="Mean and largest error of each model on new poses",
                 figure=draw_held_out(procedure.fits),
                 note="Logarithmic scale. Same orientations: those of the campaign. Turned farther: tilted by up to 40° and "
-                "turned by up to 40° about the tool's axis.",
+                "turned by up to 40° about the tool's axis. The largest errors can come from poses near the wrist's "
+                "singularity, where its joints turn farther than at any measured pose.",
             ),
             Chart(
                 title="Error against the rotation of the tool",
@@ -271,8 +285,8 @@ def _uncertainty(procedure: Procedure, predictions: Sequence[Predictions]) -> Se
         (
             f"{p.model}, {p.campaign}",
             p.where,
-            f"{np.sqrt(np.mean(p.stated**2)) * 1e6:.1f}",
-            f"{np.sqrt(np.mean(p.length**2)) * 1e6:.1f}",
+            f"{_rms(p.stated) * 1e6:.1f}",
+            f"{_rms(p.length) * 1e6:.1f}",
             f"{100 * p.share_inside(0.95):.0f} %",
         )
         for p in (*chosen, *undamped)
@@ -285,11 +299,10 @@ def _uncertainty(procedure: Procedure, predictions: Sequence[Predictions]) -> Se
                     "A calibration states an uncertainty for every pose, measured or not: an ellipsoid about the predicted "
                     "tool point. It comes from the tracker's noise, from the poses that were measured and from the prior.",
                     "With the prior, the statement grows where the tool turns away from what was measured "
-                    f"({_um(float(np.sqrt(np.mean(far.stated**2))))} µm stated, {_um(float(np.sqrt(np.mean(far.length**2))))} µm actual, "
-                    "root mean square): the calibration knows what it does not know. Without prior, the directions that the "
-                    "poses do not determine get no variance at all, and the statement is far too small.",
+                    f"({_length(_rms(far.stated))} stated, {_length(_rms(far.length))} actual, "
+                    "root mean square): the calibration knows what it does not know." + _without_prior(undamped),
                     "All errors here come from one robot and one campaign, so they rise and fall together: a curve may leave "
-                    "the diagonal somewhat by chance. Another seed moves it to the other side as often as not.",
+                    "the diagonal by chance. Another seed draws another robot, and gives other curves.",
                 )
             ),
             Table.of_rows(
@@ -301,7 +314,7 @@ def _uncertainty(procedure: Procedure, predictions: Sequence[Predictions]) -> Se
             ),
             Chart(
                 title="Stated uncertainty against actual error",
-                figure=draw_coverage([*chosen, *undamped]),
+                figure=draw_coverage(chosen),
                 note="Left: points about the dashed line are as wrong as stated. Right: a curve above the dashed line is "
                 "cautious, one below it overconfident.",
             ),
@@ -335,6 +348,29 @@ _OWN = (
     "The same with your robot: measure some sixty poses in the task's workspace, with the tool turned as the task turns it "
     "and somewhat farther, and keep a few poses aside to check."
 )
+
+
+def _without_prior(predictions: Sequence[Predictions]) -> str:
+    if not predictions:
+        return ""
+    stated, actual = _rms(predictions[0].stated), _rms(predictions[0].length)
+    return (
+        " Without prior, nothing holds the directions that the poses do not determine, and the statement means nothing: "
+        f"{_length(stated)} stated, {_length(actual)} actual."
+    )
+
+
+def _rms(values: Float[np.ndarray, " n"]) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _length(metres: float) -> str:
+    return f"{_um(metres)} µm" if metres < 1e-3 else f"{metres * 1e3:.3g} mm"
+
+
+def _power(value: float) -> str:
+    exponent = int(np.floor(np.log10(value))) if value > 0.0 else 0
+    return f"{value / 10.0**exponent:.1f}·10" + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def _um(metres: float) -> str:

@@ -1,6 +1,6 @@
 """Tables of the published procedure, the same for the page and for the terminal."""
 
-from taskcal.adaptation.procedure import ONE, SEVERAL, Errors, Procedure
+from taskcal.adaptation.procedure import ONE, Errors, Procedure
 from taskcal.analysis.elimination_table import published_kept
 from taskcal.presentation.content import Table
 from taskcal.robot.error_model import COMPONENTS, ErrorModel, Parameter
@@ -44,21 +44,21 @@ def tabulate_influences(procedure: Procedure, limit: int | None = None) -> Table
     order = list(range(len(procedure.model)))
     if limit is not None:
         order = sorted(order, key=lambda i: -max(float(values[i]) for values in in_space.values()))[:limit]
+    whole = limit is None
     rows: list[tuple[str, ...]] = []
     for i in order:
         parameter = procedure.model.parameters[i]
         cells = [f"{v:.0f}" for label in sets for v in (*per_axis[label][:, i], in_space[label][i])]
-        rows.append((label_of(parameter), _tolerance(parameter), *cells))
-    short = {ONE: "1", SEVERAL: SEVERAL}
-    title = "Largest influence on the tool point" + (f": the {limit} strongest parameters" if limit else "")
+        rows.append((label_of(parameter), *((_tolerance(parameter),) if whole else ()), *cells))
+    short = {ONE: "one"}
+    columns = [f"{axis}\n{short.get(label, label)}" for label in sets for axis in ("X", "Y", "Z", "space")]
     return Table.of_rows(
-        title,
-        ("parameter", "tolerance", *(f"{a} {short.get(s, s)}" for s in sets for a in ("X", "Y", "Z", "space"))),
+        "Largest influence on the tool point (µm)" + ("" if whole else f": the {limit} strongest parameters"),
+        ("parameter", *(("tolerance",) if whole else ()), *columns),
         rows,
-        note="In µm for a defect of one tolerance (1σ), along the robot's base axes, over the measured poses: "
-        + " and ".join(f"“{short.get(s, s)}” is {s}" for s in sets)
-        + ".",
-        folded=limit is None,
+        note="What a defect of one tolerance (1σ) does along the robot's base axes and in space, over the poses measured in "
+        f"{' and in '.join(sets)}.",
+        folded=whole,
     )
 
 
@@ -90,7 +90,8 @@ def tabulate_counts(procedure: Procedure) -> Table:
         ("by", "redundant", "no effect", "remain", "condition"),
         rows,
         note="“Repeats of one other” finds parameters that act exactly like one other; “full elimination” also finds "
-        "those that equal a combination of several. The condition number is that of the remaining columns, scaled "
+        "those that equal a combination of several. The publication calls psi5 redundant and drops alf6, which acts "
+        "alike. The condition number is that of the remaining columns, scaled "
         "to unit length: the larger, the harder to tell them apart.",
     )
 
@@ -100,7 +101,10 @@ def tabulate_relations(procedure: Procedure) -> Table:
     kept = set(published_kept(procedure.model))
     sets = list(procedure.elimination.eliminations)
     rows = [
-        (f"{row.name} ({row.symbol})", *("independent" if row.eliminated[s] == "kept" else f"= {row.eliminated[s]}" for s in sets))
+        (
+            f"{row.name} ({row.symbol})",
+            *("independent" if row.eliminated[s] == "kept" else f"= {row.eliminated[s]}" for s in sets),
+        )
         for row in procedure.elimination.rows
         if row.name in kept and any(row.eliminated[s] != "kept" for s in sets)
     ]
@@ -166,7 +170,7 @@ def tabulate_held_out(procedure: Procedure) -> Table:
     )
     return Table(
         title="Errors on new poses (µm)",
-        header=("model", "inside mean", "inside max", "outside mean", "outside max"),
+        header=("model", "inside\nmean", "inside\nmax", "outside\nmean", "outside\nmax"),
         groups=groups,
         note="True less predicted tool point in the tracker frame, in space. Inside: new poses in the workspace and the "
         "orientations that were measured. Outside: the same workspace with the tool tilted by up to 40° from the "

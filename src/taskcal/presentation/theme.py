@@ -28,8 +28,15 @@ def styled(figure: go.Figure, *, height: int, legend: bool = True, top: int = 60
         plot_bgcolor="white",
         bargap=0.25,
     )
-    axis = {"gridcolor": GRID, "zerolinecolor": "#b8c1ca", "linecolor": "#b8c1ca", "ticks": "outside", "ticklen": 4}
-    figure.update_xaxes(automargin=True, **axis)
+    axis: dict[str, Any] = {
+        "gridcolor": GRID,
+        "zerolinecolor": "#b8c1ca",
+        "linecolor": "#b8c1ca",
+        "ticks": "outside",
+        "ticklen": 4,
+    }
+    axis["title"] = {"font": {"size": 14}}
+    figure.update_xaxes(automargin=True, zeroline=False, **axis)
     figure.update_yaxes(automargin=True, **axis)
     return figure
 
