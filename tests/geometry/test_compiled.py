@@ -3,9 +3,17 @@ import tempfile
 from pathlib import Path
 
 import numba.core.config as numba_config
+import numpy as np
 import pytest
 
-from taskcal.geometry import compiled
+from taskcal.geometry import compiled, normal_equations
+from taskcal.geometry.chain import Chain
+from taskcal.geometry.normal_equations import Observations, Points, Walked
+from taskcal.geometry.walk import Columns
+
+NOTHING = np.empty(0, dtype=np.int64)
+NO_COLUMNS = Columns(frames=np.empty((0, 6), dtype=np.int64), joint=NOTHING, column=NOTHING, count=0)
+AT_THE_END = Points(np.zeros((1, 3)), np.full((1, 3), -1))
 
 
 @pytest.fixture
@@ -54,10 +62,21 @@ def kernel(a):
 
 
 def test_compiling_leaves_machine_code_in_the_folder(sources):
-    assert not compiled.is_warm()
+    assert not list(folder_now().rglob("*.nbc"))
     assert compiled.compiled(kernel)(1.0) == 2.0
-    assert compiled.is_warm()
     assert list(folder_now().rglob("*.nbc"))
+
+
+def test_a_new_cache_is_cold_and_warm_once_a_fit_has_been_compiled(sources, monkeypatch):
+    assert not compiled.is_warm()
+    monkeypatch.undo()  # back to the cache of this run
+    compiled.cache_folder.cache_clear()
+    normal_equations.normal_equations(
+        Walked(Chain.of([]), np.empty((1, 0)), np.empty((0, 6)), NO_COLUMNS, np.empty((1, 0)), AT_THE_END),
+        Observations(np.zeros((1, 1, 3)), None, np.ones((1, 1), dtype=bool)),
+        np.eye(3)[None, None],
+    )
+    assert compiled.is_warm()
 
 
 def test_compiling_leaves_the_cache_of_other_users_of_numba_alone(sources, monkeypatch):

@@ -325,7 +325,9 @@ def test_parameters_are_kept_by_name_symbol_or_joint(keep, expected):
 def test_an_unknown_parameter_cannot_be_kept():
     rng, model = arm(0)
     campaign, _ = measure(rng, model, industrial_positions(rng, 30))
-    with pytest.raises(UnknownName, match=r"no parameter 'J7\.tx'; .*joint frames run from J1 to J6, then tool"):
+    with pytest.raises(
+        UnknownName, match=r"no parameter 'J7\.tx' in random-6R; joint frames run from J1 to J6, then tool"
+    ):
         identify(model, campaign, keep=["J3.tx", "J7.tx"])
 
 
