@@ -56,7 +56,7 @@ def demo(
             model, count=count, seed=seed, held_out=HELD_OUT, progress=lambda step: status.update(f"{step} …")
         )
         status.update("uncertainty of the predictions …")
-        predictions = list(_predict(procedure))
+        predictions = list(predict_new_poses(procedure))
         status.update("figures and page …")
         page = output / "report.html"
         files = _write_data(procedure, output)
@@ -73,7 +73,7 @@ def demo(
     out.print("\nGo on:\n" + commands, soft_wrap=True)
 
 
-def _predict(procedure: "Procedure") -> "Iterator[Predictions]":
+def predict_new_poses(procedure: "Procedure") -> "Iterator[Predictions]":
     """Every fit on the new poses that the procedure compares its models on."""
     import numpy as np
 

@@ -28,7 +28,7 @@ def draw_held_out(fits: Sequence[Fitted]) -> go.Figure:
         rows=len(campaigns),
         cols=2,
         shared_yaxes=True,
-        shared_xaxes="all",
+        shared_xaxes="all",  # pyright: ignore[reportArgumentType]
         subplot_titles=titles,
         horizontal_spacing=0.04,
         vertical_spacing=0.14,

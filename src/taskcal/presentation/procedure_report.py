@@ -369,8 +369,8 @@ def _length(metres: float) -> str:
 
 
 def _power(value: float) -> str:
-    exponent = int(np.floor(np.log10(value))) if value > 0.0 else 0
-    return f"{value / 10.0**exponent:.1f}·10" + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    digits, exponent = f"{value:.1e}".split("e")
+    return f"{digits}·10" + str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def _um(metres: float) -> str:

@@ -19,15 +19,13 @@ def report_html(title: str, sections: Sequence[Section], *, lead: str = "", foot
         lead: a sentence or two under the title.
         footer: where the numbers come from.
     """
-    charts = [block for section in sections for block in section.blocks if isinstance(block, Chart)]
+    charts = any(isinstance(block, Chart) for section in sections for block in section.blocks)
     return _template().render(
         title=title,
         lead=lead,
         footer=footer,
         sections=sections,
-        chart_number={id(chart): number for number, chart in enumerate(charts, start=1)},
         chart_json=_as_json,
-        identity=id,
         plotly=Markup(get_plotlyjs()) if charts else "",
     )
 

@@ -1,0 +1,80 @@
+"""The demonstration: its page, its files, and what it prints where."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+import taskcal as tc
+from tests.cli.conftest import Run
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "new" / "folder"
+
+
+def test_it_leaves_a_page_and_data_that_read_back(run: Run, folder: Path) -> None:
+    ended = run("demo", "--json", "--count", "30", "--seed", "4", "--output", str(folder))
+    assert ended.status == 0
+    found = json.loads(ended.out)
+    assert found["seed"] == 4
+    assert found["elimination"]["one orientation"]["rank"] == 24
+    assert found["elimination"]["±20°"]["rank"] == 25
+    assert (found["mechanism"]["mobility"], found["mechanism"]["overconstraint"]) == (6, 3)
+    assert sorted(path.name for path in folder.iterdir()) == sorted(Path(file).name for file in found["files"].values())
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert 3e6 < len(page) < 8e6
+    model = tc.ErrorModel(tc.load_robot("abb-irb6660-205-1.9"))
+    for label, name in (("one orientation", "one-orientation"), ("±20°", "several-orientations")):
+        campaign = tc.read_campaign(folder / f"campaign-{name}.csv", model.robot)
+        calibration = tc.load_calibration(folder / f"calibration-{name}.json")
+        assert len(campaign) == 30
+        residual = tc.validate(calibration, campaign).maximum * 1e3
+        said = next(f for f in found["fits"] if f["campaign"] == label and f["parameters"] == len(model))
+        assert residual == pytest.approx(said["residual"]["max_mm"], abs=1e-5)
+
+
+def test_one_orientation_is_good_inside_and_poor_outside(run: Run, folder: Path) -> None:
+    found = json.loads(run("demo", "--json", "-o", str(folder)).out)
+    whole = {f["campaign"]: f for f in found["fits"] if f["model"].startswith("all")}
+    one, several = whole["one orientation"], whole["±20°"]
+    assert one["inside"]["mean_mm"] < 0.02 < 0.1 < one["outside"]["mean_mm"]
+    assert several["outside"]["mean_mm"] < 0.04
+
+
+def test_tables_and_the_way_on_are_printed(run: Run, folder: Path) -> None:
+    ended = run("demo", "--count", "20", "-o", str(folder))
+    assert ended.status == 0
+    for part in (
+        "45 parameters",
+        "overconstrained",
+        "Of the published 33",
+        "Residuals",
+        "Errors on new poses",
+        "In short",
+    ):
+        assert part in ended.out
+    assert str(folder / "report.html") in ended.out
+    assert "taskcal identify --robot" in ended.out
+
+
+def test_the_same_seed_gives_the_same_files(run: Run, tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        run("demo", "--count", "20", "-o", str(tmp_path / name))
+    for name in ("campaign-one-orientation.csv", "campaign-several-orientations.csv"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_a_file_where_the_folder_should_be_is_1(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("mine")
+    ended = run("demo", "-o", str(tmp_path / "taken"))
+    assert ended.status == 1
+    assert ended.out == ""
+    assert "--output" in ended.err
+    assert (tmp_path / "taken").read_text() == "mine"
+
+
+def test_too_few_poses_are_wrong_usage(run: Run, folder: Path) -> None:
+    assert run("demo", "--count", "2", "-o", str(folder)).status == 2
+    assert not folder.exists()
