@@ -25,12 +25,9 @@ def main() -> None:
     browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
     if browser is None:
         sys.exit(f"no browser found to photograph the figure; install one of {', '.join(BROWSERS)}")
-    predictions = predict_new_poses(run_procedure(ErrorModel(load_robot(ROBOT))))
-    shown = [
-        p
-        for p in predictions
-        if p.model.startswith("all") or (p.campaign == ONE and p.model.endswith("damped, no prior"))
-    ]
+    predictions = list(predict_new_poses(run_procedure(ErrorModel(load_robot(ROBOT)))))
+    shown = [p for p in predictions if p.model.startswith("all")]
+    shown += [p for p in predictions if p.campaign == ONE and p.model.endswith("damped, no prior")]
     figure = draw_error_over_angle(shown)
     figure.update_layout(width=WIDTH, height=HEIGHT, title=None)
     with tempfile.TemporaryDirectory() as folder:

@@ -30,8 +30,9 @@ def demo(
 ) -> None:
     """Run the published procedure on a virtual robot.
 
-    Mechanism, complete model, sensitivity, elimination, identification, and errors on new poses, in one tool orientation
-    and in several. Needs no file of yours; leaves a page with figures, the calibrations and the campaigns in a folder.
+    Mechanism, complete model, sensitivity, elimination, identification,
+    and errors on new poses; in one tool orientation and in several.
+    Needs no file. Leaves a page with figures, and its data, in a folder.
     """
     from rich.console import Console
 

@@ -57,16 +57,17 @@ def summary_points(procedure: Procedure) -> tuple[str, ...]:
     """What to remember, with the numbers of this run."""
     kept = len(published_kept(procedure.model))
     one, several = (find_fit(procedure, label, "all") for label in (ONE, SEVERAL))
-    undamped, prior = (
-        find_fit(procedure, ONE, start) for start in (f"published {kept}, damped", f"published {kept}, prior")
-    )
+    reduced = find_fit(procedure, ONE, "identifiable")
+    undamped = find_fit(procedure, ONE, f"published {kept}, damped")
     ranks = procedure.elimination.eliminations
     return (
         f"Of {len(procedure.model)} parameters the publication keeps {kept}. Only {ranks[ONE].rank} can be told apart in "
         f"one tool orientation, {ranks[SEVERAL].rank} when the tool also turns by {SEVERAL}: the others repeat them.",
-        f"Redundant parameters do no harm where each has a prior from its tolerance. On turned tools the {kept} without "
-        f"a prior are wrong by {_um(undamped.outside.mean)} µm on average, with it by {_um(prior.outside.mean)} µm, and all "
-        f"{len(procedure.model)} with it by {_um(one.outside.mean)} µm.",
+        f"Redundant parameters do no harm where each has a prior from its tolerance: measured in one orientation, all "
+        f"{len(procedure.model)} are wrong by {_um(one.inside.mean)} µm on average there and by {_um(one.outside.mean)} µm on "
+        f"turned tools, the {reduced.parameters} identifiable ones by {_um(reduced.inside.mean)} and "
+        f"{_um(reduced.outside.mean)} µm. Without a prior, damping alone holds the {kept}: {_um(undamped.inside.mean)} and "
+        f"{_um(undamped.outside.mean)} µm.",
         f"Measured in one orientation, the model is good in that orientation ({_um(one.inside.mean)} µm on average) and poor "
         f"in others ({_um(one.outside.mean)} µm). Measured in {SEVERAL}, it is wrong by {_um(several.inside.mean)} µm there "
         f"and by {_um(several.outside.mean)} µm when turned farther.",
@@ -246,7 +247,8 @@ def _held_out(procedure: Procedure, predictions: Sequence[Predictions]) -> Secti
                     "One orientation is good inside and poor outside for a simple reason. With the tool always turned alike, "
                     "defects of the wrist and the tool move the tool point like defects of the arm. The fit may blame either; "
                     "when the tool turns, the two part company. No fit can repair that, only measuring in several orientations. "
-                    "Without prior the blame goes anywhere; with it, to where the tolerances make it likely.",
+                    "Without prior the blame goes anywhere; with it, to where the tolerances make it likely, which need not be "
+                    "where it belongs: with another seed the prior helps more, or not at all.",
                 )
             ),
             tables.tabulate_held_out(procedure),
@@ -300,7 +302,9 @@ def _uncertainty(procedure: Procedure, predictions: Sequence[Predictions]) -> Se
                     "tool point. It comes from the tracker's noise, from the poses that were measured and from the prior.",
                     "With the prior, the statement grows where the tool turns away from what was measured "
                     f"({_length(_rms(far.stated))} stated, {_length(_rms(far.length))} actual, "
-                    "root mean square): the calibration knows what it does not know." + _without_prior(undamped),
+                    "root mean square). Out there it rests on the tolerances, not on measurements, and one robot can be luckier "
+                    "or unluckier than its tolerances say; where poses were measured it rests on them."
+                    + _without_prior(undamped),
                     "All errors here come from one robot and one campaign, so they rise and fall together: a curve may leave "
                     "the diagonal by chance. Another seed draws another robot, and gives other curves.",
                 )
