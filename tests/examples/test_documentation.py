@@ -1,0 +1,58 @@
+"""What the README and the tutorial show works as it is written there."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def blocks(page: str, language: str) -> list[str]:
+    """Fenced blocks of a page."""
+    return re.findall(rf"```{language}\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL)
+
+
+def run(*arguments: str, folder: Path) -> str:
+    done = subprocess.run([sys.executable, *arguments], cwd=folder, capture_output=True, encoding="utf-8", timeout=120)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def taskcal(line: str, folder: Path) -> str:
+    return run("-c", "import sys; from taskcal.cli import main; sys.exit(main())", *line.split(), folder=folder)
+
+
+def test_the_readme_s_example_prints_what_it_says(tmp_path):
+    (example,) = blocks("README.md", "python")
+    error = float(run("-c", example, folder=tmp_path).split()[0])
+    said = float(re.search(r"It prints ([\d.]+) mm", (ROOT / "README.md").read_text(encoding="utf-8"))[1])
+    assert error == pytest.approx(said, abs=0.002)
+
+
+def test_the_tutorial_s_road_leads_where_it_says(tmp_path):
+    page = "docs/tutorial/index.md"
+    tolerances, task = blocks(page, "toml")
+    (tmp_path / "table.csv").write_text(next(b for b in blocks(page, "text") if b.startswith("joint,")))
+    (tmp_path / "task.toml").write_text(task)
+    (tmp_path / "other.toml").write_text(re.sub(r"(cone|spin)_deg.*\n", "", task))
+    taskcal("robots import table.csv --convention dh --name my-robot -o my-robot.toml", tmp_path)
+    with (tmp_path / "my-robot.toml").open("a") as robot:
+        robot.write("\n" + tolerances)
+    simulate = "simulate --robot my-robot.toml"
+    taskcal(f"{simulate} --task task.toml --count 100 -o campaign.csv --truth truth.json", tmp_path)
+    taskcal(f"{simulate} --task other.toml --count 40 -o other.csv", tmp_path)
+    identify = "identify --robot my-robot.toml --json"
+    found = json.loads(taskcal(f"{identify} campaign.csv -o cal.json --holdout 0.4", tmp_path))
+    one = json.loads(taskcal(f"{identify} other.csv -o one.json", tmp_path))
+    assert found["held_out"]["mean_mm"] == pytest.approx(0.0278, abs=0.001)
+    assert not one["targets"]["tool"]["located"]
+    predicted = json.loads(taskcal("validate cal.json other.csv --json", tmp_path))
+    assert predicted["mean_mm"] == pytest.approx(0.0269, abs=0.001)
+    astray = json.loads(taskcal("validate one.json campaign.csv --json", tmp_path))
+    assert astray["mean_mm"] == pytest.approx(0.558, abs=0.02)
+    (use,) = blocks(page, "python")
+    assert "target in the tracker's frame" in run("-c", use, folder=tmp_path)
