@@ -4,6 +4,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from taskcal.adaptation.plan import Plan as Plan
+    from taskcal.adaptation.plan import plan as plan
+    from taskcal.adaptation.selection import Selection as Selection
+    from taskcal.adaptation.selection import select as select
+    from taskcal.adaptation.study import Study as Study
+    from taskcal.adaptation.study import study as study
     from taskcal.analysis.identifiability import identifiability as identifiability
     from taskcal.analysis.sensitivity import sensitivity as sensitivity
     from taskcal.errors import TaskcalError as TaskcalError
@@ -20,6 +26,7 @@ if TYPE_CHECKING:
     from taskcal.measurement.reader import read_campaign as read_campaign
     from taskcal.measurement.registration import Registration as Registration
     from taskcal.measurement.registration import register as register
+    from taskcal.measurement.station import load_station as load_station
     from taskcal.measurement.tracker import TrackerNoise as TrackerNoise
     from taskcal.measurement.virtual_cell import simulate as simulate
     from taskcal.robot.catalogue import catalogue_names as catalogue_names
@@ -29,6 +36,7 @@ if TYPE_CHECKING:
     from taskcal.robot.robot import Robot as Robot
     from taskcal.task.task import Task as Task
     from taskcal.task.task import load_task as load_task
+    from taskcal.task.task import reach_task as reach_task
 
 _HOME = {
     "Calibration": "identification.calibration",
@@ -37,9 +45,12 @@ _HOME = {
     "ErrorModel": "robot.error_model",
     "GaussianPrior": "estimation.prior",
     "Huber": "estimation.loss",
+    "Plan": "adaptation.plan",
     "Registration": "measurement.registration",
     "Robot": "robot.robot",
+    "Selection": "adaptation.selection",
     "Squared": "estimation.loss",
+    "Study": "adaptation.study",
     "Task": "task.task",
     "TaskcalError": "errors",
     "TrackerNoise": "measurement.tracker",
@@ -49,12 +60,17 @@ _HOME = {
     "identify": "identification.identify",
     "load_calibration": "identification.calibration",
     "load_robot": "robot.catalogue",
+    "load_station": "measurement.station",
     "load_task": "task.task",
+    "plan": "adaptation.plan",
+    "reach_task": "task.task",
     "read_campaign": "measurement.reader",
     "read_dh_table": "robot.dh_table",
     "register": "measurement.registration",
+    "select": "adaptation.selection",
     "sensitivity": "analysis.sensitivity",
     "simulate": "measurement.virtual_cell",
+    "study": "adaptation.study",
     "validate": "identification.validation",
 }
 

@@ -42,6 +42,14 @@ class UnknownName(TaskcalError):
 class ClosureError(TaskcalError):
     """A closed loop that cannot be assembled at a pose."""
 
+    def __init__(self, pose: int, detail: str):
+        self.pose, self.detail = pose, detail
+        super().__init__(f"the four-bar does not close at pose {pose}: {detail}")
+
+    def counted_from(self, first: int) -> "ClosureError":
+        """The same error where the poses it counts are part of more."""
+        return ClosureError(self.pose + first, self.detail)
+
 
 class ReachError(TaskcalError):
     """A pose that the robot cannot reach, or joints outside its limits."""

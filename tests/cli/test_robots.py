@@ -73,7 +73,7 @@ def test_a_table_with_json(run: Run, tmp_path: Path) -> None:
         ("a_mm,", "", "has no column 'a_mm'"),
         ("2,-90,312", "2,-90,3l2", "table.csv:3: column 'a_mm': '3l2' is no number"),
         ("-(J2+J3)", "J2*J3", "'J2*J3' is not linear"),
-        ("-(J2+J3)", "-(J2+J9)", "no joint 'J9'; did you mean"),
+        ("-(J2+J3)", "-(J2+J9)", "no joint 'J9'"),
     ],
 )
 def test_a_table_that_is_wrong(run: Run, tmp_path: Path, old: str, new: str, message: str) -> None:
@@ -91,7 +91,9 @@ def test_a_table_that_is_wrong(run: Run, tmp_path: Path, old: str, new: str, mes
 def test_an_unknown_robot_brings_a_suggestion(run: Run) -> None:
     ended = run("robots", "abb-irb6660-205-1.8")
     assert (ended.status, ended.out) == (1, "")
-    assert ended.err.startswith("error: no robot 'abb-irb6660-205-1.8'; did you mean 'abb-irb6660-205-1.9'")
+    assert ended.err.startswith(
+        "error: no robot 'abb-irb6660-205-1.8' in the catalogue, nor a robot file (.toml); did you mean 'abb-irb6660-205-1.9'"
+    )
 
 
 def test_a_table_given_as_a_robot_says_how_to_import_it(run: Run, tmp_path: Path) -> None:

@@ -291,7 +291,7 @@ def test_frames_that_are_held_stay_where_the_registration_put_them():
     rng, model = arm(4)
     campaign, truth = measure(rng, model, industrial_positions(rng, 60), defects(rng, model), targets=2, sigma=1e-5)
     held = Registration(
-        T_tracker_base=truth.T_tracker_base, T_tool_target=truth.T_tool_target, rms=0.0, located=(True, True)
+        T_tracker_base=truth.T_tracker_base, T_tool_target=truth.T_tool_target, rms=0.0, unlocated=np.zeros((6, 6))
     )
     calibration = identify(model, campaign, registration=held, frames="fixed")
     assert calibration.all_names == model.names

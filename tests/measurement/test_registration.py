@@ -6,12 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from taskcal.adaptation.procedure import reference_task
 from taskcal.errors import CampaignError
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import check_plausible, check_rows, register
+from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
+from taskcal.task.task import reach_task
 from tests.laws.campaigns import measure
 from tests.laws.robots import generators, industrial, industrial_positions
 
@@ -187,3 +190,16 @@ def test_joints_and_points_that_are_not_the_robots_are_refused_with_likely_cause
         CampaignError, match=rf"do not fit {name}: .* off by \d+\.\d mm rms.*Likely causes: another robot"
     ):
         check_plausible(register(wrong, campaign), wrong)
+
+
+def test_several_targets_in_one_orientation_are_placed_against_each_other():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    q = reach_task(model, reference_task(), 40).q
+    offsets = {"a": np.array([0.1, 0.0, 0.05]), "b": np.array([-0.1, 0.08, 0.0]), "c": np.array([0.0, -0.08, 0.02])}
+    campaign, _ = simulate(model, q, rng=np.random.default_rng(0), x=np.zeros(len(model)), targets=offsets)
+    found = register(model, campaign)
+    placed, true = found.T_tool_target[:, :3, 3], np.stack(list(offsets.values()))
+    assert found.located == (False, False, False)
+    np.testing.assert_allclose(placed - placed.mean(axis=0), true - true.mean(axis=0), atol=1e-4)
+    np.testing.assert_allclose(placed.mean(axis=0), 0.0, atol=1e-9)
+    assert found.rms < 1e-4

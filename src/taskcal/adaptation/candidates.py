@@ -222,7 +222,9 @@ def _layout(
         T = np.tile(np.eye(4), (len(offsets), 1, 1))
         T[:, :3, 3] = offsets
         base = TRACKER_POSE if station is None else station.T_tracker_base
-        registration = Registration(T_tracker_base=base, T_tool_target=T, rms=0.0, located=(True,) * len(offsets))
+        registration = Registration(
+            T_tracker_base=base, T_tool_target=T, rms=0.0, unlocated=np.zeros((3 * len(offsets),) * 2)
+        )
     if campaign is not None:
         names = campaign.targets
     else:

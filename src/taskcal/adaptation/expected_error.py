@@ -20,6 +20,7 @@ from jaxtyping import Float, Int
 
 from taskcal.geometry import normal_equations
 from taskcal.geometry.normal_equations import Observations
+from taskcal.identification.identify import frame_precision
 from taskcal.identification.problem import FrameLayout, Problem, observe, whitener
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import register
@@ -41,6 +42,13 @@ class Design:
     """Prior standard deviations, metres and radians."""
     frames: float
     """Mean squared error that the noise in tracker frame and targets adds, m²."""
+    layout: FrameLayout
+    free: Int[np.ndarray, " f"]
+    """Columns of tracker frame and targets that the campaign estimates."""
+    follow: Float[np.ndarray, "f p"]
+    """How they follow the parameters."""
+    frame_covariance: Float[np.ndarray, "f f"]
+    """What the noise makes of them."""
 
     @cached_property
     def _D(self) -> Float[np.ndarray, "p p"]:
@@ -74,6 +82,25 @@ class Design:
     def expected_error(self, kept: Int[np.ndarray, " k"]) -> float:
         """Expected rms error in space over the task, metres."""
         return float(np.sqrt(np.sum(self.influence * self.error_covariance(kept)) + self.frames))
+
+    def expected_at(
+        self, q: Float[np.ndarray, "n joints"], kept: Int[np.ndarray, " k"] | None = None
+    ) -> Float[np.ndarray, " n"]:
+        """Expected rms error in space at single poses, mean over the targets, with a kept set identified; none: before."""
+        kept = np.zeros(0, dtype=np.int64) if kept is None else kept
+        z, p, f = len(self.layout.names), len(self.prior), self.free
+        covariance = np.zeros((z, z))
+        C = self.error_covariance(kept)
+        covariance[:p, :p] = C
+        covariance[np.ix_(f, np.arange(p))] = -self.follow @ C
+        covariance[np.ix_(np.arange(p), f)] = -C @ self.follow.T
+        covariance[np.ix_(f, f)] = self.follow @ C @ self.follow.T + self.frame_covariance
+        shape = len(q), len(self.layout.targets)
+        rotation = np.broadcast_to(np.eye(3), (len(q), 3, 3)).copy() if self.layout.pose else None
+        nowhere = Observations(position=np.zeros((*shape, 3)), rotation=rotation, valid=np.ones(shape, dtype=bool))
+        walked = self.layout.walked(np.asarray(q, dtype=float), self.layout.start())
+        spread = normal_equations.spread(walked, nowhere, covariance)[1][..., :3, :3]
+        return np.sqrt(np.trace(spread, axis1=2, axis2=3).mean(axis=1))
 
     def expected_of(self, names: Iterable[str]) -> float:
         """Expected rms error of a model with these parameters, metres."""
@@ -148,12 +175,10 @@ def design(
     walked = problem.walked(start)
     _, _, A = normal_equations.normal_equations(walked, problem.seen, white)
     W = _influence(layout, task)
-    p = len(model)
-    free = np.ones(len(layout.names), dtype=bool)
-    free[:p] = False
-    if not registration.located[0]:
-        free[-(6 if pose else 3) :][:3] = False
-    return _without_frames(model, A, W, free, model.tolerances * prior_scale)
+    frames = np.arange(len(model), len(layout.names))
+    # directions in which the poses do not locate the targets are held, as in the fit
+    A[np.ix_(frames, frames)] += frame_precision(layout)
+    return _without_frames(layout, A, W, frames, model.tolerances * prior_scale)
 
 
 def _influence(layout: FrameLayout, task: TaskPoses) -> Float[np.ndarray, "z z"]:
@@ -170,16 +195,14 @@ def _influence(layout: FrameLayout, task: TaskPoses) -> Float[np.ndarray, "z z"]
 
 
 def _without_frames(
-    model: ErrorModel,
+    layout: FrameLayout,
     A: Float[np.ndarray, "z z"],
     W: Float[np.ndarray, "z z"],
-    free: np.ndarray,
+    f: Int[np.ndarray, " f"],
     prior: Float[np.ndarray, " p"],
 ) -> Design:
     """Eliminate tracker frame and targets, of which nothing is known beforehand."""
-    p = len(model)
-    f = np.flatnonzero(free)
-    m = np.arange(p)
+    m = np.arange(len(layout.model))
     A_ff = A[np.ix_(f, f)]
     scale = 1.0 / np.sqrt(np.diag(A_ff))
     # directions that the campaign does not see, as of a target's offset against the base in one orientation, stay at nil
@@ -187,7 +210,11 @@ def _without_frames(
     K = inverse @ A[np.ix_(f, m)]
     W_mf, W_ff = W[np.ix_(m, f)], W[np.ix_(f, f)]
     return Design(
-        model=model,
+        model=layout.model,
+        layout=layout,
+        free=f,
+        follow=K,
+        frame_covariance=inverse,
         information=A[np.ix_(m, m)] - A[np.ix_(m, f)] @ K,
         influence=W[np.ix_(m, m)] - W_mf @ K - (W_mf @ K).T + K.T @ W_ff @ K,
         prior=prior,

@@ -57,12 +57,12 @@ def _close(arm_angle, crank_angle, L1, L2, L3, d, gamma, rho, assembly, angle, b
         a, k = arm_angle[i], crank_angle[i] + gamma
         ca, sa, ck, sk = np.cos(a), np.sin(a), np.cos(k), np.sin(k)
         wx, wy = d * ca - L1 * ck, d * sa - L1 * sk
-        w = np.hypot(wx, wy)
+        w = np.sqrt(wx * wx + wy * wy)
         cosine = (L2 * L2 - w * w - L3 * L3) / (2.0 * L3 * w)
         if not abs(cosine) < 1.0:
             return i
-        lever = np.arctan2(wy, wx) - assembly * np.arccos(cosine)
-        cl, sl = np.cos(lever), np.sin(lever)
+        sine = -assembly * np.sqrt((1.0 - cosine) * (1.0 + cosine))
+        cl, sl = (wx * cosine - wy * sine) / w, (wy * cosine + wx * sine) / w
         vx, vy = wx + L3 * cl, wy + L3 * sl
         # differentiating |v|² = L2² : L3·(v·u′(ψ)) dψ = L2·dL2 − v·(everything else that moves v)
         slope = L3 * (vy * cl - vx * sl)
@@ -72,7 +72,7 @@ def _close(arm_angle, crank_angle, L1, L2, L3, d, gamma, rho, assembly, angle, b
         by_length[i, 3] = -(vx * ca + vy * sa) / slope
         by_angle[i, 0] = -d * (vy * ca - vx * sa) / slope
         by_angle[i, 1] = L1 * (vy * ck - vx * sk) / slope
-        turn = lever - rho - crank_angle[i]
+        turn = np.arctan2(sl, cl) - rho - crank_angle[i]
         angle[i] = crank_angle[i] + turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
     return -1
 
@@ -93,9 +93,10 @@ def close_four_bar(bar: FourBar, arm_angle: Float[np.ndarray, " n"], crank_angle
     if fails >= 0:
         alpha, kappa = np.degrees((arm_angle[fails], crank_angle[fails]))
         raise ClosureError(
-            f"the four-bar does not close at pose {fails}: arm at {alpha:.3f}°, crank at {kappa:.3f}° "
-            f"({kappa - alpha:+.3f}° apart), with crank {bar.crank * 1e3:g}, rod {bar.rod * 1e3:g}, rocker "
-            f"{bar.rocker * 1e3:g} and arm {bar.arm * 1e3:g} mm; the loop is singular where rod and arm line up with "
-            "the levers: keep the two angles well under 90° apart and check the joint columns, their order and signs"
+            fails,
+            f"arm at {alpha:.3f}°, crank at {kappa:.3f}° ({kappa - alpha:+.3f}° apart), with crank {bar.crank * 1e3:g}, rod "
+            f"{bar.rod * 1e3:g}, rocker {bar.rocker * 1e3:g} and arm {bar.arm * 1e3:g} mm; the loop is singular where rod and "
+            "arm line up with the levers: keep the two angles well under 90° apart and check the joint columns, their order "
+            "and signs",
         )
     return out

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.errors import ClosureError
 from taskcal.geometry.chain import ERROR_FRAME, FIXED, REVOLUTE, Chain
 from taskcal.geometry.compiled import compiled, inlined
 
@@ -201,14 +202,28 @@ def _pool() -> ThreadPoolExecutor:
 
 
 def in_chunks(walk_rows: Callable[[slice], Any], n: int) -> list[Any]:
-    """Call `walk_rows` with slices that cover n poses, on a thread pool where there are many; results in order."""
+    """Call `walk_rows` with slices that cover n poses, on a thread pool where there are many; results in order.
+
+    Raises:
+        ClosureError: as `walk_rows` does, its pose counted among all n.
+    """
+
+    def count(rows: slice) -> Any:
+        try:
+            return walk_rows(rows)
+        except ClosureError as error:
+            raise error.counted_from(rows.start) from None
+
     if n <= CHUNK:
-        return [walk_rows(slice(0, n))]
-    return list(_pool().map(walk_rows, [slice(i, min(i + CHUNK, n)) for i in range(0, n, CHUNK)]))
+        return [count(slice(0, n))]
+    return list(_pool().map(count, [slice(i, min(i + CHUNK, n)) for i in range(0, n, CHUNK)]))
 
 
 def poses(
-    chain: Chain, s: Float[np.ndarray, "n joints"], e: Float[np.ndarray, "frames 6"]
+    chain: Chain,
+    s: Float[np.ndarray, "n joints"],
+    e: Float[np.ndarray, "frames 6"],
+    out: Float[np.ndarray, "n 4 4"] | None = None,
 ) -> Float[np.ndarray, "n 4 4"]:
     """Poses of the chain's end in its start.
 
@@ -216,10 +231,17 @@ def poses(
         chain: the chain.
         s: chain coordinates, radians or metres.
         e: values of the error frames, metres and radians.
+        out: where to write them.
     """
-    out = np.empty((len(s), 4, 4))
-    in_chunks(lambda rows: _poses(chain.kind, chain.index, chain.fixed, s[rows], e, out[rows]), len(s))
-    return out
+    found = np.empty((len(s), 4, 4)) if out is None else out
+    in_chunks(lambda rows: _poses(chain.kind, chain.index, chain.fixed, s[rows], e, found[rows]), len(s))
+    return found
+
+
+def allocate(layout: Columns, n: int, *, angular: bool) -> Float[np.ndarray, "n rows p"]:
+    """Room for the columns of n poses; cleared only where the walk would not fill it."""
+    full = np.count_nonzero(layout.frames >= 0) + len(np.unique(layout.column)) == layout.count
+    return (np.empty if full else np.zeros)((n, 6 if angular else 3, layout.count))
 
 
 def columns(
@@ -231,6 +253,7 @@ def columns(
     *,
     angular: bool,
     point: Float[np.ndarray, "3"] | None = None,
+    out: Float[np.ndarray, "n rows p"] | None = None,
 ) -> Float[np.ndarray, "n rows p"]:
     """Derivative of a point fixed to the chain's end, in the axes of its start.
 
@@ -242,13 +265,24 @@ def columns(
         factor: ∂s/∂ξ of each joint-side pair of the layout, at every pose.
         angular: six rows vx vy vz wx wy wz, else the first three.
         point: the point in the end's frame, metres; its origin by default.
+        out: where to write them, from `allocate`.
     """
     point = np.zeros(3) if point is None else point
-    full = np.count_nonzero(layout.frames >= 0) + len(np.unique(layout.column)) == layout.count
-    out = (np.empty if full else np.zeros)((len(s), 6 if angular else 3, layout.count))
+    found = allocate(layout, len(s), angular=angular) if out is None else out
     arrays = layout.frames, layout.joint, layout.column, point
-    in_chunks(
-        lambda rows: _columns(chain.kind, chain.index, chain.fixed, s[rows], e, factor[rows], *arrays, out[rows]),
-        len(s),
-    )
-    return out
+
+    def fill(rows: slice) -> None:
+        arguments: tuple[Any, ...] = (
+            chain.kind,
+            chain.index,
+            chain.fixed,
+            s[rows],
+            e,
+            factor[rows],
+            *arrays,
+            found[rows],
+        )
+        _columns(*arguments)
+
+    in_chunks(fill, len(s))
+    return found

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cache, cached_property
 from importlib.metadata import PackageNotFoundError, version
@@ -17,6 +17,7 @@ from taskcal.estimation.loss import Loss
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.files import write_whole
 from taskcal.geometry import normal_equations, se3, walk
+from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
 from taskcal.geometry.normal_equations import Observations
 from taskcal.identification.problem import FrameLayout
 from taskcal.measurement.campaign import Campaign
@@ -218,6 +219,34 @@ class Calibration:
             spread = spread + np.diag(np.repeat(np.square(self.model_error), 3))
         return spread
 
+    def predict_tool(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
+        """Poses of the tool itself in the tracker frame.
+
+        Raises:
+            ClosureError: a closed loop cannot be assembled at some pose.
+        """
+        return self.T_tracker_base @ self.model.poses(np.asarray(q, dtype=float), self.estimate)
+
+    def tool_covariance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 6 6"]:
+        """Covariance of the tool's true pose about the predicted one: position, then rotation, in tracker axes.
+
+        It includes what the measured targets do not tell of the tool, as far as the tolerances allow, but not the model
+        error of a single new pose (`model_error`).
+
+        Args:
+            q: joint positions, radians.
+
+        Returns:
+            metres² and radians².
+        """
+        at = self.layout.walked(np.asarray(q, dtype=float), self.z)
+        chain, e, layout = at.chain, at.e, at.layout
+        if self.layout.pose:  # stop at the tool: leave out the steps from the tool to the measured pose
+            chain = Chain.of([Fixed(self.layout.registration.T_tracker_base), ErrorFrame(), *self.model.steps])
+            e, layout = e[:-1], replace(layout, frames=np.ascontiguousarray(layout.frames[:-1]))
+        J = walk.columns(chain, at.s, e, layout, at.factor, angular=True)
+        return J @ self.z_covariance @ np.swapaxes(J, 1, 2)
+
     def save(self, path: str | Path) -> None:
         """Write a versioned JSON file, all at once; `load_calibration` reads it back exactly.
 
@@ -244,7 +273,7 @@ class Calibration:
                 "T_tracker_base": registration.T_tracker_base.tolist(),
                 "T_tool_target": registration.T_tool_target.tolist(),
                 "rms": registration.rms,
-                "located": list(registration.located),
+                "unlocated": registration.unlocated.tolist(),
             },
             "names": list(self.all_names),
             "estimate": self.z.tolist(),
@@ -315,7 +344,7 @@ def _from_json(data: Mapping[str, Any]) -> Calibration:
         T_tracker_base=_array(data["registration"], "T_tracker_base", (4, 4)),
         T_tool_target=_array(data["registration"], "T_tool_target", (len(data["targets"]), 4, 4)),
         rms=float(data["registration"]["rms"]),
-        located=tuple(bool(value) for value in data["registration"]["located"]),
+        unlocated=_array(data["registration"], "unlocated", (3 * len(data["targets"]),) * 2),
     )
     layout = FrameLayout(
         model=model,

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 from scipy.linalg import LinAlgError
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from taskcal.errors import FitError
 from taskcal.estimation import evidence
@@ -27,7 +27,7 @@ BASE_PRIOR, TARGET_PRIOR = 10.0, 1.0
 """Standard deviations of tracker frame and targets about their registration, metres and radians: as good as none."""
 
 UNLOCATED_PRIOR = 1e-6
-"""The same for a target that the poses do not locate: it stays at the tool point."""
+"""The same along directions in which the poses do not locate the targets: there they stay at the tool point."""
 
 Estimate = Literal["estimate"]
 
@@ -114,8 +114,8 @@ class _Belief:
 
     prior: GaussianPrior | None
     sizes: Float[np.ndarray, " kept"]
-    frames: Float[np.ndarray, " frames"]
-    """Prior standard deviations of tracker frame and targets."""
+    frames: Float[np.ndarray, "frames frames"]
+    """Prior precision of tracker frame and targets."""
 
     def precision(self, factor: float) -> Float[np.ndarray, "z z"]:
         """Of a whole estimate z, frames included."""
@@ -123,7 +123,7 @@ class _Belief:
         out = np.zeros((count, count))
         if self.prior is not None:
             out[:k, :k] = self.prior.precision / factor
-        out[k:, k:] = np.diag(1.0 / self.frames**2)
+        out[k:, k:] = self.frames
         return out
 
     def mean(self, start: Float[np.ndarray, " z"]) -> Float[np.ndarray, " z"]:
@@ -132,13 +132,21 @@ class _Belief:
         return out
 
 
+def frame_precision(layout: FrameLayout) -> Float[np.ndarray, "frames frames"]:
+    """Next to nothing is known of tracker frame and targets, but for directions that the poses do not determine."""
+    count = len(layout.names) - len(layout.kept)
+    out = np.diag(np.where(np.arange(count) < 6, BASE_PRIOR, TARGET_PRIOR) ** -2.0)
+    held = layout.registration.unlocated / UNLOCATED_PRIOR**2
+    if layout.pose:  # its error frame moves in the axes of the target
+        X = layout.registration.T_tool_target[0, :3, :3]
+        out[6:9, 6:9] += X.T @ held @ X
+    else:
+        out[6:, 6:] += held
+    return out
+
+
 def _belief(layout: FrameLayout, prior: GaussianPrior | str | None) -> _Belief:
-    frames = np.zeros(0)
-    if not layout.fixed_frames:
-        per_target = [TARGET_PRIOR if located else UNLOCATED_PRIOR for located in layout.registration.located]
-        frames = np.concatenate([np.full(6, BASE_PRIOR), np.repeat(per_target, 6 if layout.pose else 3)])
-        if layout.pose:
-            frames[-3:] = TARGET_PRIOR  # the target's rotation is seen in any orientation
+    frames = np.zeros((0, 0)) if layout.fixed_frames else frame_precision(layout)
     tolerances = layout.model.tolerances[layout.kept]
     if prior is None:
         return _Belief(prior=None, sizes=tolerances, frames=frames)
@@ -370,7 +378,7 @@ def _studentise(
     along = np.einsum("kij,ki->kj", vectors, found.residual[valid])
     square = np.sum(np.where(values > floor, along**2 / np.maximum(values, floor), 0.0), axis=1)
     out[valid] = np.sqrt(square)
-    limit = np.sqrt(chi2.isf(level / max(int(valid.sum()), 1), b))
+    limit = np.sqrt(chdtri(b, level / max(int(valid.sum()), 1)))
     rows = [(float(out[i, t]), int(i), int(t)) for i, t in zip(*np.nonzero(out > limit), strict=True)]
     named = [
         Outlier(

@@ -19,7 +19,7 @@ OFFSET_PULL = 1e-9
 """Weight of a target's offset from the tool point against one measured point."""
 
 LOCATED = 0.02
-"""A target is located if its offset is determined to this standard deviation, metres."""
+"""A direction of the target offsets is determined if its standard deviation is below this, metres."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -32,9 +32,15 @@ class Registration:
     """Pose of every target in the tool frame; its rotation is the identity where only points were measured."""
     rms: float
     """Root mean square of the nominal robot's residual in space, metres."""
-    located: tuple[bool, ...]
-    """Whether the poses determine where each target sits. In one orientation they do not: it is then taken to sit at the
-    tool point, as well as the tool's own tolerance says."""
+    unlocated: Float[np.ndarray, "offsets offsets"]
+    """Projector onto the directions of all target offsets together, in the tool frame, that the poses do not determine:
+    nil in general; in one orientation a common shift of all targets. Along them the targets stay at the tool point."""
+
+    @property
+    def located(self) -> tuple[bool, ...]:
+        """Whether the poses determine where each target sits."""
+        share = np.diag(self.unlocated).reshape(-1, 3).max(axis=1)
+        return tuple(bool(s < 1e-6) for s in share)
 
 
 @single_threaded
@@ -112,15 +118,15 @@ def _register_points(T: np.ndarray, campaign: Campaign, reach: float) -> Registr
             "poses spread over a plane at least"
         )
     Z, (t, offsets), rms = _search(R, p, y, target, count, reach)
-    located = _located(Z, R, target, count, rms)
-    if not all(located):
-        t, offsets, residual = _place(Z, R, p, y, target, count, held=located)
+    unlocated = _unlocated(Z, R, target, count, rms)
+    if unlocated.any():
+        t, offsets, residual = _place(Z, R, p, y, target, count, held=unlocated)
         rms = _rms(residual)
     return Registration(
         T_tracker_base=se3.pose(Z, t),
         T_tool_target=se3.pose(np.broadcast_to(np.eye(3), (count, 3, 3)), offsets),
         rms=rms,
-        located=located,
+        unlocated=unlocated,
     )
 
 
@@ -137,13 +143,17 @@ def _search(
     return best
 
 
-def _located(Z: np.ndarray, R: np.ndarray, target: np.ndarray, count: int, rms: float) -> tuple[bool, ...]:
-    """Whether each target's offset is determined beside the translation, given the nominal residual."""
+def _unlocated(Z: np.ndarray, R: np.ndarray, target: np.ndarray, count: int, rms: float) -> np.ndarray:
+    """Projector onto the directions of the offsets that are not determined beside the translation.
+
+    A residual under a millimetre is taken for one: a robot that happens to be exact has not more orientations for it.
+    """
     A = _placing(Z, R, target, count).reshape(3 * len(R), -1)
     H = A.T @ A
     H[range(3, len(H)), range(3, len(H))] += OFFSET_PULL
-    deviation = rms * np.sqrt(np.diag(np.linalg.inv(H))[3:].reshape(count, 3).max(axis=1))
-    return tuple(bool(d < LOCATED) for d in deviation)
+    values, vectors = np.linalg.eigh(np.linalg.inv(H)[3:, 3:])
+    weak = vectors[:, max(rms, 1e-3) * np.sqrt(values) > LOCATED]
+    return weak @ weak.T
 
 
 def _closed_form(R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray, count: int) -> np.ndarray:
@@ -168,19 +178,20 @@ def _place(
     y: np.ndarray,
     target: np.ndarray,
     count: int,
-    held: tuple[bool, ...] | None = None,
+    held: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Translation and target offsets for a rotation Z, and the residuals: y = Z·(p + R·o) + t is linear in both.
 
-    Offsets of targets that are not located, where `held` says so, stay at the tool point.
+    Along the directions of the projector `held` the offsets stay nil.
     """
     A = _placing(Z, R, target, count)
     b = y - p @ Z.T
     flat = A.reshape(3 * len(y), -1)
     H = flat.T @ flat
     # in one orientation only the sum of translation and offset is seen: a slight pull leaves the target at the tool point
-    pull = np.full(count, OFFSET_PULL) if held is None else np.where(held, OFFSET_PULL, 1e12)
-    H[range(3, len(H)), range(3, len(H))] += np.repeat(pull, 3)
+    H[range(3, len(H)), range(3, len(H))] += OFFSET_PULL
+    if held is not None:
+        H[3:, 3:] += 1e12 * held
     solution = np.linalg.solve(H, flat.T @ b.reshape(-1))
     residual = b - (A @ solution)
     return solution[:3], solution[3:].reshape(count, 3), residual
@@ -266,12 +277,13 @@ def _register_poses(T: np.ndarray, campaign: Campaign, reach: float) -> Registra
         best = min([best, *(_alternate(Z, R, Y) for Z in _orientations())], key=cost)
     Z, X = best
     t, offsets, residual = _place(Z, R, p, y, target, 1)
-    rms, located = _rms(residual), _located(Z, R, target, 1, _rms(residual))
-    if not located[0]:
-        t, offsets, residual = _place(Z, R, p, y, target, 1, held=located)
+    rms = _rms(residual)
+    unlocated = _unlocated(Z, R, target, 1, rms)
+    if unlocated.any():
+        t, offsets, residual = _place(Z, R, p, y, target, 1, held=unlocated)
         rms = _rms(residual)
     return Registration(
-        T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(X[None], offsets), rms=rms, located=located
+        T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(X[None], offsets), rms=rms, unlocated=unlocated
     )
 
 

@@ -36,8 +36,8 @@ class Walk:
     s: Float[np.ndarray, "n coordinates"]
     e: Float[np.ndarray, "frames 6"]
     factor: Float[np.ndarray, "n pairs"]
-    by_joint: Float[np.ndarray, "n coordinates joints"] | None
-    """∂s/∂q where joint-side terms make it vary from pose to pose."""
+    shifts: tuple[Shift, ...]
+    """What each joint-side term adds to s."""
 
 
 class ErrorModel:
@@ -195,20 +195,20 @@ class ErrorModel:
         e = self.error_frames(x)
         s = self.robot.joint_map(q)
         factors = [np.empty((len(q), 0))]
-        by_joint = None
+        shifts: list[Shift] = []
         first = self._frame_count
         for term in self.terms:
             xi = x[first : first + len(term.names)] if first < len(x) else np.zeros(len(term.names))
-            shift: Shift = term.shift(q, xi)
-            s = s + shift.value
-            by_joint = self.robot.joint_map.matrix + shift.by_joint if by_joint is None else by_joint + shift.by_joint
+            shift = term.shift(q, xi)
+            shifts.append(shift)
+            s += shift.value
             if first < len(x):
                 factors.append(shift.factor)
             first += len(term.names)
         factor = np.concatenate(factors, axis=1)
         if columns is not None:
             factor = factor[:, self._used_pairs(columns)]
-        return Walk(s=s, e=e, factor=np.ascontiguousarray(factor), by_joint=by_joint)
+        return Walk(s=s, e=e, factor=np.ascontiguousarray(factor), shifts=tuple(shifts))
 
     def poses(
         self, q: Float[np.ndarray, "n joints"], x: Float[np.ndarray, " p"] | None = None
@@ -222,8 +222,15 @@ class ErrorModel:
         Raises:
             ClosureError: a closed loop cannot be assembled at some pose.
         """
-        at = self.walk(q, x)
-        return walk.poses(self.chain, at.s, at.e)
+        q = np.asarray(q, dtype=float)
+        out = np.empty((len(q), 4, 4))
+
+        def fill(rows: slice) -> None:
+            at = self.walk(q[rows], x)
+            walk.poses(self.chain, at.s, at.e, out=out[rows])
+
+        walk.in_chunks(fill, len(q))
+        return out
 
     def jacobian(
         self, q: Float[np.ndarray, "n joints"], x: Float[np.ndarray, " p"] | None = None, *, angular: bool = True
@@ -238,8 +245,15 @@ class ErrorModel:
         Raises:
             ClosureError: a closed loop cannot be assembled at some pose.
         """
-        at = self.walk(q, x)
-        return walk.columns(self.chain, at.s, at.e, self.layout(), at.factor, angular=angular)
+        q, layout = np.asarray(q, dtype=float), self.layout()
+        out = walk.allocate(layout, len(q), angular=angular)
+
+        def fill(rows: slice) -> None:
+            at = self.walk(q[rows], x)
+            walk.columns(self.chain, at.s, at.e, layout, at.factor, angular=angular, out=out[rows])
+
+        walk.in_chunks(fill, len(q))
+        return out
 
     def joint_jacobian(
         self, q: Float[np.ndarray, "n joints"], x: Float[np.ndarray, " p"] | None = None
@@ -249,7 +263,10 @@ class ErrorModel:
         layout = walk.Columns.of_joints(self.chain)
         ones = np.ones((len(at.s), self.chain.joints))
         by_coordinate = walk.columns(self.chain, at.s, at.e, layout, ones, angular=True)
-        return by_coordinate @ (self.robot.joint_map.matrix if at.by_joint is None else at.by_joint)
+        by_joint: np.ndarray = self.robot.joint_map.matrix
+        for shift in at.shifts:
+            by_joint = by_joint + shift.by_joint
+        return by_coordinate @ by_joint
 
 
 def _terms(robot: Robot) -> tuple[JointTerm, ...]:

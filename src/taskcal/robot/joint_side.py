@@ -1,5 +1,6 @@
 """The joint side: from controller joint positions to the coordinates of the chain, and what its parameters move."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol, runtime_checkable
@@ -18,8 +19,13 @@ class Shift:
     """δs, radians or metres."""
     factor: Float[np.ndarray, "n pairs"]
     """∂δs/∂ξ for each of the term's pairs."""
-    by_joint: Float[np.ndarray, "n coordinates joints"]
-    """∂δs/∂q."""
+    slope: Callable[[], Float[np.ndarray, "n coordinates joints"]]
+    """Computes ∂δs/∂q, which few need."""
+
+    @cached_property
+    def by_joint(self) -> Float[np.ndarray, "n coordinates joints"]:
+        """∂δs/∂q."""
+        return self.slope()
 
 
 @runtime_checkable
@@ -97,9 +103,13 @@ class FourBarDrive:
             bar = replace(bar, crank=bar.crank + xi[0], rod=bar.rod + xi[1], rocker=bar.rocker + xi[2])
         alpha, kappa = q @ self.arm, q @ self.crank
         closure = close_four_bar(bar, alpha, kappa)
-        slope = closure.by_angle[:, :1] * self.arm + (closure.by_angle[:, 1:] - 1.0) * self.crank
+
+        def slope() -> Float[np.ndarray, "n coordinates joints"]:
+            turn = closure.by_angle[:, :1] * self.arm + (closure.by_angle[:, 1:] - 1.0) * self.crank
+            return self.output[:, None] * turn[:, None, :]
+
         return Shift(
             value=(closure.angle - kappa)[:, None] * self.output,
             factor=(closure.by_length[:, :3, None] * self.output[self.moved]).reshape(len(q), -1),
-            by_joint=self.output[:, None] * slope[:, None, :],
+            slope=slope,
         )

@@ -1,0 +1,257 @@
+"""Studies: what task error to expect, over many true robots, by number of poses, by plan and by model.
+
+Each true robot is drawn, measured by every plan and identified with every model from random numbers of its own, so that
+the result depends on the seed alone, not on the engine, the number of workers or an interruption.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, cast
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.adaptation.plan import plan
+from taskcal.adaptation.selection import select
+from taskcal.analysis.elimination_table import published_kept
+from taskcal.errors import FileError, TaskcalError, UnknownName
+from taskcal.files import write_whole
+from taskcal.identification.identify import identify
+from taskcal.measurement.tracker import TrackerNoise
+from taskcal.measurement.virtual_cell import draw_defects, simulate
+from taskcal.robot.error_model import ErrorModel
+from taskcal.task.task import Task, reach_task
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PlanKind = Literal["planned", "random", "grid"]
+PLANS: tuple[PlanKind, ...] = ("planned", "random", "grid")
+MODELS = ("all", "selected", "published", "published-damped")
+POOL = 2000
+"""Poses of the task's workspace that random plans are drawn from."""
+
+Progress = Callable[[int, int], None]
+Done = Iterable[tuple[int, list[dict[str, Any]]]]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Study:
+    """Task errors of every robot, plan, number of poses and model."""
+
+    rows: tuple[Mapping[str, Any], ...]
+    """One for each: robot, plan, count, model, rms_mm and max_mm of the true error over the task."""
+    robots: int
+    seed: int
+
+    def to_frame(self) -> "pd.DataFrame":
+        """All rows."""
+        import pandas as pd
+
+        return pd.DataFrame(list(self.rows))
+
+    def summary(self) -> list[dict[str, Any]]:
+        """Quantiles over the robots of the rms error, for each plan, count and model, in the order asked for."""
+        groups: dict[tuple[str, int, str], list[float]] = {}
+        for row in self.rows:
+            groups.setdefault((row["plan"], row["count"], row["model"]), []).append(row["rms_mm"])
+        return [
+            {
+                "plan": kind,
+                "count": count,
+                "model": model,
+                "median_mm": float(np.median(values)),
+                "p05_mm": float(np.percentile(values, 5)),
+                "p95_mm": float(np.percentile(values, 95)),
+                "rms_mm": float(np.sqrt(np.mean(np.square(values)))),
+            }
+            for (kind, count, model), values in groups.items()
+        ]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Setting:
+    """Everything that a robot of the study needs."""
+
+    model: ErrorModel
+    task_q: Float[np.ndarray, "n joints"]
+    weights: Float[np.ndarray, " n"]
+    plans: Mapping[str, Float[np.ndarray, "count joints"]]
+    """Fixed plans, by kind and count."""
+    pool: Float[np.ndarray, "pool joints"]
+    cases: tuple[tuple[str, int], ...]
+    models: Mapping[str, Mapping[str, Any]]
+    noise: TrackerNoise
+    seed: int
+
+
+def study(
+    model: ErrorModel,
+    task: Task,
+    *,
+    robots: int = 200,
+    counts: Iterable[int] = (30, 60),
+    plans: Iterable[PlanKind] = ("planned", "random"),
+    models: Iterable[str] = ("all",),
+    seed: int = 0,
+    noise: TrackerNoise | None = None,
+    engine: str = "loky",
+    workers: int = -1,
+    resume: str | Path | None = None,
+    progress: Progress = lambda done, total: None,
+) -> Study:
+    """Simulate many true robots and see how accurate the task becomes.
+
+    Args:
+        model: the model that the true robots are drawn from.
+        task: what the robot has to do.
+        robots: how many true robots.
+        counts: numbers of measured poses.
+        plans: ``planned`` by `plan`, ``random`` or ``grid`` in the task's own workspace.
+        models: ``all`` parameters, those ``selected`` for the task, the ``published`` ones, or ``published-damped``
+            without prior.
+        seed: of everything.
+        noise: the tracker's.
+        engine: of joblib: ``loky``, ``threading``, ``sequential``, or ``dask:ADDRESS`` of a scheduler.
+        workers: how many; −1 for one per core.
+        resume: a file that keeps what is done; a study that was interrupted goes on from it.
+        progress: called with the robots done and their total.
+
+    Raises:
+        UnknownName: a plan, model or engine that does not exist.
+        FileError: the file to resume from belongs to another study.
+        ReachError: the robot does not reach the task.
+    """
+    setting = _prepare(model, task, tuple(counts), tuple(plans), tuple(models), seed, noise or TrackerNoise())
+    done = _read(resume, setting)
+    progress(len(done), robots)
+    left = [index for index in range(robots) if index not in done]
+    for index, rows in _run(setting, left, engine, workers):
+        done[index] = rows
+        if resume is not None:
+            _append(Path(resume), setting, done)
+        progress(len(done), robots)
+    rows = [row for index in range(robots) for row in done[index]]
+    return Study(rows=tuple(rows), robots=robots, seed=seed)
+
+
+def _prepare(
+    model: ErrorModel,
+    task: Task,
+    counts: tuple[int, ...],
+    plans: tuple[PlanKind, ...],
+    models: tuple[str, ...],
+    seed: int,
+    noise: TrackerNoise,
+) -> _Setting:
+    for kind in plans:
+        if kind not in PLANS:
+            raise UnknownName("plan", kind, PLANS)
+    goal = reach_task(model, task, 200, seed)
+    fixed: dict[str, np.ndarray] = {}
+    for count in counts:
+        if "planned" in plans:
+            fixed[f"planned {count}"] = plan(model, task, count, seed=seed, noise=noise).q
+        if "grid" in plans:
+            fixed[f"grid {count}"] = reach_task(model, task, count, 0).q
+    return _Setting(
+        model=model,
+        task_q=goal.q,
+        weights=goal.weights,
+        plans=fixed,
+        pool=reach_task(model, task, POOL, seed + 1).q,
+        cases=tuple((kind, count) for count in counts for kind in plans),
+        models={name: _options(model, task, name) for name in models},
+        noise=noise,
+        seed=seed,
+    )
+
+
+def _options(model: ErrorModel, task: Task, name: str) -> dict[str, Any]:
+    """Options of the identification that a model's name stands for."""
+    if name not in MODELS:
+        raise UnknownName("model", name, MODELS)
+    if name == "selected":
+        return {"keep": select(model, task).kept}
+    if name.startswith("published"):
+        if not model.robot.published.source:
+            raise TaskcalError(f"nothing is published of {model.robot.name}; leave out the model '{name}'")
+        damped: dict[str, Any] = {"prior": None} if name.endswith("damped") else {}
+        return {"keep": published_kept(model), **damped}
+    return {}
+
+
+def _one_robot(setting: _Setting, index: int) -> tuple[int, list[dict[str, Any]]]:
+    """All plans and models of one true robot."""
+    rng = np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index,)))
+    x = draw_defects(setting.model, rng)
+    out: list[dict[str, Any]] = []
+    for kind, count in setting.cases:
+        q = setting.plans.get(f"{kind} {count}")
+        if q is None:
+            q = setting.pool[rng.permutation(len(setting.pool))[:count]]
+        campaign, truth = simulate(setting.model, q, rng=rng, x=x, noise=setting.noise)
+        for name, options in setting.models.items():
+            found = identify(setting.model, campaign, noise=setting.noise, **options)
+            error = np.linalg.norm(found.predict(setting.task_q) - truth.points(setting.task_q), axis=2)[:, 0] * 1e3
+            out.append(
+                {
+                    "robot": index,
+                    "plan": kind,
+                    "count": count,
+                    "model": name,
+                    "rms_mm": float(np.sqrt(np.sum(setting.weights * error**2))),
+                    "max_mm": float(error.max()),
+                }
+            )
+    return index, out
+
+
+def _run(setting: _Setting, left: Sequence[int], engine: str, workers: int) -> Done:
+    """Robots as they are done, on the engine asked for."""
+    if engine == "sequential":
+        return (_one_robot(setting, index) for index in left)
+    from joblib import Parallel, delayed
+
+    jobs = (delayed(_one_robot)(setting, index) for index in left)
+    if engine in ("loky", "threading"):
+        return cast(Done, Parallel(n_jobs=workers, backend=engine, return_as="generator_unordered")(jobs))
+    if engine.startswith("dask:"):
+        try:
+            from dask.distributed import Client  # pyright: ignore[reportMissingImports]
+        except ImportError as error:
+            raise TaskcalError("the dask engine needs dask[distributed], which is not installed") from error
+        Client(engine.removeprefix("dask:"))
+        return cast(Done, Parallel(n_jobs=workers, backend="dask", return_as="generator_unordered")(jobs))
+    raise UnknownName("engine", engine, ("loky", "threading", "sequential", "dask:ADDRESS"))
+
+
+def _fingerprint(setting: _Setting) -> str:
+    out = hashlib.sha256(setting.model.robot.digest.encode())
+    for array in (setting.task_q, setting.pool, *setting.plans.values()):
+        out.update(np.round(array, 9).tobytes())
+    models = {name: {k: list(v) if v else v for k, v in options.items()} for name, options in setting.models.items()}
+    out.update(json.dumps([setting.cases, models, setting.seed, vars(setting.noise)], sort_keys=True).encode())
+    return out.hexdigest()[:16]
+
+
+def _read(resume: str | Path | None, setting: _Setting) -> dict[int, list[dict[str, Any]]]:
+    if resume is None or not Path(resume).exists():
+        return {}
+    try:
+        data = json.loads(Path(resume).read_text(encoding="utf-8"))
+        done = {int(index): rows for index, rows in data["robots"].items()}
+        fingerprint = data["study"]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise FileError(resume, "does not hold a study; name another file, or remove it") from error
+    if fingerprint != _fingerprint(setting):
+        raise FileError(resume, "holds a study of other settings; name another file, or remove it to start afresh")
+    return done
+
+
+def _append(path: Path, setting: _Setting, done: Mapping[int, list[dict[str, Any]]]) -> None:
+    content = {"study": _fingerprint(setting), "robots": {str(index): done[index] for index in sorted(done)}}
+    write_whole(path, json.dumps(content))
