@@ -150,9 +150,9 @@ def _unlocated(Z: np.ndarray, R: np.ndarray, target: np.ndarray, count: int, rms
     """
     A = _placing(Z, R, target, count).reshape(3 * len(R), -1)
     H = A.T @ A
-    H[range(3, len(H)), range(3, len(H))] += OFFSET_PULL
-    values, vectors = np.linalg.eigh(np.linalg.inv(H)[3:, 3:])
-    weak = vectors[:, max(rms, 1e-3) * np.sqrt(values) > LOCATED]
+    # information of the offsets alone, the translation eliminated
+    values, vectors = np.linalg.eigh(H[3:, 3:] - H[3:, :3] @ np.linalg.solve(H[:3, :3], H[:3, 3:]))
+    weak = vectors[:, values < (max(rms, 1e-3) / LOCATED) ** 2]
     return weak @ weak.T
 
 
