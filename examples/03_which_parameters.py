@@ -2,12 +2,10 @@
 
 import taskcal as tc
 from taskcal.adaptation.procedure import reference_task
-from taskcal.adaptation.selection import select
-from taskcal.task.task import reach_task
 
 model = tc.ErrorModel(tc.load_robot("abb-irb6660-205-1.9"))
 task = reference_task()  # one tool orientation
-q = reach_task(model, task, count=60).q
+q = tc.reach_task(model, task, count=60).q
 
 table = tc.sensitivity(model, q).to_frame().nlargest(5, "max_space_um")
 print(table[["parameter", "symbol", "tolerance", "max_space_um"]].to_string(index=False))
@@ -17,7 +15,7 @@ print(f"\n{found.rank} of {len(model)} can be told apart; without effect: {', '.
 for name, relation in list(found.dependent.items())[:4]:
     print(f"  {name} =", " ".join(f"{c:+.4g}·{other}" for other, c in relation.items()))
 
-chosen = select(model, task)
+chosen = tc.select(model, task)
 print(f"\n{chosen.why}: {len(chosen.kept)} parameters")
 for rung in chosen.ladder:
     if rung.size in (len(model), 33, 20, len(chosen.kept), 5, 0):
