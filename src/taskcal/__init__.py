@@ -1,4 +1,4 @@
-"""Taskcal: makes industrial robots accurate where they work, from a tracker file to a corrected robot program."""
+"""Taskcal: makes industrial robots accurate where they work, from a laser tracker's file to a calibrated robot."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from taskcal.adaptation.plan import Plan as Plan
     from taskcal.adaptation.plan import plan as plan
+    from taskcal.adaptation.procedure import reference_task as reference_task
     from taskcal.adaptation.selection import Selection as Selection
     from taskcal.adaptation.selection import select as select
     from taskcal.adaptation.study import Study as Study
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from taskcal.measurement.station import load_station as load_station
     from taskcal.measurement.tracker import TrackerNoise as TrackerNoise
     from taskcal.measurement.virtual_cell import simulate as simulate
+    from taskcal.measurement.writer import write_campaign as write_campaign
+    from taskcal.measurement.writer import write_joints as write_joints
     from taskcal.robot.catalogue import catalogue_names as catalogue_names
     from taskcal.robot.catalogue import load_robot as load_robot
     from taskcal.robot.dh_table import read_dh_table as read_dh_table
@@ -66,11 +69,14 @@ _HOME = {
     "reach_task": "task.task",
     "read_campaign": "measurement.reader",
     "read_dh_table": "robot.dh_table",
+    "reference_task": "adaptation.procedure",
     "register": "measurement.registration",
     "select": "adaptation.selection",
     "sensitivity": "analysis.sensitivity",
     "simulate": "measurement.virtual_cell",
     "study": "adaptation.study",
+    "write_campaign": "measurement.writer",
+    "write_joints": "measurement.writer",
     "validate": "identification.validation",
 }
 

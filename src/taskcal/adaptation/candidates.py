@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import ReachError
 from taskcal.estimation.experiment_design import Candidates
-from taskcal.geometry import walk
+from taskcal.geometry import se3, walk
 from taskcal.identification.problem import FrameLayout, whitener
 from taskcal.kinematics.clearance import Links, clear_of_boxes, clear_of_itself, place_links
 from taskcal.measurement.campaign import Campaign
@@ -23,6 +23,9 @@ from taskcal.task.workspace import Orientation, Workspace
 ROOM, TURN = 1.5, np.radians(45.0)
 """Measured poses may lie in a box 1.5 times the task's, with the tool up to 45° from the task's orientations."""
 
+LANDMARKS, FIELD_LENGTH = 40, 2.0
+"""A smooth model error has so many landmarks, and varies over so many standard deviations of each joint's positions."""
+
 FRAME_DEVIATION = 1.0
 """Prior standard deviation of tracker frame and targets, metres and radians: as good as none beside millimetres."""
 
@@ -33,6 +36,8 @@ class Measurable:
 
     q: Float[np.ndarray, "n joints"]
     """Radians."""
+    rows: Int[np.ndarray, " n"]
+    """Which of the reached poses they are."""
     visible: Bool[np.ndarray, "n targets"]
     """Which reflectors the tracker sees."""
     lost: Mapping[str, int]
@@ -95,7 +100,7 @@ def keep_measurable(model: ErrorModel, reached: TaskPoses, station: Station | No
             f"none of {len(reached.unreachable)} candidate poses can be measured: {reasons}; move the tracker, turn the "
             "reflectors or widen their acceptance, or move the keep-out boxes"
         )
-    return Measurable(q=reached.q[ok], visible=seen[ok], lost=lost)
+    return Measurable(q=reached.q[ok], rows=np.flatnonzero(ok), visible=seen[ok], lost=lost)
 
 
 def check(
@@ -111,14 +116,62 @@ def check(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class SmoothField:
+    """What geometry does not explain, as a smooth random field over the joints instead of white noise.
+
+    The residuals of a real robot are much alike at neighbouring poses (gears, compliance). If they were white, the best
+    poses would crowd at the extremes, and there they would teach the geometry what is the field's; as a Gaussian process
+    they call for poses that represent the task. Its covariance is approximated on landmarks (Nyström; the remainder stays
+    white, as in Snelson and Ghahramani 2006).
+    """
+
+    deviation: float
+    """Standard deviation per axis, metres."""
+    landmarks: Float[np.ndarray, "k joints"]
+    """In units of `scale`."""
+    scale: Float[np.ndarray, " joints"]
+    """Length scale of each joint, radians or metres."""
+    root: Float[np.ndarray, "k k"]
+    """Inverse Cholesky factor of the landmarks' correlation."""
+
+    @classmethod
+    def over(
+        cls, deviation: float, q: Float[np.ndarray, "n joints"], spread: Float[np.ndarray, " joints"]
+    ) -> "SmoothField":
+        """A field whose landmarks are some of the poses q."""
+        scale = FIELD_LENGTH * np.maximum(spread, 1e-6)
+        landmarks = q[np.linspace(0, len(q) - 1, min(LANDMARKS, len(q))).astype(int)] / scale
+        K = _correlation(landmarks, landmarks) + 1e-6 * np.eye(len(landmarks))
+        return cls(deviation=deviation, landmarks=landmarks, scale=scale, root=np.linalg.inv(np.linalg.cholesky(K)))
+
+    def columns(self, q: Float[np.ndarray, "n joints"]) -> tuple[Float[np.ndarray, "n 3 c"], Float[np.ndarray, " n"]]:
+        """Sensitivities of a point to the field's coefficients, of unit variance; and the variance left white."""
+        features = _correlation(q / self.scale, self.landmarks) @ self.root.T
+        k = features.shape[1]
+        out = np.zeros((len(q), 3, 3 * k))
+        for axis in range(3):
+            out[:, axis, axis * k : (axis + 1) * k] = self.deviation * features
+        white = self.deviation**2 * np.clip(1.0 - (features**2).sum(axis=1), 0.0, 1.0)
+        return out, white
+
+
+def _correlation(a: Float[np.ndarray, "n joints"], b: Float[np.ndarray, "k joints"]) -> Float[np.ndarray, "n k"]:
+    return np.exp(-0.5 * ((a[:, None] - b[None]) ** 2).sum(axis=2))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Experiment:
     """Everything that turns poses into candidates of an experiment."""
 
     layout: FrameLayout
     noise: TrackerNoise
+    model_error: float
+    """Standard deviation per axis of what geometry does not explain, where it is taken for white, metres."""
+    field: SmoothField | None
+    """The same as a smooth field."""
     deviations: Float[np.ndarray, " z"]
     """Prior standard deviations of parameters, tracker frame and targets."""
-    basis: Float[np.ndarray, "z d"]
+    basis: Float[np.ndarray, "c d"]
     """Directions of unit prior variance that candidates or task see at all."""
     prior: Float[np.ndarray, "d d"]
     """Information of the prior, and of a campaign measured already."""
@@ -126,13 +179,13 @@ class Experiment:
     """The campaign's part of it."""
     task: Float[np.ndarray, "d d"]
     """W of the task."""
-    model_error: float
 
     def rows(
         self, q: Float[np.ndarray, "n joints"], visible: Bool[np.ndarray, "n targets"]
     ) -> Float[np.ndarray, "n b d"]:
         """Whitened sensitivities of poses in the basis; nil for reflectors that are not seen."""
-        return whitened_rows(self.layout, self.noise, self.model_error, q, visible, self.deviations) @ self.basis
+        J, p = _sensitivities(self.layout, q, self.deviations, self.field)
+        return _whiten(J, p, q, visible, self.noise, self.model_error, self.field) @ self.basis
 
     def candidates(self, found: Measurable) -> Candidates:
         """Poses as candidates."""
@@ -142,30 +195,6 @@ class Experiment:
         """Expected rms error over the task after measuring some poses, metres."""
         X = self.rows(q, visible).reshape(-1, self.basis.shape[1])
         return float(np.sqrt(np.sum(self.task * np.linalg.inv(self.prior + X.T @ X))))
-
-
-def whitened_rows(
-    layout: FrameLayout,
-    noise: TrackerNoise,
-    model_error: float,
-    q: Float[np.ndarray, "n joints"],
-    visible: Bool[np.ndarray, "n targets"],
-    deviations: Float[np.ndarray, " z"],
-) -> Float[np.ndarray, "n b z"]:
-    """Sensitivities of the measured points to parameters in units of their deviation, over the noise."""
-    z = layout.start()
-    walked = layout.walked(q, z)
-    T = walk.poses(walked.chain, walked.s, walked.e)
-    n, targets = len(q), len(layout.targets)
-    out = np.zeros((n, targets, 3, len(z)))
-    for t, point in enumerate(walked.points.position):
-        J = walk.columns(walked.chain, walked.s, walked.e, walked.layout, walked.factor, angular=False, point=point)
-        J[:, :, layout.point_columns[t]] = T[:, :3, :3]
-        seen = (T[:, :3, :3] @ point) + T[:, :3, 3]
-        covariance = noise.covariance(seen) + model_error**2 * np.eye(3)
-        out[:, t] = whitener(covariance[:, None])[:, 0] @ (J * deviations)
-    out[~visible] = 0.0
-    return out.reshape(n, targets * 3, len(z))
 
 
 def make_experiment(
@@ -178,39 +207,55 @@ def make_experiment(
     registration: Registration | None = None,
     noise: TrackerNoise | None = None,
     model_error: float = 0.0,
+    smooth: bool = False,
     prior_scale: float = 1.0,
 ) -> Experiment:
     """Prior, task and basis for choosing measuring poses.
 
     The error is that of the reflectors' predicted position in the tracker frame, their mean over the task.
+
+    Args:
+        model: the model to be identified.
+        goal: poses of the task.
+        found: poses that can be measured.
+        station: tracker and reflectors.
+        campaign: measured already.
+        registration: where tracker and targets are, if known.
+        noise: the tracker's.
+        model_error: standard deviation per axis of what geometry does not explain, metres.
+        smooth: take it for a smooth field over the joints instead of white noise.
+        prior_scale: factor of the tolerances.
     """
     layout = _layout(model, station, registration, campaign)
     noise = noise or TrackerNoise()
     frames = np.full(len(layout.names) - len(model), FRAME_DEVIATION)
     deviations = np.concatenate([model.tolerances * prior_scale, frames])
-    everywhere = np.ones_like(found.visible)
-    J_task = _task_rows(layout, goal, deviations)
-    J_all = whitened_rows(layout, noise, model_error, found.q, everywhere, deviations)
-    flat = J_all.reshape(-1, J_all.shape[2])
-    gram = flat.T @ flat / len(flat) + J_task.T @ J_task / np.mean(noise.covariance(np.array([[4.0, 0.0, 0.0]])))
-    values, vectors = np.linalg.eigh(gram)
+    field = SmoothField.over(model_error, goal.q, found.q.std(axis=0)) if smooth and model_error > 0.0 else None
+    white = 0.0 if field else model_error
+    J, points = _sensitivities(layout, found.q, deviations, field)
+    all_rows = _whiten(J, points, found.q, np.ones_like(found.visible), noise, white, field)
+    J_task, _ = _sensitivities(layout, goal.q, deviations, field)
+    J_task = J_task * np.sqrt(goal.weights / J_task.shape[1])[:, None, None, None]
+    flat, J_task = all_rows.reshape(-1, J.shape[3]), J_task.reshape(-1, J.shape[3])
+    typical = float(np.mean(flat**2) / max(np.mean(J_task**2), 1e-300))
+    values, vectors = np.linalg.eigh(flat.T @ flat / len(flat) + typical * J_task.T @ J_task / len(J_task))
     basis = vectors[:, values > 1e-13 * values[-1]]
     d = basis.shape[1]
     signal = np.zeros((d, d))
     if campaign is not None:
-        done = whitened_rows(layout, noise, model_error, campaign.q, campaign.valid, deviations) @ basis
-        done = done.reshape(-1, d)
+        J_done, points = _sensitivities(layout, campaign.q, deviations, field)
+        done = (_whiten(J_done, points, campaign.q, campaign.valid, noise, white, field) @ basis).reshape(-1, d)
         signal = done.T @ done
-    W = basis.T @ (J_task.T @ J_task) @ basis
     return Experiment(
         layout=layout,
         noise=noise,
+        model_error=white,
+        field=field,
         deviations=deviations,
         basis=basis,
         prior=np.eye(d) + signal,
         signal=signal,
-        task=W,
-        model_error=model_error,
+        task=basis.T @ (J_task.T @ J_task) @ basis,
     )
 
 
@@ -232,16 +277,40 @@ def _layout(
     return FrameLayout(model=model, kept=np.arange(len(model)), registration=registration, targets=names, pose=False)
 
 
-def _task_rows(
-    layout: FrameLayout, goal: TaskPoses, deviations: Float[np.ndarray, " z"]
-) -> Float[np.ndarray, "rows z"]:
-    """Weighted sensitivities of the targets over the task, so that the mean squared error is the trace of W·C."""
-    z = layout.start()
-    walked = layout.walked(goal.q, z)
+def _sensitivities(
+    layout: FrameLayout,
+    q: Float[np.ndarray, "n joints"],
+    deviations: Float[np.ndarray, " z"],
+    field: SmoothField | None,
+) -> tuple[Float[np.ndarray, "n targets 3 c"], Float[np.ndarray, "n targets 3"]]:
+    """Sensitivities of the targets to everything unknown, in units of its prior deviation; and where the targets are."""
+    walked = layout.walked(q, layout.start())
     T = walk.poses(walked.chain, walked.s, walked.e)
     parts: list[np.ndarray] = []
     for t, point in enumerate(walked.points.position):
         J = walk.columns(walked.chain, walked.s, walked.e, walked.layout, walked.factor, angular=False, point=point)
         J[:, :, layout.point_columns[t]] = T[:, :3, :3]
-        parts.append(J * deviations * np.sqrt(goal.weights / len(walked.points.position))[:, None, None])
-    return np.concatenate(parts).reshape(-1, len(z))
+        parts.append(J * deviations)
+    points = np.stack([se3.apply(T, point) for point in walked.points.position], axis=1)
+    out = np.stack(parts, axis=1)
+    if field is not None:
+        extra = np.broadcast_to(field.columns(q)[0][:, None], (*out.shape[:3], 3 * len(field.landmarks)))
+        out = np.concatenate([out, extra], axis=3)
+    return out, points
+
+
+def _whiten(
+    J: Float[np.ndarray, "n targets 3 c"],
+    points: Float[np.ndarray, "n targets 3"],
+    q: Float[np.ndarray, "n joints"],
+    visible: Bool[np.ndarray, "n targets"],
+    noise: TrackerNoise,
+    model_error: float,
+    field: SmoothField | None,
+) -> Float[np.ndarray, "n b c"]:
+    """Sensitivities over the noise, a block of rows for each pose; nil for targets that are not seen."""
+    white = np.full(len(q), model_error**2) if field is None else field.columns(q)[1]
+    covariance = noise.covariance(points) + white[:, None, None, None] * np.eye(3)
+    out = whitener(covariance) @ J
+    out[~visible] = 0.0
+    return out.reshape(len(q), -1, J.shape[3])

@@ -9,7 +9,6 @@ from jaxtyping import Bool, Float
 
 from taskcal.adaptation.candidates import (
     Experiment,
-    Measurable,
     check,
     find_measurable,
     keep_measurable,
@@ -24,7 +23,7 @@ from taskcal.identification.identify import identify
 from taskcal.kinematics.clearance import place_links
 from taskcal.kinematics.inverse import closes
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import register
+from taskcal.measurement.registration import Registration, register
 from taskcal.measurement.station import Station
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.measurement.virtual_cell import simulate
@@ -43,6 +42,8 @@ class Plan:
 
     q: Float[np.ndarray, "count joints"]
     """Radians."""
+    rows: tuple[int, ...]
+    """Which of the candidates each pose is, or was before it was refined."""
     visible: Bool[np.ndarray, "count targets"]
     """Which reflectors the tracker sees at each."""
     expected: float
@@ -101,10 +102,12 @@ def plan(
     station: Station | None = None,
     criterion: Criterion = "task",
     campaign: Campaign | None = None,
-    candidates: int = CANDIDATES,
+    candidates: int | Float[np.ndarray, "n joints"] = CANDIDATES,
     refine: int = 2,
+    registration: Registration | None = None,
     noise: TrackerNoise | None = None,
     model_error: float = 0.0,
+    prior_scale: float = 1.0,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Plan:
     """Choose the poses whose measurement leaves the least expected error over the task.
@@ -117,10 +120,12 @@ def plan(
         station: tracker, reflectors and keep-out boxes; without it one reflector at the tool point is always seen.
         criterion: ``task`` for the expected task error, or D, A, E, O1–O5.
         campaign: already measured, with points; the plan extends it, with its own model error and prior scale.
-        candidates: poses to choose among.
+        candidates: how many poses to choose among; or the joint positions themselves, which are then not refined.
         refine: rounds of continuous refinement after the exchange.
+        registration: where tracker and targets are, if known; a campaign brings its own.
         noise: the tracker's.
         model_error: standard deviation of what geometry does not explain, metres.
+        prior_scale: factor of the tolerances.
         progress: told what is being done.
 
     Raises:
@@ -131,19 +136,40 @@ def plan(
         raise UnknownName("criterion", criterion, CRITERIA)
     progress("candidates")
     goal = reach_task(model, task, 200, seed)
-    found = find_measurable(model, task, station, candidates, seed)
-    experiment = _experiment(model, goal, found, station, campaign, noise, model_error)
+    if isinstance(candidates, int):
+        found = find_measurable(model, task, station, candidates, seed)
+    else:
+        found, refine = keep_measurable(model, _as_reached(model, candidates), station), 0
+    known = _Known(model_error=model_error, prior_scale=prior_scale, registration=registration)
+    if campaign is not None:
+        campaign, known = _known(model, campaign, station, noise)
+    experiment, weighing = (
+        make_experiment(
+            model,
+            goal,
+            found,
+            station,
+            campaign=campaign,
+            registration=known.registration,
+            noise=noise,
+            model_error=known.model_error,
+            prior_scale=known.prior_scale,
+            smooth=smooth,
+        )
+        for smooth in (False, True)
+    )
     _check_count(count, experiment, campaign)
     progress(f"choosing {count} of {len(found.q)}")
-    chosen = choose(experiment.candidates(found), count, criterion, progress=progress)
+    chosen = choose(weighing.candidates(found), count, criterion, progress=progress)
     q, visible = found.q[chosen.chosen], found.visible[chosen.chosen]
     if criterion == "task":
         for round_ in range(refine):
             progress(f"refining, round {round_ + 1}")
-            q, visible = _refine(model, experiment, station, q, visible, scale=0.12 / (1 + round_), seed=seed + round_)
+            q, visible = _refine(model, weighing, station, q, visible, scale=0.12 / (1 + round_), seed=seed + round_)
     order = order_visits(model.robot, q)
     q, visible = q[order], visible[order]
     return Plan(
+        rows=tuple(int(found.rows[i]) for i in chosen.chosen[order]),
         q=q,
         visible=visible,
         expected=experiment.error(q, visible),
@@ -159,17 +185,25 @@ def plan(
     )
 
 
-def _experiment(
-    model: ErrorModel,
-    goal: TaskPoses,
-    found: Measurable,
-    station: Station | None,
-    campaign: Campaign | None,
-    noise: TrackerNoise | None,
-    model_error: float,
-) -> Experiment:
-    if campaign is None:
-        return make_experiment(model, goal, found, station, noise=noise, model_error=model_error)
+def _as_reached(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> TaskPoses:
+    n = len(q)
+    nothing = np.zeros(n, dtype=bool)
+    return TaskPoses(T=model.poses(q), q=np.asarray(q, dtype=float), weights=np.full(n, 1.0 / n), unreachable=nothing)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Known:
+    """What is known of the cell before the plan."""
+
+    model_error: float
+    prior_scale: float
+    registration: Registration | None
+
+
+def _known(
+    model: ErrorModel, campaign: Campaign, station: Station | None, noise: TrackerNoise | None
+) -> tuple[Campaign, _Known]:
+    """What a campaign already measured shows, and the campaign with the station's reflectors in their order."""
     if campaign.rotations is not None:
         raise CampaignError("a plan extends a campaign of points; this one measured poses")
     if station is not None and set(campaign.targets) != {r.name for r in station.reflectors}:
@@ -182,17 +216,12 @@ def _experiment(
     if station is not None:
         campaign = campaign.of_targets([r.name for r in station.reflectors])
     fitted = identify(model, campaign, noise=noise)
-    return make_experiment(
-        model,
-        goal,
-        found,
-        station,
-        campaign=campaign,
-        registration=register(model, campaign),
-        noise=noise,
+    known = _Known(
         model_error=fitted.model_error[0],
         prior_scale=fitted.prior_scale or 1.0,
+        registration=register(model, campaign),
     )
+    return campaign, known
 
 
 def _check_count(count: int, experiment: Experiment, campaign: Campaign | None) -> None:

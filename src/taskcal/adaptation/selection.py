@@ -100,7 +100,7 @@ def select(
         model: the over-complete model.
         task: what the robot has to do.
         campaign: measurements, from which model error and prior scale are taken, and which cross-validate every size.
-        accuracy: error in space that the task allows (rms), metres; the task's own by default, if there is no campaign.
+        accuracy: error in space (rms) that is enough, metres.
         count: poses spread over the task.
         seed: of that spread, and of the folds.
         folds: of the cross-validation.

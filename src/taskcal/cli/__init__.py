@@ -31,7 +31,7 @@ class Road(TyperGroup):
 app = typer.Typer(
     name="taskcal",
     cls=Road,
-    help="Calibrate a serial robot to the task it has to do: from a tracker file to a corrected robot program.",
+    help="Calibrate a serial robot to the task it has to do, from a laser tracker's file.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

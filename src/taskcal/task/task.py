@@ -29,6 +29,8 @@ class Task:
     """Where the tool works; None for a list of poses or a path."""
     poses: Float[np.ndarray, "n 4 4"] | None = None
     """Tool poses in the base, for a list or a path."""
+    joints: Float[np.ndarray, "n joints"] | None = None
+    """Joint positions that reach the poses, radians, where they are known; else they are looked for."""
     weights: Float[np.ndarray, " n"] | None = None
     """How much each pose counts."""
     path: bool = False
@@ -73,7 +75,12 @@ def reach_task(model: ErrorModel, task: Task, count: int = 200, seed: int = 0) -
         assert task.poses is not None
         T = task.poses
         weights = np.ones(len(T)) if task.weights is None else task.weights
-        q, reached = _in_order(model, T) if task.path else _around(model, T, T[len(T) // 2])
+        if task.joints is not None:
+            q, reached = task.joints, model.robot.inside_limits(task.joints)
+        elif task.path:
+            q, reached = _in_order(model, T)
+        else:
+            q, reached = _around(model, T, T[len(T) // 2])
     if not reached.any():
         raise ReachError(
             f"{model.robot.name} reaches none of the {len(T)} poses of task '{task.name}' on one branch inside its limits; "
