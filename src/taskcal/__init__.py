@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from taskcal.identification.identify import identify as identify
     from taskcal.identification.validation import Validation as Validation
     from taskcal.identification.validation import validate as validate
+    from taskcal.measurement.axis_circles import register_from_circles as register_from_circles
     from taskcal.measurement.campaign import Campaign as Campaign
     from taskcal.measurement.reader import read_campaign as read_campaign
     from taskcal.measurement.registration import Registration as Registration
@@ -71,6 +72,7 @@ _HOME = {
     "read_dh_table": "robot.dh_table",
     "reference_task": "adaptation.procedure",
     "register": "measurement.registration",
+    "register_from_circles": "measurement.axis_circles",
     "select": "adaptation.selection",
     "sensitivity": "analysis.sensitivity",
     "simulate": "measurement.virtual_cell",

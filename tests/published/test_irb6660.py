@@ -13,8 +13,8 @@ from taskcal.robot.mechanism import analyse_mechanism
 from taskcal.task.task import reach_task
 
 # Gutiérrez, Chanal, Durieux, Duc: sections 2, 3 and 4
-REDUNDANT = "t2z t3z t4z t5z t6z tbx tby tbz psi5".split()
-LEFT_OUT = "t2z t3z t4z t5z t6z tbx tby tbz alf6 tib psib alfb".split()
+REDUNDANT = ["t2z", "t3z", "t4z", "t5z", "t6z", "tbx", "tby", "tbz", "psi5"]
+LEFT_OUT = ["t2z", "t3z", "t4z", "t5z", "t6z", "tbx", "tby", "tbz", "alf6", "tib", "psib", "alfb"]
 
 
 @pytest.fixture(scope="module")

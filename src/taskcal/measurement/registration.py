@@ -130,6 +130,26 @@ def _register_points(T: np.ndarray, campaign: Campaign, reach: float) -> Registr
     )
 
 
+def place_targets(model: ErrorModel, campaign: Campaign, T_tracker_base: Float[np.ndarray, "4 4"]) -> Registration:
+    """The targets, in a tracker frame that is known: each the mean of what its rows say.
+
+    Raises:
+        CampaignError: too few rows.
+    """
+    check_rows(campaign)
+    R, p, y, target = _cloud(model.poses(campaign.q), campaign)
+    local = (np.swapaxes(R, 1, 2) @ (se3.apply(se3.inverse(T_tracker_base), y) - p)[:, :, None])[:, :, 0]
+    count = len(campaign.targets)
+    offsets = np.stack([local[target == t].mean(axis=0) for t in range(count)])
+    residual = (R @ (local - offsets[target])[:, :, None])[:, :, 0]
+    return Registration(
+        T_tracker_base=T_tracker_base,
+        T_tool_target=se3.pose(np.broadcast_to(np.eye(3), (count, 3, 3)), offsets),
+        rms=_rms(residual),
+        unlocated=np.zeros((3 * count, 3 * count)),
+    )
+
+
 def _search(
     R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray, count: int, reach: float
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], float]:
