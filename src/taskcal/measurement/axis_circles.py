@@ -79,7 +79,7 @@ def find_axis(model: ErrorModel, campaign: Campaign, s: Float[np.ndarray, "n coo
     """
     if model.robot.joints[axis].kind == "prismatic":
         raise CampaignError(f"axis {axis + 1} of {model.robot.name} slides, so it describes no circle; use register")
-    rows = _sweep(np.delete(s, axis, axis=1), s[:, axis], campaign.valid.all(axis=1))
+    rows = _sweep(np.delete(s, axis, axis=1), s[:, axis], np.asarray(campaign.valid.all(axis=1)))
     if len(rows) < FEWEST:
         raise CampaignError(
             f"no {FEWEST} rows over at least {np.degrees(ARC):.0f}° in which only axis {axis + 1} turns and every target is "
@@ -136,6 +136,6 @@ def _nominal_axis(
 
 def _rotation(nominal: list[np.ndarray], measured: list[np.ndarray]) -> Float[np.ndarray, "3 3"]:
     """The rotation that carries nominal directions nearest to measured ones (Kabsch 1976)."""
-    a = np.stack([*nominal, np.cross(*nominal)])
-    b = np.stack([*measured, np.cross(*measured)])
+    a = np.stack([*nominal, np.cross(nominal[0], nominal[1])])
+    b = np.stack([*measured, np.cross(measured[0], measured[1])])
     return se3.nearest_rotation(b.T @ a)
