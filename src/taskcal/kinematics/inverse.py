@@ -13,6 +13,9 @@ from taskcal.robot.error_model import ErrorModel
 POSITION, ROTATION = 1e-9, 1e-9
 """A pose is reached within these, metres and radians."""
 
+SAME = 1e-6
+"""Postures nearer to each other than this are one, radians."""
+
 JUMP = np.pi / 3
 """Within a short step of the tool, a joint that turns farther has left its branch."""
 
@@ -120,7 +123,18 @@ def closes(
 
 
 def find_posture(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " joints"]:
-    """A posture for one pose, found from seeds all over the joint ranges: the one deepest inside its limits.
+    """A posture for one pose, of all that are found the one deepest inside the limits and farthest from singular.
+
+    Raises:
+        ReachError: no seed leads to the pose inside the limits.
+    """
+    return find_postures(model, T)[0]
+
+
+def find_postures(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "postures joints"]:
+    """The postures that reach one pose inside the limits, found from seeds all over the joint ranges, the best first.
+
+    Of a robot with more joints than a pose needs, these are some of infinitely many.
 
     Raises:
         ReachError: no seed leads to the pose inside the limits.
@@ -137,7 +151,12 @@ def find_posture(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.nda
             "its limits; move the workspace, turn the tool, or widen the limits in the robot file"
         )
     q = found.q[found.reached]
-    return q[int(np.argmax(_depth(model, q)))].copy()
+    q = q[np.argsort(-_depth(model, q), kind="stable")]
+    different: list[np.ndarray] = []
+    for posture in q:
+        if all(np.abs(posture - other).max() > SAME for other in different):
+            different.append(posture)
+    return np.stack(different)
 
 
 def _depth(model: ErrorModel, q: np.ndarray) -> np.ndarray:

@@ -180,9 +180,20 @@ class FrameSection(Section):
 
 
 class AccuracySection(Section):
-    """The accuracy needed."""
+    """The accuracy needed: in space, or along each axis."""
 
-    position_mm: Positive
+    position_mm: Positive | None = None
+    per_axis_mm: tuple[Positive, Positive, Positive] | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if (self.position_mm is None) == (self.per_axis_mm is None):
+            raise ValueError("give position_mm, an error in space, or per_axis_mm, three errors along x, y and z")
+        return self
+
+    def in_space(self) -> float:
+        """Error in space that meets it, metres; for errors along the axes the smallest, which is on the safe side."""
+        return (self.position_mm or min(self.per_axis_mm or (0.0,))) * 1e-3
 
 
 class TaskFile(Section):
@@ -209,7 +220,7 @@ class TaskFile(Section):
 
     def task(self, folder: Path) -> Task:
         """The task it describes; files are looked for in the folder."""
-        accuracy = self.accuracy.position_mm * 1e-3 if self.accuracy else None
+        accuracy = self.accuracy.in_space() if self.accuracy else None
         if self.workspace is None:
             poses, weights = _read_poses(folder / (self.poses or self.path or ""))
             return Task(name=self.name, poses=poses, weights=weights, path=self.path is not None, accuracy=accuracy)
