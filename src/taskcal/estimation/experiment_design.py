@@ -3,7 +3,8 @@
 A candidate is a block of whitened rows X (b, d); a choice of candidates has the information M = M₀ + ΣXᵀX. Adding a block
 changes C = M⁻¹ by −C·Xᵀ·S⁻¹·X·C with S = I + X·C·Xᵀ, removing it by the same with S = I − X·C·Xᵀ and the other sign, so no
 matrix larger than a block is ever inverted. A plan starts greedily; then each block in turn is exchanged for the best
-candidate until no exchange helps.
+candidate until no exchange helps. Where there are few candidates, an exchange easily ends in a poor optimum: there it is
+also started from random choices, and the best end counts.
 """
 
 from collections.abc import Callable
@@ -25,6 +26,9 @@ POOL, RENEWED = 1500, 5
 """Gains change slowly from one step to the next: all candidates are weighed every few steps, and in between only those
 that were best then."""
 
+STARTS, EFFORT = 24, 5_000
+"""Random starts beside the greedy one: so many, or as many as keep starts × candidates × count below the effort."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Candidates:
@@ -45,13 +49,13 @@ class Choice:
     """The candidates chosen."""
 
     chosen: Int[np.ndarray, " count"]
-    """Which, in the order in which the greedy start found their places."""
+    """Which; where no random start did better, in the order in which the greedy start found their places."""
     greedy: Float[np.ndarray, " count"]
     """Task error (rms) after each step of the greedy start: what so many measurements give."""
     value: float
     """The criterion at the end; smaller is better."""
     exchanges: int
-    """How many blocks were exchanged."""
+    """How many blocks were exchanged, from the start that did best."""
 
 
 def _small(a: Float[np.ndarray, "n b d"], b: Float[np.ndarray, "n b d"]) -> Float[np.ndarray, "n b b"]:
@@ -112,14 +116,15 @@ class _State:
             return float(np.trace(self.C))
         if self.criterion == "D":
             return float(np.linalg.slogdet(self.C)[1])
-        return self._spectral(self.information)
+        return float(self._spectral(self.information[None])[0])
 
-    def _spectral(self, information: Float[np.ndarray, "d d"]) -> float:
+    def _spectral(self, information: Float[np.ndarray, "n d d"]) -> Float[np.ndarray, " n"]:
         s = np.sqrt(np.maximum(np.linalg.eigvalsh(information), 0.0))
         if self.criterion == "E":
             # ties at nil are broken by what is there already, so that a greedy start knows where to go
-            return -float(s[0] + 1e-6 * np.sum(np.minimum(s, 1.0)))
-        return -float(getattr(observability(np.maximum(s, 1e-9), max(self.size, 1)), self.criterion))
+            return -(s[:, 0] + 1e-6 * np.minimum(s, 1.0).sum(axis=1))
+        poses, s = max(self.size, 1), np.maximum(s, 1e-9)
+        return -np.array([getattr(observability(row, poses), self.criterion) for row in s])
 
     def gains(self, among: Int[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
         """How much each of some candidates would improve the criterion, or D for a criterion of the spectrum."""
@@ -147,9 +152,8 @@ class _State:
         if self.criterion in ("task", "A", "D"):
             return int(among[int(np.argmax(gain))])
         listed = among[np.argsort(-gain, kind="stable")[:SHORTLIST]]
-        rows = self.candidates.rows
-        values = [self._spectral(self.information + rows[i].T @ rows[i]) for i in listed]
-        return int(listed[int(np.argmin(values))])
+        rows = self.candidates.rows[listed]
+        return int(listed[int(np.argmin(self._spectral(self.information + np.swapaxes(rows, 1, 2) @ rows)))])
 
 
 def choose(
@@ -170,20 +174,44 @@ def choose(
         progress: told what is being done.
     """
     n = len(candidates.rows)
+    count = min(count, n)
     state = _State(candidates, criterion)
-    free = np.ones(n, dtype=bool)
+    chosen, greedy = _start_greedily(state, count)
+    progress("exchange")
+    value, exchanges = _exchange(state, chosen, sweeps)
+    rng = np.random.default_rng(0)
+    for _ in range(min(STARTS, EFFORT // max(n * count, 1)) if count < n else 0):
+        state = _State(candidates, criterion)
+        other = [int(i) for i in rng.permutation(n)[:count]]
+        for i in other:
+            state.change(i, 1.0)
+        trial, made = _exchange(state, other, sweeps)
+        if trial < value - 1e-9 * abs(value):
+            value, exchanges, chosen = trial, made, other
+    return Choice(chosen=np.array(chosen, dtype=np.int64), greedy=greedy, value=value, exchanges=exchanges)
+
+
+def _start_greedily(state: _State, count: int) -> tuple[list[int], Float[np.ndarray, " count"]]:
+    """One candidate after another, always the best; and the task error after each."""
+    free = np.ones(len(state.candidates.rows), dtype=bool)
     chosen: list[int] = []
-    greedy: list[float] = []
-    pool = np.arange(n)
-    for step in range(min(count, n)):
+    errors: list[float] = []
+    pool = np.flatnonzero(free)
+    for step in range(count):
         if step % RENEWED == 0:
             pool = state.pool(free)
         i = state.best(pool[free[pool]])
         state.change(i, 1.0)
         free[i] = False
         chosen.append(i)
-        greedy.append(state.task_error())
-    progress("exchange")
+        errors.append(state.task_error())
+    return chosen, np.array(errors)
+
+
+def _exchange(state: _State, chosen: list[int], sweeps: int) -> tuple[float, int]:
+    """Exchange each of the chosen in turn, in place, until that helps no more; the criterion then, and how many it were."""
+    free = np.ones(len(state.candidates.rows), dtype=bool)
+    free[chosen] = False
     value, exchanges = state.value(), 0
     for _ in range(sweeps):
         before = value
@@ -203,4 +231,4 @@ def choose(
             free[new] = False
         if not value < before - 1e-4 * abs(before):
             break
-    return Choice(chosen=np.array(chosen, dtype=np.int64), greedy=np.array(greedy), value=value, exchanges=exchanges)
+    return value, exchanges
