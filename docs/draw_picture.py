@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 
 from taskcal.adaptation.procedure import ONE, run_procedure
-from taskcal.cli.demo import ROBOT, predict_new_poses
+from taskcal.cli.demo import ROBOT
 from taskcal.presentation.prediction_figures import draw_error_over_angle
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -25,7 +25,7 @@ def main() -> None:
     browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
     if browser is None:
         sys.exit(f"no browser found to photograph the figure; install one of {', '.join(BROWSERS)}")
-    predictions = list(predict_new_poses(run_procedure(ErrorModel(load_robot(ROBOT)))))
+    predictions = run_procedure(ErrorModel(load_robot(ROBOT))).predictions
     shown = [p for p in predictions if p.model.startswith("all")]
     shown += [p for p in predictions if p.campaign == ONE and p.model.endswith("damped, no prior")]
     figure = draw_error_over_angle(shown)

@@ -5,6 +5,7 @@ import plotly.graph_objects as go
 import pytest
 from scipy.stats import chi2
 
+from taskcal.adaptation.predictions import Predictions
 from taskcal.adaptation.procedure import SEVERAL, Procedure
 from taskcal.presentation.fit_figures import draw_parameters, draw_residuals
 from taskcal.presentation.model_figures import draw_sensitivities, draw_singular_values
@@ -14,7 +15,6 @@ from taskcal.presentation.prediction_figures import (
     draw_held_out,
     draw_workspace,
 )
-from taskcal.presentation.predictions import Predictions
 
 
 def axis_titles(figure: go.Figure) -> str:
@@ -30,6 +30,7 @@ def predictions_of(covariance: np.ndarray, error: np.ndarray, where: str = "same
         campaign=SEVERAL,
         model="all 45, prior",
         where=where,
+        q=np.zeros((len(error), 6)),
         position=np.linspace(0.0, 1.0, 3 * n).reshape(n, 3),
         angle=np.linspace(0.0, 0.5, n),
         error=error,

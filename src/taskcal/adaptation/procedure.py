@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.adaptation.predictions import Predictions
 from taskcal.analysis.elimination_table import EliminationTable, published_kept, tabulate_elimination
 from taskcal.analysis.sensitivity import Sensitivity, sensitivity
 from taskcal.geometry import se3
@@ -27,6 +28,7 @@ from taskcal.task.workspace import Orientation, Workspace
 
 ONE, SEVERAL = "one orientation", "±20°"
 SPREAD = np.radians(20.0)
+INSIDE, OUTSIDE = "same orientations", "turned farther"
 
 Progress = Callable[[str], None]
 
@@ -90,6 +92,8 @@ class Procedure:
     campaigns: Mapping[str, Campaign]
     truth: Truth
     fits: tuple[Fitted, ...]
+    predictions: tuple[Predictions, ...]
+    """Every fit on the new poses, in the order of the fits: inside the measured orientations, then outside."""
     seed: int
 
 
@@ -119,10 +123,16 @@ def run_procedure(
     new = {label: reach_task(model, task, held_out, seed=seed + 1).q for label, task in tasks.items()}
     far = reach_task(model, reference_task(2.0 * SPREAD), held_out, seed=seed + 1).q
     fits: list[Fitted] = []
+    predictions: list[Predictions] = []
     for label, (campaign, _) in simulated.items():
         for name, options in _models(model, elimination, label).items():
             progress(f"identification in {label}: {name}")
             calibration = identify(model, campaign, **options)
+            inside, outside = (
+                _predict(label, name, where, calibration, truth, q)
+                for where, q in ((INSIDE, new[label]), (OUTSIDE, far))
+            )
+            predictions += [inside, outside]
             fits.append(
                 Fitted(
                     campaign=label,
@@ -130,8 +140,8 @@ def run_procedure(
                     parameters=len(calibration.kept),
                     calibration=calibration,
                     residual=_errors(calibration.residuals[:, 0], calibration),
-                    inside=_prediction_errors(calibration, truth, new[label]),
-                    outside=_prediction_errors(calibration, truth, far),
+                    inside=_errors(inside.error, calibration),
+                    outside=_errors(outside.error, calibration),
                 )
             )
     return Procedure(
@@ -143,6 +153,7 @@ def run_procedure(
         campaigns={label: campaign for label, (campaign, _) in simulated.items()},
         truth=truth,
         fits=tuple(fits),
+        predictions=tuple(predictions),
         seed=seed,
     )
 
@@ -160,8 +171,23 @@ def _models(model: ErrorModel, elimination: EliminationTable, label: str) -> dic
     }
 
 
-def _prediction_errors(calibration: Calibration, truth: Truth, q: Float[np.ndarray, "n joints"]) -> Errors:
-    return _errors(truth.points(q)[:, 0] - calibration.predict(q)[:, 0], calibration)
+def _predict(
+    campaign: str, model: str, where: str, calibration: Calibration, truth: Truth, q: Float[np.ndarray, "n joints"]
+) -> Predictions:
+    """A fit on new poses, their tools' rotations counted from the single measured orientation."""
+    workspace = reference_task().workspace
+    assert workspace is not None
+    T = truth.model.poses(q)
+    return Predictions(
+        campaign=campaign,
+        model=model,
+        where=where,
+        q=q,
+        position=T[:, :3, 3],
+        angle=np.linalg.norm(se3.log(workspace.middle()[0, :3, :3].T @ T[:, :3, :3]), axis=1),
+        error=truth.points(q)[:, 0] - calibration.predict(q)[:, 0],
+        covariance=calibration.predict_covariance(q)[:, 0],
+    )
 
 
 def _errors(in_tracker: Float[np.ndarray, "n 3"], calibration: Calibration) -> Errors:

@@ -36,6 +36,10 @@ class Sensitivity:
         """Root mean square influence in space over the poses."""
         return self._weighted(np.sqrt((self.matrix**2).sum(axis=1).mean(axis=0)), scaled)
 
+    def rms_per_axis(self, *, scaled: bool = False) -> Float[np.ndarray, "3 p"]:
+        """Root mean square influence on X, Y and Z over the poses."""
+        return self._weighted(np.sqrt((self.matrix**2).mean(axis=0)), scaled)
+
     def _weighted(self, values: np.ndarray, scaled: bool) -> np.ndarray:
         return values * self.model.tolerances if scaled else values
 

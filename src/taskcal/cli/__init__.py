@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from taskcal.cli import doctor, identify, robots, select, sensitivity, simulate, validate, warm
+from taskcal.cli import doctor, identify, plan, report, robots, select, sensitivity, simulate, study, validate, warm
 from taskcal.cli.output import complain
 from taskcal.errors import TaskcalError
 
@@ -76,9 +76,12 @@ def run_demo(context: typer.Context) -> None:
 app.add_typer(robots.app, name="robots")
 app.command("sensitivity")(sensitivity.command)
 app.command("select")(select.command)
+app.command("plan")(plan.command)
+app.command("study")(study.command)
 app.command("simulate")(simulate.command)
 app.command("identify")(identify.command)
 app.command("validate")(validate.command)
+app.command("report")(report.command)
 app.command("warm")(warm.command)
 app.command("doctor")(doctor.command)
 

@@ -11,6 +11,7 @@ from taskcal.cli.robot_sheet import placement
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
+from taskcal.presentation.seen import seen_parameters
 
 CORRELATIONS = 6
 """How many of the largest correlations are named."""
@@ -65,6 +66,7 @@ def report(
 
 def _parameters(calibration: Calibration) -> list[dict[str, Any]]:
     out: list[dict[str, Any]] = []
+    seen = seen_parameters(calibration)
     for i in calibration.layout.kept:
         p = calibration.model.parameters[i]
         unit = "mm" if p.unit == "m" else "mrad"
@@ -73,7 +75,7 @@ def _parameters(calibration: Calibration) -> list[dict[str, Any]]:
             f"standard_error_{unit}": float(calibration.standard_errors[i]) * 1e3,
             f"tolerance_{unit}": p.tolerance * 1e3,
         }
-        out.append({"name": p.name, "symbol": p.symbol, "unit": unit, **values})
+        out.append({"name": p.name, "symbol": p.symbol, "unit": unit, **values, "seen": seen[p.name]})
     return out
 
 
@@ -97,10 +99,12 @@ def show(result: Mapping[str, Any]) -> None:
             _signed(p["estimate_" + p["unit"]]),
             f"{p['standard_error_' + p['unit']]:.4f}",
             p["unit"],
+            "not seen" if p["seen"] is False else "",
         )
         for p in result["parameters"]
     ]
-    show_table("Parameters", ("parameter", "symbol", "estimate", "± 1σ", "unit"), rows, left=(0, 1, 4))
+    if rows:
+        show_table("Parameters", ("parameter", "symbol", "estimate", "± 1σ", "unit", ""), rows, left=(0, 1, 4, 5))
     show_errors(f"Position error of {result['robot']}: axes of the robot's base, then in space", summaries)
     if result["outliers"]:
         header = ("row", "id", "target", "residual mm", "over its 1σ")
@@ -126,6 +130,11 @@ def _facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         unsure = "" if target["located"] else "; the poses do not locate it: taken at the tool point"
         facts.append((f"target {name}", f"at {_point(target)} of the tool frame{unsure}"))
     ended = f"{result['reason']}; {result['iterations']} iterations in the last of {result['rounds']} rounds"
+    unseen = sum(p["seen"] is False for p in result["parameters"])
+    if unseen:
+        facts.insert(
+            0, ("not seen", f"{unseen} parameters: the data say nothing of them, their 1σ is that of the prior")
+        )
     facts += [("ended", ended), ("calibration", f"wrote {result['calibration']}")]
     return facts
 

@@ -6,12 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskcal.cli.options import JsonOption, SeedOption
+from taskcal.cli.output import started_as
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from taskcal.adaptation.procedure import Errors, Procedure
-    from taskcal.presentation.predictions import Predictions
 
 ROBOT = "abb-irb6660-205-1.9"
 HELD_OUT = 400
@@ -34,10 +32,8 @@ def demo(
     and errors on new poses; in one tool orientation and in several.
     Needs no file. Leaves a page with figures, and its data, in a folder.
     """
-    from rich.console import Console
-
     from taskcal.adaptation.procedure import run_procedure
-    from taskcal.cli.output import announce_compilation, console, write_json
+    from taskcal.cli.output import announce_compilation, console, working, write_json
     from taskcal.errors import FileError
     from taskcal.files import write_whole
     from taskcal.identification.calibration import package_version
@@ -51,58 +47,23 @@ def demo(
         message = f"no folder can be made here: {error.strerror or error}; name another with --output"
         raise FileError(output, message) from error
     announce_compilation()
-    with Console(stderr=True).status("starting") as status:
+    with working("starting") as say:
         model = ErrorModel(load_robot(ROBOT))
-        procedure = run_procedure(
-            model, count=count, seed=seed, held_out=HELD_OUT, progress=lambda step: status.update(f"{step} …")
-        )
-        status.update("uncertainty of the predictions …")
-        predictions = list(predict_new_poses(procedure))
-        status.update("figures and page …")
+        procedure = run_procedure(model, count=count, seed=seed, held_out=HELD_OUT, progress=say)
+        say("figures and page")
         page = output / "report.html"
         files = _write_data(procedure, output)
         commands = _next_steps(output, files)
-        html = procedure_html(procedure, predictions, next_steps=commands, version=package_version())
+        html = procedure_html(procedure, next_steps=commands, version=package_version())
         write_whole(page, html)
     files = {"page": page, **files}
     if as_json:
-        write_json(_as_json(procedure, predictions, files))
+        write_json(_as_json(procedure, files))
         return
     out = console()
     _show(out, procedure)
     out.print(f"The page with all tables and figures: {page}", soft_wrap=True)
     out.print("\nGo on:\n" + commands, soft_wrap=True)
-
-
-def predict_new_poses(procedure: "Procedure") -> "Iterator[Predictions]":
-    """Every fit on the new poses that the procedure compares its models on."""
-    import numpy as np
-
-    from taskcal.adaptation.procedure import ONE, SEVERAL, SPREAD, reference_task
-    from taskcal.geometry import se3
-    from taskcal.presentation.predictions import Predictions
-    from taskcal.task.task import reach_task
-
-    def reach(spread: float) -> np.ndarray:
-        return reach_task(procedure.model, reference_task(spread), HELD_OUT, seed=procedure.seed + 1).q
-
-    inside = {ONE: reach(0.0), SEVERAL: reach(SPREAD)}
-    outside = reach(2.0 * SPREAD)
-    workspace = reference_task().workspace
-    assert workspace is not None
-    middle = workspace.middle()[0, :3, :3]
-    for fit in procedure.fits:
-        for where, q in (("same orientations", inside[fit.campaign]), ("turned farther", outside)):
-            T = procedure.model.poses(q)
-            yield Predictions(
-                campaign=fit.campaign,
-                model=fit.model,
-                where=where,
-                position=T[:, :3, 3],
-                angle=np.linalg.norm(se3.log(middle.T @ T[:, :3, :3]), axis=1),
-                error=procedure.truth.points(q)[:, 0] - fit.calibration.predict(q)[:, 0],
-                covariance=fit.calibration.predict_covariance(q)[:, 0],
-            )
 
 
 def _write_data(procedure: "Procedure", folder: Path) -> dict[str, Path]:
@@ -126,14 +87,15 @@ def _next_steps(folder: Path, files: dict[str, Path]) -> str:
     from taskcal.adaptation.procedure import ONE, SEVERAL
 
     one, several = files[f"campaign {ONE}"], files[f"campaign {SEVERAL}"]
+    taskcal = started_as()
     return "\n".join(
         (
             "  # the demonstration's own measurements, 30 % of them kept aside to check",
-            f"  taskcal identify --robot {ROBOT} {several} -o {folder / 'cal.json'} --holdout 0.3",
-            f"  taskcal validate {folder / 'cal.json'} {one}",
+            f"  {taskcal} identify --robot {ROBOT} {several} -o {folder / 'cal.json'} --holdout 0.3",
+            f"  {taskcal} validate {folder / 'cal.json'} {one}",
             "  # your robot: one of the catalogue, or a table of its dimensions; joints and tracker points as CSV",
-            "  taskcal robots",
-            "  taskcal identify --robot ROBOT CAMPAIGN.csv -o CAL.json --holdout 0.3",
+            f"  {taskcal} robots",
+            f"  {taskcal} identify --robot ROBOT CAMPAIGN.csv -o CAL.json --holdout 0.3",
         )
     )
 
@@ -166,10 +128,10 @@ def _show(out: Any, procedure: "Procedure") -> None:
     out.print()
 
 
-def _as_json(procedure: "Procedure", predictions: "list[Predictions]", files: dict[str, Path]) -> dict[str, Any]:
+def _as_json(procedure: "Procedure", files: dict[str, Path]) -> dict[str, Any]:
     mechanism, elimination = procedure.mechanism, procedure.elimination
     scaled = {label: found.maximum(scaled=True) * 1e6 for label, found in procedure.sensitivities.items()}
-    covered = {(p.campaign, p.model, p.where): p.share_inside(0.95) for p in predictions}
+    covered = {(p.campaign, p.model, p.where): p.share_inside(0.95) for p in procedure.predictions}
     return {
         "robot": procedure.model.robot.name,
         "seed": procedure.seed,

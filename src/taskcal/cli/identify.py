@@ -58,7 +58,7 @@ def command(
             "--keep",
             metavar="NAME,…",
             help="Parameters to fit, by name or symbol, or frames such as J2 or tool; 'published' for the choice of the "
-            "robot's publication. All by default.",
+            "robot's publication, 'none' for tracker frame and targets alone. All by default.",
         ),
     ] = None,
     prior: Annotated[PriorChoice, typer.Option("--prior", help="Prior of the parameters.")] = PriorChoice.tolerances,
@@ -162,11 +162,13 @@ def _divide(
 
 
 def _kept(model: "ErrorModel", names: list[str] | None) -> list[str] | None:
-    """Parameters to fit; ``published`` stands for a publication's choice.
+    """Parameters to fit; ``published`` stands for a publication's choice, ``none`` for the frames alone.
 
     Raises:
         TaskcalError: nothing is published of the robot.
     """
+    if names == ["none"]:
+        return []
     if names != ["published"]:
         return names
     from taskcal.analysis.elimination_table import published_kept

@@ -14,6 +14,10 @@ CountOption = Annotated[
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, metavar="N", help="Seed of everything random.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON, alone on standard output.")]
+ReportOption = Annotated[
+    Path | None,
+    typer.Option("--report", metavar="REPORT.html", readable=False, help="Write a page with figures here."),
+]
 TargetsOption = Annotated[
     str | None,
     typer.Option("--targets", metavar="NAME,…", help="Targets to use; all that are not nests by default."),

@@ -3,8 +3,11 @@
 import json
 import math
 import os
+import shlex
+import shutil
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,12 +27,32 @@ def note(message: str) -> None:
     print(message, file=sys.stderr, flush=True)
 
 
+def started_as() -> str:
+    """How to call the command line again: as it was called, or by its bare name where the shell finds it."""
+    name = Path(sys.argv[0]).stem if sys.argv and sys.argv[0] else ""
+    if name != "taskcal":
+        return "taskcal"
+    found = shutil.which("taskcal")
+    if found is not None and Path(found).exists() and Path(sys.argv[0]).exists() and Path(found).samefile(sys.argv[0]):
+        return "taskcal"
+    return shlex.quote(sys.argv[0])
+
+
 def announce_compilation() -> None:
     """Say why the first run takes its time, if it will."""
     from taskcal.geometry.compiled import is_warm
 
     if not is_warm():
         note("compiling kernels, once: about 6 seconds")
+
+
+@contextmanager
+def working(step: str) -> Generator[Callable[[str], None], None, None]:
+    """A line on standard error that says what is being done, where that is a terminal; yields how to change it."""
+    from rich.console import Console
+
+    with Console(stderr=True).status(f"{step} …") as status:
+        yield lambda text: status.update(f"{text} …")
 
 
 def check_destination(path: Path, inputs: Iterable[Path] = ()) -> None:
@@ -82,14 +105,18 @@ def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]],
     """Print a table; columns are flush right but for those in `left`."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
+    from rich.text import Text
 
     flush_left = set(left)
-    table = Table(title=title or None, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, title_style="bold")
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
     for i, name in enumerate(header):
         table.add_column(name, justify="left" if i in flush_left else "right", overflow="fold")
     for row in rows:
         table.add_row(*row)
-    console().print(table)
+    out = console()
+    if title:  # above the table, not in it: it may be the wider of the two
+        out.print(Text(title, style="bold"))
+    out.print(table)
 
 
 def show_facts(facts: Iterable[tuple[str, str]]) -> None:

@@ -2,12 +2,26 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.options import JsonOption, RobotOption, SeedOption, TaskOption
-from taskcal.cli.output import announce_compilation, note, show_facts, show_table, write_json
+from taskcal.cli.options import JsonOption, ReportOption, RobotOption, SeedOption, TaskOption
+from taskcal.cli.output import (
+    announce_compilation,
+    check_destination,
+    note,
+    show_facts,
+    show_table,
+    working,
+    write_json,
+)
+
+if TYPE_CHECKING:
+    from taskcal.adaptation.selection import Selection
+    from taskcal.measurement.campaign import Campaign
+    from taskcal.robot.error_model import ErrorModel
+    from taskcal.task.task import Task
 
 
 def command(
@@ -31,12 +45,16 @@ def command(
         ),
     ] = None,
     seed: SeedOption = 0,
+    report: ReportOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Choose the smallest set of parameters that serves a task."""
     if accuracy is not None and not 0 < accuracy < float("inf"):
         raise typer.BadParameter(f"{accuracy:g} is not above zero", param_hint="--accuracy")
+    if report is not None:
+        check_destination(report, [path for path in (task, campaign) if path is not None])
     from taskcal.adaptation.selection import select
+    from taskcal.files import write_whole
     from taskcal.measurement.reader import read_campaign
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
@@ -47,11 +65,39 @@ def command(
     announce_compilation()
     if measured is not None:
         note(f"cross-validating {len(model) + 1} sizes of the model on {len(measured)} rows")
-    result = select(model, asked, measured, None if accuracy is None else accuracy * 1e-3, seed=seed).to_json()
+    wanted = None if accuracy is None else accuracy * 1e-3
+    found = select(model, asked, measured, wanted, seed=seed)
+    result = found.to_json()
+    if report is not None:
+        with working("maps over the task"):
+            write_whole(report, _page(model, asked, measured, found, wanted, seed))
+        result["report"] = report
     if as_json:
         write_json(result)
     else:
         _show(model, result)
+
+
+def _page(
+    model: "ErrorModel",
+    task: "Task",
+    measured: "Campaign | None",
+    found: "Selection",
+    accuracy: float | None,
+    seed: int,
+) -> str:
+    from taskcal.analysis.sensitivity import sensitivity
+    from taskcal.cli.task_maps import assume_design, map_task
+    from taskcal.identification.calibration import package_version
+    from taskcal.presentation.selection_report import selection_html
+    from taskcal.task.task import reach_task
+
+    maps = map_task(model, task, assume_design(model, task, measured, seed), found.kept, seed)
+    assumed = "60 poses assumed in the task" if task.workspace is not None else "the task's own poses"
+    poses = assumed if measured is None else f"the {len(measured)} rows of {measured.source}"
+    effects = sensitivity(model, reach_task(model, task, seed=seed).q)
+    version = package_version()
+    return selection_html(model, task, found, effects, maps, accuracy=accuracy, measured=poses, version=version)
 
 
 def _show(model: Any, result: Mapping[str, Any]) -> None:
@@ -82,4 +128,6 @@ def _show(model: Any, result: Mapping[str, Any]) -> None:
     ]
     if result["unreachable"]:
         facts.append(("out of reach", f"{result['unreachable']:.1%} of the task's poses"))
+    if "report" in result:
+        facts.append(("report", f"wrote {result['report']}"))
     show_facts(facts)

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.options import CountOption, JsonOption, RobotOption, SeedOption
-from taskcal.cli.output import announce_compilation, check_destination, show_facts, show_table, write_json
+from taskcal.cli.options import CountOption, JsonOption, ReportOption, RobotOption, SeedOption
+from taskcal.cli.output import announce_compilation, check_destination, show_facts, show_table, working, write_json
 
 if TYPE_CHECKING:
     from taskcal.analysis.elimination_table import EliminationTable
     from taskcal.analysis.sensitivity import Sensitivity
+    from taskcal.robot.error_model import ErrorModel
 
 
 class Order(StrEnum):
@@ -41,13 +42,17 @@ def command(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE.csv", readable=False, help="Write the table here.")
     ] = None,
+    report: ReportOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Influence of each parameter on the tool point, and which parameters the poses can tell apart."""
     if (task is None) == (campaign is None):
         raise typer.BadParameter("give exactly one of them, to say at which poses", param_hint="--task / --campaign")
-    if output is not None:
-        check_destination(output, [path for path in (task, campaign) if path is not None])
+    for destination in (output, report):
+        if destination is not None:
+            check_destination(destination, [path for path in (task, campaign) if path is not None])
+    if report is not None and output is not None and report.resolve() == output.resolve():
+        raise typer.BadParameter("table and report cannot be one file", param_hint="--report / --output")
     from taskcal.analysis.elimination_table import tabulate_elimination
     from taskcal.analysis.sensitivity import sensitivity
     from taskcal.cli.task_poses import read_and_reach
@@ -73,12 +78,35 @@ def command(
     if output is not None:
         frame = found.to_frame().set_index("parameter").loc[[p["name"] for p in result["parameters"]]].reset_index()
         write_whole(output, frame.to_csv(index=False))
+    if report is not None:
+        with working("maps over the task"):
+            write_whole(report, _page(model, found, elimination, task, seed))
+        result["report"] = report
     if as_json:
         write_json(result)
         return
     _show(result)
-    if output is not None:
-        print(f"wrote {output}")
+    for written in (output, report):
+        if written is not None:
+            print(f"wrote {written}")
+
+
+def _page(
+    model: "ErrorModel", found: "Sensitivity", elimination: "EliminationTable", task: Path | None, seed: int
+) -> str:
+    from taskcal.identification.calibration import package_version
+    from taskcal.presentation.sensitivity_report import sensitivity_html
+
+    poses = f"{len(found.matrix)} poses of a campaign"
+    maps = None
+    if task is not None:
+        from taskcal.cli.task_maps import assume_design, map_task
+        from taskcal.task.task import load_task
+
+        asked = load_task(task)
+        poses = f"{len(found.matrix)} poses of {asked.name}"
+        maps = map_task(model, asked, assume_design(model, asked, None, seed), seed=seed)
+    return sensitivity_html(found, elimination, maps, poses=poses, version=package_version())
 
 
 def _result(found: "Sensitivity", table: "EliminationTable", unreachable: float) -> dict[str, Any]:
@@ -89,6 +117,8 @@ def _result(found: "Sensitivity", table: "EliminationTable", unreachable: float)
     model, elimination = found.model, table.eliminations["poses"]
     raw, scaled = found.maximum(), found.maximum(scaled=True) * 1e6
     space, scaled_space = found.maximum_in_space(), found.maximum_in_space(scaled=True) * 1e6
+    rms, scaled_rms = found.rms_per_axis(), found.rms_per_axis(scaled=True) * 1e6
+    rms_space, scaled_rms_space = found.rms(), found.rms(scaled=True) * 1e6
     parameters = [
         {
             "name": p.name,
@@ -96,10 +126,14 @@ def _result(found: "Sensitivity", table: "EliminationTable", unreachable: float)
             "unit": "mm/mm" if p.unit == "m" else "mm/mrad",
             **{f"max_{axis}": float(raw[k, i]) for k, axis in enumerate("xyz")},
             "max_space": float(space[i]),
+            **{f"rms_{axis}": float(rms[k, i]) for k, axis in enumerate("xyz")},
+            "rms_space": float(rms_space[i]),
             "tolerance": p.tolerance * 1e3,
             "tolerance_scaled_um": {
                 **{axis: float(scaled[k, i]) for k, axis in enumerate("xyz")},
                 "space": float(scaled_space[i]),
+                **{f"rms_{axis}": float(scaled_rms[k, i]) for k, axis in enumerate("xyz")},
+                "rms_space": float(scaled_rms_space[i]),
             },
         }
         for i, p in enumerate(model.parameters)

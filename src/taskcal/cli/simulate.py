@@ -1,16 +1,12 @@
 """``taskcal simulate``: a campaign of the virtual cell."""
 
-import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from taskcal.cli.options import CountOption, JsonOption, RobotOption, SeedOption, TaskOption
-from taskcal.cli.output import announce_compilation, check_destination, plain, write_json
-
-if TYPE_CHECKING:
-    from taskcal.measurement.virtual_cell import Truth
+from taskcal.cli.output import announce_compilation, check_destination, write_json
 
 REFLECTORS_MM = {"smr1": (60.0, 10.0, -20.0), "smr2": (-45.0, 55.0, 15.0), "smr3": (-20.0, -70.0, 35.0)}
 """Three reflectors about the tool point, in the tool frame, not on a line and no two alike."""
@@ -33,54 +29,70 @@ def command(
             help="Write the true defects, tracker frame and targets here.",
         ),
     ] = None,
-    targets: Annotated[int, typer.Option("--targets", metavar="1|3", help="Reflectors on the tool.")] = 1,
+    truth_from: Annotated[
+        Path | None,
+        typer.Option(
+            "--truth-from",
+            metavar="TRUTH.json",
+            readable=False,
+            help="Measure the robot of this truth again, its tracker frame and targets; another --seed for other noise.",
+        ),
+    ] = None,
+    targets: Annotated[
+        int | None, typer.Option("--targets", metavar="1|3", help="Reflectors on the tool; 1 by default.")
+    ] = None,
     pose: Annotated[bool, typer.Option("--pose", help="Measure poses instead of points.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Measure a virtual robot: defects drawn from its tolerances, a laser tracker with its noise."""
-    if targets not in (1, 3):
+    if targets is not None and truth_from is not None:
+        raise typer.BadParameter("the truth has its own targets", param_hint="--targets / --truth-from")
+    if targets not in (None, 1, 3):
         raise typer.BadParameter(f"{targets} reflectors are not offered; choose 1 or 3", param_hint="--targets")
-    if pose and targets != 1:
+    if pose and targets not in (None, 1):
         raise typer.BadParameter("a measured pose has one target; leave out --targets", param_hint="--pose / --targets")
     for path in (output, truth):
         if path is not None:
-            check_destination(path, [task])
+            check_destination(path, [task] if truth_from is None else [task, truth_from])
     if truth is not None and truth.resolve() == output.resolve():
         raise typer.BadParameter("campaign and truth cannot be one file", param_hint="--truth / --output")
     import numpy as np
 
     from taskcal.cli.task_poses import read_and_reach
-    from taskcal.files import write_whole
+    from taskcal.cli.truth_file import read_truth, write_truth
     from taskcal.measurement.virtual_cell import simulate
     from taskcal.measurement.writer import write_campaign
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
 
     model = ErrorModel(load_robot(robot))
+    known = None if truth_from is None else read_truth(truth_from, model)
     announce_compilation()
     poses = read_and_reach(model, task, count, seed)
-    reflectors = None if targets == 1 else {name: np.array(p) * 1e-3 for name, p in REFLECTORS_MM.items()}
-    campaign, made_from = simulate(model, poses.q, rng=np.random.default_rng(seed), targets=reflectors, pose=pose)
+    reflectors = {name: np.array(p) * 1e-3 for name, p in REFLECTORS_MM.items()} if targets == 3 else None
+    rng = np.random.default_rng(seed)
+    if known is None:
+        campaign, made_from = simulate(model, poses.q, rng=rng, targets=reflectors, pose=pose)
+    else:
+        campaign, made_from = simulate(
+            model, poses.q, rng=rng, pose=pose, x=known.x, targets=known.targets, T_tracker_base=known.T_tracker_base
+        )
     write_campaign(output, campaign, model.robot)
     if truth is not None:
-        write_whole(truth, _truth_json(made_from, campaign.targets))
+        write_truth(truth, made_from, campaign.targets)
     share = float(poses.unreachable.mean())
     if as_json:
-        result = {"campaign": output, "truth": truth, "robot": model.robot.name, "rows": len(campaign), "seed": seed}
+        result = {
+            "campaign": output,
+            "truth": truth,
+            "truth_from": truth_from,
+            "robot": model.robot.name,
+            "rows": len(campaign),
+            "seed": seed,
+        }
         write_json({**result, "targets": campaign.targets, "pose": pose, "unreachable_share": share})
         return
     print(f"wrote {output}: {len(campaign)} rows of {model.robot.name}, targets {', '.join(campaign.targets)}")
     print(f"{share:.1%} of the task's poses are out of reach")
     if truth is not None:
         print(f"wrote {truth}: the defects, tracker frame and targets it was made from")
-
-
-def _truth_json(truth: "Truth", targets: tuple[str, ...]) -> str:
-    content = {
-        "robot": truth.model.robot.name,
-        "units": "metres and radians",
-        "x": dict(zip(truth.model.names, truth.x.tolist(), strict=True)),
-        "T_tracker_base": truth.T_tracker_base,
-        "targets": dict(zip(targets, truth.T_tool_target, strict=True)),
-    }
-    return json.dumps(plain(content), indent=1, allow_nan=False) + "\n"

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.adaptation.predictions import Predictions
 from taskcal.adaptation.procedure import ONE, SEVERAL, Fitted, Procedure
 from taskcal.analysis.elimination_table import published_kept
 from taskcal.presentation import procedure_tables as tables
@@ -17,16 +18,14 @@ from taskcal.presentation.prediction_figures import (
     draw_held_out,
     draw_workspace,
 )
-from taskcal.presentation.predictions import Predictions
 from taskcal.presentation.report import report_html
 
 
-def procedure_html(procedure: Procedure, predictions: Sequence[Predictions], *, next_steps: str, version: str) -> str:
+def procedure_html(procedure: Procedure, *, next_steps: str, version: str) -> str:
     """The page of a run of the procedure.
 
     Args:
         procedure: what was found.
-        predictions: of every fit, inside its measured orientations and outside.
         next_steps: commands to go on with.
         version: of the package, for the footer.
     """
@@ -37,8 +36,8 @@ def procedure_html(procedure: Procedure, predictions: Sequence[Predictions], *, 
         _sensitivity(procedure),
         _elimination(procedure),
         _identification(procedure),
-        _held_out(procedure, predictions),
-        _uncertainty(procedure, predictions),
+        _held_out(procedure),
+        _uncertainty(procedure),
         _parameters(procedure),
         Section(title="Your own robot", blocks=(Text((_OWN,)), Commands(next_steps))),
     ]
@@ -232,10 +231,12 @@ def _identification(procedure: Procedure) -> Section:
     )
 
 
-def _held_out(procedure: Procedure, predictions: Sequence[Predictions]) -> Section:
+def _held_out(procedure: Procedure) -> Section:
     kept = len(published_kept(procedure.model))
-    whole = [p for p in predictions if p.model.startswith("all")]
-    undamped = [p for p in predictions if p.model.startswith(f"published {kept}, damped") and p.campaign == ONE]
+    whole = [p for p in procedure.predictions if p.model.startswith("all")]
+    undamped = [
+        p for p in procedure.predictions if p.model.startswith(f"published {kept}, damped") and p.campaign == ONE
+    ]
     base = {label: found.T[:, :3, 3] for label, found in procedure.poses.items()}
     return Section(
         title="Errors on poses that were not measured",
@@ -274,13 +275,13 @@ def _held_out(procedure: Procedure, predictions: Sequence[Predictions]) -> Secti
     )
 
 
-def _uncertainty(procedure: Procedure, predictions: Sequence[Predictions]) -> Section:
+def _uncertainty(procedure: Procedure) -> Section:
     kept = len(published_kept(procedure.model))
-    chosen = [p for p in predictions if p.model.startswith("all")]
+    chosen = [p for p in procedure.predictions if p.model.startswith("all")]
     far = next(p for p in chosen if p.campaign == ONE and "farther" in p.where)
     undamped = [
         p
-        for p in predictions
+        for p in procedure.predictions
         if p.model.startswith(f"published {kept}, damped") and p.campaign == ONE and "farther" in p.where
     ]
     rows = [

@@ -1,4 +1,4 @@
-"""Predictions of new poses beside what was true there: the data that prediction figures draw."""
+"""Predictions of new poses beside what was true there."""
 
 from dataclasses import dataclass
 
@@ -17,6 +17,8 @@ class Predictions:
     """Which parameters were identified, and how."""
     where: str
     """Which new poses these are."""
+    q: Float[np.ndarray, "n joints"]
+    """Of the new poses, radians."""
     position: Float[np.ndarray, "n 3"]
     """Nominal tool points in the base, metres."""
     angle: Float[np.ndarray, " n"]

@@ -1,0 +1,213 @@
+"""``taskcal plan``: which poses to measure."""
+
+from collections.abc import Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from taskcal.cli.options import JsonOption, ReportOption, RobotOption, SeedOption, TaskOption
+from taskcal.cli.output import announce_compilation, check_destination, show_facts, show_table, working, write_json
+
+if TYPE_CHECKING:
+    from taskcal.adaptation.plan import Plan
+    from taskcal.measurement.station import Station
+    from taskcal.robot.error_model import ErrorModel
+    from taskcal.task.task import Task
+
+COUNTS = (5, 8, 10, 12, 15, 20, 25, 30, 40, 50, 60, 80, 100, 150, 200, 300, 500)
+"""Numbers of poses whose expected error is printed."""
+
+
+class CriterionChoice(StrEnum):
+    """What a plan is good for."""
+
+    task = "task"
+    D = "D"
+    A = "A"
+    E = "E"
+    O1 = "O1"
+    O2 = "O2"
+    O3 = "O3"
+    O4 = "O4"
+    O5 = "O5"
+
+
+def command(
+    robot: RobotOption,
+    task: TaskOption,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="PLAN.csv", readable=False, help="Joint positions to measure.")
+    ],
+    count: Annotated[int, typer.Option("--count", "-n", min=1, metavar="N", help="Poses to measure.")] = 60,
+    seed: SeedOption = 0,
+    station: Annotated[
+        Path | None,
+        typer.Option(
+            "--station",
+            metavar="STATION.toml",
+            readable=False,
+            help="Tracker, reflectors and obstacles; without it one reflector at the tool point is always seen.",
+        ),
+    ] = None,
+    criterion: Annotated[
+        CriterionChoice,
+        typer.Option("--criterion", help="The expected error over the task, or one of the classical criteria."),
+    ] = CriterionChoice.task,
+    extend: Annotated[
+        Path | None,
+        typer.Option(
+            "--extend", metavar="CAMPAIGN.csv", readable=False, help="Measured already: choose what to add to it."
+        ),
+    ] = None,
+    candidates: Annotated[
+        int, typer.Option("--candidates", min=1, metavar="N", help="Poses to choose among.")
+    ] = 10_000,
+    model_error: Annotated[
+        float | None,
+        typer.Option("--model-error", metavar="MM", help="What geometry cannot explain (1σ per axis); 0 by default."),
+    ] = None,
+    report: ReportOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Choose the poses whose measurement makes a robot accurate over a task.
+
+    They are reached, clear of the robot itself and of obstacles, seen by the tracker,
+    and stand in the order in which to visit them.
+    """
+    if model_error is not None and not 0 <= model_error < float("inf"):
+        raise typer.BadParameter(f"{model_error:g} is not zero or above", param_hint="--model-error")
+    if extend is not None and model_error is not None:
+        raise typer.BadParameter("the campaign says how large it is", param_hint="--extend / --model-error")
+    for path in (output, report):
+        if path is not None:
+            check_destination(path, [p for p in (task, station, extend) if p is not None])
+    if report is not None and report.resolve() == output.resolve():
+        raise typer.BadParameter("plan and report cannot be one file", param_hint="--report / --output")
+    from taskcal.adaptation.plan import plan
+    from taskcal.files import write_whole
+    from taskcal.measurement.reader import read_campaign
+    from taskcal.measurement.station import load_station
+    from taskcal.measurement.writer import write_joints
+    from taskcal.robot.catalogue import load_robot
+    from taskcal.robot.error_model import ErrorModel
+    from taskcal.task.task import load_task
+
+    model, asked = ErrorModel(load_robot(robot)), load_task(task)
+    stands = None if station is None else load_station(station)
+    measured = None if extend is None else read_campaign(extend, model.robot)
+    announce_compilation()
+    with working("candidates") as say:
+        made = plan(
+            model,
+            asked,
+            count,
+            seed=seed,
+            station=stands,
+            criterion=criterion.value,
+            campaign=measured,
+            candidates=candidates,
+            model_error=(model_error or 0.0) * 1e-3,
+            progress=say,
+        )
+        _check(made, count)
+        write_joints(output, made.q, model.robot)
+        if report is not None:
+            say("page")
+            write_whole(report, _page(model, asked, made, seed))
+    result = {"plan": output, "robot": model.robot.name, **made.to_json(), **_seen(made, stands)}
+    result["measured_before"] = 0 if measured is None else len(measured)
+    if report is not None:
+        result["report"] = report
+    if as_json:
+        write_json(result)
+    else:
+        _show(result, asked)
+
+
+def _check(made: "Plan", count: int) -> None:
+    """See that the plan gives what was asked.
+
+    Raises:
+        ReachError: fewer poses can be measured than were asked for, or the task's accuracy is out of reach.
+    """
+    from taskcal.errors import ReachError
+
+    if len(made.q) < count:
+        lost = ", ".join(f"{number} {reason}" for reason, number in made.lost.items() if number)
+        raise ReachError(
+            f"only {made.candidates} candidate poses can be measured, {count} were asked for ({lost or 'none fell away'}); "
+            "give more --candidates, or ask for fewer poses"
+        )
+    if made.accuracy is not None and _poses_for(made) > made.candidates > 0:
+        raise ReachError(
+            f"the task's accuracy of {made.accuracy * 1e3:g} mm is out of reach: {count} poses are expected to leave "
+            f"{made.expected * 1e3:.4f} mm rms, and not even all {made.candidates} that can be measured would do; state an "
+            "accuracy that can be had, or leave it out of the task"
+        )
+
+
+def _poses_for(made: "Plan") -> float:
+    """Poses that the accuracy needs at least, if the error falls with the root of their number."""
+    assert made.accuracy is not None
+    return len(made.q) * (made.expected / made.accuracy) ** 2
+
+
+def _seen(made: "Plan", station: "Station | None") -> dict[str, Any]:
+    """Names of the reflectors seen at each pose, where a station says so."""
+    if station is None:
+        return {}
+    names = [reflector.name for reflector in station.reflectors]
+    return {"visible": [[name for name, seen in zip(names, row, strict=True) if seen] for row in made.visible]}
+
+
+def _page(model: "ErrorModel", task: "Task", made: "Plan", seed: int) -> str:
+    from taskcal.identification.calibration import package_version
+    from taskcal.presentation.plan_report import plan_html
+
+    return plan_html(model, task, made, seed=seed, version=package_version())
+
+
+def _show(result: Mapping[str, Any], task: "Task") -> None:
+    low, high = result["random_expected_error_range_mm"]
+    count = result["count"]
+    rows = [
+        ("this plan", f"{result['expected_error_mm']:.4f}", ""),
+        ("random poses", f"{result['random_expected_error_mm']:.4f}", f"{low:.4f} to {high:.4f}"),
+        ("poses spread evenly", f"{result['grid_expected_error_mm']:.4f}", ""),
+        ("nominal robot, frames found", f"{result['before_mm']:.4f}", ""),
+    ]
+    before = result["measured_before"]
+    added = f" added to {before}" if before else ""
+    title = f"Error to be expected over '{task.name}' from {count} poses{added}: rms in space, mm"
+    show_table(title, ("", "expected", "range of 20 plans"), rows)
+    by_count = result["by_count_mm"]
+    shown = sorted({n for n in COUNTS if n < count} | {count})
+    cells = [(str(n), f"{by_count[n - 1]:.4f}") for n in shown if by_count[n - 1] < result["before_mm"]]
+    show_table("After so many poses, chosen one by one", ("poses", "expected"), cells, left=())
+    facts = [("accuracy", _accuracy(result))]
+    lost = ", ".join(f"{number} {reason}" for reason, number in result["lost"].items() if number)
+    facts += [
+        ("candidates", f"{result['candidates']} can be measured; fell away: {lost or 'none'}"),
+        ("criterion", f"{result['criterion']}; {result['exchanges']} exchanges after the greedy start"),
+        ("plan", f"wrote {result['plan']}, in the order in which to visit the poses"),
+    ]
+    if "visible" in result:
+        seen = [len(names) for names in result["visible"]]
+        facts.insert(2, ("reflectors", f"{min(seen)} to {max(seen)} seen at each pose"))
+    if "report" in result:
+        facts.append(("report", f"wrote {result['report']}"))
+    show_facts(facts)
+
+
+def _accuracy(result: Mapping[str, Any]) -> str:
+    wanted = result["accuracy_mm"]
+    if wanted is None:
+        return "the task states none"
+    if result["poses_needed"] is not None:
+        return f"the {wanted:g} mm of the task are met by the first {result['poses_needed']} chosen"
+    if result["expected_error_mm"] <= wanted:
+        return f"the {wanted:g} mm of the task are met by the whole plan"
+    poses = result["count"] * (result["expected_error_mm"] / wanted) ** 2
+    return f"the {wanted:g} mm of the task are not met; some {poses:.0f} poses would be needed"

@@ -1,0 +1,200 @@
+"""``taskcal study``: what task error to expect, over many virtual robots."""
+
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, cast
+
+import typer
+
+from taskcal.cli.options import JsonOption, ReportOption, RobotOption, SeedOption, TaskOption, split_names
+from taskcal.cli.output import announce_compilation, check_destination, note, show_facts, show_table, write_json
+
+if TYPE_CHECKING:
+    from taskcal.adaptation.study import PlanKind, Study
+
+ENGINES = ("loky", "threading", "sequential")
+
+
+def command(
+    robot: RobotOption,
+    task: TaskOption,
+    robots: Annotated[int, typer.Option("--robots", min=1, metavar="N", help="Virtual robots to draw.")] = 200,
+    counts: Annotated[str, typer.Option("--counts", metavar="N,…", help="Numbers of measured poses.")] = "30,60",
+    plans: Annotated[
+        str, typer.Option("--plans", metavar="PLAN,…", help="How the poses are chosen: planned, random, grid.")
+    ] = "planned,random",
+    models: Annotated[
+        str,
+        typer.Option(
+            "--models", metavar="MODEL,…", help="What is identified: all, selected, published, published-damped."
+        ),
+    ] = "all",
+    engine: Annotated[
+        str, typer.Option("--engine", metavar="ENGINE", help="loky, threading, sequential, or dask:ADDRESS.")
+    ] = "loky",
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, metavar="N", help="Side by side; one per core by default.")
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(
+            "--resume",
+            metavar="FILE.json",
+            readable=False,
+            help="Keep what is done here; after an interruption the study goes on from it.",
+        ),
+    ] = None,
+    seed: SeedOption = 0,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="ROWS.csv", readable=False, help="Write every single result here."),
+    ] = None,
+    report: ReportOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """See what error to expect over a task, from many virtual robots.
+
+    Each is drawn from the tolerances, measured by every plan, identified with every model,
+    and compared with the truth.
+    """
+    numbers = _numbers(counts)
+    if engine not in ENGINES and not engine.startswith("dask:"):
+        raise typer.BadParameter(
+            f"'{engine}' is none; choose {', '.join(ENGINES)}, or dask:ADDRESS of a scheduler", param_hint="--engine"
+        )
+    written = {"--output": output, "--report": report, "--resume": resume}
+    places = [path for path in written.values() if path is not None]
+    for path in places:
+        check_destination(path, [task])
+    if len({path.resolve() for path in places}) < len(places):
+        raise typer.BadParameter("these cannot be one file", param_hint=" / ".join(written))
+    from taskcal.adaptation.study import MODELS, PLANS, study
+    from taskcal.files import write_whole
+    from taskcal.robot.catalogue import load_robot
+    from taskcal.robot.error_model import ErrorModel
+    from taskcal.task.task import load_task
+
+    kinds = cast("list[PlanKind]", _names(plans, "--plans", PLANS))
+    wanted = _names(models, "--models", MODELS)
+    model, asked = ErrorModel(load_robot(robot)), load_task(task)
+    announce_compilation()
+    with _progress(robots) as advance:
+        made = study(
+            model,
+            asked,
+            robots=robots,
+            counts=numbers,
+            plans=kinds,
+            models=wanted,
+            seed=seed,
+            engine=engine,
+            workers=-1 if workers is None else workers,
+            resume=resume,
+            progress=advance,
+        )
+    if output is not None:
+        write_whole(output, made.to_frame().to_csv(index=False))
+    if report is not None:
+        from taskcal.identification.calibration import package_version
+        from taskcal.presentation.study_report import study_html
+
+        write_whole(report, study_html(model, asked, made, version=package_version()))
+    result = _result(model.robot.name, asked.accuracy, made, output, report)
+    if as_json:
+        write_json(result)
+    else:
+        _show(result, asked.name)
+
+
+def _numbers(text: str) -> list[int]:
+    """Numbers of poses from a list with commas."""
+    names = split_names(text, "--counts") or []
+    for name in names:
+        if not (name.isascii() and name.isdigit() and int(name) > 0):
+            raise typer.BadParameter(f"'{name}' is no number of poses; write for example 30,60", param_hint="--counts")
+    return [int(name) for name in names]
+
+
+def _names(text: str, option: str, known: Sequence[str]) -> list[str]:
+    """Names from a list with commas, all among the known ones."""
+    from taskcal.errors import UnknownName
+
+    names = split_names(text, option) or []
+    for name in names:
+        if name not in known:
+            raise typer.BadParameter(str(UnknownName(option.strip("-").rstrip("s"), name, known)), param_hint=option)
+    return names
+
+
+@contextmanager
+def _progress(total: int) -> Generator[Callable[[int, int], None], None, None]:
+    """A bar on standard error; a line at each tenth where that is no terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    out = Console(stderr=True)
+    if not out.is_terminal:
+        said = [0]
+
+        def say(done: int, of: int) -> None:
+            if 10 * done // of > said[0] and done < of:
+                said[0] = 10 * done // of
+                note(f"{done} of {of} robots")
+
+        yield say
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=out, transient=True) as bar:
+        robots = bar.add_task("plans", total=total)
+
+        def advance(done: int, of: int) -> None:
+            bar.update(robots, completed=done, total=of, description="robots")
+
+        yield advance
+
+
+def _result(
+    robot: str, accuracy: float | None, made: "Study", output: Path | None, report: Path | None
+) -> dict[str, Any]:
+    lines = made.summary()
+    if accuracy is not None:
+        limit = accuracy * 1e3
+        for line in lines:
+            mine = [
+                row["rms_mm"]
+                for row in made.rows
+                if (row["plan"], row["count"], row["model"]) == (line["plan"], line["count"], line["model"])
+            ]
+            line["share_accurate"] = sum(value <= limit for value in mine) / len(mine)
+    files = {name: path for name, path in (("rows", output), ("report", report)) if path is not None}
+    return {
+        "robot": robot,
+        "robots": made.robots,
+        "seed": made.seed,
+        "accuracy_mm": None if accuracy is None else accuracy * 1e3,
+        "summary": lines,
+        **files,
+    }
+
+
+def _show(result: Mapping[str, Any], task: str) -> None:
+    accurate = result["accuracy_mm"] is not None
+    rows = [
+        (
+            line["plan"],
+            str(line["count"]),
+            line["model"],
+            *(f"{line[key]:.4f}" for key in ("median_mm", "p05_mm", "p95_mm", "rms_mm")),
+            *([f"{line['share_accurate']:.0%}"] if accurate else []),
+        )
+        for line in result["summary"]
+    ]
+    header = ("plan", "poses", "model", "median", "5 % below", "95 % below", "rms")
+    if accurate:
+        header = (*header, f"within {result['accuracy_mm']:g} mm")
+    title = f"True error over '{task}' of {result['robots']} virtual robots: rms in space, mm"
+    show_table(title, header, rows, left=(0, 2))
+    facts = [("robots", f"{result['robots']} {result['robot']} drawn from the tolerances, seed {result['seed']}")]
+    facts += [(name, f"wrote {result[name]}") for name in ("rows", "report") if name in result]
+    show_facts(facts)

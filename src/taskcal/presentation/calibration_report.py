@@ -1,0 +1,240 @@
+"""A calibration as a page: what was found, what is left, and how well the tool is known over a task."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.adaptation.task_map import Slice
+from taskcal.identification.calibration import Calibration
+from taskcal.presentation.content import Block, Chart, Numbers, Section, Table, Text
+from taskcal.presentation.fit_figures import draw_parameters, draw_residuals
+from taskcal.presentation.procedure_tables import label_of
+from taskcal.presentation.report import report_html
+from taskcal.presentation.seen import seen_parameters
+from taskcal.presentation.task_figures import Maps, draw_bands, draw_maps
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Uncertainty:
+    """How well the tool point is known over a task, before and after, metres."""
+
+    task: str
+    unreachable: float
+    """Share of the task's poses that the robot does not reach."""
+    before: float
+    """Standard deviation in space by the tolerances alone, rms over the task."""
+    after: float
+    """Of the calibrated tool."""
+    target: float
+    """Of the first measured target."""
+    deviations: Mapping[str, Float[np.ndarray, "n 3"]]
+    """Standard deviations pose by pose in the axes of the robot's base."""
+    slices: tuple[Slice, ...]
+    """Of the workspace; none for a list of poses or a path."""
+    maps: Mapping[str, Maps]
+    """Standard deviations in space over the slices."""
+
+
+def calibration_html(calibration: Calibration, over: Uncertainty | None, *, version: str) -> str:
+    """The page of a calibration.
+
+    Args:
+        calibration: the calibration.
+        over: uncertainty over a task, if one was named.
+        version: of the package that makes the page.
+    """
+    model, source = calibration.model, calibration.provenance
+    sections = [_summary(calibration, over), _residuals(calibration)]
+    if over is not None:
+        sections.append(_uncertainty(over))
+    sections += [_parameters(calibration), _provenance(calibration)]
+    robot = model.robot.title or model.robot.name
+    return report_html(
+        f"Calibration of the {robot}",
+        sections,
+        lead=f"{len(calibration.kept)} of {len(model)} parameters from {source.rows} rows of {source.campaign or 'a campaign'}.",
+        footer=f"Page by Taskcal {version}; calibration by Taskcal {source.version}, {source.created}.",
+    )
+
+
+def _summary(calibration: Calibration, over: Uncertainty | None) -> Section:
+    length = _lengths(calibration)
+    scale = calibration.prior_scale
+    items = [
+        (f"{np.nanmean(length) * 1e3:.4f}", "mm", "mean residual in space on the fitted rows"),
+        (f"{np.nanmax(length) * 1e3:.4f}", "mm", "largest residual in space"),
+        (
+            f"{calibration.model_error[0] * 1e3:.4f}",
+            "mm",
+            "model error per axis (1σ), what geometry leaves unexplained",
+        ),
+        (
+            "no prior" if scale is None else f"{scale:.3g}",
+            "",
+            "held the parameters" if scale is None else "times the tolerances is the scale of the prior",
+        ),
+    ]
+    if over is not None:
+        items.append(
+            (f"{over.target * 1e3:.4f}", "mm", f"uncertainty of the target over {over.task} (1σ in space, rms)")
+        )
+    outliers = [
+        (str(o.row), o.id, o.target, f"{o.residual * 1e3:.3f}", f"{o.studentised:.1f}") for o in calibration.outliers
+    ]
+    blocks: list[Block] = [Numbers(tuple(items))]
+    if outliers:
+        blocks.append(
+            Table.of_rows(
+                "Outliers, too far for chance: measure again, or leave out",
+                ("row", "id", "target", "residual mm", "over its 1σ"),
+                outliers,
+                text_columns=(1, 2),
+                note="Rows of those fitted, counted from 0.",
+            )
+        )
+    else:
+        blocks.append(Text(("No point is too far for chance.",)))
+    unlocated = [
+        name
+        for name, located in zip(calibration.targets, calibration.layout.registration.located, strict=True)
+        if not located
+    ]
+    if unlocated:
+        blocks.append(
+            Text(
+                (
+                    f"The measured poses do not locate {', '.join(unlocated)} on the tool: it is taken at the tool point.",
+                )
+            )
+        )
+    return Section(title="In short", blocks=tuple(blocks))
+
+
+def _lengths(calibration: Calibration) -> Float[np.ndarray, "n targets"]:
+    return np.linalg.norm(calibration.residuals[..., :3], axis=2)
+
+
+def _residuals(calibration: Calibration) -> Section:
+    length = _lengths(calibration) * 1e3
+    in_base = np.abs(calibration.residuals[..., :3] @ calibration.T_tracker_base[:3, :3]) * 1e3
+    rows = [
+        (
+            name,
+            str(int(np.sum(~np.isnan(length[:, t])))),
+            f"{np.nanmean(length[:, t]):.4f}",
+            f"{np.sqrt(np.nanmean(length[:, t] ** 2)):.4f}",
+            f"{np.nanmax(length[:, t]):.4f}",
+            *(f"{np.nanmax(in_base[:, t, axis]):.4f}" for axis in range(3)),
+        )
+        for t, name in enumerate(calibration.targets)
+        if not np.isnan(length[:, t]).all()
+    ]
+    first = calibration.targets[0]
+    return Section(
+        title="Residuals",
+        blocks=(
+            Chart(
+                title=f"Measured less predicted, target {first}",
+                figure=draw_residuals({calibration.provenance.campaign or "the campaign": {"fit": calibration}}),
+                note="Pose by pose along the robot's base axes.",
+            ),
+            Table.of_rows(
+                "Residuals of the fitted rows (mm)",
+                ("target", "points", "mean", "rms", "max", "max X", "max Y", "max Z"),
+                rows,
+                note="Mean, rms and max in space; residuals of fitted rows are a little too small. Held-out rows are the measure.",
+            ),
+        ),
+    )
+
+
+def _uncertainty(over: Uncertainty) -> Section:
+    reach = f" {over.unreachable:.1%} of its poses are out of reach and left out." if over.unreachable else ""
+    text = (
+        f"Standard deviations over {over.task} in space, root mean square, in the tracker's frame: the measured target is "
+        f"known to {over.target * 1e3:.4f} mm, the tool point to {over.after * 1e3:.4f} mm. By the tolerances alone, in the "
+        f"robot's own base, the tool point is known to {over.before * 1e3:.4f} mm. Model error comes on top.{reach}"
+    )
+    difference = (
+        "Measurements of a single point say where that point is, not where it sits on the tool. That is found with the fit, so "
+        "that the tool point itself is known only as far as the tolerances of tool and last axis say; several targets, or "
+        "measured poses, make it sharper."
+    )
+    if over.slices:
+        chart = Chart(
+            title="Uncertainty over the workspace (1σ in space)",
+            figure=draw_maps(over.slices, over.maps),
+            note="In the tool orientation of the task's middle. White: out of the robot's reach there. Each view has "
+            "its own scale of colours.",
+        )
+    else:
+        chart = Chart(
+            title="Uncertainty pose by pose (±1.96σ)",
+            figure=draw_bands(over.deviations),
+            note="Along the robot's base axes, about what is predicted.",
+        )
+    return Section(title="How well the tool is known over the task", blocks=(Text((text, difference)), chart))
+
+
+def _parameters(calibration: Calibration) -> Section:
+    rows: list[tuple[str, ...]] = []
+    seen = seen_parameters(calibration)
+    for i in calibration.layout.kept:
+        p = calibration.model.parameters[i]
+        unit = "mm" if p.unit == "m" else "mrad"
+        values = calibration.estimate[i], calibration.standard_errors[i], p.tolerance
+        rows.append(
+            (label_of(p), unit, *(f"{v * 1e3:.4f}" for v in values), "not seen" if seen[p.name] is False else "")
+        )
+    blocks: list[Block] = []
+    if rows:
+        blocks.append(
+            Chart(
+                title="Estimated parameters",
+                figure=draw_parameters({"fit": calibration}),
+                note="Bars are two standard errors. Parameters that repeat each other share what is found.",
+            )
+        )
+    blocks.append(
+        Table.of_rows(
+            f"The {len(rows)} identified parameters",
+            ("parameter", "unit", "estimate", "± 1σ", "tolerance", ""),
+            rows,
+            text_columns=(0, 1, 5),
+            note="Not seen: the measurements say nothing of it, its standard error is that of the prior.",
+            folded=True,
+        )
+    )
+    return Section(title="Parameters", blocks=tuple(blocks))
+
+
+def _provenance(calibration: Calibration) -> Section:
+    source = calibration.provenance
+    rows = [
+        ("robot", source.robot),
+        ("robot file, digest", source.robot_digest),
+        ("campaign", source.campaign),
+        ("campaign, digest", source.campaign_digest),
+        ("rows", str(source.rows)),
+        ("made", source.created),
+        ("by Taskcal", source.version),
+        *((str(key), _words(value)) for key, value in source.options.items()),
+        (
+            "ended",
+            f"{calibration.reason}; {calibration.iterations} iterations in the last of {calibration.rounds} rounds",
+        ),
+    ]
+    return Section(
+        title="Where it comes from",
+        blocks=(Table.of_rows("Provenance", ("entry", "value"), rows, text_columns=(0, 1)),),
+    )
+
+
+def _words(value: object) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {item}" for key, item in value.items())  # pyright: ignore[reportUnknownVariableType]
+    if isinstance(value, list | tuple):
+        return ", ".join(str(item) for item in value) or "none"  # pyright: ignore[reportUnknownVariableType]
+    return str(value)

@@ -1,0 +1,37 @@
+"""The table of single parameters' effects over some poses."""
+
+from taskcal.analysis.sensitivity import Sensitivity
+from taskcal.presentation.content import Table
+from taskcal.presentation.procedure_tables import label_of
+
+
+def tabulate_effects(found: Sensitivity) -> Table:
+    """Largest and root mean square effect of every parameter: per unit, and for its tolerance."""
+    raw = [*found.maximum(), found.maximum_in_space(), *found.rms_per_axis(), found.rms()]
+    scaled = [
+        *found.maximum(scaled=True),
+        found.maximum_in_space(scaled=True),
+        *found.rms_per_axis(scaled=True),
+        found.rms(scaled=True),
+    ]
+    rows: list[tuple[str, ...]] = []
+    for i, p in enumerate(found.model.parameters):
+        unit = "mm" if p.unit == "m" else "mrad"
+        rows.append(
+            (
+                label_of(p),
+                f"mm/{unit}",
+                *(f"{values[i]:.3f}" for values in raw),
+                f"{p.tolerance * 1e3:g} {unit}",
+                *(f"{values[i] * 1e6:.0f}" for values in scaled),
+            )
+        )
+    kinds = [f"{kind}\n{axis}" for kind in ("largest", "rms") for axis in ("X", "Y", "Z", "space")]
+    return Table.of_rows(
+        f"All {len(rows)} parameters in numbers",
+        ("parameter", "unit", *kinds, "tolerance", *(f"{kind} µm" for kind in kinds)),
+        rows,
+        text_columns=(0, 1),
+        note="Per unit of the parameter; then in µm for a defect of one tolerance (1σ).",
+        folded=True,
+    )

@@ -1,0 +1,101 @@
+"""A plan as a page: what it is worth, where its poses are, and what fell away."""
+
+import numpy as np
+
+from taskcal.adaptation.plan import Plan
+from taskcal.presentation.content import Chart, Numbers, Section, Table, Text
+from taskcal.presentation.plan_figures import draw_by_count, draw_plan
+from taskcal.presentation.report import report_html
+from taskcal.robot.error_model import ErrorModel
+from taskcal.task.task import Task
+
+
+def plan_html(model: ErrorModel, task: Task, made: Plan, *, seed: int, version: str) -> str:
+    """The page of a plan.
+
+    Args:
+        model: the model that is to be identified.
+        task: what the plan is for.
+        made: the plan.
+        seed: of the plan, for the footer.
+        version: of the package, for the footer.
+    """
+    T = model.poses(made.q)
+    sections = [
+        Section(
+            title="What it is worth",
+            blocks=(
+                Numbers(_numbers(made)),
+                Text(
+                    (
+                        "Expected errors are root mean squares in space over the task, of the measured targets in the tracker's "
+                        "frame, from tolerances and noise alone: no true robot is simulated. Random poses and poses spread "
+                        "evenly lie in the task's own workspace; the plan may leave it a little and turn the tool farther, which "
+                        "is where much of its advantage comes from.",
+                    )
+                ),
+                Chart(
+                    title="Expected error over the number of measured poses",
+                    figure=draw_by_count(made),
+                    note="The line is the greedy choice; exchange and refinement improve the plan at its end. Logarithmic scale.",
+                ),
+            ),
+        ),
+        Section(
+            title="The poses",
+            blocks=(
+                Chart(
+                    title="Where the tool point is, and how the tool is turned",
+                    figure=draw_plan(T[:, :3, 3], T[:, :3, 2], task.workspace),
+                    note="In the robot's base. Turn it with the mouse.",
+                ),
+                _joints(model, made),
+                _lost(made),
+            ),
+        ),
+    ]
+    robot = model.robot.title or model.robot.name
+    return report_html(
+        f"Measuring poses for {task.name}",
+        sections,
+        lead=f"{len(made.q)} poses of the {robot}, chosen among {made.candidates} that can be measured.",
+        footer=f"Taskcal {version}; robot {model.robot.name}; criterion {made.criterion}; seed {seed}.",
+    )
+
+
+def _numbers(made: Plan) -> tuple[tuple[str, str, str], ...]:
+    items = [
+        (f"{made.expected * 1e3:.4f}", "mm", "expected after measuring this plan"),
+        (f"{made.random.mean() * 1e3:.4f}", "mm", "expected after as many random poses, on average"),
+        (f"{made.before * 1e3:.3f}", "mm", "expected of the nominal robot, frames found from the same poses"),
+    ]
+    if made.accuracy is not None:
+        enough = made.enough
+        if enough is None and made.expected <= made.accuracy:
+            enough = len(made.q)
+        reached = f"poses are enough for the task's {made.accuracy * 1e3:g} mm"
+        items.append(
+            (str(enough), "", reached) if enough else ("none", "", f"of these sizes reaches {made.accuracy * 1e3:g} mm")
+        )
+    return tuple(items)
+
+
+def _joints(model: ErrorModel, made: Plan) -> Table:
+    slides = np.asarray(model.robot.prismatic)
+    q = made.q * np.where(slides, 1e3, 180.0 / np.pi)
+    units = ["mm" if s else "°" for s in slides]
+    rows = [
+        (str(k), *(f"{value:.2f}" for value in row), *([str(int(seen.sum()))] if made.visible.shape[1] > 1 else []))
+        for k, (row, seen) in enumerate(zip(q, made.visible, strict=True))
+    ]
+    header = ("id", *(f"{name} ({unit})" for name, unit in zip(model.robot.joint_names, units, strict=True)))
+    if made.visible.shape[1] > 1:
+        header = (*header, "reflectors seen")
+    return Table.of_rows(f"All {len(rows)} poses", header, rows, text_columns=(), folded=True)
+
+
+def _lost(made: Plan) -> Table:
+    rows = [("can be measured", str(made.candidates)), *((reason, str(number)) for reason, number in made.lost.items())]
+    return Table.of_rows(
+        "Candidates", ("", "poses"), rows, note="Those that fell away are counted by the first reason found."
+    )

@@ -1,0 +1,18 @@
+"""Which parameters the data of a calibration say anything of."""
+
+from taskcal.identification.calibration import Calibration
+
+NOT_SEEN = 0.95
+"""Share of the prior's standard deviation from which on a standard error says that nothing was learnt."""
+
+
+def seen_parameters(calibration: Calibration) -> dict[str, bool | None]:
+    """For each kept parameter whether its standard error fell below that of the prior.
+
+    None where that cannot be said: without a prior, or with one that is not the tolerances'.
+    """
+    scale = calibration.prior_scale
+    if scale is None or calibration.provenance.options.get("prior") == "given":
+        return dict.fromkeys(calibration.kept)
+    limit = NOT_SEEN * scale * calibration.model.tolerances
+    return {calibration.names[i]: bool(calibration.standard_errors[i] < limit[i]) for i in calibration.layout.kept}

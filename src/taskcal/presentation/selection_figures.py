@@ -1,0 +1,75 @@
+"""The figure of a choice of parameters: the error over the number of parameters."""
+
+import numpy as np
+import plotly.graph_objects as go
+
+from taskcal.adaptation.selection import Selection
+from taskcal.presentation.theme import BLUE, GREEN, GREY, INK, PURPLE, VERMILION, styled
+
+REFERENCES = {"identifiable": ("identifiable set", GREEN, "square"), "published": ("published set", PURPLE, "diamond")}
+
+
+def draw_ladder(found: Selection, accuracy: float | None = None) -> go.Figure:
+    """Expected and cross-validated error against the number of parameters, and the size that was chosen.
+
+    Args:
+        found: the choice.
+        accuracy: that was asked for, metres.
+    """
+    figure = go.Figure()
+    size = np.array([rung.size for rung in found.ladder])
+    expected = np.array([rung.expected for rung in found.ladder]) * 1e3
+    gone = [rung.dropped_next for rung in found.ladder]
+    figure.add_scatter(
+        x=size,
+        y=expected,
+        mode="lines+markers",
+        name="expected over the task (rms)",
+        line={"color": BLUE, "width": 2.2},
+        marker={"size": 6},
+        customdata=[f"; next to go: {name}" if name else "" for name in gone],
+        hovertemplate="%{x} parameters: %{y:.4f} mm%{customdata}<extra>expected</extra>",
+    )
+    crossed = [rung for rung in found.ladder if rung.cross_validated is not None]
+    if crossed:
+        figure.add_scatter(
+            x=[rung.size for rung in crossed],
+            y=[1e3 * (rung.cross_validated or 0.0) for rung in crossed],
+            error_y={"array": [1e3 * (rung.standard_error or 0.0) for rung in crossed], "thickness": 1.4, "width": 3},
+            mode="markers",
+            name="cross-validated on the campaign (mean ± standard error)",
+            marker={"color": VERMILION, "size": 7, "symbol": "circle-open", "line": {"width": 2}},
+            hovertemplate="%{x} parameters: %{y:.4f} mm<extra>cross-validated</extra>",
+        )
+    for name, (count, error) in found.references.items():
+        label, colour, symbol = REFERENCES[name]
+        figure.add_scatter(
+            x=[count],
+            y=[error * 1e3],
+            mode="markers",
+            name=f"{label} ({count})",
+            marker={"color": colour, "symbol": symbol, "size": 13, "line": {"color": "white", "width": 1.5}},
+            hovertemplate=f"{label}, {count} parameters: " + "%{y:.4f} mm<extra></extra>",
+        )
+    chosen = len(found.kept)
+    figure.add_scatter(
+        x=[chosen],
+        y=[1e3 * next(rung.expected for rung in found.ladder if rung.size == chosen)],
+        mode="markers",
+        name=f"chosen ({chosen})",
+        marker={"color": "rgba(0,0,0,0)", "symbol": "circle", "size": 17, "line": {"color": INK, "width": 2.5}},
+        hovertemplate=f"chosen: {chosen} parameters, " + "%{y:.4f} mm<extra></extra>",
+    )
+    if accuracy is not None:
+        figure.add_scatter(
+            x=[size.min() - 1, size.max() + 1],
+            y=[accuracy * 1e3] * 2,
+            mode="lines",
+            name="accuracy asked for",
+            line={"color": GREY, "dash": "dash", "width": 1.5},
+            hoverinfo="skip",
+        )
+    styled(figure, height=520, top=110)
+    figure.update_xaxes(title_text="parameters in the model", range=[size.min() - 1, size.max() + 1])
+    figure.update_yaxes(title_text="error in space (mm)", type="log", dtick="D2")
+    return figure

@@ -1,0 +1,147 @@
+"""Figures of a task: errors and effects over slices of its workspace, or pose by pose along a list or a path."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+from jaxtyping import Float
+from plotly.subplots import make_subplots
+
+from taskcal.adaptation.task_map import Slice
+from taskcal.presentation.theme import AXIS_COLOURS, SERIES, label_panels, styled, switch
+
+Maps = Sequence[Float[np.ndarray, "v u"]]
+"""A map for each slice."""
+
+COLOURS = "Viridis"
+
+
+def draw_maps(slices: Sequence[Slice], views: Mapping[str, Maps], *, from_nil: bool = False) -> go.Figure:
+    """Heat maps over slices of a workspace, a colour scale for each view, the same in all slices.
+
+    Args:
+        slices: planes through the middle of the workspace.
+        views: what to choose from, each with a map in metres for every slice.
+        from_nil: begin the scales at nil instead of the smallest value.
+    """
+    figure = make_subplots(
+        rows=1,
+        cols=len(slices),
+        horizontal_spacing=0.1,
+        subplot_titles=[f"{at.plane[0].upper()}–{at.plane[1].upper()} through the middle" for at in slices],
+    )
+    drawn = {label: [_micrometres(values) for values in maps] for label, maps in views.items()}
+    ranges = {label: _range(maps, from_nil) for label, maps in drawn.items()}
+    first = next(iter(drawn))
+    for col, (at, values) in enumerate(zip(slices, drawn[first], strict=True), start=1):
+        figure.add_heatmap(
+            x=at.u * 1e3,
+            y=at.v * 1e3,
+            z=values,
+            coloraxis="coloraxis",
+            zsmooth="best" if np.all(at.reached) else False,
+            hovertemplate="%{x:.0f}, %{y:.0f} mm: %{z:.3g} µm<extra></extra>",
+            row=1,
+            col=col,
+        )
+        figure.update_xaxes(title_text=f"{at.plane[0].upper()} from the middle (mm)", row=1, col=col)
+        figure.update_yaxes(title_text=f"{at.plane[1].upper()} (mm)", row=1, col=col, title_standoff=4)
+        anchor = "x" if col == 1 else f"x{col}"
+        figure.update_yaxes(scaleanchor=anchor, constrain="domain", row=1, col=col)
+        figure.update_xaxes(constrain="domain", row=1, col=col)
+    several = len(drawn) > 1
+    styled(figure, height=430 + 40 * several, legend=False, top=60 + 50 * several)
+    low, high = ranges[first]
+    figure.update_layout(
+        coloraxis={"colorscale": COLOURS, "colorbar": {"title": {"text": "µm"}, "len": 1.0}, "cmin": low, "cmax": high}
+    )
+    figure.update_xaxes(showgrid=False)
+    figure.update_yaxes(showgrid=False, zeroline=False)
+    if several:
+        switch(figure, {label: _choice(maps, ranges[label]) for label, maps in drawn.items()}, y=1.12)
+    return label_panels(figure)
+
+
+def _choice(maps: Sequence[np.ndarray], span: tuple[float, float]) -> tuple[dict[str, Any], dict[str, Any]]:
+    plain = [[[None if np.isnan(v) else v for v in row] for row in values.tolist()] for values in maps]
+    return {"z": plain}, {"coloraxis.cmin": span[0], "coloraxis.cmax": span[1]}
+
+
+def _micrometres(values: Float[np.ndarray, "v u"]) -> Float[np.ndarray, "v u"]:
+    """Rounded to four digits or so, for the size of the page."""
+    scaled = values * 1e6
+    top = float(np.nanmax(np.abs(scaled), initial=1e-3))
+    return np.round(scaled, max(0, 4 - int(np.ceil(np.log10(max(top, 1e-3))))))
+
+
+def _range(maps: Sequence[np.ndarray], from_nil: bool) -> tuple[float, float]:
+    every = np.concatenate([values[~np.isnan(values)] for values in maps])
+    if not len(every):
+        return 0.0, 1.0
+    low, high = 0.0 if from_nil else float(every.min()), float(every.max())
+    return (low, high) if high > low else (low, low + 1.0)
+
+
+def draw_curves(curves: Mapping[str, Float[np.ndarray, " n"]]) -> go.Figure:
+    """Errors in space pose by pose, along a path or a list.
+
+    Args:
+        curves: values by what they are, metres.
+    """
+    figure = go.Figure()
+    for k, (label, values) in enumerate(curves.items()):
+        figure.add_scatter(
+            x=np.arange(len(values)),
+            y=values * 1e6,
+            mode="lines+markers" if len(values) < 60 else "lines",
+            name=label,
+            line={"color": SERIES[k % len(SERIES)], "width": 2.2},
+            hovertemplate="pose %{x}: %{y:.1f} µm<extra>" + label + "</extra>",
+        )
+    styled(figure, height=420, top=80)
+    figure.update_xaxes(title_text="pose of the task")
+    figure.update_yaxes(title_text="error in space (µm)", type="log", dtick="D2")
+    return figure
+
+
+def draw_bands(bands: Mapping[str, Float[np.ndarray, "n 3"]]) -> go.Figure:
+    """Intervals of 95 % about nil on X, Y and Z, pose by pose.
+
+    Args:
+        bands: standard deviations per axis by what they are, metres; the widest first.
+    """
+    figure = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.05, row_titles=["X", "Y", "Z"])
+    fills = ("rgba(122,122,122,0.30)", "rgba(0,114,178,0.45)", "rgba(213,94,0,0.9)")
+    for row, axis in enumerate(AXIS_COLOURS, start=1):
+        for k, (label, deviation) in enumerate(bands.items()):
+            half = 1.96e3 * deviation[:, row - 1]
+            x = np.arange(len(half))
+            figure.add_scatter(
+                x=np.concatenate([x, x[::-1]]),
+                y=np.concatenate([half, -half[::-1]]),
+                fill="toself",
+                fillcolor=fills[k % 3],
+                line={"width": 0.5, "color": fills[k % 3]},
+                mode="lines",
+                name=label,
+                legendgroup=label,
+                showlegend=row == 1,
+                hoverinfo="skip",
+                row=row,
+                col=1,
+            )
+            figure.add_scatter(
+                x=x,
+                y=half,
+                mode="lines",
+                line={"width": 0},
+                showlegend=False,
+                hovertemplate="pose %{x}: ±%{y:.4f} mm<extra>" + f"{axis}, {label}</extra>",
+                row=row,
+                col=1,
+            )
+    styled(figure, height=560, top=80)
+    figure.update_yaxes(title_text="mm")
+    figure.update_xaxes(title_text="pose of the task", row=3, col=1)
+    return label_panels(figure)
