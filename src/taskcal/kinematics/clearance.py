@@ -79,10 +79,8 @@ def segment_distance(
     tiny = 1e-18
     denominator = a * e - b * b
     s = np.where(denominator > tiny, np.clip((b * f - c * e) / np.maximum(denominator, tiny), 0.0, 1.0), 0.0)
-    t = np.where(e > tiny, (b * s + f) / np.maximum(e, tiny), 0.0)
-    s = np.where(t < 0.0, -c, np.where(t > 1.0, b - c, s * a)) / np.maximum(a, tiny)
-    s = np.where(a > tiny, np.clip(s, 0.0, 1.0), 0.0)
     t = np.where(e > tiny, np.clip((b * s + f) / np.maximum(e, tiny), 0.0, 1.0), 0.0)
+    s = np.where(a > tiny, np.clip((b * t - c) / np.maximum(a, tiny), 0.0, 1.0), 0.0)
     return np.linalg.norm(w + s[..., None] * u - t[..., None] * v, axis=-1)
 
 

@@ -1,0 +1,207 @@
+"""Inverse kinematics of random robots, judged by the plain forward kinematics."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from taskcal.adaptation.procedure import reference_task
+from taskcal.errors import ReachError
+from taskcal.kinematics.inverse import JUMP, closes, find_posture, follow, solve_near
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.file import robot_from
+from taskcal.task.task import reach_task
+from tests.laws import plain
+from tests.laws.robots import generators, industrial, industrial_positions, irb6660_description, irb6660_positions
+
+LIMITS = (-170, -100, -90, -200, -120, -250), (170, 100, 100, 200, 120, 250)
+
+
+def limited(rng: np.random.Generator) -> dict:
+    """A random six-axis arm with limits."""
+    description = industrial(rng)
+    joints = [{**j, "limits_deg": [low, high]} for j, low, high in zip(description["joint"], *LIMITS, strict=True)]
+    return {**description, "joint": joints}
+
+
+def away(T: np.ndarray, expected: np.ndarray) -> tuple[float, float]:
+    """Largest distance and angle between poses."""
+    turned = T[:, :3, :3] @ np.swapaxes(expected[:, :3, :3], 1, 2)
+    sine = np.linalg.norm(turned - np.eye(3), axis=(1, 2)) / np.sqrt(2)
+    return float(np.linalg.norm(T[:, :3, 3] - expected[:, :3, 3], axis=1).max()), float(sine.max())
+
+
+def smallest_singular_value(model: ErrorModel, q: np.ndarray) -> np.ndarray:
+    return np.linalg.svd(model.joint_jacobian(q), compute_uv=False)[:, -1]
+
+
+@given(generators)
+def test_joints_near_a_known_solution_lead_back_to_it(rng):
+    description = limited(rng)
+    model = ErrorModel(robot_from(description))
+    q = industrial_positions(rng, 30)
+    q = q[smallest_singular_value(model, q) > 0.05]
+    T = plain.poses(description, q)
+    found = solve_near(model, T, q + rng.uniform(-0.03, 0.03, q.shape))
+    assert found.reached.all()
+    assert max(away(plain.poses(description, found.q), T)) < 1e-9
+    np.testing.assert_allclose(found.q, q, atol=1e-6)  # the seed's branch, not another
+
+
+@given(generators)
+def test_a_calibrated_robot_is_solved_as_well(rng):
+    description = limited(rng)
+    model = ErrorModel(robot_from(description))
+    x = 5.0 * rng.normal(size=len(model)) * model.tolerances
+    q = industrial_positions(rng, 20)
+    q = q[smallest_singular_value(model, q) > 0.05]
+    T = plain.poses(description, q, x)
+    found = solve_near(model, T, q + rng.uniform(-0.02, 0.02, q.shape), x)
+    assert found.reached.all()
+    assert max(away(plain.poses(description, found.q, x), T)) < 1e-9
+    nominal = solve_near(model, T, q)
+    assert nominal.reached.all()
+    assert np.abs(nominal.q - found.q).max() > 1e-5  # the defects matter
+
+
+@given(generators)
+@settings(max_examples=15)
+def test_the_parallelogram_is_solved_through_its_closure(rng):
+    description = irb6660_description()
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    x = rng.normal(size=len(model)) * model.tolerances
+    q = irb6660_positions(rng, 20)
+    q = q[smallest_singular_value(model, q) > 0.05]
+    T = plain.poses(description, q, x)
+    found = solve_near(model, T, q + rng.uniform(-0.02, 0.02, q.shape), x)
+    # limits are judged apart: the nominal pose may lie a hair outside them
+    assert np.all(found.reached | ~model.robot.inside_limits(found.q))
+    assert max(away(plain.poses(description, found.q, x), T)) < 1e-9
+    np.testing.assert_allclose(found.q, q, atol=1e-6)
+
+
+def test_seven_joints_work_too():
+    model = ErrorModel(load_robot("barrett-wam"))
+    rng = np.random.default_rng(0)
+    low, high = 0.6 * model.robot.limits.T
+    q = rng.uniform(low, high, (50, 7))
+    T = model.poses(q)
+    found = solve_near(model, T, np.clip(q + rng.uniform(-0.05, 0.05, q.shape), low, high))
+    assert found.reached.mean() > 0.9
+    assert max(away(model.poses(found.q[found.reached]), T[found.reached])) < 1e-9
+    posture = find_posture(model, T[0])
+    assert max(away(model.poses(posture[None]), T[:1])) < 1e-9
+    assert model.robot.inside_limits(posture[None])[0]
+
+
+@given(generators)
+@settings(max_examples=5)
+def test_poses_beyond_the_arm_are_not_reached(rng):
+    description = limited(rng)
+    model = ErrorModel(robot_from(description))
+    T = np.tile(np.eye(4), (10, 1, 1))
+    direction = rng.normal(size=(10, 3))
+    T[:, :3, 3] = 1.01 * model.robot.reach * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    found = solve_near(model, T, industrial_positions(rng, 10))
+    assert not found.reached.any()
+    assert np.isfinite(found.q).all()
+    with pytest.raises(ReachError, match=r"does not reach the tool pose at x .*mm.*limits"):
+        find_posture(model, T[0])
+
+
+@given(generators)
+@settings(max_examples=20)
+def test_a_pose_outside_a_limit_is_not_reached_and_inside_it_is(rng):
+    """The same pose, once with the limit beyond the joint's position, once before it."""
+    description = limited(rng)
+    model = ErrorModel(robot_from(description))
+    q = industrial_positions(rng, 8)
+    q = q[smallest_singular_value(model, q) > 0.05][:1]
+    if not len(q):
+        return
+    k = int(rng.integers(6))
+    T = model.poses(q)
+    for margin, expected in ((1e-3, True), (-1e-3, False)):
+        end = float(np.degrees(q[0, k] + margin))
+        joints = [
+            {**j, "limits_deg": [-400.0, end]} if i == k else {**j, "limits_deg": [-400.0, 400.0]}
+            for i, j in enumerate(description["joint"])
+        ]
+        narrow = ErrorModel(robot_from({**description, "joint": joints}))
+        assert solve_near(narrow, T, q).reached[0] == expected
+        names = description["joint"][k]["name"], description["joint"][(k + 1) % 6]["name"]
+        other = float(np.degrees(q[0, (k + 1) % 6]))
+        coupled = {**description, "coupled_limit": [{"of": " - ".join(names), "range_deg": [-900.0, end - other]}]}
+        assert solve_near(ErrorModel(robot_from(coupled)), T, q).reached[0] == expected
+
+
+def test_found_postures_are_inside_all_limits_and_coupled_limits():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    for k, T in enumerate(reference_task(np.radians(20.0)).workspace.sample(6)):
+        q = find_posture(model, T)
+        np.testing.assert_array_equal(find_posture(model, T), q)  # deterministic
+        assert max(away(model.poses(q[None]), T[None])) < 1e-9, k
+        assert not model.robot.outside_limits(q[None])
+        assert abs(q[2] - q[1]) <= np.radians(70.0) + 1e-6
+
+
+@given(generators)
+@settings(max_examples=8)
+def test_followed_poses_are_met_and_continuous_in_the_branch_of_the_start(rng):
+    """Poses of a small ball are neighbours of each other in the joints as well."""
+    description = limited(rng)
+    model = ErrorModel(robot_from(description))
+    q = industrial_positions(rng, 20)
+    start = q[np.argmax(smallest_singular_value(model, q))]
+    home = model.poses(start[None])[0]
+    T = np.tile(home, (40, 1, 1))
+    T[:, :3, 3] += rng.uniform(-0.1, 0.1, (40, 3))
+    found = follow(model, T, start)
+    assert max(away(plain.poses(description, found.q[found.reached]), T[found.reached])) < 1e-9
+    assert model.robot.inside_limits(found.q[found.reached]).all()
+    # a fine way from the start keeps the branch by construction; both agree
+    mine = np.flatnonzero(found.reached)
+    at, step = np.tile(start, (len(mine), 1)), T[mine].copy()
+    for share in np.linspace(0, 1, 61)[1:]:
+        step[:, :3, 3] = home[:3, 3] + share * (T[mine, :3, 3] - home[:3, 3])
+        at = solve_near(model, step, at).q
+    np.testing.assert_allclose(found.q[mine], at, atol=1e-6)
+
+
+def test_the_way_through_the_reference_workspace_never_jumps():
+    """Neighbouring poses of a fine grid, each followed from the middle on its own, differ by little."""
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    middle = reference_task().workspace.middle()[0]
+    steps = np.linspace(-0.25, 0.25, 41)
+    T = np.tile(middle, (41, 1, 1))
+    T[:, 1, 3] += steps
+    found = follow(model, T, find_posture(model, middle))
+    assert found.reached.all()
+    assert np.abs(np.diff(found.q, axis=0)).max() < 0.05 < JUMP
+
+
+def test_a_followed_way_past_the_reach_is_reported():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    middle = reference_task().workspace.middle()[0]
+    T = np.tile(middle, (2, 1, 1))
+    T[1, 0, 3] += 2.5
+    found = follow(model, T, find_posture(model, middle))
+    assert found.reached.tolist() == [True, False]
+    assert np.isfinite(found.q).all()
+
+
+def test_poses_at_which_the_loop_is_singular_are_told_apart_and_not_reached():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    q = np.zeros((3, 6))
+    q[1, 2] = np.radians(90.0)  # rod and arm in line with the levers
+    assert closes(model, q).tolist() == [True, False, True]
+    T = np.tile(model.poses(q[:1]), (3, 1, 1))
+    assert solve_near(model, T, q).reached.tolist() == [True, False, True]
+
+
+def test_a_task_in_one_orientation_stays_on_one_branch():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    found = reach_task(model, reference_task(), 200)
+    assert not found.unreachable.any()
+    assert max(away(model.poses(found.q), found.T)) < 1e-9
+    assert np.ptp(found.q, axis=0).max() < np.pi
