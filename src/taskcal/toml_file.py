@@ -1,15 +1,27 @@
 """TOML files with a schema: read, validated, and explained where they are wrong."""
 
+import math
 import tomllib
 from pathlib import Path
 from typing import Annotated, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from taskcal.errors import FileError
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+def _of_unit_length(quaternion: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    length = math.hypot(*quaternion)
+    if abs(length - 1.0) > 1e-2:
+        raise ValueError(f"the quaternion {list(quaternion)} has length {length:.4f}; it must be 1 (qx qy qz qw)")
+    return quaternion
+
+
+Quaternion = Annotated[tuple[Finite, Finite, Finite, Finite], AfterValidator(_of_unit_length)]
+"""A rotation, qx qy qz qw."""
 
 
 class Section(BaseModel):

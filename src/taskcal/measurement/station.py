@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from taskcal.errors import FileError
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import Box, Links, beam_is_free
-from taskcal.toml_file import Finite, Positive, Section, read_toml
+from taskcal.toml_file import Finite, Positive, Quaternion, Section, read_toml
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -96,7 +96,7 @@ class BoxSection(Section):
 
     center_mm: tuple[Finite, Finite, Finite]
     size_mm: tuple[Positive, Positive, Positive]
-    quaternion: tuple[Finite, Finite, Finite, Finite] = (0.0, 0.0, 0.0, 1.0)
+    quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
     def box(self) -> Box:
         """The box it describes."""
