@@ -19,9 +19,11 @@ from taskcal.files import write_whole
 from taskcal.geometry import normal_equations, se3, walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
 from taskcal.geometry.normal_equations import Observations
+from taskcal.identification.field import ResidualField
 from taskcal.identification.problem import FrameLayout
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration
+from taskcal.robot.effects import effect_from
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 
@@ -123,6 +125,10 @@ class Calibration:
     """Standard deviation of what geometry does not explain: metres per axis (and radians, for poses)."""
     prior_scale: float | None
     """Factor of the prior's standard deviations; None where there was no prior."""
+    log_evidence: float | None
+    """Logarithm of the marginal likelihood, but for a constant of the campaign; None where there was no prior."""
+    field: ResidualField | None
+    """What was learned of the residuals, if asked for."""
     iterations: int
     """Of the last fit."""
     rounds: int
@@ -190,11 +196,10 @@ class Calibration:
         Raises:
             ClosureError: a closed loop cannot be assembled at some pose.
         """
-        walked = self.layout.walked(np.asarray(q, dtype=float), self.z)
-        T = walk.poses(walked.chain, walked.s, walked.e)
+        T = self.predict_tool(q)
         if self.layout.pose:
-            return T
-        return np.stack([se3.apply(T, point) for point in walked.points.position], axis=1)
+            return T @ self.T_tool_target[0]
+        return np.stack([se3.apply(T, target[:3, 3]) for target in self.T_tool_target], axis=1)
 
     def predict_covariance(
         self, q: Float[np.ndarray, "n joints"], *, model_error: bool = True
@@ -203,8 +208,8 @@ class Calibration:
 
         Args:
             q: joint positions, radians.
-            model_error: add what geometry cannot explain at a new pose; without it, the covariance says how well the
-                fitted geometry itself is known there.
+            model_error: add what the model cannot explain at a new pose (with a residual field, what the field says of
+                its own uncertainty); without it, the covariance says how well the fitted model itself is known there.
 
         Returns:
             b = 3 rows for points, metres²; 6 for poses, then radians².
@@ -215,8 +220,15 @@ class Calibration:
         T = walk.poses(rotation.chain, rotation.s, rotation.e)[:, :3, :3] if self.layout.pose else None
         nowhere = Observations(position=np.zeros((*shape, 3)), rotation=T, valid=np.ones(shape, dtype=bool))
         _, spread = normal_equations.spread(rotation, nowhere, self.z_covariance)
-        if model_error:
-            spread = spread + np.diag(np.repeat(np.square(self.model_error), 3))
+        if not model_error:
+            return spread
+        if self.field is None:
+            return spread + np.diag(np.repeat(np.square(self.model_error), 3))
+        R = self.T_tracker_base[:3, :3]
+        variance = self.field.variance(q)
+        for first in range(0, spread.shape[2], 3):
+            part = slice(first, first + 3)
+            spread[:, :, part, part] += (R * variance[:, None, part] @ R.T)[:, None]
         return spread
 
     def predict_tool(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
@@ -225,7 +237,23 @@ class Calibration:
         Raises:
             ClosureError: a closed loop cannot be assembled at some pose.
         """
-        return self.T_tracker_base @ self.model.poses(np.asarray(q, dtype=float), self.estimate)
+        return self.T_tracker_base @ self.tool_in_base(q)
+
+    def tool_in_base(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
+        """Poses of the tool in the robot's base, the residual field included.
+
+        Raises:
+            ClosureError: a closed loop cannot be assembled at some pose.
+        """
+        q = np.asarray(q, dtype=float)
+        T = self.model.poses(q, self.estimate)
+        if self.field is None:
+            return T
+        learned = self.field.mean(q)
+        T[:, :3, 3] += learned[:, :3]
+        if learned.shape[1] == 6:
+            T[:, :3, :3] = se3.exp(learned[:, 3:]) @ T[:, :3, :3]
+        return T
 
     def tool_covariance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 6 6"]:
         """Covariance of the tool's true pose about the predicted one: position, then rotation, in tracker axes.
@@ -265,6 +293,7 @@ class Calibration:
             "robot": dict(self.model.robot.description),
             "lengths_only": self.model.lengths_only,
             "units": "metres and radians",
+            "effects": [effect.to_json() for effect in self.model.effects],
             "kept": list(self.kept),
             "targets": list(self.targets),
             "pose": self.layout.pose,
@@ -282,6 +311,8 @@ class Calibration:
             "T_tool_target": self.T_tool_target.tolist(),
             "model_error": list(self.model_error),
             "prior_scale": self.prior_scale,
+            "log_evidence": self.log_evidence,
+            "field": None if self.field is None else self.field.to_json(),
             "ids": list(self.ids),
             "residuals": _without_nan(self.residuals),
             "studentised": _without_nan(self.studentised),
@@ -339,7 +370,11 @@ def load_calibration(path: str | Path) -> Calibration:
 
 
 def _from_json(data: Mapping[str, Any]) -> Calibration:
-    model = ErrorModel(robot_from(data["robot"]), lengths_only=bool(data["lengths_only"]))
+    model = ErrorModel(
+        robot_from(data["robot"]),
+        lengths_only=bool(data["lengths_only"]),
+        effects=[effect_from(effect) for effect in data["effects"]],
+    )
     registration = Registration(
         T_tracker_base=_array(data["registration"], "T_tracker_base", (4, 4)),
         T_tool_target=_array(data["registration"], "T_tool_target", (len(data["targets"]), 4, 4)),
@@ -368,6 +403,8 @@ def _from_json(data: Mapping[str, Any]) -> Calibration:
         ids=tuple(data["ids"]),
         model_error=tuple(float(value) for value in data["model_error"]),
         prior_scale=None if data["prior_scale"] is None else float(data["prior_scale"]),
+        log_evidence=None if data["log_evidence"] is None else float(data["log_evidence"]),
+        field=None if data["field"] is None else ResidualField.from_json(data["field"]),
         iterations=int(data["iterations"]),
         rounds=int(data["rounds"]),
         reason=str(data["reason"]),

@@ -169,6 +169,8 @@ class _Found:
     """Of noise and model error."""
     weights: Float[np.ndarray, "n targets"]
     posterior: Float[np.ndarray, "z z"]
+    log_evidence: float
+    """Of the hyperparameters, by Laplace's approximation; without a prior, minus infinity."""
     rounds: int
 
 
@@ -272,8 +274,19 @@ def _fit_once(
         covariance=covariance,
         weights=loss.weights(rms),
         posterior=posterior,
+        log_evidence=_log_evidence(solution, precision, covariance[problem.seen.valid], belief),
         rounds=rounds,
     )
+
+
+def _log_evidence(
+    solution: Solution, precision: Float[np.ndarray, "z z"], noise: Float[np.ndarray, "blocks b b"], belief: _Belief
+) -> float:
+    """log p(measurements | hyperparameters) = −objective − ½ log|R| + ½ log|P| − ½ log|H + P|, but for a constant."""
+    if belief.prior is None:
+        return -np.inf
+    determinants = np.linalg.slogdet(noise)[1].sum() - np.linalg.slogdet(precision)[1]
+    return float(-solution.objective - 0.5 * (determinants + np.linalg.slogdet(solution.information + precision)[1]))
 
 
 def _invert(A: Float[np.ndarray, "z z"]) -> Float[np.ndarray, "z z"]:
@@ -351,6 +364,8 @@ def _conclude(
         ids=campaign.ids,
         model_error=tuple(float(d) for d in deviations),
         prior_scale=float(np.sqrt(found.hyper.prior_factor)) if belief.prior is not None else None,
+        log_evidence=found.log_evidence if belief.prior is not None else None,
+        field=None,
         iterations=found.solution.iterations,
         rounds=found.rounds,
         reason=found.solution.reason,

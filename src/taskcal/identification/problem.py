@@ -12,7 +12,7 @@ from taskcal.geometry.normal_equations import Observations, Points, Walked
 from taskcal.geometry.walk import Columns
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration
-from taskcal.robot.error_model import COMPONENTS, ErrorModel
+from taskcal.robot.error_model import COMPONENTS, ErrorModel, Prepared
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -88,9 +88,11 @@ class FrameLayout:
         x[self.kept] = z[: len(self.kept)]
         return x
 
-    def walked(self, q: Float[np.ndarray, "n joints"], z: Float[np.ndarray, " z"]) -> Walked:
+    def walked(
+        self, q: Float[np.ndarray, "n joints"], z: Float[np.ndarray, " z"], prepared: Prepared | None = None
+    ) -> Walked:
         """The walk from tracker to targets at joint positions q."""
-        at = self.model.walk(q, self.parameters(z), self.columns)
+        at = self.model.walk(q, self.parameters(z), self.columns, prepared)
         return self.reframed(at.s, at.factor, at.e, z)
 
     def reframed(self, s: np.ndarray, factor: np.ndarray, e: np.ndarray, z: np.ndarray) -> Walked:
@@ -146,6 +148,10 @@ class Problem:
         return not len(self.frames.layout.joint)
 
     @cached_property
+    def _prepared(self) -> Prepared:
+        return self.frames.model.prepare(self.q)
+
+    @cached_property
     def _joint_side(self) -> tuple[np.ndarray, np.ndarray]:
         at = self.frames.model.walk(self.q, None, self.frames.columns)
         return at.s, at.factor
@@ -153,7 +159,7 @@ class Problem:
     def walked(self, z: Float[np.ndarray, " z"]) -> Walked:
         """The walk of every pose at an estimate."""
         if not self._constant:
-            return self.frames.walked(self.q, z)
+            return self.frames.walked(self.q, z, self._prepared)
         e = self.frames.model.error_frames(self.frames.parameters(z))
         return self.frames.reframed(*self._joint_side, e, z)
 

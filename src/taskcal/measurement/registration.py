@@ -44,7 +44,9 @@ class Registration:
 
 
 @single_threaded
-def register(model: ErrorModel, campaign: Campaign, x: Float[np.ndarray, " p"] | None = None) -> Registration:
+def register(
+    model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 4 4"] | None = None
+) -> Registration:
     """Find the tracker frame and every target in closed form, then by a search from many orientations if that fails.
 
     The closed form solves M·y + m = p + R·o for an unconstrained matrix M, a vector m and the offsets o, which is linear
@@ -54,13 +56,13 @@ def register(model: ErrorModel, campaign: Campaign, x: Float[np.ndarray, " p"] |
     Args:
         model: the robot's model.
         campaign: the measurements.
-        x: parameter values; the nominal robot by default.
+        poses: of the tool in the base at every row; the nominal robot's by default.
 
     Raises:
         CampaignError: too few rows, or rows that do not determine the frames.
     """
     check_rows(campaign)
-    T = model.poses(campaign.q, x)
+    T = model.poses(campaign.q) if poses is None else poses
     if campaign.rotations is None:
         return _register_points(T, campaign, model.robot.reach)
     return _register_poses(T, campaign, model.robot.reach)

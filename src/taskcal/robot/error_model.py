@@ -7,11 +7,14 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.errors import UnknownName
+from taskcal.errors import TaskcalError, UnknownName
 from taskcal.geometry import walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed, Joint, Step
+from taskcal.robot.effects import Effect
 from taskcal.robot.joint_side import JointTerm, Shift
 from taskcal.robot.robot import Part, Robot
+
+Prepared = tuple[Float[np.ndarray, "n k"] | None, ...]
 
 COMPONENTS = ("tx", "ty", "tz", "rx", "ry", "rz")
 
@@ -61,10 +64,15 @@ class ErrorModel:
     terms: tuple[JointTerm, ...]
     """Joint-side effects."""
 
-    def __init__(self, robot: Robot, *, lengths_only: bool = False):
+    effects: tuple[Effect, ...]
+    """Those that were added to the robot's own terms."""
+
+    def __init__(self, robot: Robot, *, lengths_only: bool = False, effects: Sequence[Effect] = ()):
         self.robot = robot
         self.lengths_only = lengths_only
-        self.terms = _terms(robot)
+        self.effects = tuple(effects)
+        added = [effect.term(robot) for effect in self.effects]
+        self.terms = (*_terms(robot), *added)
         steps, slots = _length_steps(robot) if lengths_only else _defect_steps(robot)
         self.steps = tuple(steps)
         named = [(f, c, name) for f, frame in enumerate(slots) for c, name in enumerate(frame) if name]
@@ -74,10 +82,15 @@ class ErrorModel:
         for k, (f, c, _) in enumerate(named):
             self._frame_slots[f, c] = k
         self._frame_count = len(names)
-        if not lengths_only:
-            for term in self.terms:
-                names += term.names
-                units += term.units
+        estimated = added if lengths_only else self.terms
+        self._fixed_terms = len(self.terms) - len(estimated)
+        for term in estimated:
+            names += term.names
+            units += term.units
+        stated = {name: t for term in added for name, t in zip(term.names, term.tolerances, strict=True)}
+        twice = {name for name in names if names.count(name) > 1}
+        if twice:
+            raise TaskcalError(f"two effects have a parameter '{min(twice)}'; add each effect once")
         tolerances = robot.tolerances
         default = {"m": tolerances.translation, "rad": tolerances.rotation}
         self.parameters = tuple(
@@ -85,7 +98,7 @@ class ErrorModel:
                 name=name,
                 unit=unit,
                 tolerance=tolerances.overrides.get(
-                    name, tolerances.length if name.startswith("loop.") else default[unit]
+                    name, tolerances.length if name.startswith("loop.") else stated.get(name, default[unit])
                 ),
                 symbol=robot.symbols.get(name, ""),
             )
@@ -100,6 +113,14 @@ class ErrorModel:
 
     def __len__(self) -> int:
         return len(self.parameters)
+
+    def __add__(self, effect: Effect) -> "ErrorModel":
+        """The model with one more effect on the joint side."""
+        return ErrorModel(self.robot, lengths_only=self.lengths_only, effects=(*self.effects, effect))
+
+    def prepare(self, q: Float[np.ndarray, "n joints"]) -> Prepared:
+        """What `walk` needs at joint positions q and no parameter changes, for callers that walk there often."""
+        return tuple(term.prepare(q) for term in self.terms)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -142,7 +163,7 @@ class ErrorModel:
         rows: list[np.ndarray] = [np.empty((0, 2), dtype=np.int64)]
         first = self._frame_count
         if first < len(self.parameters):
-            for term in self.terms:
+            for term in self.terms[self._fixed_terms :]:
                 rows.append(term.pairs + np.array([0, first]))
                 first += len(term.names)
         return np.concatenate(rows)
@@ -177,6 +198,7 @@ class ErrorModel:
         q: Float[np.ndarray, "n joints"],
         x: Float[np.ndarray, " p"] | None = None,
         columns: Int[np.ndarray, " p"] | None = None,
+        prepared: Prepared | None = None,
     ) -> Walk:
         """Chain coordinates, error frames and joint-side factors at q and x; factors for the layout of `columns`.
 
@@ -197,14 +219,15 @@ class ErrorModel:
         factors = [np.empty((len(q), 0))]
         shifts: list[Shift] = []
         first = self._frame_count
-        for term in self.terms:
-            xi = x[first : first + len(term.names)] if first < len(x) else np.zeros(len(term.names))
-            shift = term.shift(q, xi)
+        for i, term in enumerate(self.terms):
+            estimated = i >= self._fixed_terms
+            xi = x[first : first + len(term.names)] if estimated else np.zeros(len(term.names))
+            shift = term.shift(q, xi, None if prepared is None else prepared[i])
             shifts.append(shift)
             s += shift.value
-            if first < len(x):
+            if estimated:
                 factors.append(shift.factor)
-            first += len(term.names)
+                first += len(term.names)
         factor = np.concatenate(factors, axis=1)
         if columns is not None:
             factor = factor[:, self._used_pairs(columns)]

@@ -47,7 +47,16 @@ class JointTerm(Protocol):
         """Which chain coordinate each of its parameters moves: rows (coordinate, parameter)."""
         ...
 
-    def shift(self, q: Float[np.ndarray, "n joints"], xi: Float[np.ndarray, " p"]) -> Shift:
+    def prepare(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n k"] | None:
+        """What `shift` needs at joint positions q and no parameter changes; None where there is nothing of the kind."""
+        ...
+
+    def shift(
+        self,
+        q: Float[np.ndarray, "n joints"],
+        xi: Float[np.ndarray, " p"],
+        prepared: Float[np.ndarray, "n k"] | None = None,
+    ) -> Shift:
         """Evaluate at joint positions q (radians, metres) and parameters ξ."""
         ...
 
@@ -92,7 +101,12 @@ class FourBarDrive:
         """Each of the three lengths moves every coordinate that the loop moves."""
         return np.array([(c, k) for k in range(3) for c in self.moved])
 
-    def shift(self, q: Float[np.ndarray, "n joints"], xi: Float[np.ndarray, " 3"]) -> Shift:
+    def prepare(self, q: Float[np.ndarray, "n joints"]) -> None:
+        """Nothing: the closure depends on its lengths throughout."""
+
+    def shift(
+        self, q: Float[np.ndarray, "n joints"], xi: Float[np.ndarray, " 3"], prepared: None = None
+    ) -> Shift:
         """δs = output·(θ − κ), with ξ the deviations of crank, rod and rocker from nominal, metres.
 
         Raises:
