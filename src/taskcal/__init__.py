@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from taskcal.estimation.prior import GaussianPrior as GaussianPrior
     from taskcal.identification.calibration import Calibration as Calibration
     from taskcal.identification.calibration import load_calibration as load_calibration
+    from taskcal.identification.explain import Explanation as Explanation
+    from taskcal.identification.explain import explain as explain
     from taskcal.identification.identify import identify as identify
     from taskcal.identification.validation import Validation as Validation
     from taskcal.identification.validation import validate as validate
@@ -36,6 +38,9 @@ if TYPE_CHECKING:
     from taskcal.robot.catalogue import catalogue_names as catalogue_names
     from taskcal.robot.catalogue import load_robot as load_robot
     from taskcal.robot.dh_table import read_dh_table as read_dh_table
+    from taskcal.robot.effects import Compliance as Compliance
+    from taskcal.robot.effects import EncoderGain as EncoderGain
+    from taskcal.robot.effects import Harmonics as Harmonics
     from taskcal.robot.error_model import ErrorModel as ErrorModel
     from taskcal.robot.robot import Robot as Robot
     from taskcal.task.task import Task as Task
@@ -46,8 +51,12 @@ _HOME = {
     "Calibration": "identification.calibration",
     "Campaign": "measurement.campaign",
     "Cauchy": "estimation.loss",
+    "Compliance": "robot.effects",
+    "EncoderGain": "robot.effects",
     "ErrorModel": "robot.error_model",
+    "Explanation": "identification.explain",
     "GaussianPrior": "estimation.prior",
+    "Harmonics": "robot.effects",
     "Huber": "estimation.loss",
     "Plan": "adaptation.plan",
     "Registration": "measurement.registration",
@@ -60,6 +69,7 @@ _HOME = {
     "TrackerNoise": "measurement.tracker",
     "Validation": "identification.validation",
     "catalogue_names": "robot.catalogue",
+    "explain": "identification.explain",
     "identifiability": "analysis.identifiability",
     "identify": "identification.identify",
     "load_calibration": "identification.calibration",

@@ -68,7 +68,7 @@ def test_a_registration_with_known_defects_is_exact(rng):
     model = arm(rng)
     x = 5.0 * rng.normal(size=len(model)) * model.tolerances
     campaign, truth = measure(rng, model, industrial_positions(rng, 40), x)
-    found = register(model, campaign, x)
+    found = register(model, campaign, model.poses(campaign.q, x))
     assert found.rms < 1e-7
     np.testing.assert_allclose(found.T_tracker_base, truth.T_tracker_base, atol=1e-6)
 

@@ -124,7 +124,9 @@ def explain(
             stages.append(_stage(", ".join(map(_label, added)), trial, best, errors, left, accepted=True))
             best, left = trial, errors
     else:
-        best, left, model, added, tried = _search(model, campaign, list(candidates), parts, best, left, options, progress)
+        best, left, model, added, tried = _search(
+            model, campaign, list(candidates), parts, best, left, options, progress
+        )
         stages += tried
     if field:
         progress("residual field")
@@ -132,7 +134,9 @@ def explain(
         errors = _left_out(model, campaign, parts, options, field=True, seed=seed)
         gain, error = _paired(left, errors)
         accepted = bool(gain > SIGNIFICANT * error)
-        stages.append(replace(_stage("residual field", trial, None, errors, left, accepted=accepted), log_evidence=None))
+        stages.append(
+            replace(_stage("residual field", trial, None, errors, left, accepted=accepted), log_evidence=None)
+        )
         best = trial if accepted else best
     noise = campaign.covariances(options.get("noise"))[campaign.valid][:, :3, :3]
     # mean length of an isotropic normal vector: √(8/π) standard deviations
@@ -161,7 +165,7 @@ def _search(
     model: ErrorModel,
     campaign: Campaign,
     candidates: list[Effect],
-    parts: list[Int[np.ndarray, " k"]],
+    parts: list[Int[np.ndarray, " _"]],
     best: Calibration,
     left: Float[np.ndarray, " rows"],
     options: dict[str, Any],
@@ -198,7 +202,7 @@ def _label(effect: Effect) -> str:
     return label if effect.joints is None else f"{label} of {', '.join(effect.joints)}"
 
 
-def _folds(q: Float[np.ndarray, "n joints"], folds: int, seed: int) -> list[Int[np.ndarray, " k"]]:
+def _folds(q: Float[np.ndarray, "n joints"], folds: int, seed: int) -> list[Int[np.ndarray, " _"]]:
     """Rows of each fold; neighbours in the joints, down to the same pose measured again, stay together."""
     rounded = np.round(q / np.radians(0.5)).astype(int)
     _, group = np.unique(rounded, axis=0, return_inverse=True)
@@ -209,7 +213,7 @@ def _folds(q: Float[np.ndarray, "n joints"], folds: int, seed: int) -> list[Int[
 def _left_out(
     model: ErrorModel,
     campaign: Campaign,
-    parts: list[Int[np.ndarray, " k"]],
+    parts: list[Int[np.ndarray, " _"]],
     options: dict[str, Any],
     *,
     field: bool = False,

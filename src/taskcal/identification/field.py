@@ -25,9 +25,7 @@ FEWEST = 20
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ResidualField:
-    """Corrections of the tool pose in base axes: three of position, metres, and three of rotation where poses were
-    measured, radians.
-    """
+    """Corrections of the tool pose in base axes: of position, metres, and where poses were measured of rotation, radians."""
 
     q: Float[np.ndarray, "n joints"]
     """Joint positions it was learned at, radians."""
@@ -78,7 +76,10 @@ class ResidualField:
         """
         arrays = {name: np.array(data[name], dtype=float) for name in ("q", "values", "lengths", "deviation", "noise")}
         n, outputs = arrays["values"].shape
-        fits = arrays["q"].shape == (n, len(arrays["lengths"])) and len(arrays["noise"]) == len(arrays["deviation"]) == outputs
+        fits = (
+            arrays["q"].shape == (n, len(arrays["lengths"]))
+            and len(arrays["noise"]) == len(arrays["deviation"]) == outputs
+        )
         if not fits or not all(np.isfinite(array).all() for array in arrays.values()):
             raise ValueError("the field's arrays do not belong together")
         return cls(**arrays)
@@ -98,20 +99,23 @@ def learn_field(
         CampaignError: too few rows.
     """
     if len(q) < FEWEST:
-        raise CampaignError(f"{len(q)} rows are too few to learn a residual field; measure at least {FEWEST}, better 100")
+        raise CampaignError(
+            f"{len(q)} rows are too few to learn a residual field; measure at least {FEWEST}, better 100"
+        )
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
     spread = np.maximum(q.std(axis=0), 1e-3)
     size = np.sqrt((residual**2).mean(axis=0))
-    kernel = ConstantKernel(0.5, (1e-4, 1e2)) * RBF(2.0 * np.ones(q.shape[1]), (0.05, 100.0)) + WhiteKernel(0.5, (1e-4, 1e1))
+    shape: Any = RBF(np.full(q.shape[1], 2.0), (0.05, 100.0))  # pyright: ignore[reportArgumentType]
+    kernel: Any = ConstantKernel(0.5, (1e-4, 1e2)) * shape + WhiteKernel(0.5, (1e-4, 1e1))
     rows = np.sort(np.random.default_rng(seed).permutation(len(q))[:SEARCHED])
     process = GaussianProcessRegressor(kernel, alpha=1e-10, normalize_y=False, random_state=seed)
     with warnings.catch_warnings():
         # a length at its upper bound is a joint without influence, which is an answer
         warnings.simplefilter("ignore", ConvergenceWarning)
-        found = process.fit((q / spread)[rows], (residual / size)[rows]).kernel_
+        found: Any = process.fit((q / spread)[rows], (residual / size)[rows]).kernel_
     variance, lengths, noise = found.k1.k1.constant_value, np.atleast_1d(found.k1.k2.length_scale), found.k2.noise_level
     kept = np.unique(np.linspace(0, len(q) - 1, min(len(q), LARGEST)).astype(int))
     return ResidualField(

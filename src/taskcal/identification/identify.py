@@ -282,7 +282,7 @@ def _fit_once(
 def _log_evidence(
     solution: Solution, precision: Float[np.ndarray, "z z"], noise: Float[np.ndarray, "blocks b b"], belief: _Belief
 ) -> float:
-    """log p(measurements | hyperparameters) = −objective − ½ log|R| + ½ log|P| − ½ log|H + P|, but for a constant."""
+    """Log p(measurements | hyperparameters) = −objective − ½ log|R| + ½ log|P| − ½ log|H + P|, but for a constant."""
     if belief.prior is None:
         return -np.inf
     determinants = np.linalg.slogdet(noise)[1].sum() - np.linalg.slogdet(precision)[1]

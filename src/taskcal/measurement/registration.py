@@ -44,9 +44,7 @@ class Registration:
 
 
 @single_threaded
-def register(
-    model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 4 4"] | None = None
-) -> Registration:
+def register(model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 4 4"] | None = None) -> Registration:
     """Find the tracker frame and every target in closed form, then by a search from many orientations if that fails.
 
     The closed form solves M·y + m = p + R·o for an unconstrained matrix M, a vector m and the offsets o, which is linear

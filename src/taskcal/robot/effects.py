@@ -93,7 +93,10 @@ class Effect:
 
     def to_json(self) -> dict[str, Any]:
         """Its kind and options."""
-        return {"kind": type(self).__name__, **{k: list(v) if isinstance(v, tuple) else v for k, v in vars(self).items()}}
+        return {
+            "kind": type(self).__name__,
+            **{k: list(v) if isinstance(v, tuple) else v for k, v in vars(self).items()},
+        }
 
     def term(self, robot: Robot) -> LinearTerm:
         """The effect on a robot."""
@@ -198,7 +201,7 @@ def effect_from(data: Mapping[str, Any]) -> Effect:
     kind = str(data["kind"])
     if kind not in EFFECTS:
         raise UnknownName("effect", kind, EFFECTS)
-    options = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k != "kind"}
+    options: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k != "kind"}
     return EFFECTS[kind](**options)
 
 

@@ -14,7 +14,7 @@ from taskcal.robot.effects import Effect
 from taskcal.robot.joint_side import JointTerm, Shift
 from taskcal.robot.robot import Part, Robot
 
-Prepared = tuple[Float[np.ndarray, "n k"] | None, ...]
+Prepared = tuple[Float[np.ndarray, "_ _"] | None, ...]
 
 COMPONENTS = ("tx", "ty", "tz", "rx", "ry", "rz")
 

@@ -105,7 +105,10 @@ class FourBarDrive:
         """Nothing: the closure depends on its lengths throughout."""
 
     def shift(
-        self, q: Float[np.ndarray, "n joints"], xi: Float[np.ndarray, " 3"], prepared: None = None
+        self,
+        q: Float[np.ndarray, "n joints"],
+        xi: Float[np.ndarray, " 3"],
+        prepared: Float[np.ndarray, "n k"] | None = None,
     ) -> Shift:
         """δs = output·(θ − κ), with ξ the deviations of crank, rod and rocker from nominal, metres.
 

@@ -1,0 +1,163 @@
+"""What geometry cannot explain enters where the data prove it, and nowhere else."""
+
+import numpy as np
+import pytest
+
+from taskcal.identification.calibration import load_calibration
+from taskcal.identification.explain import CANDIDATES, explain, with_field
+from taskcal.identification.field import learn_field
+from taskcal.identification.identify import identify
+from taskcal.identification.validation import validate
+from taskcal.measurement.reader import read_campaign
+from taskcal.measurement.virtual_cell import draw_defects, simulate
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.effects import Compliance, EncoderGain, Harmonics
+from taskcal.robot.error_model import ErrorModel
+
+CHEAP = [effect for effect in CANDIDATES if len(getattr(effect, "orders", ())) < 3]
+
+
+def poses(robot, rng, count):
+    limits = np.clip(robot.limits, -0.9, 0.9)
+    return rng.uniform(limits[:, 0], limits[:, 1], (count, len(limits)))
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load_robot("abb-irb120")
+
+
+def test_geometry_alone_brings_no_effect_in(robot):
+    model, picked = ErrorModel(robot), 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        campaign, _ = simulate(model, poses(robot, rng, 60), rng=rng)
+        picked += bool(explain(model, campaign, candidates=CHEAP, folds=3).effects)
+    assert picked <= 1
+
+
+@pytest.mark.parametrize("true", [Harmonics(orders=(1,)), EncoderGain(), Compliance()], ids=lambda e: type(e).__name__)
+def test_an_effect_of_its_tolerance_is_found_or_one_that_predicts_the_same(robot, true):
+    model = ErrorModel(robot)
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        q, unseen = poses(robot, rng, 80), poses(robot, rng, 100)
+        campaign, truth = simulate(model + true, q, rng=rng)
+        found = explain(model, campaign, candidates=CHEAP, folds=3)
+        known = identify(model + true, campaign)
+        assert found.effects
+        error = np.linalg.norm(found.calibration.predict(unseen) - truth.points(unseen), axis=2).mean()
+        best = np.linalg.norm(known.predict(unseen) - truth.points(unseen), axis=2).mean()
+        plain = np.linalg.norm(identify(model, campaign).predict(unseen) - truth.points(unseen), axis=2).mean()
+        assert error < 0.8 * plain
+        assert error < 2.0 * best
+
+
+def test_every_step_says_what_it_was_worth(robot):
+    model, rng = ErrorModel(robot), np.random.default_rng(0)
+    campaign, _ = simulate(model + Harmonics(orders=(1,)), poses(robot, rng, 80), rng=rng)
+    found = explain(model, campaign, candidates=CHEAP, folds=4)
+    first, second = found.stages[:2]
+    assert (first.name, first.accepted, first.log_evidence) == ("geometry", True, None)
+    assert second.accepted
+    assert second.log_evidence > 10
+    assert second.cross_validated < 0.6 * first.cross_validated
+    assert not found.stages[-1].accepted or len(found.effects) == len(CHEAP)
+    assert 5e-6 < found.tracker < 5e-5
+
+
+def test_effects_and_field_survive_saving(robot, tmp_path):
+    model, rng = ErrorModel(robot), np.random.default_rng(0)
+    campaign, _ = simulate(model + EncoderGain() + Harmonics(), poses(robot, rng, 60), rng=rng)
+    made = with_field(identify(model + EncoderGain(), campaign), campaign)
+    made.save(tmp_path / "cal.json")
+    loaded = load_calibration(tmp_path / "cal.json")
+    unseen = poses(robot, rng, 30)
+    assert loaded.model.effects == made.model.effects
+    np.testing.assert_array_equal(loaded.predict(unseen), made.predict(unseen))
+    np.testing.assert_array_equal(loaded.predict_covariance(unseen), made.predict_covariance(unseen))
+
+
+def smooth(q, rng, joints):
+    """A smooth random function of the joints, by a few plane waves."""
+    waves, phases = rng.normal(size=(8, joints)), rng.uniform(0, 2 * np.pi, (8, 3))
+    return (
+        1e-4
+        * sum(
+            np.cos(q @ w)[:, None] * np.cos(p) + np.sin(q @ w)[:, None] * np.sin(p)
+            for w, p in zip(waves, phases, strict=True)
+        )
+        / 2
+    )
+
+
+def test_a_field_learns_a_smooth_function_and_fades_far_away():
+    rng = np.random.default_rng(0)
+    q, unseen, far = rng.uniform(-1, 1, (300, 3)), rng.uniform(-0.9, 0.9, (200, 3)), np.full((1, 3), 50.0)
+    noise = 1e-5
+    values, truth = np.split(smooth(np.concatenate([q, unseen]), np.random.default_rng(1), 3), [300])
+    found = learn_field(q, values + noise * rng.normal(size=values.shape))
+    error = found.mean(unseen) - truth
+    assert np.sqrt((error**2).mean()) < 0.3 * np.sqrt((truth**2).mean())
+    np.testing.assert_allclose(found.mean(far), 0.0, atol=1e-12)
+    np.testing.assert_allclose(found.variance(far)[0], found.deviation**2 + found.noise**2, rtol=1e-9)
+    inside = np.abs(error) < 1.96 * np.sqrt(found.variance(unseen))
+    assert inside.mean() > 0.9
+
+
+def test_a_field_equals_the_process_it_was_learned_by():
+    """scikit-learn's own prediction with the same hyper-parameters."""
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
+    rng = np.random.default_rng(0)
+    q = rng.uniform(-1, 1, (60, 3))
+    values = smooth(q, rng, 3) + 1e-5 * rng.normal(size=(60, 3))
+    found = learn_field(q, values)
+    size = found.deviation[0]
+    kernel = ConstantKernel(1.0) * RBF(found.lengths) + WhiteKernel((found.noise[0] / size) ** 2)
+    reference = GaussianProcessRegressor(kernel, optimizer=None, alpha=0.0).fit(q, values)
+    unseen = rng.uniform(-1, 1, (20, 3))
+    np.testing.assert_allclose(found.mean(unseen), reference.predict(unseen), atol=1e-9)
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize(
+    ("name", "folder", "targets", "rows", "effects", "bound"),
+    [
+        ("ur5", "ur5_tracker", None, 700, "auto", 0.062),
+        ("ur10", "ur10_tmac", None, 1046, (Harmonics(), Compliance()), 0.35),
+        ("abb-irb120", "irb120_faro", ["smr1"], 430, (EncoderGain(), Compliance()), 0.35),
+    ],
+)
+def test_effects_on_measured_robots(data_folder, name, folder, targets, rows, effects, bound):
+    robot = load_robot(name)
+    campaign = read_campaign(data_folder / folder / "measurements.csv", robot, targets=targets)
+    chosen = np.random.default_rng(0).permutation(len(campaign))[:rows]
+    rest = np.setdiff1d(np.arange(len(campaign)), chosen)
+    model = ErrorModel(robot)
+    if effects == "auto":
+        found = explain(model, campaign.take(chosen)).calibration
+    else:
+        for effect in effects:
+            model = model + effect
+        found = identify(model, campaign.take(chosen))
+    assert validate(found, campaign.take(rest)).mean * 1e3 < bound
+
+
+@pytest.mark.realdata
+def test_leave_one_pose_out_of_a_coupled_robot(data_folder):
+    robot = load_robot("fanuc-r2000ic-165f")
+    campaign = read_campaign(data_folder / "fanuc_r2000_tracker/measurements.csv", robot)
+    model = ErrorModel(robot) + Harmonics() + Compliance()
+    errors = []
+    for row in range(len(campaign)):
+        fitted = identify(model, campaign.take(np.setdiff1d(np.arange(len(campaign)), [row])))
+        errors.append(validate(fitted, campaign.take([row])).errors)
+    assert np.concatenate(errors).mean() * 1e3 < 0.26
+
+
+def test_defects_are_drawn_for_effects_too(robot):
+    model = ErrorModel(robot) + Harmonics()
+    x = draw_defects(model, np.random.default_rng(0))
+    assert np.all(x[len(ErrorModel(robot)) :] != 0.0)
