@@ -176,7 +176,7 @@ def plan(
         random=_random_plans(model, experiment, task, station, count, seed),
         grid=_even_plan(model, experiment, task, station, count),
         by_count=chosen.greedy,
-        before=_before(model, goal, station, q),
+        before=_before(model, goal, station, _with_measured(campaign, q), noise, known.prior_scale),
         criterion=criterion,
         exchanges=chosen.exchanges,
         lost=dict(found.lost),
@@ -296,8 +296,20 @@ def _even_plan(model: ErrorModel, experiment: Experiment, task: Task, station: S
     return experiment.error(pool.q, pool.visible)
 
 
-def _before(model: ErrorModel, goal: TaskPoses, station: Station | None, q: Float[np.ndarray, "count joints"]) -> float:
+def _with_measured(campaign: Campaign | None, q: Float[np.ndarray, "count joints"]) -> Float[np.ndarray, "n joints"]:
+    return q if campaign is None else np.concatenate([campaign.q, q])
+
+
+def _before(
+    model: ErrorModel,
+    goal: TaskPoses,
+    station: Station | None,
+    q: Float[np.ndarray, "n joints"],
+    noise: TrackerNoise | None,
+    prior_scale: float,
+) -> float:
     """Expected error when the measurements only serve to find tracker frame and targets."""
     targets = None if station is None else {r.name: r.position for r in station.reflectors}
-    nominal, _ = simulate(model, q, rng=np.random.default_rng(0), x=np.zeros(len(model)), targets=targets)
-    return design(model, nominal, goal).before
+    rng, x = np.random.default_rng(0), np.zeros(len(model))
+    nominal, _ = simulate(model, q, rng=rng, x=x, targets=targets, noise=noise)
+    return design(model, nominal, goal, noise=noise, prior_scale=prior_scale).before

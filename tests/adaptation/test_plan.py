@@ -1,0 +1,291 @@
+"""Plans: what they promise is what simulated robots give, and every pose can be measured."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.adaptation import plan as planning
+from taskcal.adaptation.candidates import enlarge, find_measurable, keep_measurable, make_experiment
+from taskcal.adaptation.expected_error import design
+from taskcal.adaptation.plan import Plan, plan
+from taskcal.adaptation.procedure import reference_task
+from taskcal.errors import CampaignError, ReachError
+from taskcal.geometry import se3
+from taskcal.identification.identify import identify
+from taskcal.kinematics.clearance import Box, beam_is_free, clear_of_boxes, clear_of_itself, place_links
+from taskcal.measurement.station import Reflector, Station
+from taskcal.measurement.virtual_cell import draw_defects, simulate
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from taskcal.task.task import Task, TaskPoses, reach_task
+
+TASK = reference_task()
+
+
+@pytest.fixture(scope="module")
+def model():
+    return ErrorModel(load_robot("abb-irb6660-205-1.9"))
+
+
+@pytest.fixture(scope="module")
+def listed(model) -> Task:
+    """The task as a list of poses whose joints are known, so that planning needs no search for them."""
+    reached = reach_task(model, TASK, 100, 3)
+    return Task(name="listed", poses=reached.T, joints=reached.q, accuracy=5e-5)
+
+
+@pytest.fixture(scope="module")
+def pool(model) -> np.ndarray:
+    """Joints of poses that can be measured."""
+    return find_measurable(model, TASK, None, 400, 0).q
+
+
+@pytest.fixture(scope="module")
+def small(model) -> Plan:
+    return plan(model, TASK, 12, candidates=400)
+
+
+def cell(**changed) -> Station:
+    """A tracker in front of the robot; a box beside its workspace; two reflectors, one seen from one side only."""
+    given = {
+        "position": np.array([4.5, -1.5, 0.8]),
+        "reach": 20.0,
+        "nearest": 0.5,
+        "reflectors": (
+            Reflector(name="ball", position=np.array([0.0, 0.05, 0.0]), axis=None, acceptance=0.5),
+            Reflector(name="smr", position=np.array([0.1, 0.0, 0.0]), axis=np.array([0, 0, 1.0]), acceptance=0.6),
+        ),
+        "keep_out": (Box(pose=se3.translation(1.9, 0.75, 1.2), size=np.array([0.6, 0.6, 1.5])),),
+    }
+    return Station(**{**given, **changed})
+
+
+def test_the_same_seed_gives_the_same_plan(model, small):
+    again = plan(model, TASK, 12, candidates=400)
+    np.testing.assert_array_equal(again.q, small.q)
+    assert again.rows == small.rows
+    assert (again.expected, again.grid) == (small.expected, small.grid)
+    assert np.abs(plan(model, TASK, 12, candidates=400, seed=1).q - small.q).max() > 1e-3
+
+
+def test_a_plan_is_better_than_chance_and_says_what_each_pose_was_worth(small):
+    assert small.expected < small.grid < small.before
+    assert small.expected < small.random.min()
+    assert np.all(np.diff(small.by_count) <= 1e-12)
+    assert small.expected <= small.by_count[-1] * (1 + 1e-9)
+    assert len(set(small.rows)) == len(small.q) == 12
+
+
+def test_the_expected_error_is_that_of_a_campaign_at_the_planned_poses(model, small):
+    campaign, _ = simulate(model, small.q, rng=np.random.default_rng(0), x=np.zeros(len(model)))
+    goal = reach_task(model, TASK, 200, 0)
+    assert small.expected == pytest.approx(
+        design(model, campaign, goal).expected_error(np.arange(len(model))), rel=1e-3
+    )
+    assert small.before == pytest.approx(design(model, campaign, goal).before, rel=1e-9)
+
+
+def test_planned_poses_are_inside_the_room_that_measuring_may_take(model, small):
+    assert model.robot.inside_limits(small.q).all()
+    assert clear_of_itself(place_links(model, small.q)).all()
+    T = model.poses(small.q)
+    space = enlarge(TASK, model).workspace
+    # refinement moves each joint by a few tenths of a radian at most
+    assert np.all(np.abs(T[:, :3, 3] - space.center) <= 0.5 * space.size + 0.8)
+    unrefined = model.poses(plan(model, TASK, 12, candidates=100, refine=0).q)
+    assert np.all(np.abs(unrefined[:, :3, 3] - space.center) <= 0.5 * space.size + 1e-9)
+    tilt = np.arccos((unrefined[:, :3, 2] * TASK.workspace.orientations[0].rotation[:, 2]).sum(axis=1))
+    assert tilt.max() <= np.radians(45.0) + 1e-9
+
+
+def test_refinement_never_makes_a_plan_worse(model, listed):
+    for seed in range(2):
+        expected = [plan(model, listed, 6, candidates=80, refine=rounds, seed=seed).expected for rounds in (0, 1, 2)]
+        assert np.all(np.diff(expected) <= 1e-12)
+        assert expected[2] < expected[0]
+
+
+@pytest.mark.parametrize("criterion", ["D", "E"])
+def test_other_criteria_plan_as_well_but_not_better_for_the_task(model, listed, pool, criterion):
+    other = plan(model, listed, 9, candidates=pool[:150], criterion=criterion)
+    own = plan(model, listed, 9, candidates=pool[:150])
+    assert other.criterion == criterion
+    assert own.expected <= other.expected * 1.01
+    assert other.expected < other.before
+
+
+def test_every_pose_of_a_plan_for_a_station_can_be_measured(model):
+    station = cell()
+    made = plan(model, TASK, 12, candidates=500, station=station)
+    assert made.visible.shape == (12, 2)
+    assert made.visible.any(axis=1).all()
+    assert model.robot.inside_limits(made.q).all()
+    links = place_links(model, made.q)
+    assert clear_of_itself(links).all()
+    assert clear_of_boxes(links, station.keep_out).all()
+    T = model.poses(made.q)
+    for k, reflector in enumerate(station.reflectors):
+        center = T[:, :3, :3] @ reflector.position + T[:, :3, 3]
+        beam = station.position - center
+        unhidden = beam_is_free(station.position, center, links, station.keep_out)
+        if reflector.axis is not None:
+            looks = (T[:, :3, :3] @ reflector.axis * beam).sum(axis=1) / np.linalg.norm(beam, axis=1)
+            unhidden &= looks >= np.cos(reflector.acceptance)
+        np.testing.assert_array_equal(made.visible[:, k], unhidden)
+    assert made.lost["in a keep-out box"] > 0
+    found = find_measurable(model, TASK, station, 500, 0)
+    assert sum(made.lost.values()) + len(found.q) == 500
+    assert made.candidates == len(found.q)
+
+
+def test_lost_beams_count_in_the_expected_error(model):
+    """The campaign that is planned has gaps where a reflector is hidden; a design from it agrees."""
+    station = cell()
+    made = plan(model, TASK, 12, candidates=500, station=station)
+    campaign, _ = simulate(
+        model, made.q, rng=np.random.default_rng(0), x=np.zeros(len(model)), T_tracker_base=station.T_tracker_base,
+        targets={reflector.name: reflector.position for reflector in station.reflectors},
+    )  # fmt: skip
+    points = np.where(made.visible[..., None], campaign.points, np.nan)
+    expected = design(model, replace(campaign, points=points), reach_task(model, TASK, 200, 0))
+    assert made.expected == pytest.approx(expected.expected_error(np.arange(len(model))), rel=1e-3)
+
+
+def test_a_reflector_that_is_never_visible_is_refused_with_the_reasons(model):
+    blind = Reflector(name="smr", position=np.zeros(3), axis=np.array([0, 0, -1.0]), acceptance=np.radians(1.0))
+    with pytest.raises(ReachError, match=r"none of 100 candidate poses.*no reflector visible; move the tracker"):
+        plan(model, TASK, 12, candidates=100, station=cell(reflectors=(blind,)))
+    everywhere = Box(pose=se3.translation(1.5, 0.0, 1.2), size=np.full(3, 3.0))
+    with pytest.raises(ReachError, match=r"none of 100 .* in a keep-out box"):
+        plan(model, TASK, 12, candidates=100, station=cell(keep_out=(everywhere,)))
+
+
+def test_a_task_out_of_reach_is_refused(model):
+    far = replace(TASK, workspace=replace(TASK.workspace, center=np.array([6.0, 0.0, 1.0])))
+    with pytest.raises(ReachError, match="does not reach"):
+        plan(model, far, 12, candidates=100)
+
+
+def test_too_few_poses_are_refused_and_as_many_as_the_message_says_are_planned(model):
+    with pytest.raises(CampaignError, match=r"3 poses are too few.*9 unknowns; plan at least 4"):
+        plan(model, TASK, 3, candidates=100)
+    assert len(plan(model, TASK, 4, candidates=100, refine=0).q) == 4
+
+
+def test_extending_a_campaign_lowers_the_expected_error_and_goes_where_it_helps(model, listed, pool):
+    first = plan(model, listed, 12, candidates=pool)
+    campaign, _ = simulate(model, first.q, rng=np.random.default_rng(4))
+    more = plan(model, listed, 6, candidates=pool, campaign=campaign)
+    fitted = identify(model, campaign)
+    scales = {"model_error": fitted.model_error, "prior_scale": fitted.prior_scale}
+    alone = design(model, campaign, reach_task(model, listed), **scales).expected_error(np.arange(len(model)))
+    assert more.by_count[0] < alone
+    assert more.expected < more.random.min() < alone
+    # a single pose may follow where a campaign exists already
+    assert plan(model, listed, 1, candidates=pool, campaign=campaign).expected == pytest.approx(
+        more.by_count[0], rel=0.02
+    )
+    # what the extension promises is what both campaigns together are expected to give
+    again, _ = simulate(model, np.concatenate([first.q, more.q]), rng=np.random.default_rng(0), x=np.zeros(len(model)))
+    together = design(model, again, reach_task(model, listed), **scales).expected_error(np.arange(len(model)))
+    assert more.expected == pytest.approx(together, rel=0.01)
+
+
+def test_campaigns_that_do_not_fit_the_station_are_refused(model):
+    q = reach_task(model, TASK, 20).q
+    poses, _ = simulate(model, q, rng=np.random.default_rng(0), pose=True)
+    with pytest.raises(CampaignError, match="campaign of points; this one measured poses"):
+        plan(model, TASK, 6, candidates=50, campaign=poses)
+    several, _ = simulate(model, q, rng=np.random.default_rng(0), targets={"a": np.zeros(3), "b": np.full(3, 0.1)})
+    with pytest.raises(CampaignError, match="several targets; say with a station"):
+        plan(model, TASK, 6, candidates=50, campaign=several)
+    with pytest.raises(CampaignError, match="targets are a, b, the station's reflectors ball, smr; name them alike"):
+        plan(model, TASK, 6, candidates=50, campaign=several, station=cell())
+
+
+def test_a_plan_among_given_joints_takes_these(model):
+    q = reach_task(model, TASK, 80, 5).q
+    made = plan(model, TASK, 10, candidates=q)
+    np.testing.assert_array_equal(made.q, q[list(made.rows)])
+    everything = plan(model, TASK, 80, candidates=q)
+    assert everything.expected < made.expected < made.random.mean()
+
+
+def test_a_model_error_spreads_the_poses_over_the_task(model, listed, pool):
+    """Against a smooth model error, poses crowded at the extremes are worth less than poses where the task is."""
+    rng = np.random.default_rng(0)
+    goal = reach_task(model, listed)
+    found = keep_measurable(
+        model,
+        TaskPoses(
+            T=model.poses(pool),
+            q=pool,
+            weights=np.full(len(pool), 1 / len(pool)),
+            unreachable=np.zeros(len(pool), dtype=bool),
+        ),
+        None,
+    )
+    smooth = make_experiment(model, goal, found, None, model_error=1e-4, smooth=True)
+    sharp, broad = (plan(model, listed, 20, candidates=pool, model_error=e).q for e in (0.0, 1e-4))
+    seen = np.ones((20, 1), dtype=bool)
+    assert smooth.error(broad, seen) < smooth.error(sharp, seen)
+    # the field's covariance with itself is what was asked for, at any pose
+    at = found.q[rng.permutation(len(found.q))[:30]]
+    columns, white = smooth.field.columns(at)
+    variance = (columns**2).sum(axis=2) + white[:, None]
+    np.testing.assert_allclose(variance, 1e-8, rtol=1e-3)
+
+
+def test_the_accuracy_says_how_many_poses_are_needed(model, listed, pool):
+    made = plan(model, listed, 12, candidates=pool)
+    assert made.enough is not None
+    assert made.by_count[made.enough - 1] <= 5e-5 < made.by_count[made.enough - 2]
+    assert replace(made, accuracy=1e-9).enough is None
+    assert replace(made, accuracy=None).enough is None
+
+
+def test_a_list_of_poses_is_planned_for_too(model):
+    reached = reach_task(model, TASK, 30)
+    made = plan(model, Task(name="listed", poses=reached.T), 10, candidates=200, refine=0)
+    assert made.expected < made.before
+    assert made.expected < made.random.mean()
+
+
+@pytest.mark.slow
+def test_planned_poses_give_half_the_error_of_random_ones_and_promise_what_they_give(model):
+    """Over 200 true robots: 60 planned poses against 60 random ones, and 30 against 60."""
+    goal, pool = reach_task(model, TASK, 200, 0), reach_task(model, TASK, 2000, 1).q
+    plans = [plan(model, TASK, count) for count in (60, 30)]
+    squares = []
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        x = draw_defects(model, rng)
+        squares.append([])
+        for q in (plans[0].q, plans[1].q, pool[rng.permutation(len(pool))[:60]]):
+            campaign, truth = simulate(model, q, rng=rng, x=x)
+            error = identify(model, campaign).predict(goal.q) - truth.points(goal.q)
+            squares[-1].append(np.mean((error**2).sum(axis=2)))
+    sixty, thirty, random = np.sqrt(np.mean(squares, axis=0))
+    assert sixty / random < 0.65, (sixty, random)
+    assert thirty / random < 1.0, (thirty, random)
+    assert sixty == pytest.approx(plans[0].expected, rel=0.06)
+    assert thirty == pytest.approx(plans[1].expected, rel=0.08)
+    assert random == pytest.approx(plans[0].random.mean(), rel=0.06)
+
+
+def test_refinement_keeps_what_the_station_sees(model):
+    """Every variation tried is checked; a pose whose variations are all hidden stays."""
+    station = cell()
+    made = plan(model, TASK, 8, candidates=200, station=station, refine=0)
+    links = place_links(model, made.q)
+    seen = station.visible(model.poses(made.q), links)
+    np.testing.assert_array_equal(seen, made.visible)
+    experiment = make_experiment(
+        model, reach_task(model, TASK, 50), find_measurable(model, TASK, station, 200, 0), station
+    )
+    q, visible = planning._refine(model, experiment, station, made.q, made.visible, scale=0.3, seed=0)
+    np.testing.assert_array_equal(station.visible(model.poses(q), place_links(model, q)), visible)
+    assert visible.any(axis=1).all()
+    assert experiment.error(q, visible) < experiment.error(made.q, made.visible)
+    assert np.any(q != made.q)
