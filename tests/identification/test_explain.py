@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from taskcal.identification.calibration import load_calibration
-from taskcal.identification.explain import CANDIDATES, explain, with_field
+from taskcal.identification.explain import CANDIDATES, PROOF, explain, with_field
 from taskcal.identification.field import learn_field
 from taskcal.identification.identify import identify
-from taskcal.identification.validation import validate
-from taskcal.measurement.reader import read_campaign
 from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, EncoderGain, Harmonics
@@ -37,20 +35,28 @@ def test_geometry_alone_brings_no_effect_in(robot):
 
 
 @pytest.mark.parametrize("true", [Harmonics(orders=(1,)), EncoderGain(), Compliance()], ids=lambda e: type(e).__name__)
-def test_an_effect_of_its_tolerance_is_found_or_one_that_predicts_the_same(robot, true):
-    model = ErrorModel(robot)
-    for seed in range(4):
+def test_an_effect_that_the_data_prove_is_found_or_one_that_predicts_the_same(robot, true):
+    """In some draws geometry takes the effect up; what is then missed is no likelier than the proof that is asked for."""
+    model, errors, found_in = ErrorModel(robot), [], 0
+    threshold = PROOF + np.log(len(CHEAP))
+    for seed in range(8):
         rng = np.random.default_rng(seed)
         q, unseen = poses(robot, rng, 80), poses(robot, rng, 100)
         campaign, truth = simulate(model + true, q, rng=rng)
         found = explain(model, campaign, candidates=CHEAP, folds=3)
-        known = identify(model + true, campaign)
-        assert found.effects
-        error = np.linalg.norm(found.calibration.predict(unseen) - truth.points(unseen), axis=2).mean()
-        best = np.linalg.norm(known.predict(unseen) - truth.points(unseen), axis=2).mean()
-        plain = np.linalg.norm(identify(model, campaign).predict(unseen) - truth.points(unseen), axis=2).mean()
-        assert error < 0.8 * plain
-        assert error < 2.0 * best
+        known, plain = identify(model + true, campaign), identify(model, campaign)
+        fits = found.calibration, known, plain
+        errors.append([np.linalg.norm(fit.predict(unseen) - truth.points(unseen), axis=2).mean() for fit in fits])
+        error, best, without = errors[-1]
+        found_in += bool(found.effects)
+        assert known.log_evidence - found.calibration.log_evidence < threshold
+        assert found.effects or known.log_evidence - plain.log_evidence < threshold
+        assert error <= 1.02 * without
+        assert error < 1.5 * best
+    error, best, without = np.mean(errors, axis=0)
+    assert found_in >= 7
+    assert error < 1.1 * best
+    assert error < 0.7 * without
 
 
 def test_every_step_says_what_it_was_worth(robot):
@@ -119,42 +125,6 @@ def test_a_field_equals_the_process_it_was_learned_by():
     reference = GaussianProcessRegressor(kernel, optimizer=None, alpha=0.0).fit(q, values)
     unseen = rng.uniform(-1, 1, (20, 3))
     np.testing.assert_allclose(found.mean(unseen), reference.predict(unseen), atol=1e-9)
-
-
-@pytest.mark.realdata
-@pytest.mark.parametrize(
-    ("name", "folder", "targets", "rows", "effects", "bound"),
-    [
-        ("ur5", "ur5_tracker", None, 700, "auto", 0.062),
-        ("ur10", "ur10_tmac", None, 1046, (Harmonics(), Compliance()), 0.35),
-        ("abb-irb120", "irb120_faro", ["smr1"], 430, (EncoderGain(), Compliance()), 0.35),
-    ],
-)
-def test_effects_on_measured_robots(data_folder, name, folder, targets, rows, effects, bound):
-    robot = load_robot(name)
-    campaign = read_campaign(data_folder / folder / "measurements.csv", robot, targets=targets)
-    chosen = np.random.default_rng(0).permutation(len(campaign))[:rows]
-    rest = np.setdiff1d(np.arange(len(campaign)), chosen)
-    model = ErrorModel(robot)
-    if effects == "auto":
-        found = explain(model, campaign.take(chosen)).calibration
-    else:
-        for effect in effects:
-            model = model + effect
-        found = identify(model, campaign.take(chosen))
-    assert validate(found, campaign.take(rest)).mean * 1e3 < bound
-
-
-@pytest.mark.realdata
-def test_leave_one_pose_out_of_a_coupled_robot(data_folder):
-    robot = load_robot("fanuc-r2000ic-165f")
-    campaign = read_campaign(data_folder / "fanuc_r2000_tracker/measurements.csv", robot)
-    model = ErrorModel(robot) + Harmonics() + Compliance()
-    errors = []
-    for row in range(len(campaign)):
-        fitted = identify(model, campaign.take(np.setdiff1d(np.arange(len(campaign)), [row])))
-        errors.append(validate(fitted, campaign.take([row])).errors)
-    assert np.concatenate(errors).mean() * 1e3 < 0.26
 
 
 def test_defects_are_drawn_for_effects_too(robot):
