@@ -6,9 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from taskcal.cli import main
+from taskcal.geometry import se3
+from taskcal.task.task import load_task
 
 IRB6660 = "abb-irb6660-205-1.9"
 
@@ -55,11 +58,23 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
     return call
 
 
+def _write_list(folder: Path) -> None:
+    """The same task as a list of forty poses, which is reached sooner."""
+    workspace = load_task(folder / "task.toml").workspace
+    assert workspace is not None
+    T = workspace.sample(40)
+    rows = np.c_[T[:, :3, 3] * 1e3, se3.to_quaternion(T[:, :3, :3])]
+    lines = ["x_mm,y_mm,z_mm,qx,qy,qz,qw", *(",".join(f"{value:.9f}" for value in row) for row in rows)]
+    (folder / "list.csv").write_text("\n".join(lines) + "\n")
+    (folder / "list.toml").write_text('name = "forty poses"\nposes = "list.csv"\n[accuracy]\nposition_mm = 0.1\n')
+
+
 @pytest.fixture(scope="session")
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a task, campaigns of one and three reflectors and of poses, and a calibration of the first."""
     folder = tmp_path_factory.mktemp("cell")
     (folder / "task.toml").write_text(TASK)
+    _write_list(folder)
     task = ["--robot", IRB6660, "--task", str(folder / "task.toml"), "--json"]
     truth = ["--truth", str(folder / "truth.json")]
     assert main(["simulate", *task, "--count", "60", "-o", str(folder / "one.csv"), *truth]) == 0

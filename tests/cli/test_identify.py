@@ -315,3 +315,21 @@ def test_held_out_rows_without_any_measurement(run: Run, cell: Path, tmp_path: P
     result = identify(run, tmp_path / "lost.csv", tmp_path / "a.json", "--rows", "0:49", "--json").json
     assert result["held_out"] is None
     assert np.isfinite(result["fitted"]["rms_mm"])
+
+
+def test_what_the_data_do_not_see_is_said(run: Run, cell: Path, tmp_path: Path) -> None:
+    """The height of the base is the tracker's matter; a pose of the flange is not seen by one reflector."""
+    fit = ["identify", "--robot", IRB6660, cell / "one.csv", "-o", tmp_path / "cal.json"]
+    result = run(*fit, "--json").json
+    seen = {p["name"]: p["seen"] for p in result["parameters"]}
+    assert not seen["J1.tz"]
+    assert not seen["tool.rz"]
+    assert seen["J2.tx"]
+    for p in result["parameters"]:
+        prior = result["prior_scale"] * p[f"tolerance_{p['unit']}"]
+        assert p["seen"] == (p[f"standard_error_{p['unit']}"] < 0.95 * prior)
+    unseen = sum(not value for value in seen.values())
+    ended = run(*fit)
+    assert ended.out.count("mm     not seen") + ended.out.count("mrad   not seen") == unseen
+    assert f"{unseen} parameters: the data say nothing of them" in ended.out
+    assert {p["seen"] for p in run(*fit, "--prior", "none", "--json").json["parameters"]} == {None}

@@ -85,3 +85,34 @@ def test_a_folder_that_is_missing_is_found_before_anything_is_computed(
     ended = run("simulate", "--robot", IRB6660, "--task", "any.toml", "-o", tmp_path / "none" / "c.csv")
     assert ended.status == 1
     assert "there is no folder" in ended.err
+
+
+def test_the_same_robot_measured_again(run: Run, cell: Path, tmp_path: Path) -> None:
+    """The calibration of the first campaign predicts one of another seed, which is that of the seed alone not."""
+    task = ["simulate", "--robot", IRB6660, "--task", cell / "task.toml", "--count", "20", "--seed", "8"]
+    again, other = tmp_path / "again.csv", tmp_path / "other.csv"
+    ended = run(*task, "-o", again, "--truth-from", cell / "truth.json", "--truth", tmp_path / "truth.json", "--json")
+    assert ended.json["truth_from"] == str(cell / "truth.json")
+    assert (tmp_path / "truth.json").read_bytes() == (cell / "truth.json").read_bytes()
+    assert run(*task, "-o", other).status == 0
+    same, different = (run("validate", cell / "cal.json", path, "--json").json["mean_mm"] for path in (again, other))
+    assert same < 0.05 < 0.3 < different
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("abb-irb6660-205-1.9", "ur5"), "is the truth of ur5, not of abb-irb6660-205-1.9"),
+        (('"J1.tx"', '"J1.tq"'), "differ in parameter 'J1.tq'"),
+        (('"targets"', '"target"'), "holds no truth"),
+        (("{", "["), "is no JSON"),
+    ],
+)
+def test_a_truth_that_is_none(run: Run, cell: Path, tmp_path: Path, change: tuple[str, str], said: str) -> None:
+    (tmp_path / "truth.json").write_text((cell / "truth.json").read_text().replace(*change))
+    task = ["simulate", "--robot", IRB6660, "--task", cell / "list.toml", "-o", tmp_path / "c.csv"]
+    ended = run(*task, "--truth-from", tmp_path / "truth.json", "--json")
+    assert (ended.status, ended.out) == (1, "")
+    assert said in ended.err
+    assert run(*task, "--truth-from", cell / "truth.json", "--targets", "3").status == 2
+    assert not (tmp_path / "c.csv").exists()

@@ -9,12 +9,14 @@ import pytest
 
 import taskcal
 from taskcal.cli import app, main
+from taskcal.cli.output import started_as
 from tests.cli.conftest import IRB6660, Run
 
 HEAVY = ("numpy", "scipy", "numba", "pandas", "jaxtyping")
 
 COMMANDS = [
-    ["robots"], ["robots", "import"], ["sensitivity"], ["select"], ["simulate"], ["identify"], ["validate"], ["warm"], ["doctor"],
+    ["robots"], ["robots", "import"], ["sensitivity"], ["select"], ["plan"], ["study"], ["simulate"], ["identify"], ["validate"],
+    ["report"], ["warm"], ["doctor"],
 ]  # fmt: skip
 
 
@@ -45,7 +47,9 @@ def test_every_command_has_help(run: Run, command: list[str]) -> None:
 
 def test_the_commands_stand_in_the_order_of_the_road(run: Run) -> None:
     text = run("--help").out
-    places = [text.index(f" {name} ") for name in ("demo", "robots", "sensitivity", "simulate", "identify", "validate")]
+    places = [
+        text.index(f" {name} ") for name in ("demo", "robots", "sensitivity", "plan", "study", "simulate", "identify")
+    ]
     assert places == sorted(places)
 
 
@@ -135,6 +139,25 @@ def test_every_command_is_listed_in_the_order() -> None:
     assert set(get_command(app).commands) <= set(ORDER)  # type: ignore[attr-defined]
 
 
+@pytest.mark.parametrize(
+    ("started", "printed"),
+    [(".venv/bin/taskcal", ".venv/bin/taskcal"), ("my folder/taskcal", "'my folder/taskcal'"), ("-c", "taskcal")],
+)
+def test_hints_call_the_program_as_it_was_called(monkeypatch: pytest.MonkeyPatch, started: str, printed: str) -> None:
+    monkeypatch.setattr(sys, "argv", [started])
+    assert started_as() == printed
+
+
+@pytest.mark.skipif(os.name == "nt", reason="programs are found otherwise on Windows")
+def test_hints_are_bare_where_the_shell_finds_the_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    program = tmp_path / "taskcal"
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(sys, "argv", [str(program)])
+    assert started_as() == "taskcal"
+
+
 @pytest.mark.slow
 def test_warm_compiles_everything_that_other_commands_need(cell: Path, tmp_path: Path) -> None:
     """With a cache of its own: after `warm`, no command leaves another kernel."""
@@ -149,6 +172,8 @@ def test_warm_compiles_everything_that_other_commands_need(cell: Path, tmp_path:
         "assert main(['identify', *robot, c + '/three.csv', '-o', o + '.json', '--loss', 'huber', '--keep', 'J2,J3']) == 0; "
         "assert main(['identify', *robot, c + '/poses.csv', '-o', o + '.json']) == 0; "
         "assert main(['validate', o + '.json', c + '/poses.csv', '--reregister']) == 0; "
+        "assert main(['plan', *robot, '--task', c + '/list.toml', '--count', '8', '--candidates', '50', '-o', o + '.csv']) == 0; "
+        "assert main(['report', o + '.json', '--task', c + '/list.toml', '-o', o + '.html']) == 0; "
         "print(count() - first, file=sys.stderr)"
     )
     ended = python(script, NUMBA_CACHE_DIR=str(tmp_path / "kernels"))

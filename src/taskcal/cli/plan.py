@@ -86,6 +86,7 @@ def command(
     if report is not None and report.resolve() == output.resolve():
         raise typer.BadParameter("plan and report cannot be one file", param_hint="--report / --output")
     from taskcal.adaptation.plan import plan
+    from taskcal.errors import CampaignError, FileError
     from taskcal.files import write_whole
     from taskcal.measurement.reader import read_campaign
     from taskcal.measurement.station import load_station
@@ -99,18 +100,23 @@ def command(
     measured = None if extend is None else read_campaign(extend, model.robot)
     announce_compilation()
     with working("candidates") as say:
-        made = plan(
-            model,
-            asked,
-            count,
-            seed=seed,
-            station=stands,
-            criterion=criterion.value,
-            campaign=measured,
-            candidates=candidates,
-            model_error=(model_error or 0.0) * 1e-3,
-            progress=say,
-        )
+        try:
+            made = plan(
+                model,
+                asked,
+                count,
+                seed=seed,
+                station=stands,
+                criterion=criterion.value,
+                campaign=measured,
+                candidates=candidates,
+                model_error=(model_error or 0.0) * 1e-3,
+                progress=say,
+            )
+        except CampaignError as error:
+            if extend is None:
+                raise
+            raise FileError(extend, str(error)) from error
         _check(made, count)
         write_joints(output, made.q, model.robot)
         if report is not None:
@@ -195,7 +201,8 @@ def _show(result: Mapping[str, Any], task: "Task") -> None:
     ]
     if "visible" in result:
         seen = [len(names) for names in result["visible"]]
-        facts.insert(2, ("reflectors", f"{min(seen)} to {max(seen)} seen at each pose"))
+        number = f"{min(seen)} to {max(seen)}" if min(seen) < max(seen) else str(max(seen))
+        facts.insert(2, ("reflectors", f"{number} seen at each pose"))
     if "report" in result:
         facts.append(("report", f"wrote {result['report']}"))
     show_facts(facts)

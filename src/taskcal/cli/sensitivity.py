@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskcal.cli.options import CountOption, JsonOption, ReportOption, RobotOption, SeedOption
-from taskcal.cli.output import announce_compilation, check_destination, show_facts, show_table, working, write_json
+from taskcal.cli.output import (
+    announce_compilation,
+    check_destination,
+    note,
+    show_facts,
+    show_table,
+    working,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from taskcal.analysis.elimination_table import EliminationTable
@@ -101,11 +109,15 @@ def _page(
     maps = None
     if task is not None:
         from taskcal.cli.task_maps import assume_design, map_task
+        from taskcal.errors import CampaignError
         from taskcal.task.task import load_task
 
         asked = load_task(task)
         poses = f"{len(found.matrix)} poses of {asked.name}"
-        maps = map_task(model, asked, assume_design(model, asked, None, seed), seed=seed)
+        try:
+            maps = map_task(model, asked, assume_design(model, asked, None, seed), seed=seed)
+        except CampaignError as error:
+            note(f"no errors to be expected on the page, for want of poses: {error}")
     return sensitivity_html(found, elimination, maps, poses=poses, version=package_version())
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from taskcal.adaptation.expected_error import Design, design
 from taskcal.adaptation.selection import ASSUMED_POSES
-from taskcal.adaptation.task_map import map_expected, map_sensitivity, map_tolerance, slice_workspace
+from taskcal.adaptation.task_map import map_sensitivity, map_tolerance, slice_workspace
 from taskcal.identification.identify import identify
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.virtual_cell import simulate
@@ -61,6 +61,6 @@ def map_task(
         coarse=coarse,
         effects={p.name: tuple(maps[k] for maps in each) for k, p in enumerate(model.parameters)},
         tolerance=tuple(map_tolerance(model, at) for at in slices),
-        before=tuple(map_expected(made, at) for at in slices),
-        after=tuple(map_expected(made, at, columns) for at in slices),
+        before=tuple(at.spread(made.expected_at(at.q[at.reached])) for at in slices),
+        after=tuple(at.spread(made.expected_at(at.q[at.reached], columns)) for at in slices),
     )

@@ -1,0 +1,209 @@
+"""taskcal plan."""
+
+import contextlib
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taskcal.cli import main
+from taskcal.csv_table import read_csv
+from taskcal.robot.catalogue import load_robot
+from tests.cli.conftest import IRB6660, Run
+
+STATION = """
+position_mm = [4500.0, 0.0, 1500.0]
+[[reflector]]
+name = "smr1"
+position_mm = [0.0, 0.0, 0.0]
+axis = [-1.0, 0.0, 0.0]
+acceptance_deg = 60.0
+[[reflector]]
+name = "smr2"
+position_mm = [60.0, 0.0, 20.0]
+"""
+KEEP_OUT = """
+[[keep_out]]
+center_mm = [1711.0, 30.0, 1489.0]
+size_mm = [3000.0, 3000.0, 3000.0]
+"""
+
+Alone = tuple[dict[str, Any], bytes]
+
+
+@pytest.fixture
+def ask(cell: Path, tmp_path: Path) -> list[object]:
+    """A small plan."""
+    small = ["--count", "12", "--candidates", "300", "-o", tmp_path / "plan.csv"]
+    return ["plan", "--robot", IRB6660, "--task", cell / "list.toml", *small]
+
+
+@pytest.fixture(scope="module")
+def alone(cell: Path, tmp_path_factory: pytest.TempPathFactory) -> Alone:
+    """What that plan says, and its file."""
+    path = tmp_path_factory.mktemp("alone") / "plan.csv"
+    small = ["--count", "12", "--candidates", "300", "-o", str(path), "--json"]
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        assert main(["plan", "--robot", IRB6660, "--task", str(cell / "list.toml"), *small]) == 0
+    return json.loads(out.getvalue()), path.read_bytes()
+
+
+def test_a_plan_is_better_than_random_poses_and_can_be_driven(
+    run: Run, ask: list[object], cell: Path, tmp_path: Path
+) -> None:
+    ended = run(*ask, "--task", cell / "task.toml", "--json")
+    assert (ended.status, ended.err) == (0, "")
+    result = ended.json
+    assert 0.0 < result["expected_error_mm"] < 0.7 * result["random_expected_error_mm"]
+    assert result["expected_error_mm"] < result["before_mm"]
+    assert (result["count"], len(result["by_count_mm"]), result["criterion"]) == (12, 12, "task")
+    assert result["by_count_mm"][result["poses_needed"] - 1] <= 0.1 < result["by_count_mm"][result["poses_needed"] - 2]
+    table = read_csv(tmp_path / "plan.csv")
+    assert table.header == ("id", "J1_deg", "J2_deg", "J3_deg", "J4_deg", "J5_deg", "J6_deg")
+    q = np.radians(np.stack([table.numbers(name) for name in table.header[1:]], axis=1))
+    assert len(q) == 12
+    assert not load_robot(IRB6660).outside_limits(q)
+
+
+def test_the_same_seed_gives_the_same_plan_and_a_page_changes_nothing(
+    run: Run, ask: list[object], alone: Alone, tmp_path: Path
+) -> None:
+    ended = run(*ask, "--report", tmp_path / "plan.html", "--json")
+    assert (tmp_path / "plan.csv").read_bytes() == alone[1]
+    assert ended.json["report"] == str(tmp_path / "plan.html")
+    assert ended.json["expected_error_mm"] == alone[0]["expected_error_mm"]
+    page = (tmp_path / "plan.html").read_text(encoding="utf-8")
+    assert page.count("<figure>") == 2
+    assert "All 12 poses" in page
+
+
+def test_the_tables_for_people(run: Run, ask: list[object]) -> None:
+    ended = run(*ask)
+    assert ended.status == 0
+    for part in (
+        "this plan",
+        "random poses",
+        "spread evenly",
+        "After so many",
+        "not reached",
+        "met by the first",
+        "plan.csv",
+    ):
+        assert part in ended.out
+
+
+def test_a_station_says_which_reflectors_are_seen(run: Run, ask: list[object], tmp_path: Path) -> None:
+    (tmp_path / "station.toml").write_text(STATION)
+    result = run(*ask, "--station", tmp_path / "station.toml", "--json").json
+    assert len(result["visible"]) == 12
+    assert all("smr2" in names for names in result["visible"])
+
+
+def test_a_campaign_is_extended(run: Run, ask: list[object], alone: Alone, cell: Path) -> None:
+    more = run(*ask, "--extend", cell / "one.csv", "--json").json
+    assert more["measured_before"] == 60
+    assert more["expected_error_mm"] < alone[0]["expected_error_mm"]
+
+
+def test_another_criterion_and_a_model_error_in_millimetres(run: Run, ask: list[object], alone: Alone) -> None:
+    result = run(*ask, "--criterion", "D", "--model-error", "0.05", "--json").json
+    assert result["criterion"] == "D"
+    assert alone[0]["expected_error_mm"] < result["expected_error_mm"] < result["before_mm"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--extend", "c.csv", "--model-error", "0.1"], "--model-error"),
+        (["--model-error", "nan"], "--model-error"),
+        (["--criterion", "Q"], "--criterion"),
+        (["--candidates", "0"], "--candidates"),
+        (["--count", "0"], "--count"),
+    ],
+)
+def test_wrong_usage(run: Run, ask: list[object], options: list[str], said: str) -> None:
+    ended = run(*ask, *options)
+    assert (ended.status, ended.out) == (2, "")
+    assert said in ended.err
+
+
+def test_plan_and_page_are_two_files(run: Run, ask: list[object], tmp_path: Path) -> None:
+    assert run(*ask, "--report", tmp_path / "plan.csv").status == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("1711.0", "8711.0"), "does not reach the tool pose at x 8711"),
+        (("[500.0, 700.0, 500.0]", "[0.0, 700.0, 500.0]"), "size_mm 1: Input should be greater than 0 (got 0.0)"),
+        (("position_mm = 0.1", "position_mm = 0.00001"), "accuracy of 1e-05 mm is out of reach"),
+        (("quaternion", "quarternion"), "orientation 1, quaternion: Field required"),
+        (("[workspace]", "[workspace"), "is no TOML"),
+    ],
+)
+def test_tasks_that_cannot_be_planned_for(
+    run: Run, ask: list[object], cell: Path, tmp_path: Path, change: tuple[str, str], said: str
+) -> None:
+    (tmp_path / "bad.toml").write_text((cell / "task.toml").read_text().replace(*change))
+    ended = run(*ask, "--task", tmp_path / "bad.toml", "--json")
+    assert (ended.status, ended.out) == (1, "")
+    assert said in ended.err
+    assert not (tmp_path / "plan.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("station", "said"),
+    [
+        (STATION.replace("4500.0", "-45000.0"), "no reflector visible"),
+        (STATION + KEEP_OUT, "in a keep-out box"),
+        (STATION.replace("60.0\n", "600.0\n"), "reflector 1, acceptance_deg"),
+        ("position_mm = [1.0, 2.0, 3.0]", "reflector: Field required"),
+        ("position_mm = [1.0, ", "is no TOML"),
+        (STATION.replace("smr2", "smr1"), "two reflectors are named 'smr1'"),
+    ],
+)
+def test_stations_that_see_nothing_or_are_none(
+    run: Run, ask: list[object], tmp_path: Path, station: str, said: str
+) -> None:
+    (tmp_path / "station.toml").write_text(station)
+    ended = run(*ask, "--station", tmp_path / "station.toml", "--json")
+    assert (ended.status, ended.out) == (1, "")
+    assert said in ended.err
+
+
+def test_limits_that_contradict_each_other(run: Run, ask: list[object], tmp_path: Path) -> None:
+    import taskcal
+
+    source = (Path(taskcal.__file__).parent / "robot" / "catalogue" / f"{IRB6660}.toml").read_text(encoding="utf-8")
+    for change, said in (
+        (("[-42.0, 85.0]", "[85.0, -42.0]"), "joint 2: the lower limit 85 must be below the upper limit -42"),
+        (("[-70.0, 70.0]", "[200.0, 210.0]"), "widen the limits in the robot file"),
+    ):
+        (tmp_path / "robot.toml").write_text(source.replace(*change), encoding="utf-8")
+        ended = run(*ask, "--robot", tmp_path / "robot.toml", "--json")
+        assert (ended.status, ended.out) == (1, "")
+        assert said in ended.err
+
+
+def test_numbers_of_poses_that_cannot_be_had(run: Run, ask: list[object]) -> None:
+    few = run(*ask, "--count", "3")
+    assert (few.status, few.out) == (1, "")
+    assert "3 poses are too few: tracker frame and targets alone have 9 unknowns" in few.err
+    many = run(*ask, "--count", "100", "--candidates", "50")
+    assert (many.status, many.out) == (1, "")
+    assert "100 were asked for" in many.err
+    assert "--candidates" in many.err
+
+
+def test_campaigns_that_cannot_be_extended(run: Run, ask: list[object], cell: Path, tmp_path: Path) -> None:
+    poses = run(*ask, "--extend", cell / "poses.csv")
+    assert poses.status == 1
+    assert f"{cell / 'poses.csv'}: a plan extends a campaign of points" in poses.err
+    (tmp_path / "station.toml").write_text(STATION)
+    other = run(*ask, "--extend", cell / "one.csv", "--station", tmp_path / "station.toml")
+    assert other.status == 1
+    assert "smr1, smr2; name them alike" in other.err
+    assert run(*ask, "--extend", cell / "nowhere.csv").status == 1

@@ -1,0 +1,116 @@
+"""taskcal report, and the pages of sensitivity and select."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import IRB6660, Run
+
+PATH = "\n".join(
+    [
+        "x_mm,y_mm,z_mm,qx,qy,qz,qw",
+        *(f"{1650 + 10 * (k * k % 13)},{10 * k},{1400 + 10 * (k * 5 % 11)},0,0.955,0,0.296" for k in range(12)),
+    ]
+)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """A task that is a path."""
+    (tmp_path / "path.csv").write_text(PATH)
+    (tmp_path / "path.toml").write_text('name = "line"\npath = "path.csv"\n')
+    return tmp_path / "path.toml"
+
+
+def figures(page: Path) -> int:
+    text = page.read_text(encoding="utf-8")
+    assert "http" not in text[text.index("<body>") :].replace("https://plotly.com", "").replace("http://www.w3.org", "")
+    return text.count("<figure>")
+
+
+def test_a_calibration_over_a_workspace(run: Run, cell: Path, tmp_path: Path) -> None:
+    page = tmp_path / "report.html"
+    ended = run("report", cell / "cal.json", "--task", cell / "task.toml", "-o", page, "--json")
+    assert (ended.status, ended.err) == (0, "")
+    result = ended.json
+    assert result["target_mm"] < result["after_mm"] < result["before_mm"]
+    assert result["target_mm"] < 0.02
+    assert figures(page) == 3
+    for part in ("Outliers", "No point is too far"):
+        assert (part in page.read_text(encoding="utf-8")) == ((part == "Outliers") == (result["outliers"] > 0))
+
+
+def test_a_calibration_along_a_path_and_without_a_task(run: Run, cell: Path, path: Path, tmp_path: Path) -> None:
+    page = tmp_path / "report.html"
+    assert "over 'line'" in run("report", cell / "cal.json", "--task", path, "-o", page).out
+    assert "±1.96σ" in page.read_text(encoding="utf-8")
+    assert run("report", cell / "cal.json", "-o", page).status == 0
+    assert figures(page) == 2
+
+
+def test_a_calibration_of_frames_alone(run: Run, cell: Path, tmp_path: Path) -> None:
+    frames = ["--robot", IRB6660, cell / "one.csv", "--keep", "none", "-o", tmp_path / "cal.json"]
+    found = run("identify", *frames, "--json").json
+    assert found["parameters"] == []
+    assert found["fitted"]["mean_mm"] > 0.1
+    assert run("identify", *frames).status == 0
+    assert run("report", tmp_path / "cal.json", "--task", cell / "task.toml", "-o", tmp_path / "r.html").status == 0
+    assert figures(tmp_path / "r.html") == 2
+
+
+def test_poses_and_several_targets_too(run: Run, cell: Path, tmp_path: Path) -> None:
+    for name in ("poses", "three"):
+        calibration = tmp_path / f"{name}.json"
+        assert run("identify", "--robot", IRB6660, cell / f"{name}.csv", "-o", calibration).status == 0
+        ended = run("report", calibration, "--task", cell / "task.toml", "-o", tmp_path / "r.html", "--json")
+        assert ended.status == 0
+        assert ended.json["after_mm"] < ended.json["before_mm"]
+
+
+def test_the_page_of_sensitivity(run: Run, cell: Path, path: Path, tmp_path: Path) -> None:
+    page = tmp_path / "s.html"
+    of_robot = ["sensitivity", "--robot", IRB6660, "--count", "20", "--report", page]
+    ended = run(*of_robot, "--task", cell / "task.toml", "--json")
+    assert (ended.status, ended.json["report"]) == (0, str(page))
+    assert figures(page) == 4
+    first = ended.json["parameters"][0]
+    assert 0.0 < first["rms_x"] <= first["max_x"]
+    assert run(*of_robot, "--task", path).status == 0
+    assert figures(page) == 3
+    assert run(*of_robot, "--campaign", cell / "one.csv").status == 0
+    assert figures(page) == 2
+    (tmp_path / "path.csv").write_text(PATH[: PATH.index("\n", 100) + 1])
+    few = run(*of_robot, "--task", path)
+    assert few.status == 0
+    assert "3 measured points in 3 rows are too few" in few.err
+    assert figures(page) == 2
+
+
+def test_the_page_of_a_selection(run: Run, cell: Path, path: Path, tmp_path: Path) -> None:
+    page = tmp_path / "s.html"
+    of_robot = ["select", "--robot", IRB6660, "--report", page]
+    ended = run(*of_robot, "--task", cell / "task.toml", "--accuracy", "0.1", "--json")
+    assert (ended.status, ended.json["report"]) == (0, str(page))
+    assert figures(page) == 4
+    text = page.read_text(encoding="utf-8")
+    for part in ("dropped parameters", "published set", "identifiable set", "accuracy asked for"):
+        assert part in text
+    assert run(*of_robot, "--task", path).status == 0
+    assert figures(page) == 3
+
+
+def test_what_cannot_be_reported(run: Run, cell: Path, tmp_path: Path) -> None:
+    (tmp_path / "far.toml").write_text((cell / "task.toml").read_text().replace("1711.0", "8711.0"))
+    page = tmp_path / "r.html"
+    for arguments, said in (
+        ([cell / "one.csv", "-o", page], "is no whole JSON file"),
+        ([cell / "nowhere.json", "-o", page], "cannot be read"),
+        ([cell / "cal.json", "--task", tmp_path / "far.toml", "-o", page], "x 8711"),
+        ([cell / "cal.json", "-o", cell / "cal.json"], "would overwrite"),
+        ([cell / "cal.json", "-o", tmp_path / "no" / "r.html"], "there is no folder"),
+    ):
+        ended = run("report", *arguments, "--json")
+        assert (ended.status, ended.out) == (1, "")
+        assert said in ended.err
+    assert not page.exists()
+    assert run("report").status == 2

@@ -1,0 +1,114 @@
+"""taskcal study."""
+
+from pathlib import Path
+
+import pytest
+
+from taskcal.csv_table import read_csv
+from tests.cli.conftest import IRB6660, Run
+
+
+@pytest.fixture
+def ask(cell: Path) -> list[object]:
+    """A small study in this process."""
+    small = ["--robots", "3", "--counts", "10,14", "--plans", "random,grid", "--engine", "sequential"]
+    return ["study", "--robot", IRB6660, "--task", cell / "list.toml", *small]
+
+
+def test_more_poses_make_the_task_more_accurate(run: Run, ask: list[object], tmp_path: Path) -> None:
+    ended = run(*ask, "-o", tmp_path / "rows.csv", "--report", tmp_path / "study.html", "--json")
+    assert ended.status == 0
+    result = ended.json
+    assert [(line["plan"], line["count"]) for line in result["summary"]] == [
+        ("random", 10), ("grid", 10), ("random", 14), ("grid", 14),
+    ]  # fmt: skip
+    by_case = {(line["plan"], line["count"]): line for line in result["summary"]}
+    assert by_case["random", 14]["median_mm"] < by_case["random", 10]["median_mm"] < 0.3
+    assert all(line["p05_mm"] <= line["median_mm"] <= line["p95_mm"] for line in result["summary"])
+    assert all(0.0 <= line["share_accurate"] <= 1.0 for line in result["summary"])
+    rows = read_csv(tmp_path / "rows.csv")
+    assert len(rows) == 3 * 4
+    assert rows.header == ("robot", "plan", "count", "model", "rms_mm", "max_mm")
+    page = (tmp_path / "study.html").read_text(encoding="utf-8")
+    assert page.count("<figure>") == 1
+
+
+def test_an_interrupted_study_goes_on_with_the_same_result(
+    run: Run, ask: list[object], cell: Path, tmp_path: Path
+) -> None:
+    """In threads, too; and a file of another study is refused and left as it is."""
+    path = tmp_path / "study.json"
+    small = [*ask, "--counts", "10", "--json"]
+    whole = run(*small).json
+    assert run(*small, "--resume", path, "--robots", "2").status == 0
+    assert run(*small, "--resume", path, "--engine", "threading", "--workers", "2").json == whole
+    before = path.read_bytes()
+    ended = run(*small, "--seed", "5", "--resume", path)
+    assert (ended.status, ended.out) == (1, "")
+    assert f"{path}: holds a study of other settings" in ended.err
+    assert path.read_bytes() == before
+    ended = run(*small, "--resume", cell / "one.csv")
+    assert (ended.status, ended.out) == (1, "")
+    assert "does not hold a study" in ended.err
+
+
+@pytest.mark.slow
+def test_processes_give_the_same(run: Run, ask: list[object]) -> None:
+    small = [*ask, "--counts", "10", "--robots", "2", "--json"]
+    ended = run(*small, "--engine", "loky", "--workers", "2")
+    assert ended.status == 0
+    assert ended.json == run(*small).json
+
+
+def test_every_model_in_a_table_for_people(run: Run, ask: list[object]) -> None:
+    models = "all,selected,published,published-damped"
+    ended = run(*ask, "--robots", "1", "--counts", "12", "--plans", "random", "--models", models)
+    assert ended.status == 0
+    for part in ("published-damped", "selected", "median", "within 0.1 mm", "seed 0"):
+        assert part in ended.out
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--engine", "ray"], "--engine"),
+        (["--plans", "plannd"], "planned"),
+        (["--models", "al"], "'all'"),
+        (["--counts", "10,x"], "'x' is no number"),
+        (["--counts", "10,10"], "twice"),
+        (["--counts", "0"], "'0' is no number"),
+        (["--robots", "0"], "--robots"),
+        (["--workers", "0"], "--workers"),
+        (["-o", "same", "--report", "same"], "one file"),
+    ],
+)
+def test_wrong_usage(run: Run, ask: list[object], options: list[str], said: str) -> None:
+    ended = run(*ask, *options)
+    assert (ended.status, ended.out) == (2, "")
+    assert said in ended.err
+
+
+def test_what_cannot_be_studied(run: Run, ask: list[object], cell: Path, tmp_path: Path) -> None:
+    (tmp_path / "far.toml").write_text((cell / "task.toml").read_text().replace("1711.0", "8711.0"))
+    (tmp_path / "none.toml").write_text('name = "nothing"\n')
+    for options, said in (
+        (["--counts", "2"], "2 measured points in 2 rows are too few"),
+        (["--counts", "2", "--plans", "planned"], "2 poses are too few"),
+        (["--task", tmp_path / "far.toml"], "x 8711"),
+        (["--task", tmp_path / "none.toml"], "exactly one of workspace, poses, path"),
+        (["--task", tmp_path / "nowhere.toml"], "cannot be read"),
+        (["--resume", tmp_path / "no" / "study.json"], "there is no folder"),
+    ):
+        ended = run(*ask, *options, "--json")
+        assert (ended.status, ended.out) == (1, ""), options
+        assert said in ended.err
+
+
+def test_a_robot_without_publication_has_no_published_model(
+    run: Run, ask: list[object], cell: Path, tmp_path: Path
+) -> None:
+    task = (cell / "task.toml").read_text().replace("[1711.0, 30.0, 1489.0]", "[300.0, 200.0, 400.0]")
+    (tmp_path / "near.toml").write_text(task.replace("[500.0, 700.0, 500.0]", "[100.0, 100.0, 100.0]"))
+    ended = run(*ask, "--robot", "ur5", "--task", tmp_path / "near.toml", "--models", "published")
+    assert ended.status == 1
+    assert "nothing is published of ur5" in ended.err
