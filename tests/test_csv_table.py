@@ -63,7 +63,7 @@ WRONG = {
     "empty": ("", r"table\.csv: is empty; its first line must name the columns"),
     "blank": ("\n \n\n", r"table\.csv: is empty"),
     "binary": (b"a,b\n\x00\x01,2\n", r"table\.csv: is a binary file; export it as CSV"),
-    "spreadsheet": (b"PK\x03\x04\xff\xfe\x80", r"table\.csv: is no UTF-8 text; export it as CSV"),
+    "spreadsheet": (b"PK\x03\x04\xff\xfe\x80", r"table\.csv: is no UTF-8 text; save it as CSV in UTF-8"),
     "too many fields": ("a,b\n1,2\n1,2,3\n", r"table\.csv:3: the line has 3 fields, the header 2"),
     "too few fields": ("a,b\n1\n", r"table\.csv:2: the line has 1 fields, the header 2"),
     "two columns of one name": ("a,b,a\n1,2,3\n", r"table\.csv:1: two columns are named 'a'"),

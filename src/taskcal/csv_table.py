@@ -13,6 +13,9 @@ from jaxtyping import Float
 
 from taskcal.errors import FileError
 
+_SEPARATOR_LINE = re.compile(r"\Asep=.[ \t]*(?=\r?\n)", re.IGNORECASE)
+"""What a spreadsheet writes first to say how it separates; the header says the same."""
+
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?$")
 
 
@@ -62,7 +65,7 @@ class CsvTable:
         if not text:
             if empty:
                 return math.nan
-            raise self.error("the cell is empty; give a number, or leave out the row", row, column)
+            raise self.error("the cell is empty; give a number", row, column)
         try:
             value = float(text)
         except ValueError:
@@ -72,14 +75,12 @@ class CsvTable:
                 remedy = "is no number; give a number such as 12.5"
             raise self.error(f"'{text}' {remedy}", row, column) from None
         if not math.isfinite(value):
-            raise self.error(
-                f"'{text}' is no finite number; leave the row out, or the target's cells empty", row, column
-            )
+            raise self.error(f"'{text}' is no finite number; give one", row, column)
         return value
 
 
 def read_csv(path: str | Path) -> CsvTable:
-    """Read a table with a header line; fields separated by commas, semicolons or tabs.
+    """Read a table with a header line; fields separated by commas, semicolons or tabs; lines after # are comments.
 
     Raises:
         FileError: the file is missing, is no text, has no rows, or a line has more or fewer fields than the header.
@@ -90,10 +91,11 @@ def read_csv(path: str | Path) -> CsvTable:
     except OSError as error:
         raise FileError(path, f"cannot be read: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
-        raise FileError(path, "is no UTF-8 text; export it as CSV") from error
+        raise FileError(path, "is no UTF-8 text; save it as CSV in UTF-8") from error
+    text = _SEPARATOR_LINE.sub("", text, count=1)
     if "\0" in text:
         raise FileError(path, "is a binary file; export it as CSV")
-    head = text.lstrip().split("\n", 1)[0]
+    head = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
     delimiter = max(",;\t", key=head.count)
     reader = csv.reader(io.StringIO(text), delimiter=delimiter)
     rows: list[tuple[str, ...]] = []
@@ -102,7 +104,7 @@ def read_csv(path: str | Path) -> CsvTable:
     try:
         for cells in reader:
             stripped = tuple(cell.strip() for cell in cells)
-            if not any(stripped):
+            if not any(stripped) or stripped[0].startswith("#"):
                 continue
             if header is None:
                 header = stripped

@@ -3,7 +3,7 @@
 import math
 import tomllib
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
@@ -30,6 +30,8 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+SHOWN = 3
+
 Schema = TypeVar("Schema", bound=Section)
 
 
@@ -52,16 +54,25 @@ def read_toml(path: Path, schema: type[Schema]) -> Schema:
 
 
 def explain(error: ValidationError) -> str:
-    """First problem of a validation, as ``joint 3, steps 1: what is wrong``."""
-    first = error.errors()[0]
+    """The problems of a validation, as ``joint 3, steps 1: what is wrong``; three at most."""
+    problems = [_problem(dict(item)) for item in error.errors()[:SHOWN]]
+    more = error.error_count() - SHOWN
+    return "; ".join(problems) + (f"; and {more} more" if more > 0 else "")
+
+
+def _problem(item: dict[str, Any]) -> str:
     place: list[str] = []
-    for item in first["loc"]:
-        if isinstance(item, int) and place:
-            place[-1] += f" {item + 1}"
+    for step in item["loc"]:
+        if isinstance(step, int) and place:
+            place[-1] += f" {step + 1}"
         else:
-            place.append(str(item))
-    message = first["msg"].removeprefix("Value error, ")
-    value = first.get("input")
+            place.append(str(step))
+    if item["type"] == "extra_forbidden":
+        *place, key = place
+        where = ", ".join(place)
+        return f"{where}{': ' if where else ''}'{key}' is no key that is known here; check its spelling"
+    message = "is missing" if item["type"] == "missing" else item["msg"].removeprefix("Value error, ")
+    value = item.get("input")
     shown = f" (got {value!r})" if isinstance(value, str | int | float | bool) else ""
-    more = f"; {error.error_count() - 1} more" if error.error_count() > 1 else ""
-    return f"{', '.join(place) or 'the file'}: {message}{shown}{more}"
+    where = ", ".join(place)
+    return f"{where}{': ' if where else ''}{message}{shown}"

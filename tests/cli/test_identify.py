@@ -252,7 +252,7 @@ def test_a_loop_that_does_not_close(run: Run, cell: Path, tmp_path: Path) -> Non
     (tmp_path / "robot.toml").write_text(robot_toml(described))
     ended = identify(run, cell / "one.csv", tmp_path / "a.json", robot=tmp_path / "robot.toml")
     assert (ended.status, ended.out) == (1, "")
-    assert "the four-bar does not close at pose" in ended.err
+    assert "the four-bar does not close at row " in ended.err
 
 
 def test_an_unknown_robot(run: Run, cell: Path, tmp_path: Path) -> None:

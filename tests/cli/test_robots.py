@@ -107,7 +107,7 @@ def test_a_table_given_as_a_robot_says_how_to_import_it(run: Run, tmp_path: Path
     ("text", "message"),
     [
         ("name = 'x'\n[[joint]\n", "is no TOML"),
-        ("name = 'x'\n", "joint: Field required"),
+        ("name = 'x'\n", "joint: is missing"),
         (
             "name = 'x'\n[[joint]]\nname = 'J1'\nlimits_deg = [10, -10]\n",
             "the lower limit 10 must be below the upper limit -10",

@@ -181,7 +181,7 @@ def test_joints_and_points_that_are_not_the_robots_are_refused_with_likely_cause
     rng = np.random.default_rng(0)
     model = ErrorModel(load_robot("ur5"))
     sound, _ = measure(rng, model, industrial_positions(rng, 40), sigma=1e-4)
-    check_plausible(register(model, sound), model)
+    check_plausible(register(model, sound), model, sound)
     q, points, name = WRONG[case](sound.q, sound.points)
     wrong = ErrorModel(load_robot(name))
     q = np.clip(q, -0.9, 0.9) if "6660" in name else q
@@ -189,7 +189,7 @@ def test_joints_and_points_that_are_not_the_robots_are_refused_with_likely_cause
     with pytest.raises(
         CampaignError, match=rf"do not fit {name}: .* off by \d+\.\d mm rms.*Likely causes: another robot"
     ):
-        check_plausible(register(wrong, campaign), wrong)
+        check_plausible(register(wrong, campaign), wrong, campaign)
 
 
 def test_several_targets_in_one_orientation_are_placed_against_each_other():
@@ -203,3 +203,23 @@ def test_several_targets_in_one_orientation_are_placed_against_each_other():
     np.testing.assert_allclose(placed - placed.mean(axis=0), true - true.mean(axis=0), atol=1e-4)
     np.testing.assert_allclose(placed.mean(axis=0), 0.0, atol=1e-9)
     assert found.rms < 1e-4
+
+
+@given(generators)
+def test_a_few_wrong_rows_are_named_instead_of_the_robot(rng):
+    model = arm(rng)
+    campaign, _ = measure(rng, model, industrial_positions(rng, 40), sigma=1e-4)
+    points = campaign.points.copy()
+    points[7] += 3.0
+    points[21, :, 0] -= 2.0
+    spoilt = replace(campaign, points=points)
+    with pytest.raises(CampaignError, match=rf"2 of 40 rows cannot be right: row 7 \(id {campaign.ids[7]}\).*row 21"):
+        check_plausible(register(model, spoilt), model, spoilt)
+
+
+@given(generators)
+def test_positions_in_metres_are_recognised(rng):
+    model = arm(rng)
+    campaign, _ = measure(rng, model, industrial_positions(rng, 30), sigma=1e-4)
+    with pytest.raises(CampaignError, match="the positions may be in metres"):
+        register(model, replace(campaign, points=campaign.points / 1000.0))

@@ -44,7 +44,10 @@ def command(
     if rows is not None:
         measured = measured.take(choose_rows(rows, len(measured), campaign))
     announce_compilation()
-    result = validate(known, measured, reregister=reregister).summary()
+    found = validate(known, measured, reregister=reregister)
+    for remark in found.remarks:
+        note(remark)
+    result = found.summary()
     if as_json:
         write_json(result)
     else:

@@ -33,10 +33,8 @@ def cache_folder() -> Path:
         with tempfile.TemporaryFile(dir=folder):
             return folder
     except OSError:
-        folder = Path(tempfile.gettempdir()) / f"taskcal-kernels-{os.getuid() if hasattr(os, 'getuid') else 0}"
-        folder = folder / digest.hexdigest()[:16]
-        folder.mkdir(parents=True, exist_ok=True)
-        return folder
+        # a fresh folder of this process alone: machine code is not taken from where others may write
+        return Path(tempfile.mkdtemp(prefix="taskcal-kernels-"))
 
 
 def is_warm() -> bool:

@@ -10,11 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from taskcal.errors import FileError, TaskcalError
-from taskcal.estimation.loss import Loss
-from taskcal.estimation.prior import GaussianPrior
 from taskcal.files import write_whole
 from taskcal.geometry import normal_equations, se3, walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
@@ -58,25 +56,11 @@ class Provenance:
     version: str
     created: str
     options: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """Of the identification: parameters kept, prior, loss, noise, and what was given instead of estimated."""
 
     @classmethod
-    def of(
-        cls,
-        model: ErrorModel,
-        campaign: Campaign,
-        *,
-        kept: Int[np.ndarray, " kept"],
-        loss: Loss,
-        prior: GaussianPrior | str | None,
-        frames: bool,
-    ) -> "Provenance":
-        """Provenance of a fit made now."""
-        options = {
-            "keep": "all" if len(kept) == len(model) else [model.names[i] for i in kept],
-            "loss": {"kind": type(loss).__name__.lower(), **asdict(loss)},
-            "prior": "given" if isinstance(prior, GaussianPrior) else prior,
-            "frames": "fixed" if frames else "fit",
-        }
+    def of(cls, model: ErrorModel, campaign: Campaign, options: Mapping[str, Any]) -> "Provenance":
+        """Provenance of a fit made now with these options."""
         return cls(
             robot=model.robot.name,
             robot_digest=model.robot.digest,
@@ -135,6 +119,8 @@ class Calibration:
     """Of fit and hyperparameters in turn."""
     reason: str
     """Why the fit ended."""
+    remarks: tuple[str, ...]
+    """What a user should look at before believing the result."""
     provenance: Provenance
 
     def __repr__(self) -> str:
@@ -320,6 +306,7 @@ class Calibration:
             "iterations": self.iterations,
             "rounds": self.rounds,
             "reason": self.reason,
+            "remarks": list(self.remarks),
         }
 
 
@@ -408,6 +395,7 @@ def _from_json(data: Mapping[str, Any]) -> Calibration:
         iterations=int(data["iterations"]),
         rounds=int(data["rounds"]),
         reason=str(data["reason"]),
+        remarks=tuple(str(remark) for remark in data["remarks"]),
         provenance=Provenance(**data["provenance"]),
     )
 

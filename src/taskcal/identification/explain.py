@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.errors import CampaignError, TaskcalError
 from taskcal.estimation.blas import single_threaded
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.field import learn_field
+from taskcal.identification.field import FEWEST, learn_field
 from taskcal.identification.identify import identify
 from taskcal.measurement.campaign import Campaign
 from taskcal.robot.effects import Compliance, Effect, EncoderGain, Harmonics
@@ -52,6 +53,8 @@ class Stage:
     standard_error: float
     """Of the change against the stage before, metres."""
     accepted: bool
+    reason: str
+    """Why."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -74,6 +77,7 @@ class Explanation:
                 "cross_validated_mm": stage.cross_validated * 1e3,
                 "standard_error_mm": stage.standard_error * 1e3,
                 "accepted": stage.accepted,
+                "reason": stage.reason,
             }
             for stage in self.stages
         ]
@@ -108,25 +112,33 @@ def explain(
     Raises:
         CampaignError: too few rows.
         FitError: a fit did not converge.
+        TaskcalError: effects are to be found by evidence, without a prior.
     """
-    parts = _folds(campaign.q, folds, seed)
+    if effects is None and options.get("prior", "tolerances") is None:
+        raise TaskcalError(
+            "effects are found by their evidence, which needs a prior; name the effects, or keep the prior"
+        )
+    parts = _folds(campaign, folds, seed, FEWEST if field else 0)
     progress("geometry")
     best = identify(model, campaign, **options)
     left = _left_out(model, campaign, parts, options)
-    stages = [_stage("geometry", best, None, left, None, accepted=True)]
+    stages = [_stage("geometry", best, None, left, None, accepted=True, reason="the start")]
     added: list[Effect] = []
     if effects is not None:
         for effect in effects:
-            model = model + effect
+            model, options = _with(model, effect, options)
             added.append(effect)
         if added:
+            progress("effects that were asked for")
             trial, errors = identify(model, campaign, **options), _left_out(model, campaign, parts, options)
-            stages.append(_stage(", ".join(map(_label, added)), trial, best, errors, left, accepted=True))
+            name = ", ".join(map(_label, added))
+            stages.append(
+                _stage(name, trial, best, errors, left, accepted=True, reason="asked for, not put to the proof")
+            )
             best, left = trial, errors
     else:
-        best, left, model, added, tried = _search(
-            model, campaign, list(candidates), parts, best, left, options, progress
-        )
+        found = _search(model, campaign, list(candidates), parts, best, left, options, progress)
+        best, left, model, options, added, tried = found
         stages += tried
     if field:
         progress("residual field")
@@ -134,9 +146,9 @@ def explain(
         errors = _left_out(model, campaign, parts, options, field=True, seed=seed)
         gain, error = _paired(left, errors)
         accepted = bool(gain > SIGNIFICANT * error)
-        stages.append(
-            replace(_stage("residual field", trial, None, errors, left, accepted=accepted), log_evidence=None)
-        )
+        change = -gain / max(error, 1e-12)
+        reason = f"changes the cross-validated error by {change:+.1f} standard errors; −{SIGNIFICANT:g} is asked for"
+        stages.append(_stage("residual field", trial, None, errors, left, accepted=accepted, reason=reason))
         best = trial if accepted else best
     noise = campaign.covariances(options.get("noise"))[campaign.valid][:, :3, :3]
     # mean length of an isotropic normal vector: √(8/π) standard deviations
@@ -167,30 +179,48 @@ def _search(
     candidates: list[Effect],
     parts: list[Int[np.ndarray, " _"]],
     best: Calibration,
-    left: Float[np.ndarray, " rows"],
+    left: Float[np.ndarray, "rows targets"],
     options: dict[str, Any],
     progress: Callable[[str], None],
-) -> tuple[Calibration, Float[np.ndarray, " rows"], ErrorModel, list[Effect], list[Stage]]:
+) -> tuple[Calibration, Float[np.ndarray, "rows targets"], ErrorModel, dict[str, Any], list[Effect], list[Stage]]:
     """Forward selection by log evidence."""
     added: list[Effect] = []
     stages: list[Stage] = []
-    threshold = PROOF + np.log(len(candidates))
+    threshold = PROOF + float(np.log(max(len(candidates), 1)))
     while candidates:
-        progress(f"effects: {len(candidates)} candidates")
-        trials = [identify(model + effect, campaign, **options) for effect in candidates]
-        gains = [(t.log_evidence or -np.inf) - (best.log_evidence or -np.inf) for t in trials]
+        progress(f"{len(candidates)} candidates beside {', '.join(['geometry', *map(_label, added)])}")
+        extended = [_with(model, effect, options) for effect in candidates]
+        trials = [identify(more, campaign, **kept) for more, kept in extended]
+        gains = [_evidence(trial) - _evidence(best) for trial in trials]
         k = int(np.argmax(gains))
-        effect = candidates.pop(k)
-        errors = _left_out(model + effect, campaign, parts, options)
+        of, effect, (more, kept) = len(candidates), candidates.pop(k), extended[k]
+        errors = _left_out(more, campaign, parts, kept)
         gain, error = _paired(left, errors)
-        # likelier, and not visibly worse where it was not fitted
-        accepted = bool(gains[k] > threshold and gain > -SIGNIFICANT * error)
-        stages.append(_stage(_label(effect), trials[k], best, errors, left, accepted=accepted))
-        if not accepted:
+        likelier, worse = gains[k] > threshold, gain < -SIGNIFICANT * error
+        gained = f"log evidence {gains[k]:+.1f} against {threshold:.1f}"
+        if of > 1:
+            gained = f"best of {of}: {gained}"
+        reason = f"{gained}, but visibly worse where it was not fitted" if likelier and worse else gained
+        accepted = bool(likelier and not worse)
+        stages.append(_stage(_label(effect), trials[k], best, errors, left, accepted=accepted, reason=reason))
+        if accepted:
+            model, options, best, left = more, kept, trials[k], errors
+            added.append(effect)
+        elif not likelier:
             break
-        model, best, left = model + effect, trials[k], errors
-        added.append(effect)
-    return best, left, model, added, stages
+    return best, left, model, options, added, stages
+
+
+def _with(model: ErrorModel, effect: Effect, options: dict[str, Any]) -> tuple[ErrorModel, dict[str, Any]]:
+    """The model with an effect, and the options that keep its parameters where not all are kept."""
+    more = model + effect
+    if options.get("keep") is None:
+        return more, options
+    return more, {**options, "keep": [*options["keep"], *more.names[len(model) :]]}
+
+
+def _evidence(calibration: Calibration) -> float:
+    return -np.inf if calibration.log_evidence is None else calibration.log_evidence
 
 
 def _label(effect: Effect) -> str:
@@ -202,12 +232,29 @@ def _label(effect: Effect) -> str:
     return label if effect.joints is None else f"{label} of {', '.join(effect.joints)}"
 
 
-def _folds(q: Float[np.ndarray, "n joints"], folds: int, seed: int) -> list[Int[np.ndarray, " _"]]:
-    """Rows of each fold; neighbours in the joints, down to the same pose measured again, stay together."""
-    rounded = np.round(q / np.radians(0.5)).astype(int)
+def _folds(campaign: Campaign, folds: int, seed: int, fewest: int) -> list[Int[np.ndarray, " _"]]:
+    """Rows of each fold; neighbours in the joints, down to the same pose measured again, stay together.
+
+    Raises:
+        CampaignError: without a fold too few rows would be left.
+    """
+    rounded = np.round(campaign.q / np.radians(0.5)).astype(int)
     _, group = np.unique(rounded, axis=0, return_inverse=True)
-    order = np.random.default_rng(seed).permutation(group.max() + 1)
-    return [np.flatnonzero(np.isin(group, order[i::folds])) for i in range(folds)]
+    group = group.ravel()
+    order = np.random.default_rng(seed).permutation(group.max(initial=-1) + 1)
+    if len(order) < folds:
+        raise CampaignError(
+            f"{len(campaign)} rows at {len(order)} different poses are too few to leave out one part of {folds} after "
+            "another; measure more poses"
+        )
+    parts = [np.flatnonzero(np.isin(group, order[i::folds])) for i in range(folds)]
+    left = len(campaign) - max(map(len, parts))
+    if left < fewest:
+        raise CampaignError(
+            f"{len(campaign)} rows are too few to prove a residual field: it is learned from {fewest} at least, and leaving out "
+            f"one part of {folds} after another leaves {left}; measure {-(-fewest * folds // (folds - 1))} or more, better 100"
+        )
+    return parts
 
 
 def _left_out(
@@ -218,8 +265,8 @@ def _left_out(
     *,
     field: bool = False,
     seed: int = 0,
-) -> Float[np.ndarray, " rows"]:
-    """Error in space of every point when its fold is left out, metres, in the order of the campaign."""
+) -> Float[np.ndarray, "rows targets"]:
+    """Error in space of every point when its fold is left out, metres; NaN for lost beams."""
     out = np.full(campaign.valid.shape, np.nan)
     for part in parts:
         rest = campaign.take(np.setdiff1d(np.arange(len(campaign)), part))
@@ -229,33 +276,41 @@ def _left_out(
         held = campaign.take(part)
         ends = fitted.predict_tool(held.q)[:, None] @ fitted.T_tool_target
         out[part] = np.linalg.norm(held.points - ends[..., :3, 3], axis=2)
-    return out[campaign.valid]
+    return out
 
 
-def _paired(before: Float[np.ndarray, " rows"], after: Float[np.ndarray, " rows"]) -> tuple[float, float]:
-    """Mean decrease of the error, and its standard error over the points."""
-    difference = before - after
-    return float(difference.mean()), float(difference.std(ddof=1) / np.sqrt(len(difference)))
+def _paired(before: Float[np.ndarray, "rows targets"], after: Float[np.ndarray, "rows targets"]) -> tuple[float, float]:
+    """Mean decrease of the error over the points, and its standard error; targets of one row have it in common."""
+    return _mean(before - after)
+
+
+def _mean(values: Float[np.ndarray, "rows targets"]) -> tuple[float, float]:
+    """Mean over the points, and its standard error over the rows."""
+    count, rows = int(np.isfinite(values).sum()), int(np.isfinite(values).any(axis=1).sum())
+    mean = float(np.nanmean(values))
+    by_row = np.nansum(values - mean, axis=1)
+    return mean, float(np.sqrt((by_row**2).sum() * rows / max(rows - 1, 1)) / count)
 
 
 def _stage(
     name: str,
     calibration: Calibration,
     before: Calibration | None,
-    errors: Float[np.ndarray, " rows"],
-    left: Float[np.ndarray, " rows"] | None,
+    errors: Float[np.ndarray, "rows targets"],
+    left: Float[np.ndarray, "rows targets"] | None,
     *,
     accepted: bool,
+    reason: str,
 ) -> Stage:
     gain = None
     if before is not None and before.log_evidence is not None and calibration.log_evidence is not None:
         gain = calibration.log_evidence - before.log_evidence
-    spread = errors.std(ddof=1) / np.sqrt(len(errors)) if left is None else _paired(left, errors)[1]
     return Stage(
         name=name,
         parameters=len(calibration.kept),
         log_evidence=gain,
-        cross_validated=float(errors.mean()),
-        standard_error=float(spread),
+        cross_validated=_mean(errors)[0],
+        standard_error=(_mean(errors) if left is None else _paired(left, errors))[1],
         accepted=accepted,
+        reason=reason,
     )

@@ -1,8 +1,9 @@
 """The fit: a campaign and a model in, a Calibration out."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from typing import Literal
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -30,6 +31,12 @@ UNLOCATED_PRIOR = 1e-6
 """The same along directions in which the poses do not locate the targets: there they stay at the tool point."""
 
 Estimate = Literal["estimate"]
+
+WIDE = 5.0
+"""A prior scale above this calls for a look at the robot file."""
+
+ROUNDS = 60
+"""Of fit and hyperparameters in turn, at most."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -87,11 +94,12 @@ def identify(
         FitError: the fit did not converge.
     """
     loss = loss or Squared()
+    _check_options(prior, frames, model_error, prior_scale)
     kept = np.arange(len(model)) if keep is None else model.indices(keep)
     check_rows(campaign)
     if registration is None:
         registration = register(model, campaign)
-        check_plausible(registration, model)
+        check_plausible(registration, model, campaign)
     layout = FrameLayout(
         model=model,
         kept=kept,
@@ -105,7 +113,33 @@ def identify(
     )
     belief = _belief(layout, prior)
     found = _estimate(problem, belief, loss, model_error, 1.0 if prior is None else prior_scale)
-    return _conclude(found, problem, belief, campaign, outlier_level, loss, prior)
+    options = {
+        "keep": "all" if len(kept) == len(model) else [model.names[i] for i in kept],
+        "prior": "given" if isinstance(prior, GaussianPrior) else prior,
+        "loss": {"kind": "squared"}
+        if isinstance(loss, Squared)
+        else {"kind": type(loss).__name__.lower(), **asdict(loss)},
+        "noise": "stated" if campaign.uncertainty is not None else asdict(noise or TrackerNoise()),
+        "frames": frames,
+        "model_error": model_error,
+        "prior_scale": prior_scale,
+        "outlier_level": outlier_level,
+    }
+    # as the file will hold them: lists for tuples
+    return _conclude(found, problem, belief, campaign, json.loads(json.dumps(options)))
+
+
+def _check_options(prior: object, frames: object, model_error: object, prior_scale: object) -> None:
+    """Refuse what would otherwise silently mean something else."""
+    if not (prior is None or prior == "tolerances" or isinstance(prior, GaussianPrior)):
+        raise ValueError(f"prior is {prior!r}; give 'tolerances', None, or a GaussianPrior")
+    if frames not in ("fit", "fixed"):
+        raise ValueError(f"frames is {frames!r}; give 'fit' or 'fixed'")
+    errors = model_error if isinstance(model_error, tuple) else (model_error,)
+    if model_error != "estimate" and not all(isinstance(e, int | float) and e >= 0.0 for e in errors):
+        raise ValueError(f"model_error is {model_error!r}; give 'estimate', or metres, zero or more")
+    if prior_scale != "estimate" and not (isinstance(prior_scale, int | float) and prior_scale > 0.0):
+        raise ValueError(f"prior_scale is {prior_scale!r}; give 'estimate', or a factor above zero")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -210,7 +244,7 @@ def _estimate(
         moved = np.abs(following.variances - hyper.variances) / (hyper.variances + tracker)
         scale = abs(np.log(following.prior_factor / hyper.prior_factor))
         hyper = following
-        if (moved.max() < 1e-3 and scale < 1e-2) or rounds > 60:
+        if (moved.max() < 1e-3 and scale < 1e-2) or rounds > ROUNDS:
             searching = False
             if search_error:
                 hyper = _drop_insignificant(found, hyper, problem, belief)
@@ -342,14 +376,12 @@ def _conclude(
     problem: Problem,
     belief: _Belief,
     campaign: Campaign,
-    outlier_level: float,
-    loss: Loss,
-    prior: GaussianPrior | str | None,
+    options: Mapping[str, Any],
 ) -> Calibration:
     """Everything that is reported, from the converged fit."""
     frames, z = problem.frames, found.solution.z
     T_tracker_base, T_tool_target = frames.frames(z)
-    studentised, outliers = _studentise(found, problem, campaign, outlier_level)
+    studentised, outliers = _studentise(found, problem, campaign, options["outlier_level"])
     deviations = np.sqrt(found.hyper.variances)
     return Calibration(
         model=frames.model,
@@ -369,10 +401,30 @@ def _conclude(
         iterations=found.solution.iterations,
         rounds=found.rounds,
         reason=found.solution.reason,
-        provenance=Provenance.of(
-            frames.model, campaign, kept=frames.kept, loss=loss, prior=prior, frames=frames.fixed_frames
-        ),
+        remarks=_remarks(found, frames, campaign, belief.prior is not None),
+        provenance=Provenance.of(frames.model, campaign, options),
     )
+
+
+def _remarks(found: _Found, frames: FrameLayout, campaign: Campaign, has_prior: bool) -> tuple[str, ...]:
+    """What is unusual about a fit, in words."""
+    out: list[str] = []
+    scale = float(np.sqrt(found.hyper.prior_factor))
+    if has_prior and len(frames.kept) and scale > WIDE:
+        out.append(
+            f"the robot deviates {scale:.0f} times as much as its tolerances say: check the joints' order, signs and zero "
+            "positions and the lengths in the robot file, or state wider tolerances"
+        )
+    measured = int(campaign.valid.sum()) * found.residual.shape[2]
+    if measured < 2 * len(frames.names):
+        out.append(
+            f"{measured} measured numbers for {len(frames.names)} unknowns: residuals of the fitted rows say little; hold rows out"
+        )
+    if found.rounds > ROUNDS:
+        out.append("model error and prior scale had not settled when the search for them ended")
+    if found.hyper.variances[0] == 0.0 and measured < 2 * len(frames.names):
+        out.append("no model error could be told from so few rows, so the stated uncertainty leaves it out")
+    return tuple(out)
 
 
 def _studentise(

@@ -9,7 +9,7 @@ from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import register
+from taskcal.measurement.registration import PLAUSIBLE, check_plausible, register
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -24,6 +24,8 @@ class Validation:
     """Angle of every pose's orientation error, radians; None for points."""
     rows: tuple[int, ...]
     """Row of the campaign that each point belongs to."""
+    remarks: tuple[str, ...] = ()
+    """What a user should look at before believing the result."""
 
     def __len__(self) -> int:
         return len(self.errors)
@@ -88,6 +90,7 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
     pose = campaign.rotations is not None
     if reregister:
         found = register(calibration.model, campaign, poses=calibration.tool_in_base(campaign.q))
+        check_plausible(found, calibration.model, campaign)
         T = found.T_tracker_base @ calibration.tool_in_base(campaign.q)
         base = found.T_tracker_base
         ends = T[:, None] @ found.T_tool_target[None]
@@ -104,11 +107,19 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
     if pose and calibration.layout.pose and campaign.rotations is not None:
         turned = campaign.rotations[rows] @ np.swapaxes(ends[rows, targets, :3, :3], 1, 2)
         rotations = np.linalg.norm(se3.log(turned), axis=1)
+    length, reach = np.linalg.norm(error, axis=1), calibration.model.robot.reach
+    remarks: tuple[str, ...] = ()
+    if np.median(length) > PLAUSIBLE * reach:
+        remarks = (
+            f"the campaign is {np.median(length) * 1e3:.0f} mm away from what the calibration predicts: if the tracker or the "
+            "target was moved, refit them (reregister); else it is another robot",
+        )
     return Validation(
-        errors=np.linalg.norm(error, axis=1),
+        errors=length,
         components=error @ base[:3, :3],
         rotations=rotations,
         rows=tuple(int(row) for row in rows),
+        remarks=remarks,
     )
 
 

@@ -35,8 +35,29 @@ class Campaign:
     source: str = ""
     """File the campaign was read from."""
 
+    def __post_init__(self) -> None:
+        n, targets = len(self.ids), len(self.targets)
+        shapes = {
+            "q": (self.q, (n, *self.q.shape[1:])),
+            "points": (self.points, (n, targets, 3)),
+            "rotations": (self.rotations, (n, 3, 3)),
+            "uncertainty": (self.uncertainty, (n, targets)),
+            "temperature": (self.temperature, (n,)),
+            **{f"nest {name}": (points, (n, 3)) for name, points in self.nests.items()},
+        }
+        for name, (array, shape) in shapes.items():
+            if array is not None and array.shape != shape:
+                raise CampaignError(f"{name} has shape {array.shape}; {n} rows and {targets} targets need {shape}")
+        if not np.isfinite(self.q).all():
+            row = int(np.flatnonzero(~np.isfinite(self.q).all(axis=1))[0])
+            raise CampaignError(f"{self.row(row)} has a joint position that is no number; leave the row out")
+
     def __len__(self) -> int:
         return len(self.q)
+
+    def row(self, number: int) -> str:
+        """A row in words, for messages."""
+        return f"row {number} (id {self.ids[number]})"
 
     @cached_property
     def valid(self) -> Bool[np.ndarray, "n targets"]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.errors import CampaignError
+from taskcal.errors import CampaignError, ClosureError
 from taskcal.estimation.blas import single_threaded
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
@@ -60,10 +60,27 @@ def register(model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 
         CampaignError: too few rows, or rows that do not determine the frames.
     """
     check_rows(campaign)
-    T = model.poses(campaign.q) if poses is None else poses
+    T = nominal_poses(model, campaign) if poses is None else poses
     if campaign.rotations is None:
         return _register_points(T, campaign, model.robot.reach)
     return _register_poses(T, campaign, model.robot.reach)
+
+
+def nominal_poses(model: ErrorModel, campaign: Campaign) -> Float[np.ndarray, "n 4 4"]:
+    """Poses of the nominal robot at every row.
+
+    Raises:
+        CampaignError: a closed loop does not close at a row, which the message names.
+    """
+    try:
+        return model.poses(campaign.q)
+    except ClosureError as error:
+        row = campaign.row(error.pose)
+        raise CampaignError(f"{_file(campaign)}the four-bar does not close at {row}: {error.detail}") from error
+
+
+def _file(campaign: Campaign) -> str:
+    return f"{campaign.source}: " if campaign.source else ""
 
 
 def check_rows(campaign: Campaign, parameters: int = 0) -> None:
@@ -73,33 +90,67 @@ def check_rows(campaign: Campaign, parameters: int = 0) -> None:
     for t, name in enumerate(campaign.targets):
         seen = int(campaign.valid[:, t].sum())
         if seen == 0:
-            raise CampaignError(f"target '{name}' was never seen; leave it out with targets={_others(campaign, t)}")
+            others = ", ".join(other for other in campaign.targets if other != name)
+            remedy = f"leave it out: choose among {others}" if others else "measure again, or read another target"
+            raise CampaignError(f"{_file(campaign)}target '{name}' was never seen; {remedy}")
     seen = int(campaign.valid.sum())
     unknown = 6 + needed_per_target * len(campaign.targets) + parameters
     if per_row * seen <= unknown:
         rows = unknown // (per_row * len(campaign.targets)) + 1
+        what = "points" if per_row == 3 else "poses"
+        targets = f"{len(campaign.targets)} target{'s' if len(campaign.targets) > 1 else ''}"
         raise CampaignError(
-            f"{seen} measured {'points' if per_row == 3 else 'poses'} in {len(campaign)} rows are too few: the tracker frame and "
-            f"{len(campaign.targets)} target{'s' if len(campaign.targets) > 1 else ''} alone need more than {unknown} numbers; "
-            f"measure at least {rows} poses, better 30 or more"
+            f"{_file(campaign)}{seen} measured {what} in {len(campaign)} rows are too few: the tracker frame and {targets} alone "
+            f"need more than {unknown} numbers; measure at least {rows} poses, better 30 or more"
         )
 
 
-def _others(campaign: Campaign, t: int) -> str:
-    return ",".join(name for i, name in enumerate(campaign.targets) if i != t) or "(none left)"
+def check_plausible(registration: Registration, model: ErrorModel, campaign: Campaign) -> None:
+    """Raise a `CampaignError` if the nominal robot is so far from the measurements that they cannot be its own.
 
-
-def check_plausible(registration: Registration, model: ErrorModel) -> None:
-    """Raise a `CampaignError` if the nominal robot is so far from the measurements that they cannot be its own."""
+    If all but a few rows fit, the message names these; else it names what is usually wrong.
+    """
     reach = model.robot.reach
-    if registration.rms > PLAUSIBLE * reach:
+    if registration.rms <= PLAUSIBLE * reach:
+        return
+    wrong = _few_wrong_rows(model, campaign)
+    if wrong:
+        named = ", ".join(f"{campaign.row(row)}, off by {distance * 1e3:.0f} mm" for row, distance in wrong)
         raise CampaignError(
-            f"these joints and points do not fit {model.robot.name}: after registration the nominal robot is off by "
-            f"{registration.rms * 1e3:.1f} mm rms, {registration.rms / reach:.1%} of its {reach:.2f} m of links. Likely causes: "
-            "another robot or variant; joints in another order, with other signs or zero positions; degrees taken for radians; "
-            'an axis coupling that the robot file lacks (angle = "-(J2 + J3)"); inches for millimetres; rows of joints and '
-            "points that do not belong together"
+            f"{_file(campaign)}{len(wrong)} of {len(campaign)} rows cannot be right: {named}; all others fit. Correct them, or "
+            "leave them out"
         )
+    raise CampaignError(
+        f"{_file(campaign)}these joints and points do not fit {model.robot.name}: after registration the nominal robot is off "
+        f"by {registration.rms * 1e3:.1f} mm rms, {registration.rms / reach:.1%} of its {reach:.2f} m of links. Likely causes: "
+        "another robot or variant; joints in another order, with other signs or zero positions; degrees taken for radians; "
+        'an axis coupling that the robot file lacks (angle = "-(J2 + J3)"); metres or inches for millimetres; rows of joints '
+        "and points that do not belong together"
+    )
+
+
+def _few_wrong_rows(model: ErrorModel, campaign: Campaign) -> list[tuple[int, float]]:
+    """Rows, a tenth at most, without which the campaign fits, and how far off each is; none if that is not the trouble."""
+    T = model.poses(campaign.q)
+    kept = np.flatnonzero(campaign.valid.any(axis=1))
+    for _ in range(max(len(campaign) // 10, 1) + 1):
+        rest = campaign.take(kept)
+        try:
+            found = register(model, rest, T[kept])
+        except CampaignError:
+            return []
+        off = _distances(found, campaign, T)
+        if found.rms <= PLAUSIBLE * model.robot.reach:
+            wrong = [row for row in range(len(campaign)) if off[row] > 3.0 * PLAUSIBLE * model.robot.reach]
+            return [(row, float(off[row])) for row in wrong] if len(wrong) <= max(len(campaign) // 10, 1) else []
+        kept = kept[kept != kept[int(np.argmax(off[kept]))]]
+    return []
+
+
+def _distances(found: Registration, campaign: Campaign, T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, " n"]:
+    """How far the farthest target of every row is from where the nominal robot has it, metres."""
+    ends = (found.T_tracker_base @ T)[:, None] @ found.T_tool_target
+    return np.nan_to_num(np.linalg.norm(campaign.points - ends[..., :3, 3], axis=2)).max(axis=1)
 
 
 def _cloud(T: np.ndarray, campaign: Campaign) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -113,9 +164,13 @@ def _register_points(T: np.ndarray, campaign: Campaign, reach: float) -> Registr
     count = len(campaign.targets)
     extent = np.linalg.svd(y - y.mean(axis=0), compute_uv=False) / np.sqrt(len(y))
     if extent[1] < 1e-3 * reach:
+        nominal = np.linalg.norm(p - p.mean(axis=0), axis=1).max()
+        hint = ""
+        if np.linalg.norm(y - y.mean(axis=0), axis=1).max() < 0.02 * nominal:
+            hint = f"; the robot itself moved by {nominal * 1e3:.0f} mm, so the positions may be in metres: give millimetres"
         raise CampaignError(
-            f"the measured points lie within {extent[1] * 1e3:.1f} mm of one line, which does not fix the tracker frame; measure "
-            "poses spread over a plane at least"
+            f"{_file(campaign)}the measured points lie within {extent[1] * 1e3:.3g} mm of one line, which does not fix the tracker "
+            f"frame; measure poses spread over a plane at least{hint}"
         )
     Z, (t, offsets), rms = _search(R, p, y, target, count, reach)
     unlocated = _unlocated(Z, R, target, count, rms)

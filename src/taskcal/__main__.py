@@ -1,0 +1,5 @@
+"""``python -m taskcal``, the command line."""
+
+from taskcal.cli import main
+
+main()
