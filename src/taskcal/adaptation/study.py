@@ -142,7 +142,7 @@ def _prepare(
     model: ErrorModel,
     task: Task,
     counts: tuple[int, ...],
-    plans: tuple[PlanKind, ...],
+    plans: tuple[str, ...],
     models: tuple[str, ...],
     seed: int,
     noise: TrackerNoise,
@@ -230,8 +230,8 @@ def _run(setting: _Setting, left: Sequence[int], engine: str, workers: int) -> D
 
 
 def _fingerprint(setting: _Setting) -> str:
-    out = hashlib.sha256(setting.model.robot.digest.encode())
-    for array in (setting.task_q, setting.pool, *setting.plans.values()):
+    out = hashlib.sha256((setting.model.robot.digest + " ".join(setting.model.names)).encode())
+    for array in (setting.task_q, setting.weights, setting.pool, *setting.plans.values()):
         out.update(np.round(array, 9).tobytes())
     models = {name: {k: list(v) if v else v for k, v in options.items()} for name, options in setting.models.items()}
     out.update(json.dumps([setting.cases, models, setting.seed, vars(setting.noise)], sort_keys=True).encode())

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from taskcal.adaptation.expected_error import Design
 from taskcal.errors import ReachError
@@ -85,7 +85,7 @@ def map_tolerance(model: ErrorModel, at: Slice) -> Float[np.ndarray, "v u"]:
     return at.spread(np.sqrt((S**2).sum(axis=(1, 2))))
 
 
-def map_expected(design: Design, at: Slice, kept: Float[np.ndarray, " k"] | None = None) -> Float[np.ndarray, "v u"]:
+def map_expected(design: Design, at: Slice, kept: Int[np.ndarray, " k"] | None = None) -> Float[np.ndarray, "v u"]:
     """Expected error over a slice in the tracker frame, metres: with a kept set identified, or before (no set)."""
     return at.spread(design.expected_at(at.q[at.reached], kept))
 

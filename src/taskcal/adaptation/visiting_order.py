@@ -11,10 +11,11 @@ the same side."""
 
 
 def order_visits(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Int[np.ndarray, " n"]:
-    """A short tour through all poses, started from the one nearest to the middle of the limits.
+    """A short tour through all poses, looked for from the one nearest to the middle of the limits.
 
     The way between two poses costs the largest joint movement, and every reversal of a joint a little more. Nearest
-    neighbours first, then reversals of parts of the tour while they shorten it (2-opt; Croes 1958).
+    neighbours first, or the order given where that is shorter, then reversals of parts of the tour while they shorten it
+    (2-opt; Croes 1958).
     """
     n = len(q)
     if n < 3:
@@ -27,7 +28,7 @@ def order_visits(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Int[np.ndarr
         rest = np.array(sorted(left))
         tour.append(int(rest[np.argmin(np.abs(q[rest] - q[tour[-1]]).max(axis=1))]))
         left.remove(tour[-1])
-    best = np.array(tour)
+    best = min(np.array(tour), np.arange(n), key=lambda order: _cost(q[order]))
     cost = _cost(q[best])
     improved = True
     while improved:

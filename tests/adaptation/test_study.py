@@ -1,0 +1,165 @@
+"""Studies: the same rows from every engine and after every interruption, and what the models are worth."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.adaptation.procedure import reference_task
+from taskcal.adaptation.selection import select
+from taskcal.adaptation.study import study
+from taskcal.analysis.elimination_table import published_kept
+from taskcal.errors import FileError, TaskcalError, UnknownName
+from taskcal.identification.identify import identify
+from taskcal.measurement.virtual_cell import simulate
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from taskcal.task.task import Task, reach_task
+
+CASES = {"counts": (8,), "plans": ("random", "grid"), "models": ("all", "published"), "seed": 3}
+
+
+@pytest.fixture(scope="module")
+def model():
+    return ErrorModel(load_robot("abb-irb6660-205-1.9"))
+
+
+@pytest.fixture(scope="module")
+def task(model) -> Task:
+    """The reference task as a list of poses whose joints are known."""
+    reached = reach_task(model, reference_task(), 40)
+    return Task(name="listed", poses=reached.T, joints=reached.q)
+
+
+@pytest.fixture(scope="module")
+def rows(model, task):
+    return study(model, task, robots=4, engine="sequential", **CASES).rows
+
+
+def test_every_robot_plan_count_and_model_has_its_row(rows):
+    keys = [(row["robot"], row["plan"], row["count"], row["model"]) for row in rows]
+    assert len(set(keys)) == len(keys) == 4 * 2 * 2
+    assert {row["robot"] for row in rows} == {0, 1, 2, 3}
+    assert all(0 < row["rms_mm"] <= row["max_mm"] for row in rows)
+
+
+@pytest.mark.parametrize(("engine", "workers"), [("threading", 1), ("threading", 2), ("loky", 2), ("loky", 1)])
+def test_engine_and_workers_do_not_change_the_rows(model, task, rows, engine, workers):
+    assert study(model, task, robots=4, engine=engine, workers=workers, **CASES).rows == rows
+
+
+def test_fewer_robots_are_the_first_of_more(model, task, rows):
+    assert study(model, task, robots=2, engine="sequential", **CASES).rows == rows[: len(rows) // 2]
+
+
+def test_another_seed_draws_other_robots(model, task, rows):
+    other = study(model, task, robots=4, engine="sequential", **{**CASES, "seed": 4}).rows
+    assert not {row["rms_mm"] for row in rows} & {row["rms_mm"] for row in other}
+
+
+def test_an_interrupted_study_goes_on_where_it_was(model, task, rows, tmp_path):
+    path, seen = tmp_path / "study.json", []
+
+    def interrupt(done: int, total: int) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        study(model, task, robots=4, engine="sequential", resume=path, progress=interrupt, **CASES)
+    assert sorted(json.loads(path.read_text())["robots"]) == ["0", "1"]
+    # what is there is not computed again
+    marked = json.loads(path.read_text())
+    marked["robots"]["0"][0]["max_mm"] = 77.0
+    path.write_text(json.dumps(marked))
+    resumed = study(
+        model, task, robots=4, engine="sequential", resume=path, progress=lambda done, _: seen.append(done), **CASES
+    ).rows
+    assert seen == [2, 3, 4]
+    assert resumed[0]["max_mm"] == 77.0
+    assert resumed[1:] == rows[1:]
+
+
+@pytest.mark.parametrize(
+    "changed", [{"seed": 5}, {"counts": (9,)}, {"models": ("all",)}, {"plans": ("grid",)}, {"robot": "scaled"}]
+)
+def test_a_file_of_another_study_is_refused(model, task, tmp_path, changed):
+    path = tmp_path / "study.json"
+    study(model, task, robots=1, engine="sequential", resume=path, **CASES)
+    if "robot" in changed:
+        tolerances = replace(model.robot.tolerances, translation=2e-3)
+        description = {**model.robot.description, "tolerance": {"translation_mm": 2.0, "rotation_mrad": 0.3}}
+        model, changed = ErrorModel(replace(model.robot, tolerances=tolerances, description=description)), {}
+    before = path.read_text()
+    with pytest.raises(FileError, match="holds a study of other settings; name another file"):
+        study(model, task, robots=1, engine="sequential", resume=path, **{**CASES, **changed})
+    assert path.read_text() == before
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"study": "x", "robots": {"first": []}}', "id,J1\n"])
+def test_a_file_that_holds_no_study_is_refused(model, task, tmp_path, content):
+    path = tmp_path / "study.json"
+    path.write_text(content)
+    with pytest.raises(FileError, match="does not hold a study"):
+        study(model, task, robots=1, engine="sequential", resume=path, **CASES)
+    assert path.read_text() == content
+
+
+def test_unknown_names_are_refused_with_the_known_ones(model, task):
+    with pytest.raises(UnknownName, match=r"model 'al'.*'all'"):
+        study(model, task, robots=1, counts=(8,), plans=("grid",), models=("al",))
+    with pytest.raises(UnknownName, match=r"engine 'threads'.*threading"):
+        study(model, task, robots=1, counts=(8,), plans=("grid",), engine="threads")
+    with pytest.raises(UnknownName, match=r"plan 'planed'.*'planned'"):
+        study(model, task, robots=1, counts=(8,), plans=iter(["planed"]))
+    plain = ErrorModel(load_robot("ur5"))
+    q = np.random.default_rng(0).uniform(-1, 1, (20, 6))
+    with pytest.raises(TaskcalError, match="nothing is published of ur5"):
+        study(
+            plain, Task(name="listed", poses=plain.poses(q), joints=q), robots=1, counts=(8,), plans=("grid",),
+            models=("published",),
+        )  # fmt: skip
+
+
+def test_the_summary_counts_over_the_robots(model, task):
+    made = study(model, task, robots=5, engine="sequential", counts=(10,), plans=("grid",))
+    (line,) = made.summary()
+    values = [row["rms_mm"] for row in made.rows]
+    assert line["median_mm"] == sorted(values)[2]
+    assert line["rms_mm"] == pytest.approx(np.sqrt(np.mean(np.square(values))))
+    assert min(values) <= line["p05_mm"] <= line["median_mm"] <= line["p95_mm"] <= max(values)
+    assert list(made.to_frame()["rms_mm"]) == values
+
+
+def test_planned_poses_are_worth_more_than_random_ones(model):
+    made = study(model, reference_task(), robots=4, engine="sequential", counts=(20,), plans=("planned", "random"))
+    planned, random = made.summary()
+    assert (planned["plan"], random["plan"]) == ("planned", "random")
+    assert planned["rms_mm"] < 0.8 * random["rms_mm"]
+
+
+@pytest.mark.slow
+def test_the_selected_model_is_as_good_as_the_full_one_and_the_undamped_published_one_is_not(model):
+    """One orientation measured; errors inside it and up to 40° outside, over 60 true robots."""
+    task = reference_task()
+    chosen = select(model, task)
+    expected = {rung.size: rung.expected for rung in chosen.ladder}
+    assert expected[len(chosen.kept)] <= 1.02 * expected[len(model)]
+    fits = {"all": {}, "selected": {"keep": chosen.kept}, "published": {"keep": published_kept(model), "prior": None}}
+    measured = reach_task(model, task, 60).q
+    new = [reach_task(model, reference_task(np.radians(angle)), 100, 9).q for angle in (0.0, 40.0)]
+    squares = {name: [] for name in fits}
+    for seed in range(60):
+        campaign, truth = simulate(model, measured, rng=np.random.default_rng(seed))
+        for name, options in fits.items():
+            found = identify(model, campaign, **options)
+            squares[name].append([np.mean(((found.predict(q) - truth.points(q)) ** 2).sum(axis=2)) for q in new])
+    rms = {name: np.sqrt(np.mean(each, axis=0)) for name, each in squares.items()}
+    worse = {name: np.mean(np.array(each) > np.array(squares["all"]), axis=0) for name, each in squares.items()}
+    inside, outside = rms["selected"] / rms["all"]
+    assert inside < 1.03, rms
+    assert outside < 1.1, rms
+    inside, outside = rms["published"] / rms["all"]
+    assert inside > 1.05, rms
+    assert outside > 2.0, rms
+    assert np.all(worse["published"] > 0.7), worse
