@@ -169,7 +169,7 @@ def _register_points(T: np.ndarray, campaign: Campaign, reach: float) -> Registr
         if np.linalg.norm(y - y.mean(axis=0), axis=1).max() < 0.02 * nominal:
             hint = f"; the robot itself moved by {nominal * 1e3:.0f} mm, so the positions may be in metres: give millimetres"
         raise CampaignError(
-            f"{_file(campaign)}the measured points lie within {extent[1] * 1e3:.3g} mm of one line, which does not fix the tracker "
+            f"{_file(campaign)}the measured points lie within {extent[1] * 1e3:.2f} mm of one line, which does not fix the tracker "
             f"frame; measure poses spread over a plane at least{hint}"
         )
     Z, (t, offsets), rms = _search(R, p, y, target, count, reach)
