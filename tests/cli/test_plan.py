@@ -140,7 +140,7 @@ def test_plan_and_page_are_two_files(run: Run, ask: list[object], tmp_path: Path
         (("1711.0", "8711.0"), "does not reach the tool pose at x 8711"),
         (("[500.0, 700.0, 500.0]", "[0.0, 700.0, 500.0]"), "size_mm 1: Input should be greater than 0 (got 0.0)"),
         (("position_mm = 0.1", "position_mm = 0.00001"), "accuracy of 1e-05 mm is out of reach"),
-        (("quaternion", "quarternion"), "orientation 1, quaternion: Field required"),
+        (("quaternion", "quarternion"), "orientation 1, quaternion: is missing"),
         (("[workspace]", "[workspace"), "is no TOML"),
     ],
 )
@@ -160,7 +160,7 @@ def test_tasks_that_cannot_be_planned_for(
         (STATION.replace("4500.0", "-45000.0"), "no reflector visible"),
         (STATION + KEEP_OUT, "in a keep-out box"),
         (STATION.replace("60.0\n", "600.0\n"), "reflector 1, acceptance_deg"),
-        ("position_mm = [1.0, 2.0, 3.0]", "reflector: Field required"),
+        ("position_mm = [1.0, 2.0, 3.0]", "reflector: is missing"),
         ("position_mm = [1.0, ", "is no TOML"),
         (STATION.replace("smr2", "smr1"), "two reflectors are named 'smr1'"),
     ],

@@ -14,8 +14,7 @@ from taskcal.cli.output import complain
 from taskcal.errors import TaskcalError
 
 ORDER = (
-    "demo", "robots", "sensitivity", "select", "plan", "study", "simulate", "identify", "validate", "correct", "report", "studio",
-    "doctor", "warm",
+    "demo", "robots", "sensitivity", "select", "plan", "study", "simulate", "identify", "validate", "report", "doctor", "warm",
 )  # fmt: skip
 """The user's road, and then what keeps the installation in order."""
 
@@ -66,7 +65,11 @@ def run_demo(context: typer.Context) -> None:
     """Hand all arguments to the demonstration, which is imported only now."""
     from taskcal.cli.demo import demo  # pyright: ignore
 
-    only = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    only = typer.Typer(
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
     only.command()(demo)
     run: Any = typer.main.get_command(only)  # pyright: ignore
     code = run.main(args=list(context.args), prog_name="taskcal demo", standalone_mode=False)

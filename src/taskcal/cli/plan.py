@@ -82,7 +82,7 @@ def command(
         raise typer.BadParameter("the campaign says how large it is", param_hint="--extend / --model-error")
     for path in (output, report):
         if path is not None:
-            check_destination(path, [p for p in (task, station, extend) if p is not None])
+            check_destination(path, [p for p in (Path(robot), task, station, extend) if p is not None])
     if report is not None and report.resolve() == output.resolve():
         raise typer.BadParameter("plan and report cannot be one file", param_hint="--report / --output")
     from taskcal.adaptation.plan import plan

@@ -52,7 +52,7 @@ def command(
     if accuracy is not None and not 0 < accuracy < float("inf"):
         raise typer.BadParameter(f"{accuracy:g} is not above zero", param_hint="--accuracy")
     if report is not None:
-        check_destination(report, [path for path in (task, campaign) if path is not None])
+        check_destination(report, [path for path in (Path(robot), task, campaign) if path is not None])
     from taskcal.adaptation.selection import select
     from taskcal.files import write_whole
     from taskcal.measurement.reader import read_campaign

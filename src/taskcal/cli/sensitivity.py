@@ -58,7 +58,7 @@ def command(
         raise typer.BadParameter("give exactly one of them, to say at which poses", param_hint="--task / --campaign")
     for destination in (output, report):
         if destination is not None:
-            check_destination(destination, [path for path in (task, campaign) if path is not None])
+            check_destination(destination, [path for path in (Path(robot), task, campaign) if path is not None])
     if report is not None and output is not None and report.resolve() == output.resolve():
         raise typer.BadParameter("table and report cannot be one file", param_hint="--report / --output")
     from taskcal.analysis.elimination_table import tabulate_elimination

@@ -53,7 +53,7 @@ def command(
         raise typer.BadParameter("a measured pose has one target; leave out --targets", param_hint="--pose / --targets")
     for path in (output, truth):
         if path is not None:
-            check_destination(path, [task] if truth_from is None else [task, truth_from])
+            check_destination(path, [Path(robot), task, *([] if truth_from is None else [truth_from])])
     if truth is not None and truth.resolve() == output.resolve():
         raise typer.BadParameter("campaign and truth cannot be one file", param_hint="--truth / --output")
     import numpy as np

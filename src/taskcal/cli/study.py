@@ -66,7 +66,7 @@ def command(
     written = {"--output": output, "--report": report, "--resume": resume}
     places = [path for path in written.values() if path is not None]
     for path in places:
-        check_destination(path, [task])
+        check_destination(path, [Path(robot), task])
     if len({path.resolve() for path in places}) < len(places):
         raise typer.BadParameter("these cannot be one file", param_hint=" / ".join(written))
     from taskcal.adaptation.study import MODELS, PLANS, study
