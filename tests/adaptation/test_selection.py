@@ -11,7 +11,7 @@ from taskcal.errors import CampaignError, ReachError
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.task.task import reach_task
+from taskcal.task.task import Task, reach_task
 
 
 @pytest.fixture(scope="module")
@@ -72,3 +72,31 @@ def test_an_unreachable_workspace_says_so(model):
     far = replace(task.workspace, center=np.array([6.0, 0.0, 1.0]))
     with pytest.raises(ReachError, match="does not reach"):
         select(model, replace(task, workspace=far))
+
+
+def test_every_rung_is_what_the_model_without_the_dropped_ones_is_expected_to_leave(model):
+    """The ladder starts with all and ends with none; each size lacks one more; the choice lies on it."""
+    chosen = select(model, reference_task(), count=60)
+    assert [rung.size for rung in chosen.ladder] == list(range(len(model), -1, -1))
+    order = [rung.dropped_next for rung in chosen.ladder[:-1]]
+    assert sorted(order) == sorted(model.names)
+    assert chosen.ladder[-1].dropped_next == ""
+    assert set(order[: len(model) - len(chosen.kept)]) == set(chosen.dropped)
+    assert np.all(np.diff([rung.expected for rung in chosen.ladder]) >= -1e-12)
+    assert chosen.ladder[-1].expected == pytest.approx(chosen.before, rel=1e-9)
+    again = select(model, reference_task(), count=60)
+    assert (again.kept, again.to_json()) == (chosen.kept, chosen.to_json())
+
+
+def test_a_robot_of_which_nothing_is_published_is_compared_with_the_identifiable_set_alone():
+    plain = ErrorModel(load_robot("ur5"))
+    q = np.random.default_rng(0).uniform(-1.2, 1.2, (60, 6))
+    chosen = select(plain, Task(name="listed", poses=plain.poses(q), joints=q))
+    assert set(chosen.references) == {"identifiable"}
+    assert len(chosen.kept) <= chosen.references["identifiable"][0]
+
+
+def test_too_few_rows_for_the_folds_are_refused(model):
+    campaign, _ = simulate(model, reach_task(model, reference_task(), 12).q, rng=np.random.default_rng(0))
+    with pytest.raises(CampaignError, match=r"12 rows are too few for cross-validation in 7 folds; measure more"):
+        select(model, reference_task(), campaign, folds=7)

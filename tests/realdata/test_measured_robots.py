@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from taskcal.adaptation.plan import plan
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
@@ -14,6 +15,7 @@ from taskcal.robot.catalogue import load_robot
 from taskcal.robot.dh_table import read_dh_table
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
+from taskcal.task.task import Task
 from tests.laws.plain import product, shift, turn
 
 pytestmark = pytest.mark.realdata
@@ -132,3 +134,23 @@ def test_nests_and_lost_beams_are_told_from_targets(data_folder):
     for points in campaign.nests.values():
         drift = np.linalg.norm(points - np.nanmedian(points, axis=0), axis=1)
         assert np.nanpercentile(drift, 90) < 1e-3
+
+
+@pytest.mark.slow
+def test_rows_chosen_by_the_expected_error_predict_the_others_better_than_rows_drawn_by_chance(data_folder):
+    """60 of 700 rows of a real robot, whose model error is smooth over the joints; judged on the other 300."""
+    model = ErrorModel(load_robot("ur5"))
+    campaign = campaign_of(data_folder, "ur5", model.robot)
+    means = []
+    for seed in range(8):
+        order = np.random.default_rng(seed).permutation(1000)
+        fitted, rest = campaign.take(order[:700]), campaign.take(order[700:])
+        task = Task(name="held out", poses=model.poses(rest.q), joints=rest.q)
+        chosen = plan(model, task, 60, candidates=fitted.q, registration=register(model, fitted), model_error=6e-5).rows
+        rng = np.random.default_rng(100 + seed)
+        draws = [list(chosen)] + [rng.permutation(700)[:60] for _ in range(20)]
+        means.append([validate(identify(model, fitted.take(rows)), rest).mean * 1e3 for rows in draws])
+    own, random = np.array(means)[:, 0], np.array(means)[:, 1:]
+    better = own < np.median(random, axis=1)
+    quantiles = np.percentile(random, [0, 25, 50, 75, 100], axis=1).T.round(4)
+    assert better.sum() >= 7, dict(zip(own.round(4).tolist(), quantiles.tolist(), strict=True))

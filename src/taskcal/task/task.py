@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -161,7 +161,7 @@ class WorkspaceSection(Section):
     orientation: tuple[OrientationSection, ...] = Field(min_length=1)
 
     @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _consistent(self) -> "WorkspaceSection":
         box = self.size_mm is not None
         cylinder = self.radius_mm is not None and self.height_mm is not None
         if self.shape == "box" and (not box or self.radius_mm is not None or self.height_mm is not None):
@@ -187,7 +187,7 @@ class AccuracySection(Section):
     per_axis_mm: tuple[Positive, Positive, Positive] | None = None
 
     @model_validator(mode="after")
-    def _one(self) -> Self:
+    def _one(self) -> "AccuracySection":
         if (self.position_mm is None) == (self.per_axis_mm is None):
             raise ValueError("give position_mm, an error in space, or per_axis_mm, three errors along x, y and z")
         return self
@@ -208,7 +208,7 @@ class TaskFile(Section):
     accuracy: AccuracySection | None = None
 
     @model_validator(mode="after")
-    def _one(self) -> Self:
+    def _one(self) -> "TaskFile":
         given = [key for key in ("workspace", "poses", "path") if getattr(self, key) is not None]
         if len(given) != 1:
             raise ValueError(
