@@ -109,14 +109,18 @@ def draw_bands(bands: Mapping[str, Float[np.ndarray, "n 3"]]) -> go.Figure:
     """Intervals of 95 % about nil on X, Y and Z, pose by pose.
 
     Args:
-        bands: standard deviations per axis by what they are, metres; the widest first.
+        bands: standard deviations per axis by what they are, metres; the widest first. One is shown at a time at first,
+            the last: beside the widest the others could not be seen.
     """
     figure = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.05, row_titles=["X", "Y", "Z"])
-    fills = ("rgba(122,122,122,0.30)", "rgba(0,114,178,0.45)", "rgba(213,94,0,0.9)")
+    owner: list[int] = []
+    last = len(bands) - 1
+    fills = ("rgba(122,122,122,0.30)", "rgba(0,114,178,0.45)", "rgba(213,94,0,0.5)")
     for row, axis in enumerate(AXIS_COLOURS, start=1):
         for k, (label, deviation) in enumerate(bands.items()):
             half = 1.96e3 * deviation[:, row - 1]
             x = np.arange(len(half))
+            owner += [k, k]
             figure.add_scatter(
                 x=np.concatenate([x, x[::-1]]),
                 y=np.concatenate([half, -half[::-1]]),
@@ -127,6 +131,7 @@ def draw_bands(bands: Mapping[str, Float[np.ndarray, "n 3"]]) -> go.Figure:
                 name=label,
                 legendgroup=label,
                 showlegend=row == 1,
+                visible=k == last,
                 hoverinfo="skip",
                 row=row,
                 col=1,
@@ -134,6 +139,7 @@ def draw_bands(bands: Mapping[str, Float[np.ndarray, "n 3"]]) -> go.Figure:
             figure.add_scatter(
                 x=x,
                 y=half,
+                visible=k == last,
                 mode="lines",
                 line={"width": 0},
                 showlegend=False,
@@ -141,7 +147,10 @@ def draw_bands(bands: Mapping[str, Float[np.ndarray, "n 3"]]) -> go.Figure:
                 row=row,
                 col=1,
             )
-    styled(figure, height=560, top=80)
+    styled(figure, height=580, top=100)
     figure.update_yaxes(title_text="mm")
+    if len(bands) > 1:
+        choices = {label: ({"visible": [o == k for o in owner]},) for k, label in reversed(list(enumerate(bands)))}
+        switch(figure, choices | {"together": ({"visible": [True] * len(owner)},)}, y=1.04)
     figure.update_xaxes(title_text="pose of the task", row=3, col=1)
     return label_panels(figure)
