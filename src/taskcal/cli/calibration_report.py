@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from taskcal.cli.effects import is_harmonic, show_harmonics
 from taskcal.cli.errors_table import show_errors
 from taskcal.cli.output import show_facts, show_table
 from taskcal.cli.robot_sheet import placement
@@ -33,6 +34,8 @@ def report(
     rotation = calibration.model_error[1:]
     return {
         "robot": calibration.model.robot.name,
+        "effects": [effect.to_json() for effect in calibration.model.effects],
+        "field": calibration.field is not None,
         "rows": len(chosen),
         "fitted": validate(calibration, measured.take(list(chosen))).summary(),
         "held_out": validate(calibration, rest).summary() if rest is not None and predictable else None,
@@ -102,9 +105,11 @@ def show(result: Mapping[str, Any]) -> None:
             "not seen" if p["seen"] is False else "",
         )
         for p in result["parameters"]
+        if not is_harmonic(p["name"])
     ]
     if rows:
         show_table("Parameters", ("parameter", "symbol", "estimate", "± 1σ", "unit", ""), rows, left=(0, 1, 4, 5))
+    show_harmonics(result["parameters"])
     show_errors(f"Position error of {result['robot']}: axes of the robot's base, then in space", summaries)
     if result["outliers"]:
         header = ("row", "id", "target", "residual mm", "over its 1σ")
@@ -120,8 +125,9 @@ def _facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     scale = result["prior_scale"]
     pairs = [f"{c['a']} and {c['b']} {c['correlation']:+.3f}" for c in result["correlations"]]
     rotation = f" and {result['model_error_mrad']:.4f} mrad" if "model_error_mrad" in result else ""
+    model = "the model, effects included," if result["effects"] else "geometry"
     facts = [
-        ("model error", f"{result['model_error_mm']:.4f} mm{rotation} per axis (1σ), what geometry leaves unexplained"),
+        ("model error", f"{result['model_error_mm']:.4f} mm{rotation} per axis (1σ), what {model} leaves unexplained"),
         ("prior scale", "no prior" if scale is None else f"{scale:.3g} times the tolerances"),
         ("largest correlations", "; ".join(pairs)),
         ("tracker frame", f"base at {_point(result['tracker_frame'])}"),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskcal.cli.options import JsonOption, NestsOption, RobotOption, RowsOption, SeedOption, TargetsOption, split_names
-from taskcal.cli.output import announce_compilation, check_destination, note, write_json
+from taskcal.cli.output import announce_compilation, check_destination, note, working, write_json
 
 if TYPE_CHECKING:
     from taskcal.measurement.campaign import Campaign
@@ -86,11 +86,25 @@ def command(
             "rectangular distribution.",
         ),
     ] = None,
+    effects: Annotated[
+        str,
+        typer.Option(
+            "--effects",
+            metavar="auto|none|LIST",
+            help="What the joints do beside the geometry: 'auto' takes what the data prove; or add, unproven, compliance, "
+            "gain, harmonics (orders 1 and 2), harmonics:1-4, periodic (orders 3 to 30). None by default.",
+        ),
+    ] = "none",
+    field: Annotated[
+        bool, typer.Option("--field", help="Learn over the joints what is left, if cross-validation proves it.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Identify a robot's parameters from a campaign, with tracker frame and targets.
 
     Rows that are not fitted, by --rows or --holdout, are predicted and reported beside the fitted ones.
+
+    With --effects or --field, every step is cross-validated on the fitted rows, and a table says what it was worth.
     """
     if rows is not None and holdout is not None:
         raise typer.BadParameter(
@@ -108,6 +122,16 @@ def command(
         if value is not None and not 0 < value < float("inf"):
             raise typer.BadParameter(f"{value:g} is not above zero", param_hint=option)
     wanted, fixed, names = split_names(targets, "--targets"), split_names(nests, "--nests"), split_names(keep, "--keep")
+    if effects == "auto" and prior is PriorChoice.none:
+        raise typer.BadParameter(
+            "effects are found by their evidence, which needs a prior; name them, or leave out --prior none",
+            param_hint="--effects / --prior",
+        )
+    asked = None
+    if field or effects != "none":
+        from taskcal.cli.effects import read_effects
+
+        asked = read_effects(effects)
     check_destination(output, [campaign])
     from taskcal.cli.calibration_report import report, show
     from taskcal.estimation.loss import Cauchy, Huber, Squared
@@ -123,23 +147,36 @@ def command(
         note("--mpe-to-sigma has no effect: the campaign states its own uncertainties (u_mm)")
     chosen, others = _divide(measured, rows, holdout, seed, campaign)
     announce_compilation()
-    calibration = identify(
-        model,
-        measured.take(chosen),
-        keep=_kept(model, names),
-        prior=None if prior is PriorChoice.none else "tolerances",
-        loss={LossChoice.squared: Squared, LossChoice.huber: Huber, LossChoice.cauchy: Cauchy}[loss](),
-        noise=None if mpe_to_sigma is None else TrackerNoise(mpe_to_sigma=mpe_to_sigma),
-        frames=frames.value,
-        model_error="estimate" if model_error is None else model_error * 1e-3,
-        prior_scale="estimate" if prior_scale is None else prior_scale,
-    )
+    options: dict[str, Any] = {
+        "keep": _kept(model, names),
+        "prior": None if prior is PriorChoice.none else "tolerances",
+        "loss": {LossChoice.squared: Squared, LossChoice.huber: Huber, LossChoice.cauchy: Cauchy}[loss](),
+        "noise": None if mpe_to_sigma is None else TrackerNoise(mpe_to_sigma=mpe_to_sigma),
+        "frames": frames.value,
+        "model_error": "estimate" if model_error is None else model_error * 1e-3,
+        "prior_scale": "estimate" if prior_scale is None else prior_scale,
+    }
+    explanation = None
+    if field or effects != "none":
+        from taskcal.identification.explain import explain
+
+        with working("geometry") as say:
+            explanation = explain(
+                model, measured.take(chosen), effects=asked, field=field, seed=seed, progress=say, **options
+            )
+    calibration = identify(model, measured.take(chosen), **options) if explanation is None else explanation.calibration
     calibration.save(output)
     result: dict[str, Any] = {"calibration": output, **report(calibration, measured, chosen, others)}
+    if explanation is not None:
+        result |= {"explanation": explanation.to_json(), "tracker_mm": explanation.tracker * 1e3}
     if as_json:
         write_json(result)
     else:
         show(result)
+        if explanation is not None:
+            from taskcal.cli.effects import show_explanation
+
+            show_explanation(explanation)
 
 
 def _divide(

@@ -1,0 +1,121 @@
+"""Effects as the command line names them, and the table that says what each is worth."""
+
+import re
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import typer
+
+from taskcal.cli.options import split_names
+from taskcal.cli.output import show_facts, show_table
+from taskcal.identification.explain import PERIODIC, Explanation
+from taskcal.robot.effects import Compliance, Effect, EncoderGain, Harmonics
+
+STRONGEST = 12
+"""How many harmonics are shown."""
+
+_HARMONICS = re.compile(r"harmonics:(\d+)(?:-(\d+))?$")
+_HIGHEST = 200
+_KNOWN = "compliance, gain, harmonics (orders 1 and 2), harmonics:1-4, periodic (orders 3 to 30)"
+
+
+def read_effects(text: str) -> list[Effect] | None:
+    """Effects named in a list with commas; None for ``auto``.
+
+    Raises:
+        typer.BadParameter: a name that means no effect, or one that stands twice.
+    """
+    names = split_names(text, "--effects") or []
+    if names == ["auto"]:
+        return None
+    return [] if names == ["none"] else [_effect(name) for name in names]
+
+
+def _effect(name: str) -> Effect:
+    known: Mapping[str, Effect] = {
+        "compliance": Compliance(),
+        "gain": EncoderGain(),
+        "harmonics": Harmonics(),
+        "periodic": PERIODIC,
+    }
+    if name in known:
+        return known[name]
+    match = _HARMONICS.match(name)
+    if match is None:
+        alone = " stands alone" if name in ("auto", "none") else " is no effect"
+        raise typer.BadParameter(f"'{name}'{alone}; known: {_KNOWN}; or auto, or none", param_hint="--effects")
+    first, last = int(match[1]), int(match[2] or match[1])
+    if not 1 <= first <= last <= _HIGHEST:
+        raise typer.BadParameter(
+            f"'{name}': orders count periods in a turn; write harmonics:1-4, between 1 and {_HIGHEST}",
+            param_hint="--effects",
+        )
+    return Harmonics(orders=tuple(range(first, last + 1)))
+
+
+def show_explanation(found: Explanation) -> None:
+    """Print what each step was worth, and whether it was taken."""
+    rows = [
+        (
+            stage.name,
+            str(stage.parameters),
+            f"{stage.cross_validated * 1e3:.4f}",
+            f"{stage.standard_error * 1e3:.4f}",
+            "yes" if stage.accepted else "no",
+            stage.reason,
+        )
+        for stage in found.stages
+    ]
+    header = ("beside what is above", "parameters", "left mm", "± 1σ mm", "taken", "because")
+    show_table("What explains the measurements: mean error in space on rows left out", header, rows, left=(0, 4, 5))
+    show_facts([("explained", _sentence(found))])
+
+
+def _sentence(found: Explanation) -> str:
+    first, *others = (stage for stage in found.stages if stage.accepted)
+    steps = [f"geometry leaves {first.cross_validated * 1e3:.4f} mm"]
+    steps += [f"{stage.name} takes it to {stage.cross_validated * 1e3:.4f} mm" for stage in others]
+    refused = [stage.name for stage in found.stages if not stage.accepted]
+    if refused:
+        steps.append(f"{' and '.join(refused)} not proven")
+    return f"{', '.join(steps)}; the tracker alone would leave {found.tracker * 1e3:.4f} mm"
+
+
+def strongest_harmonics(parameters: Sequence[Mapping[str, Any]]) -> list[tuple[str, int, float, float]]:
+    """Joint, order, amplitude and its standard error, mrad, of the largest among cosines and sines; largest first."""
+    parts: dict[tuple[str, int], list[Mapping[str, Any]]] = defaultdict(list)
+    for parameter in parameters:
+        match = _SHAPE.match(parameter["name"])
+        if match is not None:
+            parts[match[1], int(match[2])].append(parameter)
+    found: list[tuple[str, int, float, float]] = []
+    for (joint, order), (a, b) in ((key, pair) for key, pair in parts.items() if len(pair) == 2):
+        x, y = a["estimate_mrad"], b["estimate_mrad"]
+        size = (x**2 + y**2) ** 0.5
+        errors = a["standard_error_mrad"], b["standard_error_mrad"]
+        spread = ((x * errors[0]) ** 2 + (y * errors[1]) ** 2) ** 0.5 / size if size else max(errors)
+        found.append((joint, order, size, spread))
+    return sorted(found, key=lambda row: -row[2])
+
+
+_SHAPE = re.compile(r"(.+)\.(?:cos|sin)(\d+)$")
+
+
+def is_harmonic(name: str) -> bool:
+    """Whether a parameter is a cosine or sine of a joint's angle."""
+    return _SHAPE.match(name) is not None
+
+
+def show_harmonics(parameters: Sequence[Mapping[str, Any]]) -> None:
+    """Print the strongest harmonics, if there are any."""
+    found = strongest_harmonics(parameters)
+    if not found:
+        return
+    title = "Harmonics of the joints' angles"
+    if len(found) > STRONGEST:
+        title += f", the {STRONGEST} strongest of {len(found)}"
+    rows = [
+        (joint, str(order), f"{size:.4f}", f"{error:.4f}", "mrad") for joint, order, size, error in found[:STRONGEST]
+    ]
+    show_table(title, ("joint", "periods in a turn", "amplitude", "± 1σ", "unit"), rows, left=(0, 4))

@@ -1,0 +1,143 @@
+"""taskcal identify --effects --field."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taskcal.cli.effects import read_effects, strongest_harmonics
+from taskcal.identification.calibration import load_calibration
+from taskcal.identification.explain import PERIODIC
+from taskcal.measurement.virtual_cell import simulate
+from taskcal.measurement.writer import write_campaign
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.effects import Compliance, EncoderGain, Harmonics
+from taskcal.robot.error_model import ErrorModel
+from tests.cli.conftest import Ended, Run
+
+ROBOT = "abb-irb120"
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A robot whose gears are eccentric."""
+    robot = load_robot(ROBOT)
+    rng = np.random.default_rng(0)
+    limits = np.clip(robot.limits, -0.9, 0.9)
+    q = rng.uniform(limits[:, 0], limits[:, 1], (120, len(limits)))
+    measured, _ = simulate(ErrorModel(robot) + Harmonics(orders=(1,)), q, rng=rng)
+    path = tmp_path_factory.mktemp("effects") / "campaign.csv"
+    write_campaign(path, measured, robot)
+    return path
+
+
+def identify(run: Run, campaign: Path, output: Path, *options: object) -> Ended:
+    return run("identify", "--robot", ROBOT, campaign, "-o", output, *options)
+
+
+def test_what_the_data_prove_is_found_saved_and_explained(run: Run, campaign: Path, tmp_path: Path) -> None:
+    ended = identify(run, campaign, tmp_path / "cal.json", "--effects", "auto", "--rows", "0:80", "--json")
+    result = ended.json
+    assert (ended.status, ended.err) == (0, "")
+    geometry, found, *others = result["explanation"]
+    assert (geometry["stage"], geometry["accepted"], geometry["log_evidence_gain"]) == ("geometry", True, None)
+    assert (found["stage"], found["accepted"]) == ("gear harmonics of order 1", True)
+    assert not any(stage["accepted"] for stage in others)
+    assert found["log_evidence_gain"] > 10
+    assert found["cross_validated_mm"] < geometry["cross_validated_mm"]
+    assert 0.005 < result["tracker_mm"] < 0.05
+    assert [effect["kind"] for effect in result["effects"]] == ["Harmonics"]
+    assert load_calibration(tmp_path / "cal.json").model.effects == (Harmonics(orders=(1,)),)
+    plain = identify(run, campaign, tmp_path / "plain.json", "--rows", "0:80", "--json").json
+    assert result["held_out"]["mean_mm"] < plain["held_out"]["mean_mm"]
+    checked = run("validate", tmp_path / "cal.json", campaign, "--rows", "80:", "--json").json
+    assert checked["mean_mm"] == pytest.approx(result["held_out"]["mean_mm"])
+
+
+def test_without_effects_everything_is_as_before(run: Run, campaign: Path, tmp_path: Path) -> None:
+    plain = identify(run, campaign, tmp_path / "cal.json", "--json").json
+    assert plain == identify(run, campaign, tmp_path / "cal.json", "--json", "--effects", "none").json
+    assert "explanation" not in plain
+    assert (plain["effects"], plain["field"]) == ([], False)
+
+
+def test_the_table_for_people_says_what_each_step_is_worth(run: Run, campaign: Path, tmp_path: Path) -> None:
+    ended = identify(run, campaign, tmp_path / "cal.json", "--effects", "harmonics:1,gain")
+    text = " ".join(ended.out.split())
+    for words in ("asked for", "geometry leaves", "takes it to", "the tracker alone would leave", "periods in a turn"):
+        assert words in text
+    starts = {line.split()[0] for line in ended.out.splitlines() if line.split()}
+    assert "J2.gain" in starts
+    assert "J2.cos1" not in starts
+
+
+def test_a_field_that_proves_nothing_is_refused(run: Run, campaign: Path, tmp_path: Path) -> None:
+    result = identify(run, campaign, tmp_path / "cal.json", "--effects", "harmonics:1", "--field", "--json").json
+    assert result["explanation"][-1]["stage"] == "residual field"
+    assert result["explanation"][-1]["accepted"] == result["field"]
+    assert not result["field"]
+
+
+def test_kept_parameters_leave_the_effects_in(run: Run, campaign: Path, tmp_path: Path) -> None:
+    options = ["--effects", "gain", "--keep", "J2.tx,J3.rz", "--json"]
+    names = [p["name"] for p in identify(run, campaign, tmp_path / "cal.json", *options).json["parameters"]]
+    assert names == ["J2.tx", "J3.rz", *(f"J{j}.gain" for j in range(1, 7))]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--effects", "friction"], "'friction' is no effect; known: compliance, gain"),
+        (["--effects", "auto,gain"], "'auto' stands alone"),
+        (["--effects", "gain,gain"], "'gain' stands twice"),
+        (["--effects", "harmonics:3-1"], "write harmonics:1-4"),
+        (["--effects", "harmonics:0"], "write harmonics:1-4"),
+        (["--effects", "auto", "--prior", "none"], "needs a prior"),
+    ],
+)
+def test_wrong_usage_is_told_before_anything_is_computed(
+    run: Run, campaign: Path, tmp_path: Path, options: list[str], words: str
+) -> None:
+    ended = identify(run, campaign, tmp_path / "cal.json", *options)
+    assert (ended.status, ended.out) == (2, "")
+    assert words in " ".join(ended.err.replace("│", " ").split())
+    assert not (tmp_path / "cal.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--field", "--rows", "0:24"], "24 rows are too few to prove a residual field"),
+        (["--effects", "periodic,harmonics:4-5"], "add each effect once"),
+    ],
+)
+def test_what_the_data_cannot_give_is_told(
+    run: Run, campaign: Path, tmp_path: Path, options: list[str], words: str
+) -> None:
+    ended = identify(run, campaign, tmp_path / "cal.json", *options)
+    assert (ended.status, ended.out) == (1, "")
+    assert ended.err.startswith("error:")
+    assert words in ended.err
+    assert not (tmp_path / "cal.json").exists()
+
+
+def test_names_of_effects() -> None:
+    assert read_effects("auto") is None
+    assert read_effects("none") == []
+    named = read_effects("compliance, gain,harmonics,harmonics:3,harmonics:5-7,periodic")
+    orders = Harmonics(orders=(3,)), Harmonics(orders=(5, 6, 7))
+    assert named == [Compliance(), EncoderGain(), Harmonics(), *orders, PERIODIC]
+
+
+def test_amplitudes_of_harmonics() -> None:
+    errors = {"standard_error_mrad": 0.1}
+    parameters = [
+        {"name": "J1.cos2", "estimate_mrad": 3.0, **errors},
+        {"name": "J1.sin2", "estimate_mrad": -4.0, **errors},
+        {"name": "axis 2.cos14", "estimate_mrad": 0.0, **errors},
+        {"name": "axis 2.sin14", "estimate_mrad": 6.0, **errors},
+        {"name": "J1.gain", "estimate_mrad": 9.0, **errors},
+    ]
+    near = pytest.approx(0.1)
+    assert strongest_harmonics(parameters) == [("axis 2", 14, 6.0, near), ("J1", 2, 5.0, near)]
+    assert strongest_harmonics([]) == []
