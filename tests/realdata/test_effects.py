@@ -1,0 +1,101 @@
+"""What effects and a residual field add on measured robots: mean error on held-out rows, median of three splits, or of one with a field."""
+
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.explain import PERIODIC, with_field
+from taskcal.identification.identify import identify
+from taskcal.identification.validation import validate
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.reader import read_campaign
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.effects import Compliance, Effect, EncoderGain, Harmonics
+from taskcal.robot.error_model import ErrorModel
+
+pytestmark = pytest.mark.realdata
+
+FOLDERS = {
+    "ur5": "ur5_tracker",
+    "ur10": "ur10_tmac",
+    "abb-irb120": "irb120_faro",
+    "fanuc-r2000ic-165f": "fanuc_r2000_tracker",
+}
+
+
+@cache
+def campaign_of(data: Path, name: str) -> Campaign:
+    targets = ["smr1"] if name == "abb-irb120" else None
+    return read_campaign(data / FOLDERS[name] / "measurements.csv", load_robot(name), targets=targets)
+
+
+def model_of(name: str, effects: Sequence[Effect]) -> ErrorModel:
+    model = ErrorModel(load_robot(name))
+    for effect in effects:
+        model = model + effect
+    return model
+
+
+def held_out_mm(
+    data: Path, name: str, effects: Sequence[Effect], rows: float, *, field: bool, splits: int = 3
+) -> float:
+    campaign, model = campaign_of(data, name), model_of(name, effects)
+    count = round(rows * len(campaign)) if rows < 1 else int(rows)
+
+    def left(seed: int) -> float:
+        order = np.random.default_rng(seed).permutation(len(campaign))
+        fitted = identify(model, campaign.take(order[:count]))
+        learned: Calibration = with_field(fitted, campaign.take(order[:count])) if field else fitted
+        return validate(learned, campaign.take(order[count:])).mean * 1e3
+
+    return float(np.median([left(seed) for seed in range(splits)]))
+
+
+SEVERAL_A_TURN = (PERIODIC, Compliance())
+
+
+@pytest.mark.parametrize(
+    ("name", "effects", "rows", "bound_mm"),
+    [
+        pytest.param("ur5", SEVERAL_A_TURN, 700, 0.060, id="ur5, 700 rows"),
+        pytest.param("ur5", SEVERAL_A_TURN, 60, 0.085, id="ur5, 60 rows"),
+        pytest.param("abb-irb120", (EncoderGain(), Compliance()), 430, 0.345, id="irb120, 430 rows"),
+        pytest.param("abb-irb120", (EncoderGain(), Compliance()), 60, 0.45, id="irb120, 60 rows"),
+        pytest.param("ur10", (Harmonics(), *SEVERAL_A_TURN), 0.7, 0.12, id="ur10, 70 %", marks=pytest.mark.slow),
+    ],
+)
+def test_effects_explain_what_geometry_leaves(data_folder, name, effects, rows, bound_mm):
+    assert held_out_mm(data_folder, name, effects, rows, field=False) <= bound_mm
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "effects", "rows", "bound_mm"),
+    [
+        pytest.param("ur5", SEVERAL_A_TURN, 700, 0.060, id="ur5, 700 rows"),
+        pytest.param("ur10", (Harmonics(), *SEVERAL_A_TURN), 0.7, 0.12, id="ur10, 70 %"),
+    ],
+)
+def test_a_field_does_no_harm_where_effects_explain_nearly_all(data_folder, name, effects, rows, bound_mm):
+    assert held_out_mm(data_folder, name, effects, rows, field=True, splits=1) <= bound_mm
+
+
+@pytest.mark.slow
+def test_a_field_beside_geometry_alone_learns_much_of_it(data_folder):
+    """Not as much as the effects say, which know how the joints' errors add up."""
+    assert held_out_mm(data_folder, "abb-irb120", (), 430, field=True, splits=1) <= 0.40
+
+
+@pytest.mark.slow
+def test_each_pose_of_the_coupled_robot_is_predicted_from_all_others(data_folder):
+    name = "fanuc-r2000ic-165f"
+    campaign, model = campaign_of(data_folder, name), model_of(name, (Harmonics(), Compliance()))
+    errors = []
+    for row in range(len(campaign)):
+        fitted = identify(model, campaign.take(np.setdiff1d(np.arange(len(campaign)), [row])))
+        errors.append(validate(fitted, campaign.take([row])).errors)
+    assert np.concatenate(errors).mean() * 1e3 <= 0.26
