@@ -42,6 +42,7 @@ def test_every_robot_plan_count_and_model_has_its_row(rows):
     assert len(set(keys)) == len(keys) == 4 * 2 * 2
     assert {row["robot"] for row in rows} == {0, 1, 2, 3}
     assert all(0 < row["rms_mm"] <= row["max_mm"] for row in rows)
+    assert len({row["rms_mm"] for row in rows}) == len(rows)  # every robot is another, and measured anew
 
 
 @pytest.mark.parametrize(("engine", "workers"), [("threading", 1), ("threading", 2), ("loky", 2), ("loky", 1)])

@@ -88,6 +88,17 @@ def test_the_value_is_that_of_matrices_inverted_afresh(criterion, rng, block, kn
     assert found.value == pytest.approx(expected, rel=1e-7, abs=1e-5 if criterion == "E" else 1e-9)
 
 
+@pytest.mark.parametrize("criterion", ["E", "O1", "O2", "O4"])
+def test_a_short_list_that_misses_the_present_candidate_does_no_harm(criterion, monkeypatch):
+    """An exchange that turns out worse is taken back, so that the value stays that of the choice."""
+    monkeypatch.setattr(experiment_design, "SHORTLIST", 2)
+    for seed in range(3):
+        candidates = random_candidates(np.random.default_rng(seed), n=20, d=6)
+        found = choose(candidates, 7, criterion)
+        own = values(candidates, found.chosen[None], criterion)[0]
+        assert found.value == pytest.approx(-1 / own, rel=1e-5)
+
+
 @given(generators)
 @settings(max_examples=8)
 def test_the_greedy_curve_falls_by_what_each_candidate_is_worth(rng):

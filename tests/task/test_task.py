@@ -87,6 +87,11 @@ def test_a_box_in_a_part_frame(tmp_path):
     assert np.all(inside.max(axis=0) > [0.33, 0.23, 0.14])
 
 
+def test_an_accuracy_along_the_axes_is_met_by_the_smallest_of_them_in_space(tmp_path):
+    text = BOX.replace("position_mm = 0.1", "per_axis_mm = [0.3, 0.2, 0.4]")
+    assert load_task(written(tmp_path, text)).accuracy == pytest.approx(2e-4)
+
+
 def test_a_cylinder_along_an_axis(tmp_path):
     space = load_task(written(tmp_path, CYLINDER)).workspace
     p = space.sample(3000)[:, :3, 3] - [1.7, 0.0, 1.4]
@@ -119,6 +124,9 @@ def test_a_cylinder_along_an_axis(tmp_path):
         (BOX, "100.0", "inf", r"center_mm 1: .*finite"),
         (BOX, 'name = "pocket"', 'name = "pocket"\npath = "a.csv"', r"exactly one of .*this one has workspace and path"),
         (CYLINDER, "axis = [1.0, 1.0, 0.0]", "axis = [0.0, 0.0, 0.0]", r"workspace: the axis has no direction; give"),
+        (BOX, "[accuracy]\nposition_mm = 0.1", "[accuracy]", r"accuracy: give position_mm.*or per_axis_mm"),
+        (BOX, "position_mm = 0.1", "position_mm = 0.1\nper_axis_mm = [0.1, 0.1, 0.1]", r"accuracy: give position_mm"),
+        (BOX, "position_mm = 0.1", "per_axis_mm = [0.1, 0.0, 0.1]", r"accuracy, per_axis_mm 2: .*got 0\.0"),
         (CYLINDER, "height_mm = 300.0", "", r"a cylinder has radius_mm and height_mm"),
         (CYLINDER, "[[workspace.orientation]]", "[[workspace.orientations]]", r"workspace, orientation: is missing"),
     ],
