@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from taskcal.adaptation.procedure import SPREAD, reference_task
 from taskcal.identification.calibration import load_calibration
 from taskcal.identification.explain import CANDIDATES, PROOF, explain, with_field
 from taskcal.identification.field import learn_field
@@ -11,6 +12,7 @@ from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, EncoderGain, Harmonics
 from taskcal.robot.error_model import ErrorModel
+from taskcal.task.task import reach_task
 
 CHEAP = [effect for effect in CANDIDATES if len(getattr(effect, "orders", ())) < 3]
 
@@ -57,6 +59,29 @@ def test_an_effect_that_the_data_prove_is_found_or_one_that_predicts_the_same(ro
     assert found_in >= 7
     assert error < 1.1 * best
     assert error < 0.7 * without
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("true", "fewest", "most"), [((), 0, 1), ((Harmonics(orders=(1,)),), 18, 20)], ids=["none", "one"]
+)
+def test_all_candidates_find_what_is_true_over_a_task_and_nothing_else(true, fewest, most):
+    """Twenty draws of the hundred that the documentation reports."""
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    truly, right, added = model, 0, 0
+    for effect in true:
+        truly = truly + effect
+    for seed in range(20):
+        q = reach_task(model, reference_task(SPREAD), 60, seed=seed).q
+        unseen = reach_task(model, reference_task(SPREAD), 100, seed=100000 + seed).q
+        campaign, truth = simulate(truly, q, rng=np.random.default_rng(seed))
+        found, known = explain(model, campaign, folds=3), identify(truly, campaign)
+        added += bool(found.effects)
+        fits = found.calibration, known
+        error, best = (np.linalg.norm(fit.predict(unseen) - truth.points(unseen), axis=2).mean() for fit in fits)
+        right += bool(error <= 1.25 * best)
+    assert fewest <= added <= most
+    assert right >= 19
 
 
 def test_every_step_says_what_it_was_worth(robot):
