@@ -284,8 +284,20 @@ def test_refinement_keeps_what_the_station_sees(model):
     experiment = make_experiment(
         model, reach_task(model, TASK, 50), find_measurable(model, TASK, station, 200, 0), station
     )
-    q, visible = planning._refine(model, experiment, station, made.q, made.visible, scale=0.3, seed=0)
+    q, visible = planning._refine(model, experiment, TASK, station, made.q, made.visible, scale=0.3, seed=0)
     np.testing.assert_array_equal(station.visible(model.poses(q), place_links(model, q)), visible)
     assert visible.any(axis=1).all()
     assert experiment.error(q, visible) < experiment.error(made.q, made.visible)
     assert np.any(q != made.q)
+
+
+def test_refined_poses_stay_in_the_room_that_measuring_may_take():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    made = planning.plan(model, TASK, 20, candidates=400, refine=3)
+    assert enlarge(TASK, model).workspace.contains(model.poses(made.q)).all()
+
+
+def test_what_a_count_gives_agrees_with_the_plan_where_there_is_a_model_error():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    made = planning.plan(model, TASK, 20, candidates=400, refine=0, model_error=5e-5)
+    assert made.by_count[-1] == pytest.approx(made.expected, rel=0.3)

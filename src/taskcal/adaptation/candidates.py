@@ -68,6 +68,11 @@ def enlarge(task: Task, model: ErrorModel) -> Task:
     return Task(name=task.name, workspace=space, accuracy=task.accuracy)
 
 
+def measuring_task(model: ErrorModel, task: Task) -> Task:
+    """Where to measure without a plan: the task's own workspace; for poses or a path, which may lie on one line, around it."""
+    return task if task.workspace is not None else enlarge(task, model)
+
+
 def find_measurable(model: ErrorModel, task: Task, station: Station | None, count: int, seed: int) -> Measurable:
     """Poses spread over the enlarged task that the robot reaches clear of itself and of boxes, and the tracker sees.
 

@@ -5,18 +5,20 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from taskcal.adaptation.candidates import (
     Experiment,
+    Measurable,
     check,
+    enlarge,
     find_measurable,
     keep_measurable,
     make_experiment,
 )
 from taskcal.adaptation.expected_error import design
 from taskcal.adaptation.visiting_order import order_visits
-from taskcal.errors import CampaignError, UnknownName
+from taskcal.errors import CampaignError, ReachError, UnknownName
 from taskcal.estimation.blas import single_threaded
 from taskcal.estimation.experiment_design import CRITERIA, Criterion, choose
 from taskcal.identification.identify import identify
@@ -165,7 +167,8 @@ def plan(
     if criterion == "task":
         for round_ in range(refine):
             progress(f"refining, round {round_ + 1}")
-            q, visible = _refine(model, weighing, station, q, visible, scale=0.12 / (1 + round_), seed=seed + round_)
+            scale = 0.12 / (1 + round_)
+            q, visible = _refine(model, weighing, task, station, q, visible, scale=scale, seed=seed + round_)
     order = order_visits(model.robot, q)
     q, visible = q[order], visible[order]
     return Plan(
@@ -173,9 +176,9 @@ def plan(
         q=q,
         visible=visible,
         expected=experiment.error(q, visible),
-        random=_random_plans(model, experiment, task, station, count, seed),
-        grid=_even_plan(model, experiment, task, station, count),
-        by_count=chosen.greedy,
+        random=_random_plans(model, experiment, task, station, found, count, seed),
+        grid=_even_plan(model, experiment, task, station, found, count),
+        by_count=_errors_by_count(experiment, found, chosen.started),
         before=_before(model, goal, station, _with_measured(campaign, q), noise, known.prior_scale),
         criterion=criterion,
         exchanges=chosen.exchanges,
@@ -237,6 +240,7 @@ def _check_count(count: int, experiment: Experiment, campaign: Campaign | None) 
 def _refine(
     model: ErrorModel,
     experiment: Experiment,
+    task: Task,
     station: Station | None,
     q: Float[np.ndarray, "count joints"],
     visible: Bool[np.ndarray, "count targets"],
@@ -249,6 +253,7 @@ def _refine(
     Args:
         model: the model.
         experiment: of the plan.
+        task: whose enlarged workspace the poses stay in.
         station: of the plan.
         q: the poses, radians.
         visible: which reflectors are seen at each.
@@ -259,6 +264,9 @@ def _refine(
     q, visible = q.copy(), visible.copy()
     moved = (q[:, None] + scale * rng.normal(size=(len(q), NEARBY, q.shape[1]))).reshape(-1, q.shape[1])
     ok = model.robot.inside_limits(moved) & closes(model, moved)
+    room = enlarge(task, model).workspace
+    assert room is not None
+    ok[ok] = room.contains(model.poses(moved[ok]))
     sees = np.zeros((len(moved), visible.shape[1]), dtype=bool)
     able, seen = check(model, moved[ok], place_links(model, moved[ok]), station)
     ok[np.flatnonzero(ok)] = able
@@ -281,19 +289,49 @@ def _refine(
     return q, visible
 
 
+def _errors_by_count(
+    experiment: Experiment, found: Measurable, started: Int[np.ndarray, " count"]
+) -> Float[np.ndarray, " count"]:
+    """Expected error after the first 1, 2, … poses of the greedy start."""
+    rows = experiment.rows(found.q[started], found.visible[started])
+    information = experiment.prior + np.cumsum(np.swapaxes(rows, 1, 2) @ rows, axis=0)
+    return np.sqrt(np.einsum("ij,nij->n", experiment.task, np.linalg.inv(information)))
+
+
 def _random_plans(
-    model: ErrorModel, experiment: Experiment, task: Task, station: Station | None, count: int, seed: int
+    model: ErrorModel,
+    experiment: Experiment,
+    task: Task,
+    station: Station | None,
+    found: Measurable,
+    count: int,
+    seed: int,
 ) -> Float[np.ndarray, " plans"]:
     """Expected error of random poses from the task's own workspace."""
-    pool = keep_measurable(model, reach_task(model, task, max(10 * count, 600), seed + 77), station)
+    pool = _own_poses(model, task, station, found, max(10 * count, 600), seed + 77, count)
     rng = np.random.default_rng(seed)
     picks = [rng.permutation(len(pool.q))[:count] for _ in range(RANDOM_PLANS)]
     return np.array([experiment.error(pool.q[pick], pool.visible[pick]) for pick in picks])
 
 
-def _even_plan(model: ErrorModel, experiment: Experiment, task: Task, station: Station | None, count: int) -> float:
-    pool = keep_measurable(model, reach_task(model, task, count, 0), station)
-    return experiment.error(pool.q, pool.visible)
+def _even_plan(
+    model: ErrorModel, experiment: Experiment, task: Task, station: Station | None, found: Measurable, count: int
+) -> float:
+    """Expected error of as many poses spread evenly over the task's own workspace."""
+    pool = _own_poses(model, task, station, found, 3 * count, 0, count)
+    pick = np.linspace(0, len(pool.q) - 1, min(count, len(pool.q))).astype(int)
+    return experiment.error(pool.q[pick], pool.visible[pick])
+
+
+def _own_poses(
+    model: ErrorModel, task: Task, station: Station | None, found: Measurable, tried: int, seed: int, needed: int
+) -> Measurable:
+    """Measurable poses of the task itself; of the candidates, where the tracker does not see enough of the task."""
+    try:
+        own = keep_measurable(model, reach_task(model, task, tried, seed), station)
+    except ReachError:
+        return found
+    return own if len(own.q) >= needed else found
 
 
 def _with_measured(campaign: Campaign | None, q: Float[np.ndarray, "count joints"]) -> Float[np.ndarray, "n joints"]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.adaptation.candidates import measuring_task
 from taskcal.adaptation.expected_error import Design, design
 from taskcal.analysis.elimination_table import describe_combination, published_kept
 from taskcal.analysis.identifiability import Identifiability, identifiability
@@ -23,7 +24,7 @@ SUFFICIENT = 1.02
 """A model is sufficient if its expected task error is within 2 % of the full model's."""
 
 ASSUMED_POSES = 60
-"""Measured poses assumed where there is no campaign yet: so many of the task's own."""
+"""Measured poses assumed where there is no campaign yet: so many of the task's own workspace."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +112,7 @@ def select(
         CampaignError: the accuracy is below what even the full model is expected to reach, or too few rows.
     """
     reached = reach_task(model, task, count, seed)
-    made, hyper = _design(model, reached, task, campaign, seed, noise)
+    made, hyper = assume_design(model, reached, task, campaign, seed, noise)
     order, expected = made.ladder()
     p = len(model)
     crossed = (
@@ -143,22 +144,25 @@ def select(
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Scales:
+class Scales:
+    """What a campaign shows besides the parameters."""
+
     model_error: tuple[float, ...] = (0.0, 0.0)
     prior_scale: float = 1.0
 
 
-def _design(
+def assume_design(
     model: ErrorModel, reached: TaskPoses, task: Task, campaign: Campaign | None, seed: int, noise: TrackerNoise | None
-) -> tuple[Design, _Scales]:
+) -> tuple[Design, Scales]:
+    """The design of a campaign for a task, with the scales that it shows; of assumed poses where there is none."""
     if campaign is None:
-        assumed = reach_task(model, task, ASSUMED_POSES, seed + 1)
+        assumed = reach_task(model, measuring_task(model, task), ASSUMED_POSES, seed + 1)
         measured, _ = simulate(model, assumed.q, rng=np.random.default_rng(seed), x=np.zeros(len(model)), noise=noise)
-        scales = _Scales()
+        scales = Scales()
     else:
         measured = campaign
         full = identify(model, campaign, noise=noise)
-        scales = _Scales(model_error=full.model_error, prior_scale=full.prior_scale or 1.0)
+        scales = Scales(model_error=full.model_error, prior_scale=full.prior_scale or 1.0)
     made = design(model, measured, reached, noise=noise, model_error=scales.model_error, prior_scale=scales.prior_scale)
     return made, scales
 
@@ -167,7 +171,7 @@ def _cross_validate(
     model: ErrorModel,
     campaign: Campaign,
     order: list[int],
-    scales: _Scales,
+    scales: Scales,
     folds: int,
     seed: int,
     noise: TrackerNoise | None,

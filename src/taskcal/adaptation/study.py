@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.adaptation.candidates import measuring_task
 from taskcal.adaptation.plan import plan
 from taskcal.adaptation.selection import select
 from taskcal.analysis.elimination_table import published_kept
@@ -156,13 +157,13 @@ def _prepare(
         if "planned" in plans:
             fixed[f"planned {count}"] = plan(model, task, count, seed=seed, noise=noise).q
         if "grid" in plans:
-            fixed[f"grid {count}"] = reach_task(model, task, count, 0).q
+            fixed[f"grid {count}"] = reach_task(model, measuring_task(model, task), count, 0).q
     return _Setting(
         model=model,
         task_q=goal.q,
         weights=goal.weights,
         plans=fixed,
-        pool=reach_task(model, task, POOL, seed + 1).q,
+        pool=reach_task(model, measuring_task(model, task), POOL, seed + 1).q,
         cases=tuple((kind, count) for count in counts for kind in plans),
         models={name: _options(model, task, name) for name in models},
         noise=noise,
@@ -243,13 +244,19 @@ def _read(resume: str | Path | None, setting: _Setting) -> dict[int, list[dict[s
         return {}
     try:
         data = json.loads(Path(resume).read_text(encoding="utf-8"))
-        done = {int(index): rows for index, rows in data["robots"].items()}
+        done = {int(index): [_row(row) for row in rows] for index, rows in data["robots"].items()}
         fingerprint = data["study"]
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise FileError(resume, "does not hold a study; name another file, or remove it") from error
     if fingerprint != _fingerprint(setting):
         raise FileError(resume, "holds a study of other settings; name another file, or remove it to start afresh")
     return done
+
+
+def _row(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A row as it was written; a KeyError where it is not whole."""
+    kinds = {"robot": int, "plan": str, "count": int, "model": str, "rms_mm": float, "max_mm": float}
+    return {key: kind(row[key]) for key, kind in kinds.items()}
 
 
 def _append(path: Path, setting: _Setting, done: Mapping[int, list[dict[str, Any]]]) -> None:

@@ -86,16 +86,19 @@ def _page(
     accuracy: float | None,
     seed: int,
 ) -> str:
+    from taskcal.adaptation.selection import assume_design
     from taskcal.analysis.sensitivity import sensitivity
-    from taskcal.cli.task_maps import assume_design, map_task
+    from taskcal.cli.task_maps import map_task
     from taskcal.identification.calibration import package_version
     from taskcal.presentation.selection_report import selection_html
     from taskcal.task.task import reach_task
 
-    maps = map_task(model, task, assume_design(model, task, measured, seed), found.kept, seed)
-    assumed = "60 poses assumed in the task" if task.workspace is not None else "the task's own poses"
+    reached = reach_task(model, task, seed=seed)
+    made, _ = assume_design(model, reached, task, measured, seed, None)
+    maps = map_task(model, task, made, found.kept, seed)
+    assumed = "60 poses assumed in the task" if task.workspace is not None else "60 poses assumed around the task"
     poses = assumed if measured is None else f"the {len(measured)} rows of {measured.source}"
-    effects = sensitivity(model, reach_task(model, task, seed=seed).q)
+    effects = sensitivity(model, reached.q)
     version = package_version()
     return selection_html(model, task, found, effects, maps, accuracy=accuracy, measured=poses, version=version)
 

@@ -108,14 +108,16 @@ def _page(
     poses = f"{len(found.matrix)} poses of a campaign"
     maps = None
     if task is not None:
-        from taskcal.cli.task_maps import assume_design, map_task
+        from taskcal.adaptation.selection import assume_design
+        from taskcal.cli.task_maps import map_task
         from taskcal.errors import CampaignError
-        from taskcal.task.task import load_task
+        from taskcal.task.task import load_task, reach_task
 
         asked = load_task(task)
         poses = f"{len(found.matrix)} poses of {asked.name}"
         try:
-            maps = map_task(model, asked, assume_design(model, asked, None, seed), seed=seed)
+            made, _ = assume_design(model, reach_task(model, asked, seed=seed), asked, None, seed, None)
+            maps = map_task(model, asked, made, seed=seed)
         except CampaignError as error:
             note(f"no errors to be expected on the page, for want of poses: {error}")
     return sensitivity_html(found, elimination, maps, poses=poses, version=package_version())

@@ -4,12 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taskcal.adaptation.expected_error import Design, design
-from taskcal.adaptation.selection import ASSUMED_POSES
+from taskcal.adaptation.expected_error import Design
 from taskcal.adaptation.task_map import map_sensitivity, map_tolerance, slice_workspace
-from taskcal.identification.identify import identify
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.virtual_cell import simulate
 from taskcal.presentation.task_section import TaskCurves, TaskMaps
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, reach_task
@@ -19,17 +15,6 @@ if TYPE_CHECKING:
 
 MAPPED, WITH_PARAMETERS = 21, 15
 """Points along an edge of a map; fewer where there is one for each parameter."""
-
-
-def assume_design(model: ErrorModel, task: Task, campaign: Campaign | None, seed: int) -> Design:
-    """The design of a campaign for a task, or of the poses that `select` assumes where there is none."""
-    reached = reach_task(model, task, seed=seed)
-    if campaign is None:
-        assumed = reach_task(model, task, ASSUMED_POSES, seed + 1)
-        measured, _ = simulate(model, assumed.q, rng=np.random.default_rng(seed), x=np.zeros(len(model)))
-        return design(model, measured, reached)
-    full = identify(model, campaign)
-    return design(model, campaign, reached, model_error=full.model_error, prior_scale=full.prior_scale or 1.0)
 
 
 def map_task(

@@ -50,6 +50,8 @@ class Choice:
 
     chosen: Int[np.ndarray, " count"]
     """Which; where no random start did better, in the order in which the greedy start found their places."""
+    started: Int[np.ndarray, " count"]
+    """Those of the greedy start, in its order, before any exchange."""
     greedy: Float[np.ndarray, " count"]
     """Task error (rms) after each step of the greedy start: what so many measurements give."""
     value: float
@@ -177,6 +179,7 @@ def choose(
     count = min(count, n)
     state = _State(candidates, criterion)
     chosen, greedy = _start_greedily(state, count)
+    started = np.array(chosen, dtype=np.int64)
     progress("exchange")
     value, exchanges = _exchange(state, chosen, sweeps)
     rng = np.random.default_rng(0)
@@ -188,7 +191,9 @@ def choose(
         trial, made = _exchange(state, other, sweeps)
         if trial < value - 1e-9 * abs(value):
             value, exchanges, chosen = trial, made, other
-    return Choice(chosen=np.array(chosen, dtype=np.int64), greedy=greedy, value=value, exchanges=exchanges)
+    return Choice(
+        chosen=np.array(chosen, dtype=np.int64), started=started, greedy=greedy, value=value, exchanges=exchanges
+    )
 
 
 def _start_greedily(state: _State, count: int) -> tuple[list[int], Float[np.ndarray, " count"]]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.stats import qmc
 
 from taskcal.geometry import se3
@@ -60,6 +60,27 @@ class Workspace:
             mine = slice(k, None, len(self.orientations))
             R[mine] = orientation.sample(u[mine, 3:])
         return self.T_base_frame @ se3.pose(R, p)
+
+    def contains(self, T: Float[np.ndarray, "n 4 4"]) -> Bool[np.ndarray, " n"]:
+        """Whether tool poses in the base lie in the shape, in one of the orientations; rounding forgiven."""
+        local = se3.inverse(self.T_base_frame) @ T
+        p = (local[:, :3, 3] - self.center) @ self.turned
+        half = 0.5 * self.size * (1.0 + 1e-9)
+        if self.shape == "box":
+            inside = (np.abs(p) <= half).all(axis=1)
+        else:
+            inside = (np.hypot(p[:, 0], p[:, 1]) <= half[0]) & (np.abs(p[:, 2]) <= half[2])
+        turned = np.zeros(len(T), dtype=bool)
+        for o in self.orientations:
+            relative = o.rotation.T @ local[:, :3, :3]
+            tilt = np.arccos(np.clip(relative[:, 2, 2], -1.0, 1.0))
+            # the turn that is left when z is brought back by the shortest way
+            axis = np.stack([-relative[:, 1, 2], relative[:, 0, 2], np.zeros(len(T))], axis=1)
+            length = np.maximum(np.linalg.norm(axis, axis=1), 1e-300)[:, None]
+            back = se3.exp(-tilt[:, None] * axis / length) @ relative
+            spin = np.abs(np.arctan2(back[:, 1, 0], back[:, 0, 0]))
+            turned |= (tilt <= o.cone + 1e-6) & (spin <= o.spin + 1e-6)
+        return inside & turned
 
     def middle(self) -> Float[np.ndarray, "orientations 4 4"]:
         """Poses of the tool at the centre, one for each orientation."""
