@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ from scipy.linalg import qr
 from taskcal.errors import CampaignError, FitError, UnknownName
 from taskcal.estimation.loss import Cauchy, Huber, Squared
 from taskcal.estimation.prior import GaussianPrior
+from taskcal.identification import identify as identification
 from taskcal.identification.identify import BASE_PRIOR, TARGET_PRIOR, identify
 from taskcal.measurement.registration import Registration, register
 from taskcal.measurement.tracker import TrackerNoise
@@ -379,3 +381,28 @@ def test_a_fit_that_does_not_converge_says_what_to_try(monkeypatch):
     monkeypatch.setattr(module, "fit", impatient)
     with pytest.raises(FitError, match=r"did not converge: no convergence in 1 iterations .*robust loss"):
         identify(model, campaign, model_error=1e-4, prior_scale=1.0)
+
+
+def test_a_robot_far_from_its_tolerances_is_remarked():
+    rng, model = arm(0)
+    x = 20.0 * rng.normal(size=len(model)) * model.tolerances
+    campaign, _ = measure(rng, model, industrial_positions(rng, 60), x, sigma=1e-5)
+    found = identify(model, campaign)
+    assert any("times as much as its tolerances say" in remark for remark in found.remarks)
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ({"prior": "none"}, "prior is 'none'; give 'tolerances', None, or a GaussianPrior"),
+        ({"frames": "fix"}, "frames is 'fix'; give 'fit' or 'fixed'"),
+        ({"model_error": -1e-4}, "model_error is -0.0001"),
+        ({"prior_scale": 0.0}, "prior_scale is 0.0"),
+    ],
+)
+def test_an_option_that_means_nothing_is_refused(option, message):
+    """Called directly: the type checks of the tests would refuse some of these first, a user's program has none."""
+    sound = {"prior": "tolerances", "frames": "fit", "model_error": "estimate", "prior_scale": "estimate"}
+    identification.check_options(**sound)
+    with pytest.raises(ValueError, match=re.escape(message)):
+        identification.check_options(**{**sound, **option})

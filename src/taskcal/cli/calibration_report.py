@@ -62,6 +62,7 @@ def report(
             for o in calibration.outliers
         ],
         "reason": calibration.reason,
+        "remarks": list(calibration.remarks),
         "iterations": calibration.iterations,
         "rounds": calibration.rounds,
     }

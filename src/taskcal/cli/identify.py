@@ -165,6 +165,8 @@ def command(
                 model, measured.take(chosen), effects=asked, field=field, seed=seed, progress=say, **options
             )
     calibration = identify(model, measured.take(chosen), **options) if explanation is None else explanation.calibration
+    for remark in calibration.remarks:
+        note(remark)
     calibration.save(output)
     result: dict[str, Any] = {"calibration": output, **report(calibration, measured, chosen, others)}
     if explanation is not None:

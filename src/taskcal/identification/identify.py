@@ -94,7 +94,7 @@ def identify(
         FitError: the fit did not converge.
     """
     loss = loss or Squared()
-    _check_options(prior, frames, model_error, prior_scale)
+    check_options(prior, frames, model_error, prior_scale)
     kept = np.arange(len(model)) if keep is None else model.indices(keep)
     check_rows(campaign)
     if registration is None:
@@ -129,7 +129,7 @@ def identify(
     return _conclude(found, problem, belief, campaign, json.loads(json.dumps(options)))
 
 
-def _check_options(prior: object, frames: object, model_error: object, prior_scale: object) -> None:
+def check_options(prior: object, frames: object, model_error: object, prior_scale: object) -> None:
     """Refuse what would otherwise silently mean something else."""
     if not (prior is None or prior == "tolerances" or isinstance(prior, GaussianPrior)):
         raise ValueError(f"prior is {prior!r}; give 'tolerances', None, or a GaussianPrior")
