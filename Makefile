@@ -20,7 +20,7 @@ demo: $(VENV)/.runtime  ## run the demonstration (runtime dependencies only)
 	$(BIN)/taskcal demo
 
 test: $(VENV)/.test  ## run the tests
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto
 
 lint: $(VENV)/.dev  ## ruff: rules and format
 	$(BIN)/ruff check .
