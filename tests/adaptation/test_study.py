@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from taskcal.adaptation import study as studying
 from taskcal.adaptation.procedure import reference_task
 from taskcal.adaptation.selection import select
 from taskcal.adaptation.study import study
@@ -18,6 +19,14 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, reach_task
 
 CASES = {"counts": (8,), "plans": ("random", "grid"), "models": ("all", "published"), "seed": 3}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _small_pool():
+    """Random plans are drawn from few poses, so that no time goes into reaching thousands."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(studying, "POOL", 100)
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -287,3 +287,28 @@ def test_a_list_out_of_reach_is_refused(model):
     q = np.full((2, 6), 4.0)
     with pytest.raises(ReachError, match=r"reaches none of the 2 poses of task 'measured'.*move"):
         reach_task(model, Task(name="measured", poses=T[:2], joints=q))
+
+
+@given(generators, st.sampled_from(["box", "cylinder"]))
+def test_a_workspace_contains_its_own_samples_and_none_moved_out_of_it(rng, shape):
+    size = rng.uniform(0.1, 1.0, 3)
+    if shape == "cylinder":
+        size[1] = size[0]
+    room = Orientation(rotation=random_pose(rng, 1)[:3, :3], cone=rng.uniform(0, 1), spin=rng.uniform(0, 1))
+    space = Workspace(
+        T_base_frame=random_pose(rng, 2), shape=shape, center=rng.uniform(-1, 1, 3), size=size,
+        turned=random_pose(rng, 1)[:3, :3], orientations=(room,),
+    )  # fmt: skip
+    T = space.sample(40)
+    assert space.contains(T).all()
+    out = T.copy()
+    axis = space.T_base_frame[:3, :3] @ space.turned[:, int(rng.integers(3))]
+    out[:, :3, 3] += 1.01 * size.max() * axis
+    assert not space.contains(out).any()
+    tilted = T.copy()
+    tilted[:, :3, :3] = T[:, :3, :3] @ se3.exp(np.array([2.0 * room.cone + 0.01, 0.0, 0.0]))
+    assert not space.contains(tilted).any()
+    spun = space.middle().copy()
+    spun[:, :3, :3] = spun[:, :3, :3] @ se3.exp(np.array([0.0, 0.0, room.spin + 0.01]))
+    assert not space.contains(spun).any()
+    assert space.contains(space.middle()).all()
