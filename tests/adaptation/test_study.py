@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,10 +23,12 @@ CASES = {"counts": (8,), "plans": ("random", "grid"), "models": ("all", "publish
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _small_pool():
-    """Random plans are drawn from few poses, so that no time goes into reaching thousands."""
+def _quickly_prepared():
+    """Random plans are drawn from few poses, and the same poses are reached only once for all studies."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(studying, "POOL", 100)
+        for name in ("measuring_task", "reach_task"):
+            patch.setattr(studying, name, cache(getattr(studying, name)))
         yield
 
 
