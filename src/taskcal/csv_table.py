@@ -53,29 +53,30 @@ class CsvTable:
         i = self._index[column]
         return [row[i] for row in self.rows]
 
-    def numbers(self, column: str, *, empty: bool = False) -> Float[np.ndarray, " rows"]:
-        """The numbers of a column; NaN for empty cells where `empty` allows them.
+    def numbers(self, column: str, *, empty: bool = False, remedy: str = "give a number") -> Float[np.ndarray, " rows"]:
+        """The numbers of a column; NaN for empty cells where `empty` allows them; `remedy` says what to do about others.
 
         Raises:
             FileError: there is no such column, or a cell is no finite number.
         """
-        return np.array([self._number(text, row, column, empty) for row, text in enumerate(self.texts(column))])
+        cells = enumerate(self.texts(column))
+        return np.array([self._number(text, row, column, empty, remedy) for row, text in cells])
 
-    def _number(self, text: str, row: int, column: str, empty: bool) -> float:
+    def _number(self, text: str, row: int, column: str, empty: bool, remedy: str) -> float:
         if not text:
             if empty:
                 return math.nan
-            raise self.error("the cell is empty; give a number", row, column)
+            raise self.error(f"the cell is empty; {remedy}", row, column)
         try:
             value = float(text)
         except ValueError:
             if _DECIMAL_COMMA.match(text):
-                remedy = f"is written with a decimal comma; write {text.replace(',', '.')}"
+                trouble = f"is written with a decimal comma; write {text.replace(',', '.')}"
             else:
-                remedy = "is no number; give a number such as 12.5"
-            raise self.error(f"'{text}' {remedy}", row, column) from None
+                trouble = "is no number; give a number such as 12.5"
+            raise self.error(f"'{text}' {trouble}", row, column) from None
         if not math.isfinite(value):
-            raise self.error(f"'{text}' is no finite number; give one", row, column)
+            raise self.error(f"'{text}' is no finite number; {remedy}", row, column)
         return value
 
 

@@ -80,10 +80,8 @@ def test_the_page_of_sensitivity(run: Run, cell: Path, path: Path, tmp_path: Pat
     assert run(*of_robot, "--campaign", cell / "one.csv").status == 0
     assert figures(page) == 2
     (tmp_path / "path.csv").write_text(PATH[: PATH.index("\n", 100) + 1])
-    few = run(*of_robot, "--task", path)
-    assert few.status == 0
-    assert "3 measured points in 3 rows are too few" in few.err
-    assert figures(page) == 2
+    assert run(*of_robot, "--task", path).status == 0  # a short path too: the poses to measure are assumed around it
+    assert figures(page) == 3
 
 
 def test_the_page_of_a_selection(run: Run, cell: Path, path: Path, tmp_path: Path) -> None:

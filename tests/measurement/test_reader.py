@@ -190,7 +190,11 @@ WRONG = {
         row(J1_deg=""),
         ":2: column 'J1_deg': the cell is empty; give a number, or leave out the row",
     ),
-    "joint NaN": (HEADER, row(Elbow_deg="NaN"), ":2: column 'Elbow_deg': 'NaN' is no finite number; leave the row out"),
+    "joint NaN": (
+        HEADER,
+        row(Elbow_deg="NaN"),
+        ":2: column 'Elbow_deg': 'NaN' is no finite number; .* leave out the row",
+    ),
     "joint infinite": (HEADER, row(Elbow_deg="-inf"), ":2: column 'Elbow_deg': '-inf' is no finite number"),
     "joint text": (HEADER, row(J1_deg="home"), ":2: column 'J1_deg': 'home' is no number; give a number such as 12.5"),
     "joint beyond its limit": (

@@ -11,7 +11,6 @@ from taskcal.cli.options import CountOption, JsonOption, ReportOption, RobotOpti
 from taskcal.cli.output import (
     announce_compilation,
     check_destination,
-    note,
     show_facts,
     show_table,
     working,
@@ -110,16 +109,12 @@ def _page(
     if task is not None:
         from taskcal.adaptation.selection import assume_design
         from taskcal.cli.task_maps import map_task
-        from taskcal.errors import CampaignError
         from taskcal.task.task import load_task, reach_task
 
         asked = load_task(task)
         poses = f"{len(found.matrix)} poses of {asked.name}"
-        try:
-            made, _ = assume_design(model, reach_task(model, asked, seed=seed), asked, None, seed, None)
-            maps = map_task(model, asked, made, seed=seed)
-        except CampaignError as error:
-            note(f"no errors to be expected on the page, for want of poses: {error}")
+        made, _ = assume_design(model, reach_task(model, asked, seed=seed), asked, None, seed, None)
+        maps = map_task(model, asked, made, seed=seed)
     return sensitivity_html(found, elimination, maps, poses=poses, version=package_version())
 
 

@@ -16,6 +16,9 @@ from taskcal.robot.robot import Robot
 _POINT = re.compile(r"(?:(?P<name>.+)_)?(?P<axis>[xyz])_(?P<unit>mm|m|um|in)$")
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _JOINT_UNITS = {"deg": np.pi / 180, "rad": 1.0, "mm": 1e-3, "m": 1.0}
+LEAVE_OUT = "give a number, or leave out the row"
+LEAVE_EMPTY = "give a number, or leave all the target's cells empty"
+
 _UNIT_QUATERNION = 1e-3
 """How far a quaternion's length may be from one: files round to a few digits."""
 
@@ -136,7 +139,7 @@ def _joints(table: CsvTable, names: dict[str, str], robot: Robot, used: set[str]
             )
         column, unit = found[0]
         used.add(column)
-        columns.append(table.numbers(names[column]) * _JOINT_UNITS[unit])
+        columns.append(table.numbers(names[column], remedy=LEAVE_OUT) * _JOINT_UNITS[unit])
     extra = f"j{len(robot.joints) + 1}"
     surplus = [n for lower, n in names.items() if re.match(rf"({extra}|q{extra[1:]})_(deg|rad)$", lower)]
     if surplus:
@@ -172,7 +175,7 @@ def _points(table: CsvTable, names: dict[str, str], used: set[str]) -> dict[str,
             prefix = f"{label}_" if label else ""
             wanted = f"{prefix}{lacking[0]}_mm"
             raise FileError(table.path, f"has no column '{wanted}' beside '{next(iter(axes.values()))}'", line=1)
-        cells = np.stack([table.numbers(axes[axis], empty=True) for axis in "xyz"], axis=1)
+        cells = np.stack([table.numbers(axes[axis], empty=True, remedy=LEAVE_EMPTY) for axis in "xyz"], axis=1)
         blank = np.isnan(cells)
         partial = np.flatnonzero(blank.any(axis=1) & ~blank.all(axis=1))
         if len(partial):
