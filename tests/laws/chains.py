@@ -70,7 +70,7 @@ def chains(draw: st.DrawFn, poses: int = 3) -> ChainCase:
                 steps.append(ErrorFrame())
                 e.append(rng.normal(size=6) * (kind == "error"))
             case _:
-                steps.append(Joint(kind))  # type: ignore[arg-type]
+                steps.append(Joint(kind))
     joints = sum(isinstance(step, Joint) for step in steps)
     return ChainCase(steps=steps, s=rng.normal(size=(poses, joints)), e=np.array(e).reshape(-1, 6))
 

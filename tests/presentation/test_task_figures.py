@@ -104,7 +104,7 @@ def test_the_outline_of_a_workspace_touches_its_sides(shape: str) -> None:
     space = Workspace(
         T_base_frame=np.eye(4), shape=shape, center=np.array([1.0, 2.0, 3.0]), size=np.array([0.4, 0.4, 0.2]),
         turned=np.eye(3), orientations=(),
-    )  # type: ignore[arg-type]  # fmt: skip
+    )  # fmt: skip
     edges = outline(space)
     np.testing.assert_allclose(np.nanmin(edges, axis=0), [0.8, 1.8, 2.9], atol=1e-9)
     np.testing.assert_allclose(np.nanmax(edges, axis=0), [1.2, 2.2, 3.1], atol=1e-9)
