@@ -5,10 +5,8 @@ import plotly.graph_objects as go
 from jaxtyping import Float
 
 from taskcal.adaptation.plan import Plan
-from taskcal.presentation.theme import BLUE, GREEN, GREY, INK, ORANGE, VERMILION, styled
+from taskcal.presentation.theme import BLUE, GREEN, GREY, INK, ORANGE, VERMILION, styled, styled_space
 from taskcal.task.workspace import Workspace
-
-SCENE_AXIS = {"gridcolor": "#d5dbe1", "backgroundcolor": "white", "showbackground": False}
 
 
 def draw_by_count(made: Plan) -> go.Figure:
@@ -119,18 +117,7 @@ def draw_plan(points: Float[np.ndarray, "n 3"], axes: Float[np.ndarray, "n 3"], 
             line={"color": INK, "width": 3},
             hoverinfo="skip",
         )
-    styled(figure, height=620, top=70)
-    figure.update_layout(
-        scene={
-            "xaxis": {"title": {"text": "X (mm)"}, **SCENE_AXIS},
-            "yaxis": {"title": {"text": "Y (mm)"}, **SCENE_AXIS},
-            "zaxis": {"title": {"text": "Z (mm)"}, **SCENE_AXIS},
-            "aspectmode": "data",
-            "camera": {"eye": {"x": 1.3, "y": -1.3, "z": 0.65}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
-        },
-        margin={"l": 0, "r": 0, "b": 10},
-    )
-    return figure
+    return styled_space(figure, distance=1.3)
 
 
 def outline(space: Workspace) -> Float[np.ndarray, "k 3"]:

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from taskcal.adaptation.predictions import Predictions
 from taskcal.adaptation.procedure import Fitted
-from taskcal.presentation.theme import BLUE, GREY, INK, SERIES, VERMILION, label_panels, styled, switch
+from taskcal.presentation.theme import BLUE, GREY, INK, SERIES, VERMILION, label_panels, styled, styled_space, switch
 
 LEVELS = np.linspace(0.0, 1.0, 101)
 TICKS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000]
@@ -202,18 +202,7 @@ def draw_workspace(predictions: Sequence[Predictions], measured: Mapping[str, Fl
             marker={"size": 3, "symbol": "cross", "color": GREY},
             hoverinfo="skip",
         )
-    styled(figure, height=620, top=70)
-    axis = {"gridcolor": "#d5dbe1", "backgroundcolor": "white", "showbackground": False}
-    figure.update_layout(
-        scene={
-            "xaxis": {"title": {"text": "X (mm)"}, **axis},
-            "yaxis": {"title": {"text": "Y (mm)"}, **axis},
-            "zaxis": {"title": {"text": "Z (mm)"}, **axis},
-            "aspectmode": "data",
-            "camera": {"eye": {"x": 1.6, "y": -1.6, "z": 0.8}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
-        },
-        margin={"l": 0, "r": 0, "b": 10},
-    )
+    styled_space(figure, distance=1.6)
     if len(predictions) > 1:
         count = 2 * len(predictions)
         choices = {

@@ -68,3 +68,21 @@ def label_panels(figure: go.Figure) -> go.Figure:
     """Panel titles of a figure with several panels, set flush left and in the text's size."""
     figure.update_annotations(font={"family": FONT, "size": 14, "color": INK})
     return figure
+
+
+def styled_space(figure: go.Figure, *, distance: float) -> go.Figure:
+    """A figure of points in space: equal scales in millimetres, seen from the front right at this distance."""
+    styled(figure, height=620, top=70)
+    axis = {"gridcolor": "#d5dbe1", "backgroundcolor": "white", "showbackground": False}
+    figure.update_layout(
+        scene={
+            **{f"{name}axis": {"title": {"text": f"{name.upper()} (mm)"}, **axis} for name in "xyz"},
+            "aspectmode": "data",
+            "camera": {
+                "eye": {"x": distance, "y": -distance, "z": 0.5 * distance},
+                "center": {"x": 0.0, "y": 0.0, "z": -0.12},
+            },
+        },
+        margin={"l": 0, "r": 0, "b": 10},
+    )
+    return figure
