@@ -1,0 +1,12 @@
+"""Physical effects on the joint side that geometry does not have, each linear in its parameters: δs = Φ(q)·ξ.
+
+`model + Compliance()` adds one to a model. Its parameters are then identified, analysed and planned for like any other.
+"""
+
+from taskcal.robot.effects.compliance import Compliance as Compliance
+from taskcal.robot.effects.description import EFFECTS as EFFECTS
+from taskcal.robot.effects.description import effect_from as effect_from
+from taskcal.robot.effects.effect import Effect as Effect
+from taskcal.robot.effects.encoder_gain import EncoderGain as EncoderGain
+from taskcal.robot.effects.harmonics import Harmonics as Harmonics
+from taskcal.robot.effects.linear_term import LinearTerm as LinearTerm

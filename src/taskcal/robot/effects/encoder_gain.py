@@ -1,0 +1,26 @@
+"""Scale errors of encoders."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskcal.robot.effects.effect import Effect
+from taskcal.robot.effects.linear_term import LinearTerm, one_each
+from taskcal.robot.robot import Robot
+
+
+@dataclass(frozen=True, kw_only=True)
+class EncoderGain(Effect):
+    """A scale error of each joint: the joint turns a little more or less than the controller says."""
+
+    def term(self, robot: Robot) -> LinearTerm:
+        """Parameters ``J2.gain``, radians per radian."""
+        joints = np.array(self.chosen(robot), dtype=np.int64)
+        middle = robot.joint_map(np.zeros((1, len(robot.joints))))[0]
+        return one_each(
+            [f"{robot.joint_names[j]}.gain" for j in joints],
+            robot,
+            joints,
+            [self.tolerance] * len(joints),
+            lambda q: (robot.joint_map(q) - middle)[:, joints],
+        )

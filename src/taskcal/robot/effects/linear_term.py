@@ -1,0 +1,69 @@
+"""Joint-side terms that are linear in their parameters: δs = Φ(q)·ξ."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.robot.joint_side import Shift
+from taskcal.robot.robot import Robot
+
+Basis = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LinearTerm:
+    """A joint-side term that is linear in its parameters."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    tolerances: tuple[float, ...]
+    """Standard deviations expected of the parameters, in their units."""
+    pairs: Int[np.ndarray, "pairs 2"]
+    """Which chain coordinate each parameter moves: rows (coordinate, parameter)."""
+    coordinates: int
+    basis: Basis
+    """Joint positions (n, joints) to ∂δs/∂ξ of every pair (n, pairs)."""
+
+    def prepare(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n pairs"]:
+        """The factors at joint positions q, which no parameter changes."""
+        return np.ascontiguousarray(self.basis(q))
+
+    def shift(
+        self,
+        q: Float[np.ndarray, "n joints"],
+        xi: Float[np.ndarray, " p"],
+        prepared: Float[np.ndarray, "n pairs"] | None = None,
+    ) -> Shift:
+        """δs at joint positions q and parameters ξ."""
+        factor = self.prepare(q) if prepared is None else prepared
+        place = np.zeros((len(self.pairs), self.coordinates))
+        place[np.arange(len(self.pairs)), self.pairs[:, 0]] = xi[self.pairs[:, 1]]
+        return Shift(value=factor @ place, factor=factor, slope=lambda: self._slope(q, place))
+
+    def _slope(
+        self, q: Float[np.ndarray, "n joints"], place: Float[np.ndarray, "pairs coordinates"]
+    ) -> Float[np.ndarray, "n coordinates joints"]:
+        """∂δs/∂q by central differences: an effect is small, and so is what its slope adds to a Newton step."""
+        out = np.zeros((len(q), self.coordinates, q.shape[1]))
+        for j in range(q.shape[1]):
+            step = np.zeros(q.shape[1])
+            step[j] = 1e-5
+            out[:, :, j] = (self.basis(q + step) - self.basis(q - step)) @ place / 2e-5
+        return out
+
+
+def one_each(
+    names: Sequence[str], robot: Robot, coordinates: Int[np.ndarray, " p"], tolerances: Sequence[float], basis: Basis
+) -> LinearTerm:
+    """A term of which each parameter moves one coordinate."""
+    slides = [robot.prismatic[c] for c in coordinates]
+    return LinearTerm(
+        names=tuple(names),
+        units=tuple("m" if slide else "rad" for slide in slides),
+        tolerances=tuple(tolerances),
+        pairs=np.stack([coordinates, np.arange(len(names))], axis=1),
+        coordinates=len(robot.joints),
+        basis=basis,
+    )
