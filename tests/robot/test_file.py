@@ -1,9 +1,12 @@
 import copy
 
+import numpy as np
 import pytest
 import tomli_w
 
 from taskcal.errors import FileError, RobotError
+from taskcal.geometry import se3
+from taskcal.robot.catalogue import load_robot
 from taskcal.robot.file import read_robot, robot_from
 
 SOUND = {
@@ -140,3 +143,16 @@ def test_what_is_no_toml_is_refused(tmp_path, content):
     path.write_bytes(content)
     with pytest.raises(FileError, match=r"arm\.toml.*is no TOML"):
         read_robot(path)
+
+
+def test_a_tool_is_counted_from_the_controllers_flange(tmp_path):
+    path = tmp_path / "robot.toml"
+    path.write_text(
+        'name = "r"\n[[joint]]\nname = "J1"\nlimits_deg = [-90, 90]\nspeed_deg_s = 180.0\nacceleration_deg_s2 = 360.0\n'
+        "[[flange]]\nrx_deg = 180.0\n[[flange]]\ntz_mm = -20.0\n[[tool]]\ntz_mm = 120.0\n"
+    )
+    robot = read_robot(path)
+    np.testing.assert_allclose(robot.T_flange_tool, se3.rotation("x", np.pi) @ se3.translation(z=0.1), atol=1e-12)
+    np.testing.assert_allclose(robot.speed_limits, [np.pi])
+    np.testing.assert_allclose(robot.acceleration_limits, [2 * np.pi])
+    assert load_robot("ur5").speed_limits.tolist() == [np.inf] * 6

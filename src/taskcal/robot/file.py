@@ -69,6 +69,10 @@ class JointSection(Section):
     offset_mm: Finite = 0.0
     limits_deg: tuple[Finite, Finite] | None = None
     limits_mm: tuple[Finite, Finite] | None = None
+    speed_deg_s: Positive | None = None
+    speed_mm_s: Positive | None = None
+    acceleration_deg_s2: Positive | None = None
+    acceleration_mm_s2: Positive | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -77,6 +81,9 @@ class JointSection(Section):
         sliding = self.type == "prismatic"
         if (self.offset_deg if sliding else self.offset_mm) or (self.limits_deg if sliding else self.limits_mm):
             raise ValueError(f"a {self.type} joint has its offset and limits in {'mm' if sliding else 'degrees'}")
+        turns, slides = (self.speed_deg_s, self.acceleration_deg_s2), (self.speed_mm_s, self.acceleration_mm_s2)
+        if any(value is not None for value in (turns if sliding else slides)):
+            raise ValueError(f"a {self.type} joint has its speed and acceleration in {'mm' if sliding else 'degrees'}")
         limits = self.limits_mm if sliding else self.limits_deg
         if limits and not limits[0] < limits[1]:
             raise ValueError(f"the lower limit {limits[0]:g} must be below the upper limit {limits[1]:g}")
@@ -165,6 +172,7 @@ class RobotFile(Section):
     source: tuple[str, ...] = ()
     joint: tuple[JointSection, ...] = Field(min_length=1)
     tool: tuple[StepSection, ...] = ()
+    flange: tuple[StepSection, ...] = ()
     four_bar: FourBarSection | None = None
     coupled_limit: tuple[CoupledLimitSection, ...] = ()
     link_radii_mm: tuple[Positive, ...] | None = None
@@ -206,6 +214,7 @@ class RobotFile(Section):
             joint_map=JointMap(matrix=matrix, offset=np.array(offset)),
             four_bar=self._drive(names),
             tool=tuple(step.part() for step in self.tool),
+            flange=tuple(step.part() for step in self.flange),
             coupled_limits=tuple(
                 CoupledLimit(
                     text=c.of,
@@ -225,10 +234,20 @@ class RobotFile(Section):
         joint = self.joint[i]
         before, after = joint.parts(i + 1)
         if joint.type == "prismatic":
-            limits = (-np.inf, np.inf) if joint.limits_mm is None else _pair(np.array(joint.limits_mm) * 1e-3)
+            unit, limits = 1e-3, joint.limits_mm
+            speed, acceleration = joint.speed_mm_s, joint.acceleration_mm_s2
         else:
-            limits = (-np.inf, np.inf) if joint.limits_deg is None else _pair(np.radians(joint.limits_deg))
-        return RobotJoint(name=joint.name, kind=joint.type, before=before, after=after, limits=limits)
+            unit, limits = np.pi / 180.0, joint.limits_deg
+            speed, acceleration = joint.speed_deg_s, joint.acceleration_deg_s2
+        return RobotJoint(
+            name=joint.name,
+            kind=joint.type,
+            before=before,
+            after=after,
+            limits=(-np.inf, np.inf) if limits is None else _pair(np.array(limits) * unit),
+            speed=np.inf if speed is None else speed * unit,
+            acceleration=np.inf if acceleration is None else acceleration * unit,
+        )
 
     def _drive(self, names: list[str]) -> FourBarDrive | None:
         bar = self.four_bar

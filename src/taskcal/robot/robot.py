@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from taskcal.errors import ReachError
+from taskcal.geometry import se3
 from taskcal.geometry.chain import Fixed, Joint, Step
 from taskcal.robot.joint_side import FourBarDrive, JointMap
 
@@ -40,6 +41,10 @@ class RobotJoint:
     """Fixed parts behind the joint's error frame (standard DH)."""
     limits: tuple[float, float]
     """Controller joint positions it can take, radians or metres."""
+    speed: float = np.inf
+    """Largest speed, radians or metres per second."""
+    acceleration: float = np.inf
+    """Largest acceleration, radians or metres per second squared."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -90,6 +95,8 @@ class Robot:
     four_bar: FourBarDrive | None
     tool: tuple[Part, ...]
     """Fixed parts from the last joint frame to the tool."""
+    flange: tuple[Part, ...]
+    """Fixed parts from the last joint frame to the controller's flange, in which it counts its tools."""
     coupled_limits: tuple[CoupledLimit, ...]
     link_radii: tuple[float, ...] | None
     """Radii of the capsules around the links, from base to first joint, joint to joint, last joint to tool point, metres;
@@ -115,6 +122,21 @@ class Robot:
     def limits(self) -> Float[np.ndarray, "joints 2"]:
         """Lower and upper limit of every joint, radians or metres."""
         return np.array([joint.limits for joint in self.joints])
+
+    @cached_property
+    def T_flange_tool(self) -> Float[np.ndarray, "4 4"]:
+        """Nominal pose of the robot's own tool in the controller's flange."""
+        return se3.inverse(_product(self.flange)) @ _product(self.tool)
+
+    @property
+    def speed_limits(self) -> Float[np.ndarray, " joints"]:
+        """Largest speed of every joint, radians or metres per second; infinite where not stated."""
+        return np.array([joint.speed for joint in self.joints])
+
+    @property
+    def acceleration_limits(self) -> Float[np.ndarray, " joints"]:
+        """Largest acceleration of every joint, radians or metres per second squared; infinite where not stated."""
+        return np.array([joint.acceleration for joint in self.joints])
 
     @property
     def prismatic(self) -> tuple[bool, ...]:
@@ -172,3 +194,10 @@ class Robot:
             row, reason = outside[0]
             rows = len({r for r, _ in outside})
             raise ReachError(f"{self.name}: pose {row}: {reason} ({rows} of {len(q)} poses are outside limits)")
+
+
+def _product(parts: tuple[Part, ...]) -> Float[np.ndarray, "4 4"]:
+    T = np.eye(4)
+    for part in parts:
+        T = T @ part.transform
+    return T

@@ -1,0 +1,131 @@
+"""A robot program as its motions: what the controller is told to do, and where that is written."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from taskcal.geometry import se3
+from taskcal.programs.source import Place, Source
+from taskcal.robot.robot import Robot
+
+MoveKind = Literal["joint", "linear", "circular", "axes"]
+"""To a pose with all joints at once, along a line, along an arc; or to joint positions."""
+
+
+class Posture(Protocol):
+    """Which of the postures that reach a pose is meant, in a controller's own terms."""
+
+    def agrees(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Bool[np.ndarray, " n"]:
+        """Whether each posture is the one meant."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Frame:
+    """A tool, or a part's frame."""
+
+    name: str
+    """As the program calls it."""
+    T: Float[np.ndarray, "4 4"]
+    """Its pose: of what the robot holds in the flange, of what stands still in the base; metres."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Target:
+    """Where a motion goes: a pose, or joint positions."""
+
+    name: str
+    """Of its declaration; empty where it is written in the instruction itself."""
+    T: Float[np.ndarray, "4 4"] | None
+    """Pose of the tool in the part's frame, offsets in the instruction included, metres; None for joint positions."""
+    q: Float[np.ndarray, " joints"] | None
+    """Controller joint positions, radians; None for a pose."""
+    posture: Posture | None
+    """Of a pose, where the program says it."""
+    place: Place
+    """Of its numbers."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Move:
+    """One motion instruction whose target, tool and frame are known."""
+
+    kind: MoveKind
+    end: Target
+    via: Target | None
+    """Point on the way, of an arc."""
+    tool: Frame
+    part: Frame
+    part_in_hand: bool
+    """The robot holds the part, and the tool stands still."""
+    speed: float | None
+    """Programmed speed of the tool point, metres per second; None where it is not known or not meant."""
+    stops: bool
+    """It comes to rest in its target instead of passing by."""
+    follows: int | None
+    """Number of the motion that ends where this one begins; None where the text does not tell."""
+    routine: str
+    place: Place
+
+    def flange(self, T: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4"]:
+        """Poses of the flange in the base for poses of the tool in the part's frame."""
+        if self.part_in_hand:
+            return self.tool.T @ se3.inverse(T) @ se3.inverse(self.part.T)
+        return self.part.T @ T @ se3.inverse(self.tool.T)
+
+    def target(self, flange: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4"]:
+        """Poses of the tool in the part's frame for poses of the flange in the base: the inverse of `flange`."""
+        if self.part_in_hand:
+            return se3.inverse(flange @ self.part.T) @ self.tool.T
+        return se3.inverse(self.part.T) @ flange @ self.tool.T
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Waypoint:
+    """Where one motion of a rewritten program ends."""
+
+    kind: MoveKind
+    q: Float[np.ndarray, " joints"]
+    """Joint positions that the controller is to drive there, radians; they decide the posture that is written."""
+    T: Float[np.ndarray, "4 4"] | None
+    """Pose of the tool in the part's frame that is written; None for joint positions."""
+    via: "Waypoint | None" = None
+    """Point on the way, of an arc."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Remark:
+    """Something in a program that stays as it is, and why; or that the user should know."""
+
+    place: Place
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.text}"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Program(ABC):
+    """What was read from one or several files of a robot program."""
+
+    sources: tuple[Source, ...]
+    moves: tuple[Move, ...]
+    """Those that were resolved, in the order of the text."""
+    remarks: tuple[Remark, ...]
+    """Motions that could not be resolved, and warnings."""
+
+    @abstractmethod
+    def rewrite(self, robot: Robot, ways: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+        """The program's files with some motions rewritten.
+
+        A motion becomes as many as it has waypoints, the last of which ends where it ended; all keep its speed and zone
+        and whatever else it says. Everything else stays as it is, byte for byte.
+
+        Args:
+            robot: the robot, whose joint positions decide the posture data that are written.
+            ways: by number of the motion.
+        """

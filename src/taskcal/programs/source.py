@@ -1,0 +1,108 @@
+"""The text of a program file, which keeps every byte that is not edited on purpose."""
+
+from bisect import bisect_right
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+from taskcal.errors import FileError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Edit:
+    """Characters to be replaced."""
+
+    start: int
+    """First character, counted from 0."""
+    end: int
+    """Behind the last one; equal to `start` for an insertion."""
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Where something stands."""
+
+    path: Path
+    line: int
+    """Counted from 1."""
+
+    def __str__(self) -> str:
+        return f"{self.path}:{self.line}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """A program file as text."""
+
+    path: Path
+    text: str
+    """Line ends as in the file."""
+    encoding: str
+    """``utf-8``, or ``latin-1`` where the file is not UTF-8: either gives every byte back."""
+
+    @classmethod
+    def of(cls, path: Path, data: bytes) -> "Source":
+        """Decode the bytes of a file."""
+        try:
+            return cls(path=path, text=data.decode("utf-8"), encoding="utf-8")
+        except UnicodeDecodeError:
+            return cls(path=path, text=data.decode("latin-1"), encoding="latin-1")
+
+    def encode(self) -> bytes:
+        """The bytes of the file."""
+        return self.text.encode(self.encoding)
+
+    @property
+    def newline(self) -> str:
+        """How the file ends its lines."""
+        return "\r\n" if "\r\n" in self.text else "\n"
+
+    @cached_property
+    def _starts(self) -> list[int]:
+        return [0, *(i + 1 for i, c in enumerate(self.text) if c == "\n")]
+
+    def line(self, position: int) -> int:
+        """Line of a character, counted from 1."""
+        return bisect_right(self._starts, position)
+
+    def place(self, position: int) -> Place:
+        """Where a character stands."""
+        return Place(path=self.path, line=self.line(position))
+
+    def indent(self, position: int) -> str:
+        """White space at the start of a character's line."""
+        start = self._starts[self.line(position) - 1]
+        end = start
+        while end < len(self.text) and self.text[end] in " \t":
+            end += 1
+        return self.text[start:end]
+
+    def edited(self, edits: Iterable[Edit]) -> "Source":
+        """The source with characters replaced; insertions at one place come in the order given.
+
+        Raises:
+            ValueError: two edits overlap.
+        """
+        parts: list[str] = []
+        position = 0
+        for edit in sorted(edits, key=lambda edit: (edit.start, edit.end)):
+            if edit.start < position:
+                raise ValueError(f"edits of {self.path} overlap in line {self.line(edit.start)}")
+            parts += [self.text[position : edit.start], edit.text]
+            position = edit.end
+        return replace(self, text="".join([*parts, self.text[position:]]))
+
+
+def read_source(path: str | Path) -> Source:
+    """Read a program file.
+
+    Raises:
+        FileError: it is missing or cannot be read.
+    """
+    path = Path(path)
+    try:
+        return Source.of(path, path.read_bytes())
+    except OSError as error:
+        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
