@@ -193,7 +193,7 @@ def _cross_validate(
             rest = campaign.take(np.setdiff1d(np.arange(n), part))
             fitted = identify(model, rest, keep=keep, noise=noise, model_error=error, prior_scale=scales.prior_scale)
             left_out = campaign.take(part)
-            predicted = fitted.predict(left_out.q)
+            predicted = fitted.predict(left_out.q, left_out.conditions)
             points = predicted[:, None, :3, 3] if campaign.rotations is not None else predicted
             lengths.append(np.linalg.norm(left_out.points - points, axis=2)[left_out.valid])
         every = np.concatenate(lengths)

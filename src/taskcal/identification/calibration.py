@@ -21,6 +21,7 @@ from taskcal.identification.field import ResidualField
 from taskcal.identification.problem import FrameLayout
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration
+from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import effect_from
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
@@ -175,25 +176,31 @@ class Calibration:
         return self.z_covariance / deviation / deviation[:, None]
 
     def predict(
-        self, q: Float[np.ndarray, "n joints"]
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
     ) -> Float[np.ndarray, "n targets 3"] | Float[np.ndarray, "n 4 4"]:
         """Where the targets will be in the tracker frame: points (n, targets, 3), metres, or poses (n, 4, 4).
+
+        Args:
+            q: joint positions, radians.
+            conditions: how the poses are reached, for effects that depend on it; as in the middle by default.
 
         Raises:
             ClosureError: a closed loop cannot be assembled at some pose.
         """
-        T = self.predict_tool(q)
+        T = self.predict_tool(q, conditions)
         if self.layout.pose:
             return T @ self.T_tool_target[0]
         return np.stack([se3.apply(T, target[:3, 3]) for target in self.T_tool_target], axis=1)
 
     def predict_covariance(
-        self, q: Float[np.ndarray, "n joints"], *, model_error: bool = True
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None, *, model_error: bool = True
     ) -> Float[np.ndarray, "n targets b b"]:
         """Covariance of the targets' true positions about the predicted ones, in the tracker frame.
 
         Args:
             q: joint positions, radians.
+            conditions: how the poses are reached, for effects that depend on it. By default the sides from which the
+                joints come are unknown, and the distance of the two sides adds to the covariance.
             model_error: add what the model cannot explain at a new pose (with a residual field, what the field says of
                 its own uncertainty); without it, the covariance says how well the fitted model itself is known there.
 
@@ -202,10 +209,12 @@ class Calibration:
         """
         q = np.asarray(q, dtype=float)
         shape = len(q), len(self.targets)
-        rotation = self.layout.walked(q, self.z)
-        T = walk.poses(rotation.chain, rotation.s, rotation.e)[:, :3, :3] if self.layout.pose else None
+        at = self.layout.walked(q, self.z, self.model.prepare(q, conditions))
+        T = walk.poses(at.chain, at.s, at.e)[:, :3, :3] if self.layout.pose else None
         nowhere = Observations(position=np.zeros((*shape, 3)), rotation=T, valid=np.ones(shape, dtype=bool))
-        _, spread = normal_equations.spread(rotation, nowhere, self.z_covariance)
+        _, spread = normal_equations.spread(at, nowhere, self.z_covariance)
+        if conditions is None and self.model.conditioned:
+            spread = spread + self._sides(q)
         if not model_error:
             return spread
         if self.field is None:
@@ -217,22 +226,39 @@ class Calibration:
             spread[:, :, part, part] += (R * variance[:, None, part] @ R.T)[:, None]
         return spread
 
-    def predict_tool(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
+    def _sides(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n targets b b"]:
+        """Covariance of the targets where each joint may have come from either side, with even chance."""
+        middle = self.predict_tool(q)[:, None] @ self.T_tool_target
+        out = np.zeros((*middle.shape[:2], 6, 6))
+        for j in range(q.shape[1]):
+            side = Conditions(approach=np.broadcast_to(np.eye(q.shape[1])[j], q.shape))
+            ends = self.predict_tool(q, side)[:, None] @ self.T_tool_target
+            moved = ends[..., :3, 3] - middle[..., :3, 3]
+            turned = se3.log(ends[..., :3, :3] @ np.swapaxes(middle[..., :3, :3], -1, -2))
+            both = np.concatenate([moved, turned], axis=-1)
+            out += both[..., :, None] * both[..., None, :]
+        return out if self.layout.pose else out[..., :3, :3]
+
+    def predict_tool(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+    ) -> Float[np.ndarray, "n 4 4"]:
         """Poses of the tool itself in the tracker frame.
 
         Raises:
             ClosureError: a closed loop cannot be assembled at some pose.
         """
-        return self.T_tracker_base @ self.tool_in_base(q)
+        return self.T_tracker_base @ self.tool_in_base(q, conditions)
 
-    def tool_in_base(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
+    def tool_in_base(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+    ) -> Float[np.ndarray, "n 4 4"]:
         """Poses of the tool in the robot's base, the residual field included.
 
         Raises:
             ClosureError: a closed loop cannot be assembled at some pose.
         """
         q = np.asarray(q, dtype=float)
-        T = self.model.poses(q, self.estimate)
+        T = self.model.poses(q, self.estimate, conditions)
         if self.field is None:
             return T
         learned = self.field.mean(q)
@@ -253,13 +279,17 @@ class Calibration:
         Returns:
             metres² and radians².
         """
+        J = self.tool_jacobian(q)
+        return J @ self.z_covariance @ np.swapaxes(J, 1, 2)
+
+    def tool_jacobian(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 6 z"]:
+        """Derivative of the tool's pose by the entries of z: rows vx vy vz wx wy wz at the tool point, in tracker axes."""
         at = self.layout.walked(np.asarray(q, dtype=float), self.z)
         chain, e, layout = at.chain, at.e, at.layout
         if self.layout.pose:  # stop at the tool: leave out the steps from the tool to the measured pose
             chain = Chain.of([Fixed(self.layout.registration.T_tracker_base), ErrorFrame(), *self.model.steps])
             e, layout = e[:-1], replace(layout, frames=np.ascontiguousarray(layout.frames[:-1]))
-        J = walk.columns(chain, at.s, e, layout, at.factor, angular=True)
-        return J @ self.z_covariance @ np.swapaxes(J, 1, 2)
+        return walk.columns(chain, at.s, e, layout, at.factor, angular=True)
 
     def save(self, path: str | Path) -> None:
         """Write a versioned JSON file, all at once; `load_calibration` reads it back exactly.

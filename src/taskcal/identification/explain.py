@@ -164,7 +164,7 @@ def with_field(calibration: Calibration, campaign: Campaign, seed: int = 0) -> C
     """
     seen = campaign.valid.any(axis=1)
     R = calibration.T_tracker_base[:3, :3]
-    ends = calibration.predict_tool(campaign.q)[:, None] @ calibration.T_tool_target
+    ends = calibration.predict_tool(campaign.q, campaign.conditions)[:, None] @ calibration.T_tool_target
     position = np.nanmean((campaign.points - ends[..., :3, 3])[seen], axis=1) @ R
     residual = position
     if campaign.rotations is not None:
@@ -274,7 +274,7 @@ def _left_out(
         if field:
             fitted = with_field(fitted, rest, seed)
         held = campaign.take(part)
-        ends = fitted.predict_tool(held.q)[:, None] @ fitted.T_tool_target
+        ends = fitted.predict_tool(held.q, held.conditions)[:, None] @ fitted.T_tool_target
         out[part] = np.linalg.norm(held.points - ends[..., :3, 3], axis=2)
     return out
 

@@ -109,7 +109,11 @@ def identify(
         fixed_frames=frames == "fixed",
     )
     problem = Problem(
-        frames=layout, q=np.ascontiguousarray(campaign.q), seen=observe(campaign), noise=campaign.covariances(noise)
+        frames=layout,
+        q=np.ascontiguousarray(campaign.q),
+        seen=observe(campaign),
+        noise=campaign.covariances(noise),
+        conditions=campaign.conditions,
     )
     belief = _belief(layout, prior)
     found = _estimate(problem, belief, loss, model_error, 1.0 if prior is None else prior_scale)

@@ -12,6 +12,7 @@ from taskcal.geometry.normal_equations import Observations, Points, Walked
 from taskcal.geometry.walk import Columns
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration
+from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import COMPONENTS, ErrorModel, Prepared
 
 
@@ -141,6 +142,8 @@ class Problem:
     seen: Observations
     noise: Float[np.ndarray, "n targets b b"]
     """Covariance of the measurements, m² and rad²."""
+    conditions: Conditions | None = None
+    """How the poses were reached."""
 
     @cached_property
     def _constant(self) -> bool:
@@ -149,7 +152,7 @@ class Problem:
 
     @cached_property
     def _prepared(self) -> Prepared:
-        return self.frames.model.prepare(self.q)
+        return self.frames.model.prepare(self.q, self.conditions)
 
     @cached_property
     def _joint_side(self) -> tuple[np.ndarray, np.ndarray]:

@@ -89,15 +89,15 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
     """
     pose = campaign.rotations is not None
     if reregister:
-        found = register(calibration.model, campaign, poses=calibration.tool_in_base(campaign.q))
+        found = register(calibration.model, campaign, poses=calibration.tool_in_base(campaign.q, campaign.conditions))
         check_plausible(found, calibration.model, campaign)
-        T = found.T_tracker_base @ calibration.tool_in_base(campaign.q)
+        T = found.T_tracker_base @ calibration.tool_in_base(campaign.q, campaign.conditions)
         base = found.T_tracker_base
         ends = T[:, None] @ found.T_tool_target[None]
     else:
         chosen = _targets(calibration, campaign)
         base = calibration.T_tracker_base
-        T = calibration.predict_tool(campaign.q)
+        T = calibration.predict_tool(campaign.q, campaign.conditions)
         ends = T[:, None] @ calibration.T_tool_target[None, chosen]
     if not campaign.valid.any():
         raise CampaignError("the campaign has no measured point to compare with: every beam was lost")

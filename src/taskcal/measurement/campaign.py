@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import CampaignError, UnknownName
 from taskcal.measurement.tracker import TrackerNoise
+from taskcal.robot.conditions import Conditions
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,7 +32,9 @@ class Campaign:
     nests: Mapping[str, Float[np.ndarray, "n 3"]] = field(default_factory=dict[str, np.ndarray])
     """Fixed points measured beside each pose, in the tracker frame, metres."""
     temperature: Float[np.ndarray, " n"] | None = None
-    """Degrees Celsius."""
+    """Degrees Celsius; NaN where unknown."""
+    approach: Float[np.ndarray, "n joints"] | None = None
+    """Way in which each joint's drive turned last before the row: 1 where its value grew, −1 where it fell, 0 unknown."""
     source: str = ""
     """File the campaign was read from."""
 
@@ -43,6 +46,7 @@ class Campaign:
             "rotations": (self.rotations, (n, 3, 3)),
             "uncertainty": (self.uncertainty, (n, targets)),
             "temperature": (self.temperature, (n,)),
+            "approach": (self.approach, self.q.shape),
             **{f"nest {name}": (points, (n, 3)) for name, points in self.nests.items()},
         }
         for name, (array, shape) in shapes.items():
@@ -63,6 +67,11 @@ class Campaign:
     def valid(self) -> Bool[np.ndarray, "n targets"]:
         """Where a target was seen."""
         return ~np.isnan(self.points[..., 0])
+
+    @property
+    def conditions(self) -> Conditions:
+        """What is known of each row beside its joint positions."""
+        return Conditions(approach=self.approach, temperature=self.temperature)
 
     @cached_property
     def digest(self) -> str:

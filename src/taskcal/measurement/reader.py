@@ -5,12 +5,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from taskcal.csv_table import CsvTable, read_csv
 from taskcal.errors import FileError
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
+from taskcal.robot.approach import approach_in_order
 from taskcal.robot.robot import Robot
 
 _POINT = re.compile(r"(?:(?P<name>.+)_)?(?P<axis>[xyz])_(?P<unit>mm|m|um|in)$")
@@ -30,8 +31,12 @@ def read_campaign(
 
     Columns: ``id``; joints as ``J1_deg``, ``q1_deg``, ``q1_rad`` or the robot's own joint names with ``_deg`` or
     ``_rad`` (``_mm`` where a joint slides); one target as ``x_mm y_mm z_mm``, several as ``NAME_x_mm …``, or a pose with
-    ``qx qy qz qw``; optionally ``u_mm`` or ``NAME_u_mm`` (standard uncertainty per axis) and ``temp_C``. Letter case
-    does not matter. A target whose three cells are all empty or all zero is a lost beam.
+    ``qx qy qz qw``; optionally ``u_mm`` or ``NAME_u_mm`` (standard uncertainty per axis), ``temp_C``, and for each joint
+    ``J1_approach``, the way its drive turned last (1 up, −1 down, 0 unknown). Letter case does not matter. A target whose
+    three cells are all empty or all zero is a lost beam.
+
+    Without columns of approach the rows are taken in the order of measurement. Where their ids are rising whole numbers, a
+    step larger than the usual one says that rows were left out, and the approach is unknown there.
 
     Args:
         path: the CSV.
@@ -68,12 +73,16 @@ def read_campaign(
     if "temp_c" in names:
         used.add("temp_c")
         temperature = table.numbers(names["temp_c"], empty=True)
+    approach = _approach(table, names, robot, used)
+    if approach is None:
+        approach = approach_in_order(robot, q, _follows(ids))
     unknown = [name for lower, name in names.items() if lower not in used]
     if unknown:
         raise FileError(
             table.path,
             f"unknown column{'s' if len(unknown) > 1 else ''} {', '.join(repr(n) for n in unknown)}; a campaign has id, joints "
-            f"({robot.joint_names[0]}_deg …), targets (x_mm … or NAME_x_mm …), qx qy qz qw, u_mm, temp_C",
+            f"({robot.joint_names[0]}_deg …), targets (x_mm … or NAME_x_mm …), qx qy qz qw, u_mm, temp_C, "
+            f"{robot.joint_names[0]}_approach …",
             line=1,
         )
     if not len(table):
@@ -96,6 +105,7 @@ def read_campaign(
         uncertainty=uncertainty,
         nests={name: found[name] for name in nest_names},
         temperature=temperature,
+        approach=approach,
         source=Path(path).name,
     )
 
@@ -149,6 +159,46 @@ def _joints(table: CsvTable, names: dict[str, str], robot: Robot, used: set[str]
             line=1,
         )
     return np.stack(columns, axis=1)
+
+
+def _approach(
+    table: CsvTable, names: dict[str, str], robot: Robot, used: set[str]
+) -> Float[np.ndarray, "n joints"] | None:
+    """Columns of approach; None where there are none."""
+    columns: list[str | None] = []
+    for number, joint in enumerate(robot.joint_names, start=1):
+        spellings = dict.fromkeys(f"{s.lower()}_approach" for s in (joint, f"J{number}", f"q{number}"))
+        found = [s for s in spellings if s in names]
+        if len(found) > 1:
+            both = " and ".join(repr(names[c]) for c in found)
+            raise FileError(table.path, f"the approach of joint {joint} is given twice, by {both}; keep one", line=1)
+        columns.append(found[0] if found else None)
+    stated = [c for c in columns if c is not None]
+    if not stated:
+        return None
+    if len(stated) < len(columns):
+        without = robot.joint_names[columns.index(None)]
+        raise FileError(
+            table.path,
+            f"states the approach of some joints but not of {without}; give {without}_approach, 0 where it is unknown",
+            line=1,
+        )
+    used.update(stated)
+    out = np.stack([table.numbers(names[c], remedy="give 1, -1, or 0 where it is unknown") for c in stated], axis=1)
+    for row, j in zip(*np.nonzero(~np.isin(out, (-1.0, 0.0, 1.0))), strict=True):
+        message = (
+            f"{out[row, j]:g} is no way of approach; give 1 (the joint's value grew), -1 (it fell), or 0 (unknown)"
+        )
+        raise table.error(message, int(row), names[stated[j]])
+    return out
+
+
+def _follows(ids: tuple[str, ...]) -> Bool[np.ndarray, " n"] | None:
+    """Whether each row was measured after the one before it, as far as ids that count tell."""
+    if len(ids) < 3 or not all(text.isdecimal() for text in ids):
+        return None
+    steps = np.diff([int(text) for text in ids])
+    return None if steps.min() <= 0 else np.concatenate([[False], steps <= np.median(steps)])
 
 
 def _points(table: CsvTable, names: dict[str, str], used: set[str]) -> dict[str, Float[np.ndarray, "n 3"]]:

@@ -9,6 +9,8 @@ from jaxtyping import Float
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.tracker import TrackerNoise
+from taskcal.robot.approach import approach_in_order
+from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
 
 TRACKER_POSE = se3.pose(se3.exp(np.array([0.02, -0.01, 2.1])), np.array([3.2, -1.9, -0.35]))
@@ -25,14 +27,18 @@ class Truth:
     T_tracker_base: Float[np.ndarray, "4 4"]
     T_tool_target: Float[np.ndarray, "targets 4 4"]
 
-    def poses(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n targets 4 4"]:
+    def poses(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+    ) -> Float[np.ndarray, "n targets 4 4"]:
         """True poses of the targets in the tracker frame."""
-        T = self.T_tracker_base @ self.model.poses(q, self.x)
+        T = self.T_tracker_base @ self.model.poses(q, self.x, conditions)
         return T[:, None] @ self.T_tool_target
 
-    def points(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n targets 3"]:
+    def points(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+    ) -> Float[np.ndarray, "n targets 3"]:
         """True positions of the targets in the tracker frame, metres."""
-        return self.poses(q)[..., :3, 3]
+        return self.poses(q, conditions)[..., :3, 3]
 
 
 def draw_defects(model: ErrorModel, rng: np.random.Generator) -> Float[np.ndarray, " p"]:
@@ -51,6 +57,7 @@ def simulate(
     noise: TrackerNoise | None = None,
     T_tracker_base: Float[np.ndarray, "4 4"] | None = None,
     lost: float = 0.0,
+    conditions: Conditions | None = None,
 ) -> tuple[Campaign, Truth]:
     """Measure a virtual robot.
 
@@ -64,6 +71,8 @@ def simulate(
         noise: the tracker's.
         T_tracker_base: where the tracker sees the base.
         lost: share of beams that are lost.
+        conditions: how the poses were reached; one after another in the order of the rows by default, where an effect of
+            the model depends on it.
 
     Returns:
         the campaign, and the truth it was made from.
@@ -83,7 +92,9 @@ def simulate(
         T_tool_target=se3.pose(np.broadcast_to(np.eye(3), (len(offsets), 3, 3)), offsets),
     )
     q = np.asarray(q, dtype=float)
-    T = truth.poses(q)
+    if conditions is None and model.conditioned:
+        conditions = Conditions(approach=approach_in_order(model.robot, q))
+    T = truth.poses(q, conditions)
     points = T[..., :3, 3]
     factor = np.linalg.cholesky(noise.covariance(points))
     points = points + (factor @ rng.normal(size=(*points.shape, 1)))[..., 0]
@@ -98,6 +109,8 @@ def simulate(
         targets=tuple(named),
         points=points,
         rotations=rotations,
+        approach=None if conditions is None else conditions.approach,
+        temperature=None if conditions is None else conditions.temperature,
         source="virtual cell",
     )
     return campaign, truth

@@ -40,6 +40,10 @@ def write_campaign(path: str | Path, campaign: Campaign, robot: Robot) -> None:
     if campaign.temperature is not None:
         header.append("temp_C")
         columns.append(_texts(campaign.temperature, 3))
+    if campaign.approach is not None:
+        for j, name in enumerate(robot.joint_names):
+            header.append(f"{name}_approach")
+            columns.append(_texts(campaign.approach[:, j], 0))
     _write(path, ["id", *header], [list(campaign.ids), *columns])
 
 

@@ -10,7 +10,8 @@ from jaxtyping import Float, Int
 from taskcal.errors import TaskcalError, UnknownName
 from taskcal.geometry import walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed, Joint, Step
-from taskcal.robot.effects import Effect
+from taskcal.robot.conditions import Conditions
+from taskcal.robot.effects import Effect, LinearTerm
 from taskcal.robot.joint_side import JointTerm, Shift
 from taskcal.robot.robot import Part, Robot
 
@@ -118,9 +119,14 @@ class ErrorModel:
         """The model with one more effect on the joint side."""
         return ErrorModel(self.robot, lengths_only=self.lengths_only, effects=(*self.effects, effect))
 
-    def prepare(self, q: Float[np.ndarray, "n joints"]) -> Prepared:
-        """What `walk` needs at joint positions q and no parameter changes, for callers that walk there often."""
-        return tuple(term.prepare(q) for term in self.terms)
+    @cached_property
+    def conditioned(self) -> bool:
+        """Whether an effect depends on how a pose is reached."""
+        return any(isinstance(term, LinearTerm) and term.given is not None for term in self.terms)
+
+    def prepare(self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None) -> Prepared:
+        """What `walk` needs at joint positions q under conditions, and no parameter changes."""
+        return tuple(term.prepare(q, conditions) for term in self.terms)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -234,13 +240,17 @@ class ErrorModel:
         return Walk(s=s, e=e, factor=np.ascontiguousarray(factor), shifts=tuple(shifts))
 
     def poses(
-        self, q: Float[np.ndarray, "n joints"], x: Float[np.ndarray, " p"] | None = None
+        self,
+        q: Float[np.ndarray, "n joints"],
+        x: Float[np.ndarray, " p"] | None = None,
+        conditions: Conditions | None = None,
     ) -> Float[np.ndarray, "n 4 4"]:
         """Poses of the tool in the base.
 
         Args:
             q: controller joint positions, radians (metres where a joint slides).
             x: parameter values in the order of `names`, metres and radians; the nominal robot by default.
+            conditions: how the poses are reached, for effects that depend on it; as in the middle by default.
 
         Raises:
             ClosureError: a closed loop cannot be assembled at some pose.
@@ -249,7 +259,8 @@ class ErrorModel:
         out = np.empty((len(q), 4, 4))
 
         def fill(rows: slice) -> None:
-            at = self.walk(q[rows], x)
+            prepared = None if conditions is None else self.prepare(q[rows], conditions.take(rows))
+            at = self.walk(q[rows], x, prepared=prepared)
             walk.poses(self.chain, at.s, at.e, out=out[rows])
 
         walk.in_chunks(fill, len(q))

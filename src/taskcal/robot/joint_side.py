@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.geometry.four_bar import FourBar, close_four_bar
+from taskcal.robot.conditions import Conditions
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +48,13 @@ class JointTerm(Protocol):
         """Which chain coordinate each of its parameters moves: rows (coordinate, parameter)."""
         ...
 
-    def prepare(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n k"] | None:
-        """What `shift` needs at joint positions q and no parameter changes; None where there is nothing of the kind."""
+    def prepare(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+    ) -> Float[np.ndarray, "n k"] | None:
+        """What `shift` needs at joint positions q and no parameter changes; None where there is nothing of the kind.
+
+        Without conditions an effect that depends on them is as in their middle.
+        """
         ...
 
     def shift(
@@ -101,7 +107,7 @@ class FourBarDrive:
         """Each of the three lengths moves every coordinate that the loop moves."""
         return np.array([(c, k) for k in range(3) for c in self.moved])
 
-    def prepare(self, q: Float[np.ndarray, "n joints"]) -> None:
+    def prepare(self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None) -> None:
         """Nothing: the closure depends on its lengths throughout."""
 
     def shift(

@@ -3,6 +3,7 @@
 `model + Compliance()` adds one to a model. Its parameters are then identified, analysed and planned for like any other.
 """
 
+from taskcal.robot.effects.backlash import Backlash as Backlash
 from taskcal.robot.effects.compliance import Compliance as Compliance
 from taskcal.robot.effects.description import EFFECTS as EFFECTS
 from taskcal.robot.effects.description import effect_from as effect_from

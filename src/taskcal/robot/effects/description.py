@@ -4,12 +4,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from taskcal.errors import UnknownName
+from taskcal.robot.effects.backlash import Backlash
 from taskcal.robot.effects.compliance import Compliance
 from taskcal.robot.effects.effect import Effect
 from taskcal.robot.effects.encoder_gain import EncoderGain
 from taskcal.robot.effects.harmonics import Harmonics
 
-EFFECTS: Mapping[str, type[Effect]] = {kind.__name__: kind for kind in (Harmonics, EncoderGain, Compliance)}
+EFFECTS: Mapping[str, type[Effect]] = {kind.__name__: kind for kind in (Harmonics, EncoderGain, Compliance, Backlash)}
 
 
 def effect_from(data: Mapping[str, Any]) -> Effect:

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.robot.conditions import Conditions
 from taskcal.robot.joint_side import Shift
 from taskcal.robot.robot import Robot
 
 Basis = Callable[[np.ndarray], np.ndarray]
+ConditionedBasis = Callable[[np.ndarray, Conditions], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -25,10 +27,16 @@ class LinearTerm:
     coordinates: int
     basis: Basis
     """Joint positions (n, joints) to ∂δs/∂ξ of every pair (n, pairs)."""
+    given: ConditionedBasis | None = None
+    """The same where conditions are known, for effects that depend on them."""
 
-    def prepare(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n pairs"]:
-        """The factors at joint positions q, which no parameter changes."""
-        return np.ascontiguousarray(self.basis(q))
+    def prepare(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+    ) -> Float[np.ndarray, "n pairs"]:
+        """The factors at joint positions q and under conditions, which no parameter changes."""
+        if self.given is None or conditions is None:
+            return np.ascontiguousarray(self.basis(q))
+        return np.ascontiguousarray(self.given(q, conditions))
 
     def shift(
         self,

@@ -1,0 +1,49 @@
+"""From which side each joint reached a pose, where poses were reached one after another."""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from taskcal.robot.robot import Robot
+
+STILL = 1e-4
+"""Largest motion of a drive that leaves it as it is, radians or metres: what a controller reports of a joint at rest."""
+
+
+def own_sense(robot: Robot) -> Float[np.ndarray, " joints"]:
+    """Whether the chain coordinate of each joint grows (1) or falls (−1) with the joint's own value."""
+    return np.where(np.diag(robot.joint_map.matrix) < 0.0, -1.0, 1.0)
+
+
+def drive_motion(robot: Robot) -> Float[np.ndarray, "joints joints"]:
+    """How far each joint's drive turns, in the joint's own sense, for a change of the controller's positions.
+
+    Behind a four-bar the controller counts motors. A coupling without one is the controller's way of counting, and each
+    drive stands at its own axis.
+    """
+    if robot.four_bar is not None:
+        return np.eye(len(robot.joints))
+    return robot.joint_map.matrix * own_sense(robot)[:, None]
+
+
+def approach_in_order(
+    robot: Robot, q: Float[np.ndarray, "n joints"], follows: Bool[np.ndarray, " n"] | None = None
+) -> Float[np.ndarray, "n joints"]:
+    """The way each drive turned last; a drive that stood still keeps its way.
+
+    Args:
+        robot: the robot.
+        q: joint positions in the order in which they were reached, radians.
+        follows: whether a pose was reached from the one before it; all but the first by default. After a gap nothing is
+            known of a drive until it moves.
+
+    Returns:
+        1, −1, or 0 where unknown.
+    """
+    motion = np.diff(q, axis=0, prepend=q[:1]) @ drive_motion(robot).T
+    way = np.where(np.abs(motion) > STILL, np.sign(motion), 0.0)
+    for i in range(len(q)):
+        if i == 0 or (follows is not None and not follows[i]):
+            way[i] = 0.0
+        else:
+            way[i] = np.where(way[i] == 0.0, way[i - 1], way[i])
+    return way
