@@ -18,7 +18,8 @@ threadpool_limits(1)  # a pytest plugin may have loaded NumPy, and its BLAS, bef
 # robot and task files, which pydantic checks.
 _CHECKED = """
 csv_table files geometry.chain geometry.se3 estimation measurement identification analysis adaptation kinematics
-robot.catalogue robot.dh_table robot.effects robot.error_model robot.expression robot.joint_side robot.mechanism robot.robot
+robot.approach robot.catalogue robot.conditions robot.dh_table robot.effects robot.error_model robot.expression robot.joint_side
+robot.coil_spring robot.load robot.mechanism robot.robot robot.statics
 task
 """
 install_import_hook([f"taskcal.{module}" for module in _CHECKED.split()], "beartype.beartype")

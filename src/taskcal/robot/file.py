@@ -14,6 +14,8 @@ from taskcal.geometry.four_bar import FourBar
 from taskcal.robot.expression import parse_linear
 from taskcal.robot.joint_side import FourBarDrive, JointMap
 from taskcal.robot.robot import CoupledLimit, Part, Published, Robot, RobotJoint, Tolerances
+from taskcal.robot.statics import Body, Statics
+from taskcal.robot.statics_file import Mass, PayloadSection, Point, SpringSection, body
 from taskcal.toml_file import Finite, Positive, Section, explain, read_toml
 
 
@@ -73,6 +75,11 @@ class JointSection(Section):
     speed_mm_s: Positive | None = None
     acceleration_deg_s2: Positive | None = None
     acceleration_mm_s2: Positive | None = None
+    mass_kg: Mass | None = None
+    centre_mm: Point | None = None
+    stiffness_nm_rad: Positive | None = None
+    stiffness_n_mm: Positive | None = None
+    gear_ratio: Positive | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -84,6 +91,12 @@ class JointSection(Section):
         turns, slides = (self.speed_deg_s, self.acceleration_deg_s2), (self.speed_mm_s, self.acceleration_mm_s2)
         if any(value is not None for value in (turns if sliding else slides)):
             raise ValueError(f"a {self.type} joint has its speed and acceleration in {'mm' if sliding else 'degrees'}")
+        if (self.stiffness_nm_rad if sliding else self.stiffness_n_mm) is not None:
+            raise ValueError(f"a {self.type} joint has its stiffness in {'N/mm' if sliding else 'Nm/rad'}")
+        if sliding and self.gear_ratio is not None:
+            raise ValueError("a prismatic joint has no gear_ratio: its motor does not turn with it")
+        if (self.mass_kg is None) != (self.centre_mm is None):
+            raise ValueError("state mass_kg and centre_mm together, or neither")
         limits = self.limits_mm if sliding else self.limits_deg
         if limits and not limits[0] < limits[1]:
             raise ValueError(f"the lower limit {limits[0]:g} must be below the upper limit {limits[1]:g}")
@@ -175,6 +188,9 @@ class RobotFile(Section):
     flange: tuple[StepSection, ...] = ()
     four_bar: FourBarSection | None = None
     coupled_limit: tuple[CoupledLimitSection, ...] = ()
+    payload: PayloadSection | None = None
+    spring: SpringSection | None = None
+    gravity: Point = (0.0, 0.0, -1.0)
     link_radii_mm: tuple[Positive, ...] | None = None
     tolerance: ToleranceSection = ToleranceSection()
     symbols: dict[str, str] = Field(default_factory=dict)
@@ -190,6 +206,13 @@ class RobotFile(Section):
             raise ValueError(
                 f"link_radii_mm has {len(self.link_radii_mm)} values; {len(names)} joints have {len(names) + 1} links: base to "
                 "first joint, joint to joint, last joint to tool point"
+            )
+        if not any(self.gravity):
+            raise ValueError("gravity is nil; give its direction in the robot's base, such as [0.0, 0.0, -1.0]")
+        weightless = [joint.name for joint in self.joint if joint.mass_kg is None]
+        if 0 < len(weightless) < len(names):
+            raise ValueError(
+                f"joint '{weightless[0]}' has no mass_kg, others have; state the mass of every joint, or of none"
             )
         reserved = {"tool", "base", "loop"} & set(names)
         if reserved:
@@ -223,6 +246,7 @@ class RobotFile(Section):
                 )
                 for i, c in enumerate(self.coupled_limit, start=1)
             ),
+            statics=self._statics(names),
             link_radii=None if self.link_radii_mm is None else tuple(r * 1e-3 for r in self.link_radii_mm),
             tolerances=_tolerances(self.tolerance),
             symbols=_symbols(self.symbols, names),
@@ -247,6 +271,23 @@ class RobotFile(Section):
             limits=(-np.inf, np.inf) if limits is None else _pair(np.array(limits) * unit),
             speed=np.inf if speed is None else speed * unit,
             acceleration=np.inf if acceleration is None else acceleration * unit,
+            gear_ratio=joint.gear_ratio,
+        )
+
+    def _statics(self, names: list[str]) -> Statics:
+        weights = [
+            body(j.mass_kg, j.centre_mm) for j in self.joint if j.mass_kg is not None and j.centre_mm is not None
+        ]
+        direction = np.array(self.gravity)
+        sliding = [joint.type == "prismatic" for joint in self.joint]
+        return Statics(
+            links=tuple(weights) or None,
+            payload=Body(mass=0.0, centre=(0.0, 0.0, 0.0)) if self.payload is None else self.payload.body(),
+            stiffness=tuple(
+                j.stiffness_nm_rad if j.stiffness_n_mm is None else j.stiffness_n_mm * 1e3 for j in self.joint
+            ),
+            gravity=direction / np.linalg.norm(direction),
+            spring=None if self.spring is None else self.spring.spring(names, sliding),
         )
 
     def _drive(self, names: list[str]) -> FourBarDrive | None:

@@ -14,6 +14,7 @@ from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.geometry.chain import Fixed, Joint, Step
 from taskcal.robot.joint_side import FourBarDrive, JointMap
+from taskcal.robot.statics import Statics
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -45,6 +46,8 @@ class RobotJoint:
     """Largest speed, radians or metres per second."""
     acceleration: float = np.inf
     """Largest acceleration, radians or metres per second squared."""
+    gear_ratio: float | None = None
+    """Turns of the motor for one turn of the joint; None where the file does not say."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -98,6 +101,8 @@ class Robot:
     flange: tuple[Part, ...]
     """Fixed parts from the last joint frame to the controller's flange, in which it counts its tools."""
     coupled_limits: tuple[CoupledLimit, ...]
+    statics: Statics
+    """Masses, payload, stiffness and the direction of gravity."""
     link_radii: tuple[float, ...] | None
     """Radii of the capsules around the links, from base to first joint, joint to joint, last joint to tool point, metres;
     None where the file does not say."""

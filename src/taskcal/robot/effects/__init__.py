@@ -5,9 +5,12 @@
 
 from taskcal.robot.effects.backlash import Backlash as Backlash
 from taskcal.robot.effects.compliance import Compliance as Compliance
+from taskcal.robot.effects.coupling import Coupling as Coupling
 from taskcal.robot.effects.description import EFFECTS as EFFECTS
 from taskcal.robot.effects.description import effect_from as effect_from
 from taskcal.robot.effects.effect import Effect as Effect
 from taskcal.robot.effects.encoder_gain import EncoderGain as EncoderGain
 from taskcal.robot.effects.harmonics import Harmonics as Harmonics
 from taskcal.robot.effects.linear_term import LinearTerm as LinearTerm
+from taskcal.robot.effects.motor_harmonics import MotorHarmonics as MotorHarmonics
+from taskcal.robot.effects.spring import Spring as Spring

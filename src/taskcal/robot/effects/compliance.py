@@ -1,76 +1,88 @@
 """Drives that yield under what they carry."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
-from taskcal.robot.effects.effect import Effect
+from taskcal.errors import TaskcalError
+from taskcal.robot.effects.effect import Effect, frozen
 from taskcal.robot.effects.linear_term import LinearTerm
-from taskcal.robot.effects.load_path import LoadPath, drive
+from taskcal.robot.effects.load_path import LoadPath, at_motors, sample_poses
+from taskcal.robot.effects.lumped_weights import yield_under_lumped_weights
+from taskcal.robot.effects.motor_torque import motor_torque
+from taskcal.robot.load import Load
 from taskcal.robot.robot import Robot
 
-SAME = 1e-6
-"""Share of a column under which what is left of it is nothing of its own."""
+STATED = 0.3
+"""Share by which a stated stiffness is expected to be wrong (1σ): it is rarely measured, and drives differ."""
+
+LEAST = 0.1
+"""A drive is taken to be built for this share of the largest torque among all drives at least, where it carries less."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Compliance(Effect):
-    """Drives that yield under the weight of what they carry.
+    """Drives that yield under the weight of what they carry, and under forces at the tool.
 
-    The torque that unit weights at the later joints and at the tool point put on a motor is, by virtual work, their
-    downward movement for a turn of that motor alone. That follows the true load path: through a parallelogram's rod the
-    forearm's moment goes to the motor of its crank, whose absolute angle yields, and the lower arm's motor carries its
-    weight but not its moment. A coupling without a four-bar is the controller's way of counting, and each drive yields
-    about its own axis. Each parameter is the product of compliance and weight at one point, so neither must be known.
+    Torques come by virtual work through the true load path: through a parallelogram's rod the forearm's moment goes to the
+    motor of its crank, whose absolute angle yields, and the lower arm's motor carries its weight but not its moment. A
+    coupling without a four-bar is the controller's way of counting, and each drive yields about its own axis.
+
+    Where the robot file states the masses, each joint has one compliance, which acts on the torque of all known loads
+    together. Where it does not, each motor has a parameter for a weight at each later joint and at the tool point: the
+    product of compliance and weight, so that neither must be known.
     """
 
+    load: Load | None = None
+    """Payload, force and moment; by default the robot file's payload, and no force. It needs masses in the robot file."""
+
+    @classmethod
+    def from_json(cls, options: Mapping[str, Any]) -> "Compliance":
+        """The effect of these options, as `to_json` gives them."""
+        load = options.get("load")
+        others = frozen({name: value for name, value in options.items() if name != "load"})
+        return cls(**others, load=None if load is None else Load(**frozen(load)))
+
+    def under(self, load: Load) -> "Compliance":
+        """The same drives under another load."""
+        return replace(self, load=load)
+
     def term(self, robot: Robot) -> LinearTerm:
-        """Parameters ``J2.sag_J4`` (weight at the origin of joint 4) … ``J2.sag_tool``, radians per metre of lever."""
-        joints = len(robot.joints)
-        levers = LoadPath.of(robot)
-        rng = np.random.default_rng(0)
-        limits = np.clip(robot.limits, -1.5, 1.5)
-        sample = rng.uniform(limits[:, 0], limits[:, 1], (64, joints))
-        closing = levers.at(_closing(robot, sample))
-        kept: list[tuple[int, int]] = []
-        for j in self.chosen(robot):
-            own: list[np.ndarray] = []
-            for point in range(closing.shape[1]):
-                column = closing[:, point, j]
-                if _is_new(column, own):
-                    own.append(column)
-                    kept.append((j, point))
-        labels = [*robot.joint_names, "tool"]
-        motor = np.array([j for j, _ in kept], dtype=np.int64)
-        point = np.array([p for _, p in kept], dtype=np.int64)
-        turned = drive(robot)
-        moved = [(c, k) for k, j in enumerate(motor) for c in np.flatnonzero(turned[:, j])]
-        coordinate, parameter = (np.array(column, dtype=np.int64) for column in zip(*moved, strict=True))
-        gear = turned[coordinate, motor[parameter]]
-        return LinearTerm(
-            names=tuple(f"{robot.joint_names[j]}.sag_{labels[p]}" for j, p in kept),
-            units=("rad",) * len(kept),
-            tolerances=(self.tolerance,) * len(kept),
-            pairs=np.stack([coordinate, parameter], axis=1),
-            coordinates=joints,
-            basis=lambda q: levers.at(q)[:, point[parameter], motor[parameter]] * gear,
+        """Parameters ``J2.compliance``, radians per newton metre, or ``J2.sag_J4`` …, radians per metre of lever.
+
+        Raises:
+            TaskcalError: there is a load, but no masses of the links.
+        """
+        if robot.statics.links is not None:
+            return self._of_known_loads(robot)
+        if self.load is not None:
+            raise TaskcalError(
+                f"{robot.name}: a load deflects drives whose compliance is known by itself, which takes masses; state mass_kg "
+                "and centre_mm of every joint in the robot file"
+            )
+        return yield_under_lumped_weights(robot, self.chosen(robot), self.tolerance)
+
+    def _of_known_loads(self, robot: Robot) -> LinearTerm:
+        """One compliance for each joint, about the stated stiffness where there is one.
+
+        The tolerances do not depend on the load, so that it may change between calibration and use.
+        """
+        motors = self.chosen(robot)
+        own = motor_torque(robot, Load())(LoadPath.at(robot, sample_poses(robot)))
+        largest = np.abs(own).max(axis=0)
+        built_for = np.maximum(largest, LEAST * max(float(largest.max()), 1.0))
+        stiffness = [robot.statics.stiffness[m] for m in motors]
+        torque = motor_torque(robot, self.load or Load())
+        return at_motors(
+            robot,
+            [f"{robot.joint_names[m]}.compliance" for m in motors],
+            motors,
+            [
+                self.tolerance / built_for[m] if k is None else STATED / k
+                for m, k in zip(motors, stiffness, strict=True)
+            ],
+            lambda _, path: torque(path)[:, motors],
+            nominal=[0.0 if k is None else 1.0 / k for k in stiffness],
         )
-
-
-def _closing(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "k joints"]:
-    """Those of some positions that are inside the limits, where loops close."""
-    inside = q[robot.inside_limits(q)]
-    return inside if len(inside) > 16 else q
-
-
-def _is_new(column: Float[np.ndarray, " n"], others: list[Float[np.ndarray, " n"]]) -> bool:
-    """Whether a column says something that a combination of the others does not."""
-    size = float(np.linalg.norm(column))
-    if size < SAME * np.sqrt(len(column)):
-        return False
-    if not others:
-        return True
-    basis = np.stack(others, axis=1)
-    rest = column - basis @ np.linalg.lstsq(basis, column, rcond=None)[0]
-    return float(np.linalg.norm(rest)) > SAME * size

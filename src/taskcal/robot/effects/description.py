@@ -6,11 +6,16 @@ from typing import Any
 from taskcal.errors import UnknownName
 from taskcal.robot.effects.backlash import Backlash
 from taskcal.robot.effects.compliance import Compliance
+from taskcal.robot.effects.coupling import Coupling
 from taskcal.robot.effects.effect import Effect
 from taskcal.robot.effects.encoder_gain import EncoderGain
 from taskcal.robot.effects.harmonics import Harmonics
+from taskcal.robot.effects.motor_harmonics import MotorHarmonics
+from taskcal.robot.effects.spring import Spring
 
-EFFECTS: Mapping[str, type[Effect]] = {kind.__name__: kind for kind in (Harmonics, EncoderGain, Compliance, Backlash)}
+EFFECTS: Mapping[str, type[Effect]] = {
+    kind.__name__: kind for kind in (Harmonics, MotorHarmonics, EncoderGain, Coupling, Compliance, Spring, Backlash)
+}
 
 
 def effect_from(data: Mapping[str, Any]) -> Effect:
@@ -22,5 +27,4 @@ def effect_from(data: Mapping[str, Any]) -> Effect:
     kind = str(data["kind"])
     if kind not in EFFECTS:
         raise UnknownName("effect", kind, EFFECTS)
-    options: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k != "kind"}
-    return EFFECTS[kind](**options)
+    return EFFECTS[kind].from_json({name: value for name, value in data.items() if name != "kind"})

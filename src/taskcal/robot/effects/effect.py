@@ -1,6 +1,7 @@
 """What all effects share: the joints that have them, how large they are, how they are described."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from taskcal.errors import TaskcalError, UnknownName
@@ -34,11 +35,29 @@ class Effect:
 
     def to_json(self) -> dict[str, Any]:
         """Its kind and options."""
-        return {
-            "kind": type(self).__name__,
-            **{k: list(v) if isinstance(v, tuple) else v for k, v in vars(self).items()},
-        }
+        return {"kind": type(self).__name__, **_listed(asdict(self))}
+
+    @classmethod
+    def from_json(cls, options: Mapping[str, Any]) -> "Effect":
+        """The effect of these options, as `to_json` gives them."""
+        return cls(**frozen(options))
 
     def term(self, robot: Robot) -> LinearTerm:
         """The effect on a robot."""
         raise TaskcalError(f"{type(self).__name__} is no effect of its own")
+
+
+def _listed(value: Any) -> Any:
+    """As JSON has it: lists for tuples."""
+    if isinstance(value, dict):
+        return {name: _listed(inner) for name, inner in value.items()}
+    return [_listed(inner) for inner in value] if isinstance(value, tuple) else value
+
+
+def frozen(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options with tuples for the lists of JSON."""
+    return {name: _tupled(value) for name, value in options.items()}
+
+
+def _tupled(value: Any) -> Any:
+    return tuple(_tupled(inner) for inner in value) if isinstance(value, list) else value

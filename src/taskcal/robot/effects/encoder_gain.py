@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskcal.robot.effects.effect import Effect
-from taskcal.robot.effects.linear_term import LinearTerm, one_each
+from taskcal.robot.effects.linear_term import LinearTerm, at_joints
 from taskcal.robot.robot import Robot
 
 
@@ -17,7 +17,7 @@ class EncoderGain(Effect):
         """Parameters ``J2.gain``, radians per radian."""
         joints = np.array(self.chosen(robot), dtype=np.int64)
         middle = robot.joint_map(np.zeros((1, len(robot.joints))))[0]
-        return one_each(
+        return at_joints(
             [f"{robot.joint_names[j]}.gain" for j in joints],
             robot,
             joints,

@@ -5,16 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskcal.robot.effects.effect import Effect
-from taskcal.robot.effects.linear_term import LinearTerm, one_each
+from taskcal.robot.effects.linear_term import LinearTerm, at_joints
 from taskcal.robot.robot import Robot
 
 
 @dataclass(frozen=True, kw_only=True)
 class Harmonics(Effect):
-    """Gear and encoder eccentricity: cosine and sine of each joint's own angle and its multiples.
-
-    A compensating spring on an axis is of this shape too.
-    """
+    """Gear and encoder eccentricity: cosine and sine of each joint's own angle and its multiples."""
 
     orders: tuple[int, ...] = (1, 2)
 
@@ -25,7 +22,7 @@ class Harmonics(Effect):
         columns = np.array([j for j, _, _ in shapes], dtype=np.int64)
         orders = np.array([order for _, order, _ in shapes])
         phases = np.array([0.0 if part == "cos" else 0.5 * np.pi for _, _, part in shapes])
-        return one_each(
+        return at_joints(
             [f"{robot.joint_names[j]}.{part}{order}" for j, order, part in shapes],
             robot,
             columns,

@@ -1,4 +1,4 @@
-"""Joint-side terms that are linear in their parameters: δs = Φ(q)·ξ."""
+"""Joint-side terms that are linear in their parameters: δs = Φ(q)·(ξ₀ + ξ)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -29,6 +29,8 @@ class LinearTerm:
     """Joint positions (n, joints) to ∂δs/∂ξ of every pair (n, pairs)."""
     given: ConditionedBasis | None = None
     """The same where conditions are known, for effects that depend on them."""
+    nominal: Float[np.ndarray, " p"] | None = None
+    """ξ₀, what is known of the effect beforehand, from which its parameters are deviations; nil where None."""
 
     def prepare(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
@@ -47,7 +49,8 @@ class LinearTerm:
         """δs at joint positions q and parameters ξ."""
         factor = self.prepare(q) if prepared is None else prepared
         place = np.zeros((len(self.pairs), self.coordinates))
-        place[np.arange(len(self.pairs)), self.pairs[:, 0]] = xi[self.pairs[:, 1]]
+        value = xi if self.nominal is None else self.nominal + xi
+        place[np.arange(len(self.pairs)), self.pairs[:, 0]] = value[self.pairs[:, 1]]
         return Shift(value=factor @ place, factor=factor, slope=lambda: self._slope(q, place))
 
     def _slope(
@@ -62,7 +65,7 @@ class LinearTerm:
         return out
 
 
-def one_each(
+def at_joints(
     names: Sequence[str], robot: Robot, coordinates: Int[np.ndarray, " p"], tolerances: Sequence[float], basis: Basis
 ) -> LinearTerm:
     """A term of which each parameter moves one coordinate."""

@@ -1,55 +1,115 @@
-"""Which motor carries which load: by virtual work, through the robot's true load path."""
+"""Where loads go: what the turn of each motor moves, through the robot's true load path."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from taskcal.geometry import walk
-from taskcal.geometry.chain import Chain, Joint
+from taskcal.geometry.chain import Chain
+from taskcal.robot.effects.linear_term import LinearTerm
 from taskcal.robot.robot import Robot
-
-GRAVITY = np.array([0.0, 0.0, -1.0])
-"""Direction of gravity in the base of a robot that stands upright."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LoadPath:
-    """How far points of the robot go down for a turn of each motor."""
+    """The nominal robot where it stands, and what each motor moves there while the others hold.
 
-    robot: Robot
-    chains: tuple[Chain, ...]
-    """From the base to the origin of each joint but the first, and to the tool."""
+    Where a four-bar stands between motor and link, motors are the controller's joints: the crank's turn is absolute.
+    Without one, a coupling is taken for the controller's way of counting, and each drive acts about its own axis.
+    """
+
+    coordinates: Float[np.ndarray, "n coordinates"]
+    """Of the chain, radians or metres."""
+    by_motor: Float[np.ndarray, "n coordinates motors"]
+    """∂(coordinates)/∂(motors)."""
+    motors: Float[np.ndarray, "n motors"]
+    """Where the motors' outputs stand, radians or metres."""
 
     @classmethod
-    def of(cls, robot: Robot) -> "LoadPath":
-        """The load path of a robot at rest in its nominal geometry."""
-        steps = robot.steps()
-        joints = [k for k, step in enumerate(steps) if isinstance(step, Joint)]
-        return cls(robot=robot, chains=tuple(Chain.of(steps[:k]) for k in (*joints, len(steps))))
+    def at(cls, robot: Robot, q: Float[np.ndarray, "n joints"]) -> "LoadPath":
+        """The load path at joint positions q.
 
-    def at(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n points joints"]:
-        """∂(height)/∂q of every point, metres per radian; a weight of one newton makes that torque, in newton metres."""
-        robot = self.robot
+        Raises:
+            ClosureError: a closed loop cannot be assembled at some pose.
+        """
         q = np.asarray(q, dtype=float)
-        s, by_q = robot.joint_map(q), drive(robot)
-        if robot.four_bar is not None:
-            shift = robot.four_bar.shift(q, np.zeros(3))
-            s, by_q = s + shift.value, by_q + shift.by_joint
-        out = np.zeros((len(q), len(self.chains), q.shape[1]))
-        for k, chain in enumerate(self.chains):
-            if not chain.joints:
-                continue
-            own = np.ascontiguousarray(s[:, : chain.joints])
-            layout = walk.Columns.of_joints(chain)
-            J = walk.columns(chain, own, np.zeros((0, 6)), layout, np.ones_like(own), angular=False)
-            down = np.einsum("i,nij->nj", GRAVITY, J)
-            full = np.zeros((len(q), robot.joint_map.matrix.shape[0]))
-            full[:, : chain.joints] = down
-            out[:, k] = full @ by_q if by_q.ndim == 2 else np.einsum("nc,ncj->nj", full, by_q)
-        return out
+        s = robot.joint_map(q)
+        if robot.four_bar is None:
+            one = np.eye(s.shape[1])
+            return cls(coordinates=s, by_motor=np.broadcast_to(one, (len(q), *one.shape)), motors=s)
+        shift = robot.four_bar.shift(q, np.zeros(3))
+        return cls(coordinates=s + shift.value, by_motor=robot.joint_map.matrix + shift.by_joint, motors=q)
+
+    def columns(self, chain: Chain, point: Float[np.ndarray, " 3"] | None = None) -> Float[np.ndarray, "n 6 motors"]:
+        """Movement of a point at the end of a chain from the base for a turn of each motor: vx vy vz wx wy wz, base axes.
+
+        By virtual work its transpose gives the motors' torques under a force and a moment at the point.
+        """
+        if not chain.joints:
+            return np.zeros((len(self.coordinates), 6, self.by_motor.shape[2]))
+        own = np.ascontiguousarray(self.coordinates[:, : chain.joints])
+        layout = walk.Columns.of_joints(chain)
+        J = walk.columns(chain, own, np.zeros((0, 6)), layout, np.ones_like(own), angular=True, point=point)
+        return J @ self.by_motor[:, : chain.joints]
 
 
 def drive(robot: Robot) -> Float[np.ndarray, "coordinates motors"]:
     """Coordinates that the turn of each motor moves, its four-bar taken for a parallelogram."""
     return np.eye(len(robot.joints)) if robot.four_bar is None else robot.joint_map.matrix
+
+
+def moved_by_motors(robot: Robot) -> Bool[np.ndarray, "coordinates motors"]:
+    """Which coordinates the turn of each motor moves at any pose."""
+    bar = robot.four_bar
+    if bar is None:
+        return np.eye(len(robot.joints), dtype=bool)
+    return (robot.joint_map.matrix != 0) | np.outer(bar.output != 0, (bar.arm != 0) | (bar.crank != 0))
+
+
+def sample_poses(robot: Robot, count: int = 64) -> Float[np.ndarray, "k joints"]:
+    """Some joint positions inside the limits, where loops close: enough to see how large loads become."""
+    limits = np.clip(robot.limits, -1.5, 1.5)
+    q = np.random.default_rng(0).uniform(limits[:, 0], limits[:, 1], (count, len(limits)))
+    inside = q[robot.inside_limits(q)]
+    return inside if len(inside) > count // 4 else q
+
+
+def at_motors(
+    robot: Robot,
+    names: Sequence[str],
+    motors: Sequence[int],
+    tolerances: Sequence[float],
+    turns: Callable[[Float[np.ndarray, "n joints"], LoadPath], Float[np.ndarray, "n p"]],
+    nominal: Sequence[float] | None = None,
+) -> LinearTerm:
+    """A term of which each parameter turns one motor.
+
+    Args:
+        robot: the robot.
+        names: of the parameters.
+        motors: number of the motor that each one turns.
+        tolerances: of the parameters.
+        turns: turn of its motor for a unit of each parameter, at joint positions q and the load path there.
+        nominal: values that the parameters deviate from; nil by default.
+    """
+    moved = moved_by_motors(robot)
+    rows = [(c, k) for k, motor in enumerate(motors) for c in np.flatnonzero(moved[:, motor])]
+    pairs: Int[np.ndarray, "pairs 2"] = np.array(rows, dtype=np.int64).reshape(-1, 2)
+    coordinate, parameter = pairs.T
+    motor = np.array(motors, dtype=np.int64)[parameter]
+
+    def basis(q: np.ndarray) -> np.ndarray:
+        path = LoadPath.at(robot, q)
+        return turns(q, path)[:, parameter] * path.by_motor[:, coordinate, motor]
+
+    return LinearTerm(
+        names=tuple(names),
+        units=tuple("m" if robot.prismatic[motor] else "rad" for motor in motors),
+        tolerances=tuple(tolerances),
+        pairs=pairs,
+        coordinates=len(robot.joints),
+        basis=basis,
+        nominal=None if nominal is None else np.array(nominal, dtype=float),
+    )

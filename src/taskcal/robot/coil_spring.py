@@ -1,0 +1,34 @@
+"""A coil spring that holds an axis up, and the torque it makes there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoilSpring:
+    """A spring between a point on the arm and an anchor on the link before it.
+
+    Both points turn about the joint's axis, in one plane: the arm's at the crank's radius, the anchor at its distance.
+    """
+
+    joint: int
+    """Number of the joint that it helps, counted from 0."""
+    rate: float
+    """Newtons per metre."""
+    free_length: float
+    """Length without force, metres; nil where it pulls in proportion to its length."""
+    crank: float
+    """From the axis to its end on the arm, metres."""
+    anchor: float
+    """From the axis to its anchor, metres."""
+    aligned: float
+    """Turn of the joint from its zero position, coupling included, at which the crank points at the anchor, radians."""
+
+    def torque(self, turn: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Torque on the joint at its turns (radians), newton metres: −∂U/∂φ of U = ½ c (l − l₀)², l² = r² + a² − 2 r a cos φ."""
+        phi = turn - self.aligned
+        r, a = self.crank, self.anchor
+        length = np.sqrt((r - a) ** 2 + 2.0 * r * a * (1.0 - np.cos(phi)))
+        return -self.rate * (length - self.free_length) * r * a * np.sin(phi) / length

@@ -1,0 +1,57 @@
+"""Joints that move a little with others."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskcal.errors import TaskcalError, UnknownName
+from taskcal.robot.effects.effect import Effect
+from taskcal.robot.effects.linear_term import LinearTerm, at_joints
+from taskcal.robot.robot import Robot
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coupling(Effect):
+    """A share of one joint's motion that another makes too: wrists whose drives run through each other.
+
+    By default the robot's last three joints: the middle one by the first, the last one by both.
+    """
+
+    pairs: tuple[tuple[str, str], ...] | None = None
+    """Names of the joint that drives and of the joint that it moves; those of the wrist by default."""
+
+    def term(self, robot: Robot) -> LinearTerm:
+        """Parameters ``J5.by_J4`` …, radians per radian, with `tolerance` as their standard deviation.
+
+        Raises:
+            UnknownName: a joint that the robot does not have.
+            TaskcalError: a joint moved by itself, a sliding joint, or a robot without a wrist.
+        """
+        names, moved = robot.joint_names, self.chosen(robot)
+        pairs = [(drives, moves) for drives, moves in self._pairs(robot) if moves in moved]
+        for i, j in pairs:
+            if i == j or robot.prismatic[i] or robot.prismatic[j]:
+                raise TaskcalError(f"{names[j]} cannot be coupled to {names[i]}: name two different joints that turn")
+        by = np.array([i for i, _ in pairs], dtype=np.int64)
+        middle = robot.joint_map(np.zeros((1, len(names))))[0]
+        return at_joints(
+            [f"{names[j]}.by_{names[i]}" for i, j in pairs],
+            robot,
+            np.array([j for _, j in pairs], dtype=np.int64),
+            [self.tolerance] * len(pairs),
+            lambda q: (robot.joint_map(q) - middle)[:, by],
+        )
+
+    def _pairs(self, robot: Robot) -> list[tuple[int, int]]:
+        names = robot.joint_names
+        if self.pairs is None:
+            last = len(names) - 1
+            if last < 2:
+                raise TaskcalError(
+                    f"{robot.name} has no wrist of three joints; name the pairs of joints that are coupled"
+                )
+            return [(last - 2, last - 1), (last - 2, last), (last - 1, last)]
+        for name in (name for pair in self.pairs for name in pair):
+            if name not in names:
+                raise UnknownName("joint", name, names, f"of {robot.name}")
+        return [(names.index(drives), names.index(moves)) for drives, moves in self.pairs]
