@@ -322,3 +322,48 @@ def test_a_target_that_is_not_there_is_named_with_those_that_are(tmp_path, choic
 def test_limits_forgive_rounding_to_six_digits(tmp_path):
     campaign = read_campaign(write(tmp_path, rows=row(J1_deg="100.00001", Elbow_deg="0")), ROBOT)
     assert len(campaign) == 2
+
+
+APPROACH = f"{HEADER},J1_approach,Elbow_approach,J3_approach"
+
+
+def test_the_approach_is_read_or_else_taken_from_the_order_of_the_rows(tmp_path):
+    rows = ["a,10,20,300,1,2,3", "b,20,20,200,1,2,3", "c,15,30,200,1,2,3"]
+    np.testing.assert_array_equal(
+        read_campaign(write(tmp_path, rows=rows), ROBOT).approach, [[0, 0, 0], [1, 0, -1], [-1, 1, -1]]
+    )
+    stated = [f"{row},{way}" for row, way in zip(rows, ("1,0,-1", "-1,-1,1", "0,+1,1"), strict=True)]
+    np.testing.assert_array_equal(
+        read_campaign(write(tmp_path, APPROACH, stated), ROBOT).approach, [[1, 0, -1], [-1, -1, 1], [0, 1, 1]]
+    )
+
+
+@pytest.mark.parametrize(
+    ("ids", "known"),
+    [
+        (("1", "2", "3", "5", "6"), [False, True, True, False, True]),
+        (("10", "20", "40", "50", "60"), [False, True, False, True, True]),
+        (("3", "2", "1", "0", "7"), [False, True, True, True, True]),
+        (("a", "2", "5", "6", "7"), [False, True, True, True, True]),
+    ],
+    ids=str,
+)
+def test_ids_that_count_tell_where_rows_were_left_out(tmp_path, ids, known):
+    rows = [f"{name},{10 * i},{5 * i},{20 * i},1,2,3" for i, name in enumerate(ids)]
+    approach = read_campaign(write(tmp_path, rows=rows), ROBOT).approach
+    np.testing.assert_array_equal(approach, np.repeat(np.array(known, dtype=float)[:, None], 3, axis=1))
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "message"),
+    [
+        (f"{HEADER},J1_approach", "a,0,0,0,1,2,3,1", r"approach of some joints but not of Elbow; give Elbow_approach"),
+        (APPROACH, "a,0,0,0,1,2,3,1,0.5,0", r":2: column 'Elbow_approach': 0.5 is no way of approach; give 1"),
+        (APPROACH, "a,0,0,0,1,2,3,1,,0", r":2: column 'Elbow_approach': the cell is empty; give 1, -1, or 0"),
+        (f"{APPROACH},q1_approach", "a,0,0,0,1,2,3,1,0,0,1", r"approach of joint J1 is given twice"),
+        (f"{HEADER},J4_approach", "a,0,0,0,1,2,3,1", r"unknown column 'J4_approach'; .* J1_approach …"),
+    ],
+)
+def test_an_approach_that_is_none_is_refused(tmp_path, header, row, message):
+    with pytest.raises(FileError, match=message):
+        read_campaign(write(tmp_path, header, [row]), ROBOT)

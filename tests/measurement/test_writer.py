@@ -26,6 +26,7 @@ def test_a_written_campaign_reads_back_to_a_nanometre(tmp_path, kind):
         uncertainty=rng.uniform(1e-5, 1e-4, (6, len(targets))),
         nests={"base1": rng.normal(size=(6, 3))},
         temperature=rng.uniform(18, 25, 6),
+        approach=rng.choice([-1.0, 0.0, 1.0], (6, 2)),
     )
     path = tmp_path / "campaign.csv"
     write_campaign(path, campaign, ROBOT)
@@ -36,5 +37,6 @@ def test_a_written_campaign_reads_back_to_a_nanometre(tmp_path, kind):
     np.testing.assert_allclose(again.uncertainty, campaign.uncertainty, atol=1e-9)
     np.testing.assert_allclose(again.nests["base1"], campaign.nests["base1"], atol=1e-9)
     np.testing.assert_allclose(again.temperature, campaign.temperature, atol=1e-3)
+    np.testing.assert_array_equal(again.approach, campaign.approach)
     if rotations is not None:
         np.testing.assert_allclose(again.rotations[campaign.valid[:, 0]], rotations[campaign.valid[:, 0]], atol=1e-9)

@@ -1,0 +1,79 @@
+"""Effects of how a pose was reached: found where they are, and predicted under the same conditions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.identification.calibration import load_calibration
+from taskcal.identification.identify import identify
+from taskcal.identification.validation import validate
+from taskcal.measurement.virtual_cell import draw_defects, simulate
+from taskcal.robot.conditions import Conditions
+from taskcal.robot.effects import Backlash
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.file import robot_from
+from tests.laws.robots import industrial, industrial_positions
+
+
+def measured(seed: int, b: float = 3e-4, count: int = 120):
+    """A robot with backlash of the first three joints, measured in random order."""
+    rng = np.random.default_rng(seed)
+    model = ErrorModel(robot_from(industrial(rng))) + Backlash(joints=("J1", "J2", "J3"))
+    x = draw_defects(model, rng)
+    x[-3:] = b * rng.choice([-1.0, 1.0], 3)
+    centres = np.array([[0.1, 0.0, 0.05], [-0.05, 0.1, 0.0], [0.0, -0.1, 0.1]])
+    targets = {f"smr{i + 1}": centre for i, centre in enumerate(centres)}
+    campaign, truth = simulate(model, industrial_positions(rng, count), rng=rng, x=x, targets=targets)
+    return model, campaign, truth
+
+
+def test_backlash_is_found_within_its_standard_errors():
+    scaled = []
+    for seed in range(12):
+        model, campaign, truth = measured(seed)
+        found = identify(model, campaign)
+        scaled.append((found.estimate[-3:] - truth.x[-3:]) / found.standard_errors[-3:])
+        assert found.standard_errors[-3:].max() < 5e-5
+    assert np.abs(scaled).max() < 3.0
+    assert 0.6 < np.sqrt(np.mean(np.square(scaled))) < 1.4
+
+
+def test_seen_from_the_other_side_the_backlash_changes_its_sign():
+    model, campaign, _ = measured(0)
+    there = identify(model, campaign)
+    back = identify(model, replace(campaign, approach=-campaign.approach))
+    np.testing.assert_allclose(back.estimate[-3:], -there.estimate[-3:], atol=1e-9)
+    np.testing.assert_allclose(back.estimate[:-3], there.estimate[:-3], atol=1e-9)
+
+
+def test_without_conditions_a_model_with_backlash_is_the_model_without():
+    model, campaign, _ = measured(0)
+    blind = identify(model, replace(campaign, approach=None))
+    plain = identify(ErrorModel(model.robot), campaign)
+    np.testing.assert_allclose(blind.estimate[:-3], plain.estimate, atol=1e-9)
+    np.testing.assert_array_equal(blind.estimate[-3:], 0.0)
+
+
+def test_rows_held_out_are_predicted_for_the_side_they_were_reached_from(tmp_path):
+    model, campaign, _ = measured(1)
+    fitted, held = campaign.split(0.4, np.random.default_rng(0))
+    found = identify(model, fitted)
+    assert validate(found, held).mean < 0.3 * validate(identify(ErrorModel(model.robot), fitted), held).mean
+    found.save(tmp_path / "cal.json")
+    again = load_calibration(tmp_path / "cal.json")
+    np.testing.assert_array_equal(again.predict(held.q, held.conditions), found.predict(held.q, held.conditions))
+
+
+def test_the_uncertainty_counts_the_side_only_where_it_is_not_known():
+    """Over both sides of every joint, errors of the middle spread as the covariance without conditions says."""
+    model, _, truth = measured(2)
+    rng = np.random.default_rng(5)
+    found = identify(model, measured(2)[1])
+    q = industrial_positions(rng, 400)
+    sides = Conditions(approach=rng.choice([-1.0, 1.0], q.shape))
+    error = found.predict(q) - truth.points(q, sides)
+    unknown, known = found.predict_covariance(q), found.predict_covariance(q, sides)
+    square = np.einsum("nti,ntij,ntj->nt", error, np.linalg.inv(unknown), error)
+    assert square.mean() == pytest.approx(3.0, rel=0.15)
+    assert np.trace(known, axis1=2, axis2=3).mean() < 0.2 * np.trace(unknown, axis1=2, axis2=3).mean()

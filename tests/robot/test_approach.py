@@ -1,0 +1,40 @@
+import numpy as np
+
+from taskcal.robot.approach import approach_in_order, drive_motion
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.file import robot_from
+
+
+def arm(*angles, signs=()):
+    joints = [{"name": f"J{i + 1}", "angle": angle} for i, angle in enumerate(angles)]
+    return robot_from({"name": "arm", "joint": joints, "tool": [{"tx_mm": 100.0}]})
+
+
+def test_a_drive_keeps_its_way_until_it_moves_again():
+    robot = arm("J1", "J2")
+    q = np.radians([[0, 0], [10, 0], [10, -5], [5, -5], [5.001, -5]])
+    np.testing.assert_array_equal(approach_in_order(robot, q), [[0, 0], [1, 0], [1, -1], [-1, -1], [-1, -1]])
+
+
+def test_behind_a_gap_nothing_is_known_until_a_drive_moves():
+    robot = arm("J1", "J2")
+    q = np.radians([[0, 0], [10, 10], [20, 20], [30, 20], [20, 30]])
+    follows = np.array([False, True, False, True, True])
+    np.testing.assert_array_equal(approach_in_order(robot, q, follows), [[0, 0], [1, 1], [0, 0], [1, 0], [-1, 1]])
+
+
+def test_reversed_joints_count_in_the_controllers_sense():
+    q = np.radians([[0.0], [10.0]])
+    assert approach_in_order(arm("-J1"), q)[1, 0] == 1.0
+
+
+def test_the_drive_of_a_coupled_joint_turns_with_the_joint_it_stands_on():
+    """θ3 = −(J2 + J3): when J2 alone moves, the third drive has to turn as well."""
+    robot = arm("J1", "J2", "-(J2 + J3)")
+    q = np.radians([[0, 0, 0], [0, 10, 0], [0, 20, -15]])
+    np.testing.assert_array_equal(approach_in_order(robot, q), [[0, 0, 0], [0, 1, 1], [0, 1, -1]])
+
+
+def test_behind_a_parallelogram_the_controller_counts_motors():
+    robot = load_robot("abb-irb6660-205-1.9")
+    np.testing.assert_array_equal(drive_motion(robot), np.eye(6))

@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+
+from taskcal.robot.catalogue import catalogue_names, load_robot
+from taskcal.robot.conditions import Conditions
+from taskcal.robot.effects import Backlash, effect_from
+from taskcal.robot.error_model import ErrorModel
+
+B = 4e-4
+
+
+def with_backlash(name: str, joint: str) -> tuple[ErrorModel, np.ndarray, np.ndarray]:
+    """A model, positions, and parameters nil but for the backlash of one joint."""
+    model = ErrorModel(load_robot(name)) + Backlash()
+    limits = np.clip(model.robot.limits, -0.5, 0.5)
+    q = np.random.default_rng(0).uniform(limits[:, 0], limits[:, 1], (10, len(limits)))
+    x = np.zeros(len(model))
+    x[model.names.index(f"{joint}.backlash")] = B
+    return model, q, x
+
+
+def test_from_above_and_below_a_joint_stops_on_either_side_of_the_middle():
+    model, q, x = with_backlash("ur5", "J2")
+    turned = np.eye(6)[1] * B
+    for side in (1.0, -1.0):
+        reached = model.poses(q, x, Conditions(approach=np.full(q.shape, side)))
+        np.testing.assert_allclose(reached, model.poses(q + side * turned), atol=1e-14)
+    np.testing.assert_array_equal(model.poses(q, x), model.poses(q))
+    np.testing.assert_array_equal(model.poses(q, x, Conditions()), model.poses(q))
+
+
+COUPLED = "fanuc-r2000ic-165f"
+
+
+@pytest.mark.parametrize("name", [name for name in catalogue_names() if name != COUPLED])
+def test_lost_motion_is_that_of_the_motor(name):
+    """Behind a parallelogram too."""
+    model, q, x = with_backlash(name, "J3")
+    approach = np.random.default_rng(1).choice([-1.0, 0.0, 1.0], q.shape)
+    reached = model.poses(q, x, Conditions(approach=approach))
+    turned = np.zeros_like(q)
+    turned[:, 2] = B * approach[:, 2]
+    np.testing.assert_allclose(reached, model.poses(q + turned), atol=1e-7)
+
+
+def test_where_only_the_controller_counts_joints_together_a_drive_moves_its_own_axis_alone():
+    """The FANUC's third angle is −(J2 + J3): its second drive's lost motion is one of J2 that J3 takes back."""
+    model, q, x = with_backlash(COUPLED, "J2")
+    turned = np.zeros_like(q)
+    turned[:, 1], turned[:, 2] = B, -B
+    reached = model.poses(q, x, Conditions(approach=np.ones_like(q)))
+    np.testing.assert_allclose(reached, model.poses(q + turned), atol=1e-14)
+
+
+def test_backlash_survives_its_description():
+    assert effect_from(Backlash(joints=("J1", "J4")).to_json()) == Backlash(joints=("J1", "J4"))
