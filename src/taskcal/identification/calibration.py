@@ -25,6 +25,7 @@ from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import effect_from
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
+from taskcal.robot.load import Load
 
 FORMAT = "taskcal-calibration"
 FORMAT_VERSION = 1
@@ -290,6 +291,18 @@ class Calibration:
             chain = Chain.of([Fixed(self.layout.registration.T_tracker_base), ErrorFrame(), *self.model.steps])
             e, layout = e[:-1], replace(layout, frames=np.ascontiguousarray(layout.frames[:-1]))
         return walk.columns(chain, at.s, e, layout, at.factor, angular=True)
+
+    def under(self, load: Load) -> "Calibration":
+        """The calibrated robot under another load; residuals and outliers stay those of the load it was measured under.
+
+        Args:
+            load: payload, force and moment.
+
+        Raises:
+            TaskcalError: the model has no `Compliance`, or the robot file states no masses.
+        """
+        model = self.model.under(load)
+        return replace(self, model=model, layout=replace(self.layout, model=model))
 
     def save(self, path: str | Path) -> None:
         """Write a versioned JSON file, all at once; `load_calibration` reads it back exactly.

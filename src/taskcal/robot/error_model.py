@@ -1,7 +1,7 @@
 """The error model: one parameter for every defect that the mechanism leaves free."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ from taskcal.geometry.chain import Chain, ErrorFrame, Fixed, Joint, Step
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Effect, LinearTerm
 from taskcal.robot.joint_side import JointTerm, Shift
+from taskcal.robot.load import Load
 from taskcal.robot.robot import Part, Robot
 
 Prepared = tuple[Float[np.ndarray, "_ _"] | None, ...]
@@ -123,6 +124,28 @@ class ErrorModel:
     def conditioned(self) -> bool:
         """Whether an effect depends on how a pose is reached."""
         return any(isinstance(term, LinearTerm) and term.given is not None for term in self.terms)
+
+    def under(self, load: Load) -> "ErrorModel":
+        """The same robot with the same parameters under another load, such as a payload or the force of a cut.
+
+        A compliance that was identified under one load so predicts what another one does.
+
+        Args:
+            load: payload, force and moment.
+
+        Raises:
+            TaskcalError: the model has no `Compliance`, or the robot file states no masses.
+        """
+        if not any(isinstance(effect, Compliance) for effect in self.effects):
+            raise TaskcalError("the model does not yield to loads; add Compliance() to it before it is identified")
+        effects = [replace(e, load=load) if isinstance(e, Compliance) else e for e in self.effects]
+        return ErrorModel(self.robot, lengths_only=self.lengths_only, effects=effects)
+
+    @cached_property
+    def effect_names(self) -> tuple[str, ...]:
+        """Names of the parameters of the effects that were added, in order."""
+        added = self.terms[len(self.terms) - len(self.effects) :]
+        return tuple(name for term in added for name in term.names)
 
     def prepare(self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None) -> Prepared:
         """What `walk` needs at joint positions q under conditions, and no parameter changes."""

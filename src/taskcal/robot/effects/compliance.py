@@ -1,7 +1,7 @@
 """Drives that yield under what they carry."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -44,10 +44,6 @@ class Compliance(Effect):
         load = options.get("load")
         others = frozen({name: value for name, value in options.items() if name != "load"})
         return cls(**others, load=None if load is None else Load(**frozen(load)))
-
-    def under(self, load: Load) -> "Compliance":
-        """The same drives under another load."""
-        return replace(self, load=load)
 
     def term(self, robot: Robot) -> LinearTerm:
         """Parameters ``J2.compliance``, radians per newton metre, or ``J2.sag_J4`` …, radians per metre of lever.
