@@ -11,7 +11,7 @@ from taskcal.errors import TaskcalError, UnknownName
 from taskcal.geometry import walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed, Joint, Step
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects import Effect, LinearTerm
+from taskcal.robot.effects import Compliance, Effect, LinearTerm
 from taskcal.robot.joint_side import JointTerm, Shift
 from taskcal.robot.load import Load
 from taskcal.robot.robot import Part, Robot
