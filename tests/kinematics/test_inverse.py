@@ -8,6 +8,7 @@ from taskcal.adaptation.procedure import reference_task
 from taskcal.errors import ReachError
 from taskcal.kinematics.inverse import JUMP, closes, find_posture, follow, solve_near
 from taskcal.robot.catalogue import load_robot
+from taskcal.robot.effects import Compliance, EncoderGain, Harmonics
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from taskcal.task.task import reach_task
@@ -78,6 +79,48 @@ def test_the_parallelogram_is_solved_through_its_closure(rng):
     assert np.all(found.reached | ~model.robot.inside_limits(found.q))
     assert max(away(plain.poses(description, found.q, x), T)) < 1e-9
     np.testing.assert_allclose(found.q, q, atol=1e-6)
+
+
+@given(generators)
+def test_a_robot_with_effects_is_solved_where_its_joints_truly_stand(rng):
+    """The joints' deflections are added by hand, and far larger than real ones."""
+    description = limited(rng)
+    robot = robot_from(description)
+    plain_model, model = ErrorModel(robot), ErrorModel(robot) + Harmonics(orders=(1, 3)) + EncoderGain()
+    x = rng.normal(size=len(model)) * np.where(np.arange(len(model)) < len(plain_model), model.tolerances, 3e-3)
+    q = industrial_positions(rng, 20)
+    q = q[smallest_singular_value(model, q) > 0.05]
+    harmonics, gain = x[len(plain_model) : -6].reshape(6, 2, 2), x[-6:]
+    angle = q + robot.joint_map(np.zeros((1, 6)))
+    stands = q + gain * q
+    for k, order in enumerate((1, 3)):
+        stands = stands + harmonics[:, k, 0] * np.cos(order * angle) + harmonics[:, k, 1] * np.sin(order * angle)
+    T = plain.poses(description, stands, x[: len(plain_model)])
+    found = solve_near(model, T, q + rng.uniform(-0.02, 0.02, q.shape), x)
+    assert found.reached.all()
+    np.testing.assert_allclose(found.q, q, atol=1e-6)
+    nominal = solve_near(model, T, q)
+    assert np.abs(nominal.q - found.q).max() > 1e-4  # the effects matter
+
+
+@pytest.mark.parametrize("name", ["abb-irb6660-205-1.9", "fanuc-r2000ic-165f", "ur5", "barrett-wam"])
+def test_poses_of_robots_with_all_effects_are_met_to_a_nanometre(name):
+    """Through a parallelogram, a coupling in the controller, and with a joint more than needed."""
+    model = ErrorModel(load_robot(name)) + Compliance() + Harmonics(orders=(1, 2, 14)) + EncoderGain()
+    rng = np.random.default_rng(0)
+    x = 3.0 * rng.normal(size=len(model)) * model.tolerances
+    low, high = (0.6 * np.clip(model.robot.limits, -2.5, 2.5)).T
+    q = rng.uniform(low, high, (200, len(low)))
+    q = q[model.robot.inside_limits(q)]
+    q = q[closes(model, q, x)]
+    q = q[smallest_singular_value(model, q) > 0.05]
+    assert len(q) > 20
+    T = model.poses(q, x)
+    found = solve_near(model, T, q + rng.uniform(-0.01, 0.01, q.shape), x)
+    inside = model.robot.inside_limits(found.q)
+    assert inside.mean() > 0.9
+    assert np.all(found.reached == inside)
+    assert max(away(model.poses(found.q, x), T)) < 1e-9
 
 
 def test_seven_joints_work_too():
