@@ -10,14 +10,14 @@ import typer
 from taskcal.cli.options import split_names
 from taskcal.cli.output import show_facts, show_table
 from taskcal.identification.explain import PERIODIC, Explanation
-from taskcal.robot.effects import Compliance, Effect, EncoderGain, Harmonics
+from taskcal.robot.effects import Backlash, Compliance, Effect, EncoderGain, Harmonics
 
 STRONGEST = 12
 """How many harmonics are shown."""
 
 _HARMONICS = re.compile(r"harmonics:(\d+)(?:-(\d+))?$")
 _HIGHEST = 200
-_KNOWN = "compliance, gain, harmonics (orders 1 and 2), harmonics:1-4, periodic (orders 3 to 30)"
+_KNOWN = "backlash, compliance, gain, harmonics (orders 1 and 2), harmonics:1-4, periodic (orders 3 to 30)"
 
 
 def read_effects(text: str) -> list[Effect] | None:
@@ -34,6 +34,7 @@ def read_effects(text: str) -> list[Effect] | None:
 
 def _effect(name: str) -> Effect:
     known: Mapping[str, Effect] = {
+        "backlash": Backlash(),
         "compliance": Compliance(),
         "gain": EncoderGain(),
         "harmonics": Harmonics(),

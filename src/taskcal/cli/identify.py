@@ -91,8 +91,8 @@ def command(
         typer.Option(
             "--effects",
             metavar="auto|none|LIST",
-            help="What the joints do beside the geometry: 'auto' takes what the data prove; or add, unproven, compliance, "
-            "gain, harmonics (orders 1 and 2), harmonics:1-4, periodic (orders 3 to 30). None by default.",
+            help="What the joints do beside the geometry: 'auto' takes what the data prove; or add, unproven, backlash, "
+            "compliance, gain, harmonics (orders 1 and 2), harmonics:1-4, periodic (orders 3 to 30). None by default.",
         ),
     ] = "none",
     field: Annotated[

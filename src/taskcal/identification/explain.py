@@ -19,7 +19,7 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.field import FEWEST, learn_field
 from taskcal.identification.identify import identify
 from taskcal.measurement.campaign import Campaign
-from taskcal.robot.effects import Compliance, Effect, EncoderGain, Harmonics
+from taskcal.robot.effects import Backlash, Compliance, Effect, EncoderGain, Harmonics
 from taskcal.robot.error_model import ErrorModel
 
 PERIODIC = Harmonics(orders=tuple(range(3, 31)), tolerance=2e-5)
@@ -31,6 +31,7 @@ CANDIDATES: tuple[Effect, ...] = (
     Harmonics(orders=(2,)),
     Compliance(),
     PERIODIC,
+    Backlash(),
 )
 
 PROOF = 5.0
@@ -103,7 +104,7 @@ def explain(
         campaign: the measurements.
         effects: those to add without proof; by default the candidates are tried.
         field: try a residual field.
-        candidates: effects that compete.
+        candidates: effects that compete; backlash only where the campaign has the ways of approach.
         folds: of the cross-validation.
         seed: of its folds.
         progress: told what is being done.
@@ -137,7 +138,8 @@ def explain(
             )
             best, left = trial, errors
     else:
-        found = _search(model, campaign, list(candidates), parts, best, left, options, progress)
+        able = [c for c in candidates if campaign.approach is not None or not isinstance(c, Backlash)]
+        found = _search(model, campaign, able, parts, best, left, options, progress)
         best, left, model, options, added, tried = found
         stages += tried
     if field:
@@ -224,7 +226,12 @@ def _evidence(calibration: Calibration) -> float:
 
 
 def _label(effect: Effect) -> str:
-    named = {"EncoderGain": "encoder gain", "Harmonics": "gear harmonics", "Compliance": "compliance"}
+    named = {
+        "EncoderGain": "encoder gain",
+        "Backlash": "backlash",
+        "Harmonics": "gear harmonics",
+        "Compliance": "compliance",
+    }
     label = named.get(type(effect).__name__, type(effect).__name__)
     if isinstance(effect, Harmonics):
         first, last = effect.orders[0], effect.orders[-1]
