@@ -17,9 +17,9 @@ threadpool_limits(1)  # a pytest plugin may have loaded NumPy, and its BLAS, bef
 # Shapes and types in annotations are checked at every call, but for compiled kernels, which Numba has to read, and for
 # robot and task files, which pydantic checks.
 _CHECKED = """
-csv_table files geometry.chain geometry.se3 estimation measurement identification analysis adaptation kinematics
+csv_table files geometry.chain geometry.polyline geometry.se3 estimation measurement identification analysis adaptation kinematics
 robot.approach robot.catalogue robot.conditions robot.dh_table robot.effects robot.error_model robot.expression robot.joint_side
-robot.coil_spring robot.load robot.mechanism robot.robot robot.statics
+robot.coil_spring robot.mechanism robot.robot robot.statics
 task
 """
 install_import_hook([f"taskcal.{module}" for module in _CHECKED.split()], "beartype.beartype")

@@ -1,0 +1,108 @@
+"""A path in space given by its points: tangents, distances from it, and where it crosses planes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+_BLOCK = 1_000_000
+"""Pairs of a point and a segment that are looked at together; bounds the memory."""
+
+_ROUNDING = 1e-9
+"""Metres by which a point abreast of an end may seem to lie beyond it."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Crossings:
+    """Where a path goes through planes, at most once through each."""
+
+    planes: Int[np.ndarray, " k"]
+    """Which planes are crossed, ascending."""
+    points: Float[np.ndarray, "k 3"]
+    """Where, metres."""
+    segments: Int[np.ndarray, " k"]
+    """Number of the path's segment that crosses."""
+    fractions: Float[np.ndarray, " k"]
+    """How far along that segment, from 0 to 1."""
+
+
+def is_closed(path: Float[np.ndarray, "n 3"]) -> bool:
+    """Whether a path of more than two points ends where it begins."""
+    return len(path) > 3 and bool(np.array_equal(path[0], path[-1]))
+
+
+def tangents(path: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    """Unit tangents: halfway between the directions of the segments that meet at a point; nil where the path turns back.
+
+    Args:
+        path: points, no two neighbours the same.
+    """
+    steps = np.diff(path, axis=0)
+    steps /= np.linalg.norm(steps, axis=1, keepdims=True)
+    before, after = np.vstack([steps[:1], steps]), np.vstack([steps, steps[-1:]])
+    if is_closed(path):
+        before[0], after[-1] = steps[-1], steps[0]
+    sums = before + after
+    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+    back = lengths < 1e-6
+    return np.where(back, 0.0, sums / np.where(back, 1.0, lengths))
+
+
+def distances(
+    points: Float[np.ndarray, "m 3"], path: Float[np.ndarray, "n 3"]
+) -> tuple[Float[np.ndarray, " m"], Bool[np.ndarray, " m"]]:
+    """Distance of each point from the nearest point of a path, and whether it lies off one of the path's ends.
+
+    Args:
+        points: the points, metres.
+        path: at least two points, no two neighbours the same, metres.
+
+    Returns:
+        distances, metres; where the nearest point is an end of an open path and the point lies beyond it.
+    """
+    start, step = path[:-1], np.diff(path, axis=0)
+    length2 = np.einsum("ni,ni->n", step, step)
+    nearest, off = np.empty(len(points)), np.zeros(len(points), dtype=bool)
+    block = max(1, _BLOCK // len(step))
+    for first in range(0, len(points), block):
+        part = slice(first, first + block)
+        away = points[part, None] - start
+        along = np.einsum("mni,ni->mn", away, step) / length2
+        away -= np.clip(along, 0.0, 1.0)[..., None] * step
+        squares = np.einsum("mni,mni->mn", away, away)
+        chosen = squares.argmin(axis=1)
+        rows = np.arange(len(chosen))
+        nearest[part] = np.sqrt(squares[rows, chosen])
+        fraction, slack = along[rows, chosen], _ROUNDING / np.sqrt(length2[chosen])
+        off[part] = ((chosen == 0) & (fraction < -slack)) | ((chosen == len(step) - 1) & (fraction > 1.0 + slack))
+    return nearest, off & (not is_closed(path))
+
+
+def cross_planes(
+    path: Float[np.ndarray, "m 3"], origins: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], within: float
+) -> Crossings:
+    """Where a path goes through planes in the sense of their normals.
+
+    Args:
+        path: its points, metres.
+        origins: a point of each plane, metres.
+        normals: unit normal of each plane.
+        within: a crossing counts if it is no farther than this from its plane's origin, metres; the nearest is taken.
+    """
+    found: list[tuple[np.ndarray, np.ndarray]] = []
+    block = max(1, _BLOCK // len(path))
+    for first in range(0, len(origins), block):
+        part = slice(first, first + block)
+        height = normals[part] @ path.T - np.einsum("ni,ni->n", normals[part], origins[part])[:, None]
+        before, after = height[:, :-1], height[:, 1:]
+        plane, segment = np.nonzero((before <= 0.0) & (after >= 0.0) & (after > before))
+        fraction = before[plane, segment] / (before[plane, segment] - after[plane, segment])
+        found.append((np.stack([plane + first, segment]), fraction))
+    (plane, segment), fraction = np.concatenate([f[0] for f in found], axis=1), np.concatenate([f[1] for f in found])
+    points = path[segment] + fraction[:, None] * (path[segment + 1] - path[segment])
+    away = np.linalg.norm(points - origins[plane], axis=1)
+    order = np.lexsort((away, plane))
+    order = order[away[order] <= within]
+    planes, firsts = np.unique(plane[order], return_index=True)
+    chosen = order[firsts]
+    return Crossings(planes=planes, points=points[chosen], segments=segment[chosen], fractions=fraction[chosen])
