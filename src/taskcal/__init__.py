@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from taskcal.measurement.virtual_cell import simulate as simulate
     from taskcal.measurement.writer import write_campaign as write_campaign
     from taskcal.measurement.writer import write_joints as write_joints
+    from taskcal.programs.reading import read_program as read_program
     from taskcal.robot.catalogue import catalogue_names as catalogue_names
     from taskcal.robot.catalogue import load_robot as load_robot
     from taskcal.robot.dh_table import read_dh_table as read_dh_table

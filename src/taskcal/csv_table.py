@@ -27,6 +27,7 @@ class CsvTable:
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
+    delimiter: str = ","
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -93,6 +94,15 @@ def read_csv(path: str | Path) -> CsvTable:
         raise FileError(path, f"cannot be read: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
         raise FileError(path, "is no UTF-8 text; save it as CSV in UTF-8") from error
+    return parse_csv(path, text)
+
+
+def parse_csv(path: Path, text: str) -> CsvTable:
+    """The table that a file's text holds.
+
+    Raises:
+        FileError: as `read_csv`, for the file named.
+    """
     text = _SEPARATOR_LINE.sub("", text, count=1)
     if "\0" in text:
         raise FileError(path, "is a binary file; export it as CSV")
@@ -125,4 +135,4 @@ def read_csv(path: str | Path) -> CsvTable:
     twice = {name for name in header if header.count(name) > 1}
     if twice:
         raise FileError(path, f"two columns are named '{min(twice)}'; column names must differ", line=1)
-    return CsvTable(path=path, header=header, rows=tuple(rows), lines=tuple(lines))
+    return CsvTable(path=path, header=header, rows=tuple(rows), lines=tuple(lines), delimiter=delimiter)

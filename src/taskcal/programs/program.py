@@ -48,6 +48,8 @@ class Target:
     """Of a pose, where the program says it."""
     place: Place
     """Of its numbers."""
+    free_spin: bool = False
+    """The rotation of the tool about its own z axis is left open; T has some."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,0 +1,1 @@
+"""Tool paths and joint paths in CSV as robot programs."""

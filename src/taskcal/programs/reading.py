@@ -1,0 +1,78 @@
+"""Reading a robot program of any language, known by the suffix of its files."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from taskcal.errors import FileError, TaskcalError
+from taskcal.programs.program import Frame, Program
+from taskcal.programs.source import read_source
+from taskcal.robot.robot import Robot
+
+SUFFIXES: Mapping[str, tuple[str, ...]] = {
+    "RAPID": (".mod", ".sys", ".prg"),
+    "KRL": (".src", ".dat"),
+    "APT": (".apt", ".aptsource", ".cls", ".cl", ".ncl"),
+    "CSV": (".csv",),
+}
+"""How files of each language end; letter case does not matter."""
+
+
+def language_of(path: Path) -> str:
+    """The language that a file's suffix stands for.
+
+    Raises:
+        FileError: the suffix is not known.
+    """
+    for language, suffixes in SUFFIXES.items():
+        if path.suffix.lower() in suffixes:
+            return language
+    known = "; ".join(f"{language}: {' '.join(suffixes)}" for language, suffixes in SUFFIXES.items())
+    raise FileError(path, f"has no suffix of a robot program; known are {known}")
+
+
+def read_program(
+    *paths: str | Path, robot: Robot | None = None, tool: Frame | None = None, part: Frame | None = None
+) -> Program:
+    """Read a robot program: RAPID, KRL, APT or CSV.
+
+    Args:
+        paths: its files; those that declare tools and frames belong to it.
+        robot: of a program in APT or CSV: whose own tool moves where `tool` is not given, and whose joints columns name.
+        tool: of a program in APT or CSV, which do not say it: what the positions are of.
+        part: of a program in APT or CSV: frame in which the positions are counted; the robot's base by default.
+
+    Raises:
+        FileError: a file is missing, or is no program; of a CSV: it cannot be read as a path.
+        TaskcalError: no file, several languages, or a tool where the program says its own.
+    """
+    files = [Path(path) for path in paths]
+    if not files:
+        raise TaskcalError("no program was given; name its files")
+    languages = {language_of(path): path for path in files}
+    if len(languages) > 1:
+        (one, first), (other, second) = list(languages.items())[:2]
+        raise TaskcalError(f"{first} is {one} and {second} is {other}; the files of a program have one language")
+    twice = next((path for path in files if files.count(path) > 1), None)
+    if twice is not None:
+        raise FileError(twice, "is given twice; name each file once")
+    (language,) = languages
+    if language in ("RAPID", "KRL") and (tool is not None or part is not None):
+        raise TaskcalError(f"{files[0]} is {language}, which says its own tools and frames; leave out tool and part")
+    sources = tuple(read_source(path) for path in files)
+    match language:
+        case "RAPID":
+            from taskcal.programs.rapid.read import read_rapid
+
+            return read_rapid(sources)
+        case "KRL":
+            from taskcal.programs.krl.read import read_krl
+
+            return read_krl(sources)
+        case "APT":
+            from taskcal.programs.apt.read import read_apt
+
+            return read_apt(sources, robot=robot, tool=tool, part=part)
+        case _:
+            from taskcal.programs.csv_path.read import read_csv_path
+
+            return read_csv_path(sources, robot=robot, tool=tool, part=part)
