@@ -81,6 +81,7 @@ _HOME = {
     "reach_task": "task.task",
     "read_campaign": "measurement.reader",
     "read_dh_table": "robot.dh_table",
+    "read_program": "programs.reading",
     "reference_task": "adaptation.procedure",
     "register": "measurement.registration",
     "register_from_circles": "measurement.axis_circles",
