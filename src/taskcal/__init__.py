@@ -27,9 +27,17 @@ if TYPE_CHECKING:
     from taskcal.identification.validation import validate as validate
     from taskcal.measurement.axis_circles import register_from_circles as register_from_circles
     from taskcal.measurement.campaign import Campaign as Campaign
+    from taskcal.measurement.cycles import read_path_cycles as read_path_cycles
+    from taskcal.measurement.cycles import read_pose_cycles as read_pose_cycles
+    from taskcal.measurement.distance_performance import assess_distance as assess_distance
+    from taskcal.measurement.path_performance import PathPerformance as PathPerformance
+    from taskcal.measurement.path_performance import assess_path as assess_path
+    from taskcal.measurement.pose_performance import PosePerformance as PosePerformance
+    from taskcal.measurement.pose_performance import assess_pose as assess_pose
     from taskcal.measurement.reader import read_campaign as read_campaign
     from taskcal.measurement.registration import Registration as Registration
     from taskcal.measurement.registration import register as register
+    from taskcal.measurement.repeated_poses import pose_repeatability as pose_repeatability
     from taskcal.measurement.station import load_station as load_station
     from taskcal.measurement.tracker import TrackerNoise as TrackerNoise
     from taskcal.measurement.virtual_cell import simulate as simulate
@@ -59,7 +67,9 @@ _HOME = {
     "GaussianPrior": "estimation.prior",
     "Harmonics": "robot.effects",
     "Huber": "estimation.loss",
+    "PathPerformance": "measurement.path_performance",
     "Plan": "adaptation.plan",
+    "PosePerformance": "measurement.pose_performance",
     "Registration": "measurement.registration",
     "Robot": "robot.robot",
     "Selection": "adaptation.selection",
@@ -69,6 +79,9 @@ _HOME = {
     "TaskcalError": "errors",
     "TrackerNoise": "measurement.tracker",
     "Validation": "identification.validation",
+    "assess_distance": "measurement.distance_performance",
+    "assess_path": "measurement.path_performance",
+    "assess_pose": "measurement.pose_performance",
     "catalogue_names": "robot.catalogue",
     "explain": "identification.explain",
     "identifiability": "analysis.identifiability",
@@ -78,9 +91,12 @@ _HOME = {
     "load_station": "measurement.station",
     "load_task": "task.task",
     "plan": "adaptation.plan",
+    "pose_repeatability": "measurement.repeated_poses",
     "reach_task": "task.task",
     "read_campaign": "measurement.reader",
     "read_dh_table": "robot.dh_table",
+    "read_path_cycles": "measurement.cycles",
+    "read_pose_cycles": "measurement.cycles",
     "read_program": "programs.reading",
     "reference_task": "adaptation.procedure",
     "register": "measurement.registration",

@@ -9,12 +9,26 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from taskcal.cli import doctor, identify, plan, report, robots, select, sensitivity, simulate, study, validate, warm
+from taskcal.cli import (
+    doctor,
+    identify,
+    performance,
+    plan,
+    report,
+    robots,
+    select,
+    sensitivity,
+    simulate,
+    study,
+    validate,
+    warm,
+)
 from taskcal.cli.output import complain
 from taskcal.errors import TaskcalError
 
 ORDER = (
-    "demo", "robots", "sensitivity", "select", "plan", "study", "simulate", "identify", "validate", "report", "doctor", "warm",
+    "demo", "robots", "sensitivity", "select", "plan", "study", "simulate", "identify", "validate", "performance", "report",
+    "doctor", "warm",
 )  # fmt: skip
 """The user's road, and then what keeps the installation in order."""
 
@@ -84,6 +98,7 @@ app.command("study")(study.command)
 app.command("simulate")(simulate.command)
 app.command("identify")(identify.command)
 app.command("validate")(validate.command)
+app.command("performance")(performance.command)
 app.command("report")(report.command)
 app.command("warm")(warm.command)
 app.command("doctor")(doctor.command)

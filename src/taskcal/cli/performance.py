@@ -1,0 +1,177 @@
+"""``taskcal performance``: accuracy and repeatability of measured poses and paths, after ISO 9283."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from taskcal.cli.options import JsonOption, split_names
+from taskcal.cli.output import note, show_table, write_json
+
+if TYPE_CHECKING:
+    from taskcal.measurement.cycles import PoseCycles
+
+POSE_CYCLES, PATH_CYCLES = 30, 10
+"""How many cycles the standard asks for (ISO 9283:1998, 6.9)."""
+
+
+def command(
+    measured: Annotated[
+        Path, typer.Argument(metavar="MEASURED.csv", readable=False, help="Measured cycles, with their commands.")
+    ],
+    path: Annotated[
+        bool, typer.Option("--path", help="The rows are passes along a path: 'section' in place of 'pose'.")
+    ] = False,
+    commanded: Annotated[
+        Path | None,
+        typer.Option(
+            "--command",
+            metavar="PATH.csv",
+            readable=False,
+            help="The commanded path, in a file of its own; samples of the passes may lie anywhere along it.",
+        ),
+    ] = None,
+    distance: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--distance",
+            metavar="POSE,POSE",
+            help="Two poses to judge the distance of; may be repeated; else each two in turn.",
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Accuracy and repeatability of measured poses or paths (ISO 9283)."""
+    if path or commanded is not None:
+        if distance:
+            raise typer.BadParameter("a path has no poses with distances; leave one out", param_hint="--distance")
+        result = _of_path(measured, commanded)
+        if as_json:
+            write_json(result)
+        else:
+            _show(f"Path of {measured}", [result])
+        return
+    pairs = None if distance is None else [_pair(text) for text in distance]
+    results = _of_poses(measured, pairs)
+    if as_json:
+        write_json(results)
+        return
+    for key, title in (("poses", "Poses"), ("directions", "Directions of approach"), ("distances", "Distances")):
+        if results[key]:
+            _show(f"{title} of {measured}", results[key])
+
+
+def _pair(text: str) -> tuple[str, str]:
+    names = split_names(text, "--distance") or []
+    if len(names) != 2:
+        raise typer.BadParameter(f"'{text}' is not two poses; write for example P2,P4", param_hint="--distance")
+    return names[0], names[1]
+
+
+def _of_path(measured: Path, commanded: Path | None) -> dict[str, Any]:
+    from taskcal.errors import CampaignError, FileError
+    from taskcal.measurement.cycles import read_path_cycles
+    from taskcal.measurement.path_performance import assess_path
+
+    cycles = read_path_cycles(measured, commanded)
+    try:
+        found = assess_path(
+            cycles.commanded,
+            cycles.attained,
+            commanded_rotations=cycles.commanded_rotations,
+            rotations=cycles.rotations,
+        )
+    except CampaignError as error:
+        raise FileError(measured, str(error)) from error
+    _ask_for_cycles("a path", found.cycles, PATH_CYCLES)
+    left_out = [cycles.sections[i] for i in found.left_out]
+    if left_out:
+        note(f"{len(left_out)} of {len(cycles.sections)} sections are not crossed by every pass and left out")
+    return {**found.summary(), "left_out": left_out}
+
+
+def _of_poses(measured: Path, pairs: Sequence[tuple[str, str]] | None) -> dict[str, list[dict[str, Any]]]:
+    from taskcal.measurement.cycles import read_pose_cycles
+    from taskcal.measurement.pose_performance import PosePerformance, assess_pose, compare_directions
+
+    groups = read_pose_cycles(measured)
+    found: dict[str, list[PosePerformance]] = {}
+    poses: list[dict[str, Any]] = []
+    for group in groups:
+        one = assess_pose(
+            group.attained,
+            group.commanded,
+            rotations=group.rotations,
+            commanded_rotation=group.commanded_rotation,
+        )
+        found.setdefault(group.pose, []).append(one)
+        poses.append({"pose": group.pose, **_direction(group), **one.summary()})
+    _ask_for_cycles("a pose", min(len(group.cycles) for group in groups), POSE_CYCLES)
+    directions = [
+        {"pose": pose, "directions": len(several), **compare_directions(several).summary()}
+        for pose, several in found.items()
+        if len(several) > 1
+    ]
+    return {"poses": poses, "directions": directions, "distances": _distances(measured, groups, pairs)}
+
+
+def _distances(
+    measured: Path, groups: Sequence["PoseCycles"], pairs: Sequence[tuple[str, str]] | None
+) -> list[dict[str, Any]]:
+    """Distances of the pairs asked for, or of each pose and the next one, for each direction that both were approached from."""
+    from taskcal.errors import FileError, UnknownName
+    from taskcal.measurement.distance_performance import assess_distance
+
+    names = list(dict.fromkeys(group.pose for group in groups))
+    asked = pairs is not None
+    if groups[0].commanded is None:
+        if asked:
+            raise FileError(
+                measured, "a distance needs commands; give command_x_mm, command_y_mm, command_z_mm", line=1
+            )
+        return []
+    by_key = {(group.pose, group.direction): group for group in groups}
+    out: list[dict[str, Any]] = []
+    for first, second in pairs if pairs is not None else pairwise(names):
+        for name in (first, second):
+            if name not in names:
+                raise UnknownName("pose", name, names, f"in {measured}")
+        before = len(out)
+        for a in (group for group in groups if group.pose == first):
+            b = by_key.get((second, a.direction))
+            common = [cycle for cycle in a.cycles if b is not None and cycle in b.cycles]
+            if b is None or a.commanded is None or b.commanded is None or not common:
+                continue
+            found = assess_distance(
+                a.attained[[a.cycles.index(cycle) for cycle in common]],
+                b.attained[[b.cycles.index(cycle) for cycle in common]],
+                a.commanded,
+                b.commanded,
+            )
+            out.append({"from": first, "to": second, **_direction(a), **found.summary()})
+        if asked and len(out) == before:
+            raise FileError(measured, f"poses '{first}' and '{second}' have no cycle in common to take a distance in")
+    return out
+
+
+def _direction(group: "PoseCycles") -> dict[str, str]:
+    return {"direction": group.direction} if group.direction else {}
+
+
+def _ask_for_cycles(what: str, cycles: int, wanted: int) -> None:
+    if cycles == 1:
+        note(f"{what} measured once has an accuracy but no repeatability; ISO 9283 asks for {wanted} cycles")
+    elif cycles < wanted:
+        note(f"ISO 9283 asks for {wanted} cycles of {what}; there are {cycles}")
+
+
+def _show(title: str, results: Sequence[Mapping[str, Any]]) -> None:
+    columns = [key for key in dict.fromkeys(key for result in results for key in result) if key != "left_out"]
+    rows = [[_text(result[key]) if key in result else "" for key in columns] for result in results]
+    show_table(title, [key.replace("_mm", " mm").replace("_deg", " °") for key in columns], rows)
+
+
+def _text(value: float | int | str) -> str:
+    return f"{value:.4f}" if isinstance(value, float) else str(value)
