@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from taskcal.errors import ClosureError
 from taskcal.geometry.compiled import compiled
@@ -100,3 +100,14 @@ def close_four_bar(bar: FourBar, arm_angle: Float[np.ndarray, " n"], crank_angle
             "and signs",
         )
     return out
+
+
+def can_close(
+    bar: FourBar, arm_angle: Float[np.ndarray, " n"], crank_angle: Float[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
+    """Whether the rod reaches, by more than rounding, for arm angles α and crank angles κ, radians."""
+    crank = crank_angle + bar.crank_angle
+    wx = bar.arm * np.cos(arm_angle) - bar.crank * np.cos(crank)
+    wy = bar.arm * np.sin(arm_angle) - bar.crank * np.sin(crank)
+    square = wx * wx + wy * wy
+    return np.abs(bar.rod**2 - square - bar.rocker**2) < (1.0 - 1e-12) * 2.0 * bar.rocker * np.sqrt(square)

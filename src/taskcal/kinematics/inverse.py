@@ -1,17 +1,25 @@
 """Joint positions that bring the tool to given poses: damped Newton with the analytic Jacobian, many poses at once."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.stats import qmc
 
-from taskcal.errors import ClosureError, ReachError
+from taskcal.errors import ReachError
 from taskcal.geometry import se3
-from taskcal.robot.error_model import ErrorModel
+from taskcal.geometry.pose_step import Goal, step_towards
+from taskcal.geometry.walk import in_chunks
+from taskcal.robot.error_model import ErrorModel, Walk
+
+Spin = Literal["fixed", "free"]
 
 POSITION, ROTATION = 1e-9, 1e-9
 """A pose is reached within these, metres and radians."""
+
+MARGIN = 0.1
+"""Share of them at which the steps end."""
 
 SAME = 1e-6
 """Postures nearer to each other than this are one, radians."""
@@ -30,12 +38,6 @@ class Reached:
     """Whether the pose is met, inside all limits."""
 
 
-def _twist(target: np.ndarray, T: np.ndarray) -> np.ndarray:
-    """Translation and rotation from T to target, in base axes."""
-    turn = se3.log(target[:, :3, :3] @ np.swapaxes(T[:, :3, :3], 1, 2))
-    return np.concatenate([target[:, :3, 3] - T[:, :3, 3], turn], axis=1)
-
-
 def solve_near(
     model: ErrorModel,
     T: Float[np.ndarray, "n 4 4"],
@@ -43,8 +45,12 @@ def solve_near(
     x: Float[np.ndarray, " p"] | None = None,
     *,
     iterations: int = 25,
+    tip: Float[np.ndarray, "4 4"] | None = None,
+    spin: Spin = "fixed",
 ) -> Reached:
     """Solve each pose from its own seed, and stay on the seed's branch.
+
+    Where the pose leaves the robot some freedom, every step is the shortest that serves.
 
     Args:
         model: the model; the pose met is that of its tool.
@@ -52,74 +58,85 @@ def solve_near(
         seed: joint positions to start from, radians.
         x: parameter values; the nominal robot by default.
         iterations: Newton steps at most.
+        tip: pose, in the tool, of the frame that shall be at T; the tool itself by default.
+        spin: ``free`` where that frame may turn about its own z axis, as a spindle may.
     """
-    q = _approach(model, T, seed, x, iterations)
-    return Reached(q=q, reached=_met(model, T, q, x))
+    end = approach(model, T, seed, x, iterations=iterations, tip=tip, spin=spin)
+    return Reached(q=end.q, reached=end.met & model.robot.inside_limits(end.q))
 
 
-def _approach(
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Approach:
+    """Where Newton steps have led to."""
+
+    q: Float[np.ndarray, "n joints"]
+    """Radians."""
+    off: Float[np.ndarray, "n 2"]
+    """Distance and angle that are left, metres and radians; infinite where a closed loop does not assemble."""
+
+    @property
+    def met(self) -> Bool[np.ndarray, " n"]:
+        """Whether the pose is met, limits aside."""
+        return (self.off[:, 0] < POSITION) & (self.off[:, 1] < ROTATION)
+
+
+def approach(
     model: ErrorModel,
     T: Float[np.ndarray, "n 4 4"],
     seed: Float[np.ndarray, "n joints"],
-    x: Float[np.ndarray, " p"] | None,
+    x: Float[np.ndarray, " p"] | None = None,
+    *,
     iterations: int,
-) -> Float[np.ndarray, "n joints"]:
-    """Newton steps from the seeds, each pose until it is met."""
-    q = np.array(seed, dtype=float)
-    weight = np.repeat([1.0, 0.5], 3)  # a metre counts like two radians, about an arm's length
-    active = np.arange(len(q))
-    for _ in range(iterations):
-        if not len(active):
-            break
-        try:
-            at, J = model.poses(q[active], x), model.joint_jacobian(q[active], x)
-        except ClosureError:
-            active = active[_closes_one_by_one(model, q[active], x)]
-            continue
-        error = _twist(T[active], at)
-        far = (np.abs(error[:, :3]).max(axis=1) > 1e-4 * POSITION) | (
-            np.abs(error[:, 3:]).max(axis=1) > 1e-4 * ROTATION
-        )
-        active, error, J = active[far], (error * weight)[far], J[far] * weight[:, None]
-        size = np.linalg.norm(error, axis=1)
-        # damping fades with the error, so that the last steps are pure Newton; it tames singular poses (Wampler 1986)
-        damping = 1e-3 * np.minimum(size, 1.0) ** 2 + 1e-16
-        JT = np.swapaxes(J, 1, 2)
-        step = (JT @ np.linalg.solve(J @ JT + damping[:, None, None] * np.eye(6), error[:, :, None]))[:, :, 0]
-        step *= np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=1), 1e-12))[:, None]
-        q[active] += step
-    return q
+    tip: Float[np.ndarray, "4 4"] | None = None,
+    spin: Spin = "fixed",
+) -> Approach:
+    """Newton steps from the seeds, each pose until it is met with a margin; arguments as of `solve_near`."""
+    free = spin == "free"
+    frame = np.eye(4) if tip is None else np.ascontiguousarray(tip, dtype=float)
+    found = Approach(q=np.array(seed, dtype=float), off=np.full((len(seed), 2), np.inf))
+
+    def solve(rows: slice) -> None:
+        q, off, goal = found.q[rows], found.off[rows], T[rows]
+        active = np.arange(len(q))
+        for k in range(iterations + 1):
+            closing = closes(model, q[active], x)
+            off[active[~closing]] = np.inf
+            active = active[closing]
+            if not len(active):
+                break
+            at = model.walk(q[active], x)
+            made = step_towards(Goal(goal[active], frame, free), model.chain, at.s, at.e, _slope(model, at))
+            off[active] = made.off
+            far = (made.off > MARGIN * np.array([POSITION, ROTATION])).any(axis=1)
+            active = active[far]
+            if k < iterations:
+                q[active] += made.step[far]
+
+    in_chunks(solve, len(seed))
+    return found
 
 
-def _closes_one_by_one(model: ErrorModel, q: np.ndarray, x: np.ndarray | None) -> np.ndarray:
-    out = np.ones(len(q), dtype=bool)
-    for i in range(len(q)):
-        try:
-            model.walk(q[i : i + 1], x)
-        except ClosureError:
-            out[i] = False
-    return out
+def _slope(model: ErrorModel, at: Walk) -> Float[np.ndarray, "m coordinates joints"]:
+    """∂s/∂q of the robot's own joint side.
 
-
-def _met(model: ErrorModel, T: np.ndarray, q: np.ndarray, x: np.ndarray | None) -> np.ndarray:
-    """Whether each pose is met inside the limits."""
-    ok = closes(model, q, x)
-    error = np.full((len(q), 6), np.inf)
-    if ok.any():
-        error[ok] = _twist(T[ok], model.poses(q[ok], x))
-    ok &= (np.abs(error[:, :3]).max(axis=1) < POSITION) & (np.abs(error[:, 3:]).max(axis=1) < ROTATION)
-    return ok & model.robot.inside_limits(q)
+    The slopes of effects are left out: they are thousandths, so that a Newton step without them gains three digits, and
+    cost a dozen evaluations each.
+    """
+    slope = model.robot.joint_map.matrix[None]
+    for shift in at.shifts[: len(at.shifts) - len(model.effects)]:
+        slope = slope + shift.by_joint
+    return np.ascontiguousarray(slope)
 
 
 def closes(
     model: ErrorModel, q: Float[np.ndarray, "n joints"], x: Float[np.ndarray, " p"] | None = None
 ) -> Bool[np.ndarray, " n"]:
     """Whether the closed loops of a robot assemble at each pose."""
-    try:
-        model.walk(q, x)
-    except ClosureError:
-        return _closes_one_by_one(model, q, x)
-    return np.ones(len(q), dtype=bool)
+    drive = model.robot.four_bar
+    if drive is None:
+        return np.ones(len(q), dtype=bool)
+    lengths = np.zeros(3) if x is None or model.lengths_only else x[model.indices(drive.names)]
+    return drive.closes(q, lengths)
 
 
 def find_posture(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " joints"]:
@@ -187,7 +204,7 @@ def follow(
         R = se3.exp(share * turn) @ home[:3, :3]
         p = home[:3, 3] + share * (T[:, :3, 3] - home[:3, 3])
         # on the way two Newton steps keep up; only the end must be exact
-        ahead = _approach(model, se3.pose(R, p), q, None, 2)
+        ahead = approach(model, se3.pose(R, p), q, iterations=2).q
         stayed &= np.abs(ahead - q).max(axis=1) < JUMP
         q = ahead
     found = solve_near(model, T, q)

@@ -6,9 +6,9 @@ from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from taskcal.geometry.four_bar import FourBar, close_four_bar
+from taskcal.geometry.four_bar import FourBar, can_close, close_four_bar
 from taskcal.robot.conditions import Conditions
 
 
@@ -121,11 +121,8 @@ class FourBarDrive:
         Raises:
             ClosureError: the loop does not close at some pose.
         """
-        bar = self.bar
-        if xi.any():
-            bar = replace(bar, crank=bar.crank + xi[0], rod=bar.rod + xi[1], rocker=bar.rocker + xi[2])
         alpha, kappa = q @ self.arm, q @ self.crank
-        closure = close_four_bar(bar, alpha, kappa)
+        closure = close_four_bar(self._built(xi), alpha, kappa)
 
         def slope() -> Float[np.ndarray, "n coordinates joints"]:
             turn = closure.by_angle[:, :1] * self.arm + (closure.by_angle[:, 1:] - 1.0) * self.crank
@@ -136,3 +133,11 @@ class FourBarDrive:
             factor=(closure.by_length[:, :3, None] * self.output[self.moved]).reshape(len(q), -1),
             slope=slope,
         )
+
+    def closes(self, q: Float[np.ndarray, "n joints"], xi: Float[np.ndarray, " 3"]) -> Bool[np.ndarray, " n"]:
+        """Whether the loop closes at each pose, with ξ the deviations of crank, rod and rocker from nominal, metres."""
+        return can_close(self._built(xi), q @ self.arm, q @ self.crank)
+
+    def _built(self, xi: Float[np.ndarray, " 3"]) -> FourBar:
+        bar = self.bar
+        return replace(bar, crank=bar.crank + xi[0], rod=bar.rod + xi[1], rocker=bar.rocker + xi[2])
