@@ -1,12 +1,17 @@
 """Effects on the joint side: derivatives, load paths, and models that carry them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from taskcal.errors import TaskcalError, UnknownName
 from taskcal.robot.catalogue import catalogue_names, load_robot
-from taskcal.robot.effects import Compliance, EncoderGain, Harmonics, effect_from
+from taskcal.robot.effects import Compliance, Coupling, EncoderGain, Harmonics, MotorHarmonics, Spring, effect_from
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.file import robot_from
+from taskcal.robot.load import Load
+from tests.laws import statics
 
 EFFECTS = [
     EncoderGain(),
@@ -25,7 +30,9 @@ def positions(model, count=12):
 @pytest.mark.parametrize("name", catalogue_names())
 @pytest.mark.parametrize("effect", EFFECTS, ids=repr)
 def test_columns_of_an_effect_are_the_derivatives_of_the_poses(name, effect):
-    model = ErrorModel(load_robot(name)) + effect
+    robot = load_robot(name)
+    chosen = None if effect.joints is None else tuple(robot.joint_names[int(joint[1:]) - 1] for joint in effect.joints)
+    model = ErrorModel(robot) + replace(effect, joints=chosen)
     q, x = positions(model), np.random.default_rng(1).normal(size=len(model)) * model.tolerances
     J = model.jacobian(q, x)
     h = 1e-6
@@ -36,15 +43,47 @@ def test_columns_of_an_effect_are_the_derivatives_of_the_poses(name, effect):
         np.testing.assert_allclose(J[:, :3, k], slope, atol=1e-8)
 
 
-def test_the_joint_jacobian_knows_the_effects():
-    model = ErrorModel(load_robot("ur5")) + Harmonics() + EncoderGain(tolerance=1e-3)
+BESIDE = [
+    Compliance(),
+    Compliance(load=Load(mass=30.0, centre=(0.0, 0.1, 0.2), force=(300.0, 0.0, -400.0), axes="tool")),
+    Spring(),
+    MotorHarmonics(),
+    Coupling(),
+]
+SPRING = {
+    "joint": "J2",
+    "rate_n_mm": 60.0,
+    "free_length_mm": 300.0,
+    "crank_mm": 200.0,
+    "anchor_mm": 500.0,
+    "aligned_deg": 20.0,
+}
+
+
+def dressed(name):
+    """A robot of the catalogue with masses, gear ratios and a spring."""
+    description = statics.weighed(load_robot(name).description, np.random.default_rng(0))
+    joints = [{**joint, "gear_ratio": 100.5} for joint in description["joint"]]
+    return robot_from({**description, "joint": joints, "spring": SPRING})
+
+
+@pytest.mark.parametrize("name", ["ur5", "fanuc-r2000ic-165f", "abb-irb6660-205-1.9"])
+@pytest.mark.parametrize("effect", [Harmonics(), EncoderGain(tolerance=1e-3), *BESIDE], ids=repr)
+def test_both_jacobians_know_the_effects(name, effect):
+    """Against differences of the poses: what a joint moves, and what a parameter moves."""
+    model = ErrorModel(dressed(name)) + effect
     q, x = positions(model), np.random.default_rng(1).normal(size=len(model)) * model.tolerances
-    J = model.joint_jacobian(q, x)
+    by_joint, by_parameter = model.joint_jacobian(q, x), model.jacobian(q, x)
+    h = 1e-6
     for j in range(6):
-        step = np.zeros(6)
-        step[j] = 1e-6
-        slope = (model.poses(q + step, x) - model.poses(q - step, x))[:, :3, 3] / 2e-6
-        np.testing.assert_allclose(J[:, :3, j], slope, atol=1e-6)
+        step = h * np.eye(6)[j]
+        slope = (model.poses(q + step, x) - model.poses(q - step, x))[:, :3, 3] / (2 * h)
+        np.testing.assert_allclose(by_joint[:, :3, j], slope, atol=1e-6)
+    for k in range(len(model) - len(model.effect_names), len(model)):
+        step = np.zeros(len(model))
+        step[k] = 0.1 * model.tolerances[k]
+        slope = (model.poses(q, x + step) - model.poses(q, x - step))[:, :3, 3] / (2 * step[k])
+        np.testing.assert_allclose(by_parameter[:, :3, k], slope, atol=1e-8 / model.tolerances[k] + 1e-8)
 
 
 @pytest.mark.parametrize("name", catalogue_names())

@@ -8,6 +8,7 @@ from taskcal.errors import FileError, RobotError
 from taskcal.geometry import se3
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.file import read_robot, robot_from
+from taskcal.robot.statics import Body
 
 SOUND = {
     "name": "arm",
@@ -29,6 +30,15 @@ SOUND = {
     },
     "coupled_limit": [{"of": "J3 - J2", "range_deg": [-60.0, 60.0]}],
     "tolerance": {"translation_mm": 0.5},
+}
+
+SPRING = {
+    "joint": "J2",
+    "rate_n_mm": 60.0,
+    "free_length_mm": 300.0,
+    "crank_mm": 200.0,
+    "anchor_mm": 500.0,
+    "aligned_deg": 20.0,
 }
 
 
@@ -103,6 +113,35 @@ WRONG = {
         edited("coupled_limit", 0, "of", value="J3 - A2"),
         "coupled_limit 1, of: no joint 'A2'",
     ),
+    "negative mass": (
+        edited("joint", 0, value={"name": "J1", "mass_kg": -5.0, "centre_mm": [0.0, 0.0, 0.0]}),
+        "joint 1, mass_kg: .*greater than or equal to 0.*-5",
+    ),
+    "mass without a centre": (
+        edited("joint", 0, value={"name": "J1", "mass_kg": 5.0}),
+        "joint 1: state mass_kg and centre_mm together",
+    ),
+    "masses of some joints": (
+        edited("joint", 0, value={"name": "J1", "mass_kg": 5.0, "centre_mm": [0.0, 0.0, 0.0]}),
+        "joint 'J2' has no mass_kg, others have",
+    ),
+    "stiffness in the other unit": (
+        edited("joint", 0, "stiffness_n_mm", value=100.0),
+        "joint 1: a revolute joint has its stiffness in Nm/rad",
+    ),
+    "no stiffness": (edited("joint", 0, "stiffness_nm_rad", value=0.0), "joint 1, stiffness_nm_rad: .*greater than 0"),
+    "gears of a sliding joint": (edited("joint", 3, "gear_ratio", value=10.0), "a prismatic joint has no gear_ratio"),
+    "no gravity": (edited("gravity", value=[0.0, 0.0, 0.0]), "gravity is nil; give its direction"),
+    "flat gravity": (edited("gravity", value=[0.0, -1.0]), "gravity"),
+    "payload without mass": (edited("payload", value={"centre_mm": [0.0, 0.0, 9.0]}), "payload, mass_kg: is missing"),
+    "spring of a sliding joint": (
+        edited("spring", value={**SPRING, "joint": "slide"}),
+        "spring, joint: no turning joint 'slide'; known: J1, J2, J3",
+    ),
+    "spring without a length": (
+        edited("spring", value={**SPRING, "crank_mm": 500.0}),
+        "spring: crank_mm and anchor_mm are both 500",
+    ),
     "negative tolerance": (
         edited("tolerance", "translation_mm", value=-1.0),
         "tolerance, translation_mm: .*greater than 0",
@@ -156,3 +195,35 @@ def test_a_tool_is_counted_from_the_controllers_flange(tmp_path):
     np.testing.assert_allclose(robot.speed_limits, [np.pi])
     np.testing.assert_allclose(robot.acceleration_limits, [2 * np.pi])
     assert load_robot("ur5").speed_limits.tolist() == [np.inf] * 6
+
+
+def test_what_a_robot_weighs_is_read_in_si_units():
+    joints = [
+        {
+            "name": "J1",
+            "mass_kg": 80.0,
+            "centre_mm": [10.0, -20.0, 30.0],
+            "stiffness_nm_rad": 2e6,
+            "gear_ratio": 100.5,
+        },
+        {"name": "z", "type": "prismatic", "mass_kg": 5.0, "centre_mm": [0.0, 0.0, 0.0], "stiffness_n_mm": 4e4},
+    ]
+    description = {
+        "name": "arm",
+        "joint": joints,
+        "payload": {"mass_kg": 12.0, "centre_mm": [0.0, 0.0, 150.0]},
+        "gravity": [0.0, 2.0, 0.0],
+        "spring": {**SPRING, "joint": "J1"},
+    }
+    robot = robot_from(description)
+    known = robot.statics
+    assert known.links == (Body(mass=80.0, centre=(0.01, -0.02, 0.03)), Body(mass=5.0, centre=(0.0, 0.0, 0.0)))
+    assert (known.payload, known.stiffness) == (Body(mass=12.0, centre=(0.0, 0.0, 0.15)), (2e6, 4e7))
+    assert known.gravity.tolist() == [0.0, 1.0, 0.0]
+    assert (known.spring.rate, known.spring.anchor, known.spring.joint) == (6e4, 0.5, 0)
+    assert [joint.gear_ratio for joint in robot.joints] == [100.5, None]
+    again = robot_from(robot.description)
+    assert (again.description, again.digest) == (robot.description, robot.digest)
+    plain = load_robot("ur5").statics
+    assert (plain.links, plain.payload.mass, plain.spring, set(plain.stiffness)) == (None, 0.0, None, {None})
+    assert plain.gravity.tolist() == [0.0, 0.0, -1.0]

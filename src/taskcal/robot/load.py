@@ -31,11 +31,12 @@ class Load:
     """Of force and moment: those of the robot's base, or those of the tool frame, which turn with it."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no load."""
+        """Refuse what is no load; lists and arrays become tuples."""
         for name in ("centre", "force", "moment"):
             value = getattr(self, name)
             if len(value) != 3 or not np.isfinite(value).all():
                 raise TaskcalError(f"the load's {name} is {value}; it must be three finite numbers")
+            object.__setattr__(self, name, tuple(map(float, value)))
         if self.mass is None and any(self.centre):
             raise TaskcalError("the load has a centre but no mass; state both, or neither for the robot file's payload")
         if self.mass is not None and not 0.0 <= self.mass < np.inf:

@@ -6,7 +6,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from taskcal.errors import UnknownName
+from taskcal.errors import RobotError, UnknownName
 from taskcal.robot.coil_spring import CoilSpring
 from taskcal.robot.statics import Body
 from taskcal.toml_file import Finite, Positive, Section
@@ -49,11 +49,11 @@ class SpringSection(Section):
         """The spring.
 
         Raises:
-            UnknownName: it helps a joint that does not turn, or does not exist.
+            RobotError: it helps a joint that does not turn, or does not exist.
         """
         turning = [name for name, slides in zip(names, sliding, strict=True) if not slides]
         if self.joint not in turning:
-            raise UnknownName("turning joint", self.joint, turning, "(in spring, joint)")
+            raise RobotError(f"spring, joint: {UnknownName('turning joint', self.joint, turning)}")
         return CoilSpring(
             joint=list(names).index(self.joint),
             rate=self.rate_n_mm * 1e3,

@@ -1,0 +1,58 @@
+"""Joints that move a little with others."""
+
+import numpy as np
+import pytest
+
+from taskcal.errors import TaskcalError, UnknownName
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.effects import Coupling, effect_from
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.file import robot_from
+
+WRIST = ("J5.by_J4", "J6.by_J4", "J6.by_J5")
+
+
+@pytest.mark.parametrize("name", ["ur5", "abb-irb6660-205-1.9", "abb-irb120"])
+def test_a_coupled_joint_moves_by_a_share_of_the_other(name):
+    model = ErrorModel(load_robot(name)) + Coupling()
+    assert model.effect_names == WRIST
+    q = np.random.default_rng(0).uniform(-0.5, 0.5, (6, 6)) + 0.3 * np.eye(6)[2]
+    x = np.zeros(len(model))
+    x[-3:] = 3e-4, -2e-4, 5e-4
+    moved = q.copy()
+    moved[:, 4] += 3e-4 * q[:, 3]
+    moved[:, 5] += -2e-4 * q[:, 3] + 5e-4 * q[:, 4]
+    np.testing.assert_allclose(model.poses(q, x), ErrorModel(model.robot).poses(moved), atol=1e-14)
+
+
+def test_angles_are_the_joints_own_after_their_signs():
+    """The FANUC counts J4 and J5 against their axes."""
+    model = ErrorModel(load_robot("fanuc-r2000ic-165f")) + Coupling(pairs=(("J4", "J5"), ("J2", "J3")))
+    q = np.random.default_rng(0).uniform(-0.5, 0.5, (6, 6))
+    x = np.zeros(len(model))
+    x[-2:] = 1e-3, 2e-3
+    moved = q.copy()
+    moved[:, 4] += 1e-3 * q[:, 3]  # both signs turn round
+    moved[:, 2] -= 2e-3 * q[:, 1]  # J3's axis turns by -(J2 + J3)
+    np.testing.assert_allclose(model.poses(q, x), ErrorModel(model.robot).poses(moved), atol=1e-14)
+
+
+def test_only_the_joints_asked_for_are_moved():
+    assert Coupling(joints=("J6",)).term(load_robot("ur5")).names == WRIST[1:]
+
+
+def test_a_coupling_survives_its_description():
+    for effect in (Coupling(), Coupling(pairs=(("J4", "J5"), ("J1", "J2")), joints=("J5",))):
+        assert effect_from(effect.to_json()) == effect
+
+
+def test_couplings_that_cannot_be():
+    with pytest.raises(UnknownName, match="no joint 'J9'"):
+        Coupling(pairs=(("J4", "J9"),)).term(load_robot("ur5"))
+    with pytest.raises(TaskcalError, match="J4 cannot be coupled to J4"):
+        Coupling(pairs=(("J4", "J4"),)).term(load_robot("ur5"))
+    with pytest.raises(TaskcalError, match="no wrist of three joints"):
+        Coupling().term(robot_from({"name": "two", "joint": [{"name": "J1"}, {"name": "J2"}]}))
+    slide = {"name": "arm", "joint": [{"name": "z", "type": "prismatic"}, {"name": "J2"}]}
+    with pytest.raises(TaskcalError, match="J2 cannot be coupled to z"):
+        Coupling(pairs=(("z", "J2"),)).term(robot_from(slide))
