@@ -82,7 +82,7 @@ def test_poses_without_commands_are_repeatable_only(run: Run, tmp_path: Path) ->
     assert result["distances"] == []
     refused = run("performance", tmp_path / "bare.csv", "--distance", "P1,P2")
     assert refused.status == 1
-    assert "a distance needs commands" in refused.err
+    assert "poses 'P1' and 'P2' have no distance" in refused.err
 
 
 def test_distances_need_common_cycles(run: Run, tmp_path: Path) -> None:
@@ -93,7 +93,7 @@ def test_distances_need_common_cycles(run: Run, tmp_path: Path) -> None:
     assert "accuracy but no repeatability" in ended.err
     refused = run("performance", tmp_path / "apart.csv", "--distance", "P1,P2")
     assert refused.status == 1
-    assert "no cycle in common" in refused.err
+    assert f"error: {tmp_path / 'apart.csv'}: poses 'P1' and 'P2' have no distance" in refused.err
 
 
 def test_passes_along_a_path_of_its_own_file(run: Run, circle: tuple[Path, Path]) -> None:

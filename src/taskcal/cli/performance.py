@@ -1,17 +1,13 @@
 """``taskcal performance``: accuracy and repeatability of measured poses and paths, after ISO 9283."""
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from taskcal.cli.options import JsonOption, split_names
 from taskcal.cli.output import note, show_table, write_json
-
-if TYPE_CHECKING:
-    from taskcal.measurement.cycles import PoseCycles
 
 POSE_CYCLES, PATH_CYCLES = 30, 10
 """How many cycles the standard asks for (ISO 9283:1998, 6.9)."""
@@ -93,71 +89,17 @@ def _of_path(measured: Path, commanded: Path | None) -> dict[str, Any]:
 
 
 def _of_poses(measured: Path, pairs: Sequence[tuple[str, str]] | None) -> dict[str, list[dict[str, Any]]]:
+    from taskcal.errors import CampaignError, FileError
+    from taskcal.measurement.cycle_performance import assess_cycles
     from taskcal.measurement.cycles import read_pose_cycles
-    from taskcal.measurement.pose_performance import PosePerformance, assess_pose, compare_directions
 
-    groups = read_pose_cycles(measured)
-    found: dict[str, list[PosePerformance]] = {}
-    poses: list[dict[str, Any]] = []
-    for group in groups:
-        one = assess_pose(
-            group.attained,
-            group.commanded,
-            rotations=group.rotations,
-            commanded_rotation=group.commanded_rotation,
-        )
-        found.setdefault(group.pose, []).append(one)
-        poses.append({"pose": group.pose, **_direction(group), **one.summary()})
-    _ask_for_cycles("a pose", min(len(group.cycles) for group in groups), POSE_CYCLES)
-    directions = [
-        {"pose": pose, "directions": len(several), **compare_directions(several).summary()}
-        for pose, several in found.items()
-        if len(several) > 1
-    ]
-    return {"poses": poses, "directions": directions, "distances": _distances(measured, groups, pairs)}
-
-
-def _distances(
-    measured: Path, groups: Sequence["PoseCycles"], pairs: Sequence[tuple[str, str]] | None
-) -> list[dict[str, Any]]:
-    """Distances of the pairs asked for, or of each pose and the next one, for each direction that both were approached from."""
-    from taskcal.errors import FileError, UnknownName
-    from taskcal.measurement.distance_performance import assess_distance
-
-    names = list(dict.fromkeys(group.pose for group in groups))
-    asked = pairs is not None
-    if groups[0].commanded is None:
-        if asked:
-            raise FileError(
-                measured, "a distance needs commands; give command_x_mm, command_y_mm, command_z_mm", line=1
-            )
-        return []
-    by_key = {(group.pose, group.direction): group for group in groups}
-    out: list[dict[str, Any]] = []
-    for first, second in pairs if pairs is not None else pairwise(names):
-        for name in (first, second):
-            if name not in names:
-                raise UnknownName("pose", name, names, f"in {measured}")
-        before = len(out)
-        for a in (group for group in groups if group.pose == first):
-            b = by_key.get((second, a.direction))
-            common = [cycle for cycle in a.cycles if b is not None and cycle in b.cycles]
-            if b is None or a.commanded is None or b.commanded is None or not common:
-                continue
-            found = assess_distance(
-                a.attained[[a.cycles.index(cycle) for cycle in common]],
-                b.attained[[b.cycles.index(cycle) for cycle in common]],
-                a.commanded,
-                b.commanded,
-            )
-            out.append({"from": first, "to": second, **_direction(a), **found.summary()})
-        if asked and len(out) == before:
-            raise FileError(measured, f"poses '{first}' and '{second}' have no cycle in common to take a distance in")
-    return out
-
-
-def _direction(group: "PoseCycles") -> dict[str, str]:
-    return {"direction": group.direction} if group.direction else {}
+    cycles = read_pose_cycles(measured)
+    try:
+        found = assess_cycles(cycles, pairs)
+    except CampaignError as error:
+        raise FileError(measured, str(error)) from error
+    _ask_for_cycles("a pose", min(pose.cycles for pose in found.poses.values()), POSE_CYCLES)
+    return found.summary()
 
 
 def _ask_for_cycles(what: str, cycles: int, wanted: int) -> None:
