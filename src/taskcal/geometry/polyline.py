@@ -1,9 +1,11 @@
 """A path in space given by its points: tangents, distances from it, and where it crosses planes."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.spatial import KDTree
 
 _BLOCK = 1_000_000
 """Pairs of a point and a segment that are looked at together; bounds the memory."""
@@ -61,20 +63,18 @@ def distances(
         distances, metres; where the nearest point is an end of an open path and the point lies beyond it.
     """
     start, step = path[:-1], np.diff(path, axis=0)
-    length2 = np.einsum("ni,ni->n", step, step)
+    length = np.linalg.norm(step, axis=1)
+    to_points, _ = KDTree(path).query(points)
     nearest, off = np.empty(len(points)), np.zeros(len(points), dtype=bool)
-    block = max(1, _BLOCK // len(step))
-    for first in range(0, len(points), block):
-        part = slice(first, first + block)
-        away = points[part, None] - start
-        along = np.einsum("mni,ni->mn", away, step) / length2
-        away -= np.clip(along, 0.0, 1.0)[..., None] * step
-        squares = np.einsum("mni,mni->mn", away, away)
-        chosen = squares.argmin(axis=1)
-        rows = np.arange(len(chosen))
-        nearest[part] = np.sqrt(squares[rows, chosen])
-        fraction, slack = along[rows, chosen], _ROUNDING / np.sqrt(length2[chosen])
-        off[part] = ((chosen == 0) & (fraction < -slack)) | ((chosen == len(step) - 1) & (fraction > 1.0 + slack))
+    for row, segment in _near(points, path, to_points):
+        away = points[row] - start[segment]
+        along = np.einsum("ki,ki->k", away, step[segment]) / length[segment] ** 2
+        away -= np.clip(along, 0.0, 1.0)[:, None] * step[segment]
+        distance, slack = np.linalg.norm(away, axis=1), _ROUNDING / length[segment]
+        beyond = ((segment == 0) & (along < -slack)) | ((segment == len(step) - 1) & (along > 1.0 + slack))
+        order = np.lexsort((distance, row))
+        rows, firsts = np.unique(row[order], return_index=True)
+        nearest[rows], off[rows] = distance[order[firsts]], beyond[order[firsts]]
     return nearest, off & (not is_closed(path))
 
 
@@ -89,16 +89,13 @@ def cross_planes(
         normals: unit normal of each plane.
         within: a crossing counts if it is no farther than this from its plane's origin, metres; the nearest is taken.
     """
-    found: list[tuple[np.ndarray, np.ndarray]] = []
-    block = max(1, _BLOCK // len(path))
-    for first in range(0, len(origins), block):
-        part = slice(first, first + block)
-        height = normals[part] @ path.T - np.einsum("ni,ni->n", normals[part], origins[part])[:, None]
-        before, after = height[:, :-1], height[:, 1:]
-        plane, segment = np.nonzero((before <= 0.0) & (after >= 0.0) & (after > before))
-        fraction = before[plane, segment] / (before[plane, segment] - after[plane, segment])
-        found.append((np.stack([plane + first, segment]), fraction))
-    (plane, segment), fraction = np.concatenate([f[0] for f in found], axis=1), np.concatenate([f[1] for f in found])
+    found: list[tuple[np.ndarray, ...]] = []
+    for plane, segment in _near(origins, path, np.full(len(origins), within)):
+        before = np.einsum("ki,ki->k", path[segment] - origins[plane], normals[plane])
+        after = np.einsum("ki,ki->k", path[segment + 1] - origins[plane], normals[plane])
+        through = (before <= 0.0) & (after >= 0.0) & (after > before)
+        found.append((plane[through], segment[through], before[through] / (before[through] - after[through])))
+    plane, segment, fraction = (np.concatenate(parts) for parts in zip(*found, strict=True))
     points = path[segment] + fraction[:, None] * (path[segment + 1] - path[segment])
     away = np.linalg.norm(points - origins[plane], axis=1)
     order = np.lexsort((away, plane))
@@ -106,3 +103,17 @@ def cross_planes(
     planes, firsts = np.unique(plane[order], return_index=True)
     chosen = order[firsts]
     return Crossings(planes=planes, points=points[chosen], segments=segment[chosen], fractions=fraction[chosen])
+
+
+def _near(
+    points: Float[np.ndarray, "m 3"], path: Float[np.ndarray, "n 3"], radii: Float[np.ndarray, " m"]
+) -> Iterator[tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"]]]:
+    """Pairs of a point and a segment, all that may be as close as the point's radius, some points at a time."""
+    middles = KDTree(0.5 * (path[:-1] + path[1:]))
+    half = 0.5 * np.linalg.norm(np.diff(path, axis=0), axis=1).max() + _ROUNDING
+    block = max(1, _BLOCK // len(path))
+    for first in range(0, len(points), block):
+        part = slice(first, first + block)
+        segments = middles.query_ball_point(points[part], radii[part] + half)
+        rows = np.repeat(np.arange(first, first + len(segments)), [len(each) for each in segments])
+        yield rows, np.concatenate([np.asarray(each, dtype=np.intp) for each in segments])
