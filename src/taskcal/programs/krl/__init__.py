@@ -1,0 +1,1 @@
+"""KUKA programs in KRL: ``.src`` with their data lists ``.dat``."""

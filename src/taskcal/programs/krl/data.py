@@ -1,0 +1,167 @@
+"""Data lists: the points, frames and parameter sets that a KRL program names."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from taskcal.programs.krl.position import Unresolved
+from taskcal.programs.krl.syntax import (
+    Aggregate,
+    Assignment,
+    Begin,
+    Call,
+    Declaration,
+    Declared,
+    Operand,
+    Statement,
+)
+from taskcal.programs.source import Place, Source
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class File:
+    """A file of a program."""
+
+    number: int
+    """Its place among the program's files."""
+    source: Source
+    statements: tuple[Statement, ...]
+
+    @property
+    def module(self) -> str:
+        """Name of the program to which it belongs: ``.src`` and ``.dat`` of one name are one module."""
+        return self.source.path.stem.upper()
+
+    @property
+    def holds_data(self) -> bool:
+        """Whether it is a data list."""
+        return self.source.path.suffix.lower() == ".dat"
+
+    @cached_property
+    def serves_all(self) -> bool:
+        """Whether it is a data list of the system, which every program sees."""
+        return any(isinstance(line, Begin) and line.name.startswith("$") for line in self.statements)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Datum:
+    """A variable with the value that its data list states."""
+
+    file: File
+    name: str
+    """In capitals, with its index."""
+    aggregate: Aggregate
+    shared: bool
+    """Other programs may use it, too."""
+    declaration: Declaration | None
+    """None for an element of an array, which has no declaration of its own."""
+    start: int
+    """First character of its name."""
+
+    @property
+    def place(self) -> Place:
+        """Where it stands."""
+        return self.file.source.place(self.start)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Data:
+    """What the data lists of a program say, and what its code changes of it."""
+
+    files: tuple[File, ...]
+
+    @cached_property
+    def _own(self) -> dict[tuple[str, str], Datum]:
+        return {(datum.file.module, datum.name): datum for file in self.files for datum in _stated(file)}
+
+    @cached_property
+    def _shared(self) -> dict[str, Datum]:
+        return {datum.name: datum for datum in self._own.values() if datum.shared}
+
+    @cached_property
+    def _local(self) -> set[tuple[str, str]]:
+        """Variables that a routine declares for itself."""
+        return {
+            (file.module, variable.name)
+            for file in self.files
+            if not file.holds_data
+            for line in file.statements
+            if isinstance(line, Declaration)
+            for variable in line.variables
+        }
+
+    @cached_property
+    def _changed(self) -> dict[str, list[tuple[str, Place]]]:
+        """By variable: the modules in which code assigns it or hands it to a routine, and where."""
+        out: dict[str, list[tuple[str, Place]]] = {}
+        for file in self.files:
+            for line in file.statements if not file.holds_data else ():
+                names: tuple[str, ...] = ()
+                if isinstance(line, Assignment):
+                    names = (line.variable, *line.changed)
+                elif isinstance(line, Call) and line.name != "BAS":
+                    names = line.changed
+                for name in names:
+                    out.setdefault(name, []).append((file.module, file.source.place(line.start)))
+        return out
+
+    def find(self, name: str, module: str) -> Datum:
+        """The variable that a name means in a module.
+
+        Raises:
+            Unresolved: no data list states it, or the program changes it.
+        """
+        variable = name.partition("[")[0]
+        datum = None if (module, variable) in self._local else self._own.get((module, name), self._shared.get(name))
+        for where, place in self._changed.get(variable, []):
+            if where == module or (datum is not None and datum.shared):
+                raise Unresolved(f"{name} is changed by the program, at {place}")
+        if datum is None:
+            files = "$config.dat" if variable in ("TOOL_DATA", "BASE_DATA") else "the .dat that states it"
+            hint = "" if variable.startswith("$") else f"; pass {files}"
+            raise Unresolved(f"{name} is not in the files given{hint}")
+        return datum
+
+
+def _stated(file: File) -> Iterator[Datum]:
+    """Variables to which a data list gives an aggregate."""
+    if not file.holds_data:
+        return
+    declared_shared: set[str] = set()
+    for line in file.statements:
+        if isinstance(line, Declaration):
+            for variable in line.variables:
+                if line.shared:
+                    declared_shared.add(variable.name)
+                aggregate = _aggregate(variable.value)
+                if aggregate is not None:
+                    yield _datum(file, line, variable, aggregate)
+        elif isinstance(line, Assignment):
+            aggregate = _aggregate(line.value)
+            if aggregate is not None:
+                yield Datum(
+                    file=file,
+                    name=line.name,
+                    aggregate=aggregate,
+                    shared=file.serves_all or line.variable in declared_shared,
+                    declaration=None,
+                    start=line.start,
+                )
+
+
+def _datum(file: File, line: Declaration, variable: Declared, aggregate: Aggregate) -> Datum:
+    return Datum(
+        file=file,
+        name=variable.name,
+        aggregate=aggregate,
+        shared=file.serves_all or line.shared,
+        declaration=line,
+        start=variable.start,
+    )
+
+
+def _aggregate(value: Operand | None) -> Aggregate | None:
+    if value is None or len(value.parts) != 1:
+        return None
+    part = value.parts[0]
+    return part if isinstance(part, Aggregate) else None

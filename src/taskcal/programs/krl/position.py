@@ -1,0 +1,139 @@
+"""Positions in KRL: X Y Z in millimetres, A B C or A1 … A6 in degrees, S and T; from text to numbers and back."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from taskcal.geometry import se3
+from taskcal.programs.krl.syntax import Aggregate, Field
+from taskcal.programs.numeral import renumbered
+from taskcal.programs.source import Edit
+
+POSE = ("X", "Y", "Z", "A", "B", "C")
+AXES = ("A1", "A2", "A3", "A4", "A5", "A6")
+EXTERNAL = ("E1", "E2", "E3", "E4", "E5", "E6")
+
+# KRL's REAL is a 32-bit float: nine digits in all, so 0.1 µm within metres and 1e-6° within a turn.
+DECIMALS = {**dict.fromkeys("XYZ", 5), **dict.fromkeys("ABC", 6), **dict.fromkeys(AXES, 6)}
+
+LOCKED = 1e-7
+"""Cosine of B below which A and C turn about the same axis."""
+
+
+class Unresolved(Exception):
+    """The text alone does not tell where a motion goes; the message says why."""
+
+
+def rotation(A: float, B: float, C: float) -> Float[np.ndarray, "3 3"]:
+    """Rz(A)·Ry(B)·Rx(C) of angles in degrees (KUKA System Software, data type FRAME)."""
+    return Rotation.from_euler("ZYX", [A, B, C], degrees=True).as_matrix()
+
+
+def angles(
+    R: Float[np.ndarray, "3 3"], near: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> tuple[float, float, float]:
+    """A, B and C of a rotation, degrees: of the triples that describe it, the one nearest to some angles."""
+    B = float(np.degrees(np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))))
+    if np.hypot(R[0, 0], R[1, 0]) < LOCKED:
+        # R = Rz(A)·Ry(±90°)·Rx(C) depends on A ∓ C only: keep A
+        rest = rotation(near[0], B, 0.0).T @ R
+        triples = [(near[0], B, float(np.degrees(np.arctan2(rest[2, 1], rest[1, 1]))))]
+    else:
+        A = float(np.degrees(np.arctan2(R[1, 0], R[0, 0])))
+        C = float(np.degrees(np.arctan2(R[2, 1], R[2, 2])))
+        triples = [(A, B, C), (A + 180.0, 180.0 - B, C + 180.0)]
+    turned = [np.array(t) + 360.0 * np.round((np.array(near) - t) / 360.0) for t in triples]
+    nearest = min(turned, key=lambda t: float(np.abs(t - near).sum()))
+    return float(nearest[0]), float(nearest[1]), float(nearest[2])
+
+
+def has_pose(aggregate: Aggregate) -> bool:
+    """Whether any component of a pose is stated."""
+    return any(aggregate.field(name) for name in POSE)
+
+
+def has_axes(aggregate: Aggregate) -> bool:
+    """Whether any axis is stated."""
+    return any(aggregate.field(name) for name in AXES)
+
+
+def pose(aggregate: Aggregate, *, needed: tuple[str, ...] = POSE) -> Float[np.ndarray, "4 4"]:
+    """The pose that a complete position states, metres.
+
+    Raises:
+        Unresolved: a needed component is missing or no number.
+    """
+    x, y, z, A, B, C = (_stated(aggregate, name, needed) for name in POSE)
+    return se3.pose(rotation(A, B, C), np.array([x, y, z]) * 1e-3)
+
+
+def axes(aggregate: Aggregate) -> Float[np.ndarray, " joints"]:
+    """The joint positions that a complete axis position states, radians.
+
+    Raises:
+        Unresolved: an axis is missing or no number.
+    """
+    return np.radians([_stated(aggregate, name, AXES) for name in AXES])
+
+
+def _stated(aggregate: Aggregate, name: str, needed: tuple[str, ...]) -> float:
+    found = aggregate.field(name)
+    if found is None and name not in needed:
+        return 0.0
+    if found is None:
+        raise Unresolved(f"{name} is not stated, so it keeps its value of before")
+    if found.value is None:
+        raise Unresolved(f"{name} is '{found.text}', which is no number")
+    return found.value
+
+
+def check_external(aggregate: Aggregate) -> None:
+    """Refuse positions that move external axes.
+
+    Raises:
+        Unresolved: one is not at zero; it may carry the robot or the part.
+    """
+    for name in EXTERNAL:
+        found = aggregate.field(name)
+        if found is not None and found.value != 0.0:
+            raise Unresolved(f"{name} is {found.text}: how this external axis moves robot or part is not known")
+
+
+def pose_values(T: Float[np.ndarray, "4 4"], near: Aggregate | None = None) -> dict[str, float]:
+    """Values of X Y Z A B C of a pose, millimetres and degrees; angles near those of a position."""
+    old = tuple((near.value(name) if near else None) or 0.0 for name in "ABC")
+    found = angles(T[:3, :3], (old[0], old[1], old[2]))
+    return dict(zip(POSE, [*(float(v) for v in T[:3, 3] * 1e3), *found], strict=True))
+
+
+def axis_values(q: Float[np.ndarray, " joints"]) -> dict[str, float]:
+    """Values of A1 … of joint positions, degrees."""
+    return dict(zip(AXES, np.degrees(q).tolist(), strict=False))
+
+
+def field_text(field: Field, value: float) -> str:
+    """A component's text with a value: as it is where that is its value already, to the digits that KRL holds."""
+    if field.name in ("S", "T"):
+        return field.text if field.value == value else _integer(field.text, int(value))
+    return renumbered(field.text, np.inf if field.value is None else field.value, value, DECIMALS[field.name])
+
+
+def _integer(old: str, value: int) -> str:
+    if old[:2].upper() == "'B":
+        return f"{old[:2]}{value:0{len(old) - 3}b}'"
+    if old[:2].upper() == "'H":
+        return f"{old[:2]}{value:0{len(old) - 3}X}'"
+    return str(value)
+
+
+def edits_for(aggregate: Aggregate, values: Mapping[str, float]) -> list[Edit]:
+    """The edits that give a position's components other values; components that are not stated stay so."""
+    out: list[Edit] = []
+    for field in aggregate.fields:
+        if field.name in values:
+            text = field_text(field, values[field.name])
+            if text != field.text:
+                out.append(Edit(start=field.start, end=field.end, text=text))
+    return out

@@ -1,0 +1,259 @@
+"""New numbers for the points of a KRL program, in the places where it states them."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from taskcal.programs.krl.data import Datum, File
+from taskcal.programs.krl.position import EXTERNAL, axis_values, edits_for, has_axes, pose_values
+from taskcal.programs.krl.status import Status
+from taskcal.programs.krl.syntax import Aggregate, Motion, Operand
+from taskcal.programs.numeral import numeral
+from taskcal.programs.program import Move, MoveKind, Waypoint
+from taskcal.programs.source import Edit, Source
+from taskcal.robot.robot import Robot
+
+LONGEST_NAME = 24
+"""Characters of a name in KRL."""
+
+KEYWORDS: dict[MoveKind, str] = {"joint": "PTP", "axes": "PTP", "linear": "LIN", "circular": "CIRC"}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Written:
+    """A point of a motion as it is written."""
+
+    operand: Operand
+    aggregates: tuple[Aggregate, ...]
+    """What it states, and what is added to it by ``:``."""
+    datum: Datum | None
+    """Where it is a variable, or starts with one."""
+    file: File
+    """Of the motion."""
+
+    @property
+    def template(self) -> str:
+        """The text of the position it states, or to which is added."""
+        first = self.aggregates[0]
+        return (self.file if self.datum is None else self.datum.file).source.text[first.start : first.end]
+
+    @property
+    def listed(self) -> Datum | None:
+        """The variable, if it stands in a line of its own in the program's own data list and no other program uses it."""
+        datum = self.datum
+        if datum is None or datum.shared or datum.declaration is None or datum.file.module != self.file.module:
+            return None
+        return datum if len(datum.declaration.variables) == 1 else None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Site:
+    """A motion's place in the text."""
+
+    file: File
+    motion: Motion
+    written: tuple[Written, ...]
+    """Its points, the last of them the end."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Use:
+    """A variable that gets other numbers for some motions."""
+
+    datum: Datum
+    changes: tuple[Edit, ...]
+    points: list[Written] = field(default_factory=list[Written])
+
+
+def rewrite(
+    sources: tuple[Source, ...],
+    sites: Sequence[Site],
+    moves: Sequence[Move],
+    robot: Robot,
+    ways: Mapping[int, tuple[Waypoint, ...]],
+) -> tuple[Source, ...]:
+    """The sources with some motions rewritten; see `KrlProgram.rewrite`."""
+    rewriting = _Rewriting(robot=robot, files=_files(sites))
+    for number, way in sorted(ways.items()):
+        rewriting.motion(sites[number], moves[number], way)
+    rewriting.variables()
+    return tuple(source.edited(rewriting.edits.get(i, ())) for i, source in enumerate(sources))
+
+
+def _files(sites: Sequence[Site]) -> tuple[File, ...]:
+    found = {f.number: f for site in sites for f in (site.file, *(w.datum.file for w in site.written if w.datum))}
+    return tuple(found.values())
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Rewriting:
+    robot: Robot
+    files: tuple[File, ...]
+    edits: dict[int, list[Edit]] = field(default_factory=dict[int, list[Edit]])
+    """By number of the file."""
+    uses: dict[tuple[int, int, tuple[Edit, ...]], _Use] = field(
+        default_factory=dict[tuple[int, int, tuple[Edit, ...]], _Use]
+    )
+    """By file and position of the variable, and by what changes."""
+
+    def _edit(self, file: File, edit: Edit) -> None:
+        self.edits.setdefault(file.number, []).append(edit)
+
+    def motion(self, site: Site, move: Move, way: tuple[Waypoint, ...]) -> None:
+        """Rewrite a motion, with motions of their own for all waypoints but the last."""
+        *before, last = way
+        source, start = site.file.source, site.motion.start
+        line = source.text.rfind("\n", 0, start) + 1
+        for waypoint in before:
+            text = self._instruction(site, move, waypoint, passing=True)
+            self._edit(site.file, Edit(start=line, end=line, text=f"{source.indent(start)}{text}{source.newline}"))
+        if last.kind != move.kind:
+            text = self._instruction(site, move, last, passing=not move.stops)
+            self._edit(site.file, Edit(start=start, end=site.motion.end, text=text))
+            return
+        self._point(site.written[-1], last)
+        if last.via is not None:
+            self._point(site.written[0], last.via)
+
+    def _instruction(self, site: Site, move: Move, waypoint: Waypoint, *, passing: bool) -> str:
+        """A motion instruction to a waypoint, with all else that the motion says."""
+        keyword = KEYWORDS[waypoint.kind]
+        spline = site.motion.keyword.startswith("S")
+        points = [self._aggregate(site.written[-1], waypoint)]
+        if waypoint.via is not None:
+            points.insert(0, self._aggregate(site.written[-1], waypoint.via))
+        rest = site.file.source.text[site.written[-1].operand.end : site.motion.end]
+        along_path = waypoint.kind in ("linear", "circular")
+        if not spline and along_path != (move.kind in ("linear", "circular")):
+            rest = ""  # C_PTP is not for paths, C_DIS not for PTP alone
+        if passing and (move.stops or not rest):
+            rest += " C_SPL" if spline else " C_DIS" if along_path else " C_PTP"
+        return f"{'S' if spline else ''}{keyword} {', '.join(points)}{rest}"
+
+    def _point(self, written: Written, waypoint: Waypoint) -> None:
+        """Give a point of a motion its new numbers."""
+        first, operand = written.aggregates[0], written.operand
+        if has_axes(first) == (waypoint.T is None):
+            changes = edits_for(first, self._values(written, waypoint))
+            if written.datum is None and len(operand.parts) == 1:
+                for change in changes:
+                    self._edit(written.file, change)
+                return
+            datum = written.listed
+            if datum is not None:
+                key = (datum.file.number, datum.start, tuple(changes))
+                self.uses.setdefault(key, _Use(datum=datum, changes=key[2])).points.append(written)
+                return
+            if not changes and len(operand.parts) == 1:
+                return
+        self._edit(written.file, Edit(start=operand.start, end=operand.end, text=self._aggregate(written, waypoint)))
+
+    def _values(self, written: Written, waypoint: Waypoint) -> dict[str, float]:
+        """Values of all components, millimetres and degrees."""
+        if waypoint.T is None:
+            return axis_values(waypoint.q)
+        first = written.aggregates[0]
+        S, T = first.value("S"), first.value("T")
+        status = Status(S=int(S or 0), T=int(T or 0)).of(self.robot, waypoint.q)
+        return {**pose_values(waypoint.T, first), "S": float(status.S or 0), "T": float(status.T or 0)}
+
+    def _aggregate(self, written: Written, waypoint: Waypoint) -> str:
+        """A waypoint in braces: as the point is written, if it states the same kind of position completely."""
+        first = written.aggregates[0]
+        values = self._values(written, waypoint)
+        names = [name for name in values if name not in ("S", "T")]
+        if all(first.field(name) for name in names):
+            return _applied(written.template, edits_for(first, values), first.start)
+        parts = [f"{name} {numeral(values[name], 5 if name in 'XYZ' else 6)}" for name in names]
+        parts += [f"{name} {int(values[name])}" for name in ("S", "T") if name in values]
+        parts += [f"{name} {found.text}" for name in EXTERNAL if (found := first.field(name))]
+        return f"{{{'E6AXIS' if waypoint.T is None else 'E6POS'}: {','.join(parts)}}}"
+
+    def variables(self) -> None:
+        """Change variables where all motions that use one agree, and copy them where they do not."""
+        by_datum: dict[tuple[int, int], list[_Use]] = {}
+        for (file, start, _), use in self.uses.items():
+            by_datum.setdefault((file, start), []).append(use)
+        needed = {use.datum.name for use in self.uses.values()}
+        mentions = _mentions(self.files, needed)
+        names = _Names(self.files)
+        for uses in by_datum.values():
+            datum = uses[0].datum
+            rewritten = {(w.file.number, w.operand.start) for use in uses for w in use.points}
+            rewritten.add((datum.file.number, datum.start))
+            stays = any(not use.changes for use in uses) or mentions[datum.file.module, datum.name] - rewritten
+            for use in uses:
+                if not stays and use is uses[0]:
+                    for change in use.changes:
+                        self._edit(datum.file, change)
+                    name = _name(datum)
+                else:
+                    name = self._copied(use, names) if use.changes else _name(datum)
+                for written in use.points:
+                    operand = written.operand
+                    if (
+                        len(operand.parts) > 1
+                        or written.file.source.text[operand.start : operand.end].upper() != name.upper()
+                    ):
+                        self._edit(written.file, Edit(start=operand.start, end=operand.end, text=name))
+
+    def _copied(self, use: _Use, names: "_Names") -> str:
+        """Put a copy of a variable with other numbers behind its line."""
+        datum, source = use.datum, use.datum.file.source
+        name = names.fresh(_name(datum))
+        start = source.text.rfind("\n", 0, datum.start) + 1
+        end = source.text.find("\n", datum.start) + 1
+        renamed = Edit(start=datum.start, end=datum.start + len(_name(datum)), text=name)
+        line = _applied(source.text[start : end or None], [renamed, *use.changes], start)
+        at = end or len(source.text)
+        self._edit(datum.file, Edit(start=at, end=at, text=line if end else source.newline + line))
+        return name
+
+
+def _name(datum: Datum) -> str:
+    """A variable's name as its declaration writes it."""
+    return datum.file.source.text[datum.start : datum.start + len(datum.name)]
+
+
+def _applied(text: str, edits: Sequence[Edit], offset: int) -> str:
+    """A piece of a file with edits of the file applied."""
+    for edit in sorted(edits, key=lambda edit: edit.start, reverse=True):
+        text = text[: edit.start - offset] + edit.text + text[edit.end - offset :]
+    return text
+
+
+def _mentions(files: tuple[File, ...], names: set[str]) -> dict[tuple[str, str], set[tuple[int, int]]]:
+    """By module and name: the places, as file and position, where some names stand."""
+    out: dict[tuple[str, str], set[tuple[int, int]]] = {(f.module, name): set() for f in files for name in names}
+    for file, name, position in _all_names(files):
+        if name in names:
+            out[file.module, name].add((file.number, position))
+    return out
+
+
+def _all_names(files: tuple[File, ...]) -> Iterator[tuple[File, str, int]]:
+    for file in files:
+        for line in file.statements:
+            for word in line.words:
+                if word.kind == "name":
+                    yield file, word.upper, word.start
+
+
+class _Names:
+    """Names that are not taken."""
+
+    def __init__(self, files: tuple[File, ...]):
+        self._files = files
+        self._taken = set[str]()
+
+    def fresh(self, name: str) -> str:
+        """A name like another one, but of nothing else."""
+        if not self._taken:
+            self._taken = {taken for _, taken, _ in _all_names(self._files)}
+        number = 2
+        while True:
+            suffix = f"_{number}"
+            candidate = name[: LONGEST_NAME - len(suffix)] + suffix
+            if candidate.upper() not in self._taken:
+                self._taken.add(candidate.upper())
+                return candidate
+            number += 1

@@ -1,0 +1,161 @@
+"""What a line of KRL says, as far as it matters for where the robot goes."""
+
+from dataclasses import dataclass, field
+
+from taskcal.programs.krl.lexer import Word
+
+
+@dataclass(frozen=True, kw_only=True)
+class Field:
+    """A component of an aggregate, such as ``X 12.5``."""
+
+    name: str
+    """In capitals."""
+    text: str
+    """Its value as written."""
+    value: float | None
+    """None where it is no number."""
+    start: int
+    """First character of the value."""
+    end: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Aggregate:
+    """Values in braces, such as ``{E6POS: X 12.5, Y 0}``."""
+
+    type: str
+    """As written before the colon, in capitals; empty without."""
+    fields: tuple[Field, ...]
+    start: int
+    end: int
+
+    def field(self, name: str) -> Field | None:
+        """The component of that name."""
+        return next((f for f in self.fields if f.name == name), None)
+
+    def value(self, name: str) -> float | None:
+        """The number in a component; None where there is none."""
+        found = self.field(name)
+        return None if found is None else found.value
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reference:
+    """A variable, or an element of an array."""
+
+    name: str
+    """In capitals, with its index: ``TOOL_DATA[3]``."""
+    start: int
+    end: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Operand:
+    """Aggregates and variables joined by the geometric operator; no parts where it is anything else."""
+
+    parts: tuple[Aggregate | Reference, ...]
+    start: int
+    end: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Statement:
+    """A line of no consequence, and what all lines have."""
+
+    words: tuple[Word, ...]
+
+    @property
+    def start(self) -> int:
+        """First character."""
+        return self.words[0].start
+
+    @property
+    def end(self) -> int:
+        """Behind the last character, a comment not included."""
+        return self.words[-1].end
+
+
+@dataclass(frozen=True, kw_only=True)
+class Begin(Statement):
+    """Start of a routine or data list."""
+
+    name: str
+    """In capitals."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class End(Statement):
+    """End of a routine or data list."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Declared:
+    """A variable in a declaration."""
+
+    name: str
+    """In capitals; of an array without its size."""
+    value: Operand | None
+    """Where it starts with one."""
+    start: int
+    """First character of the name."""
+    end: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Declaration(Statement):
+    """Variables of one type."""
+
+    type: str
+    shared: bool
+    """Declared GLOBAL."""
+    variables: tuple[Declared, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assignment(Statement):
+    """A value for a variable."""
+
+    name: str
+    """Of the variable, in capitals, with its index and components: ``$VEL.CP``, ``TOOL_DATA[1]``."""
+    value: Operand
+    changed: tuple[str, ...]
+    """Variables handed to functions on the way."""
+
+    @property
+    def variable(self) -> str:
+        """The variable itself, without index and components."""
+        return self.words[0].upper
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion(Statement):
+    """A motion instruction."""
+
+    keyword: str
+    """In capitals."""
+    operands: tuple[Operand, ...]
+    passing: tuple[str, ...]
+    """Its words for passing by, such as ``C_DIS``."""
+    settings: dict[str, tuple[Word, ...]] = field(default_factory=dict[str, tuple[Word, ...]])
+    """What it sets for itself behind WITH."""
+    trouble: str = ""
+    """What is not understood of it; empty where all is."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Call(Statement):
+    """A call of a routine."""
+
+    name: str
+    """In capitals."""
+    arguments: tuple[tuple[Word, ...], ...]
+    changed: tuple[str, ...]
+    """Variables handed over."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Control(Statement):
+    """A line that steers where the program goes on, by its first word; ``LABEL`` for a label."""
+
+    keyword: str
