@@ -11,7 +11,7 @@ from taskcal.identification.explain import PERIODIC
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.measurement.writer import write_campaign
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import Compliance, EncoderGain, Harmonics
+from taskcal.robot.effects import Compliance, Coupling, EncoderGain, Harmonics, MotorHarmonics, Spring
 from taskcal.robot.error_model import ErrorModel
 from tests.cli.conftest import Ended, Run
 
@@ -87,7 +87,7 @@ def test_kept_parameters_leave_the_effects_in(run: Run, campaign: Path, tmp_path
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--effects", "friction"], "'friction' is no effect; known: compliance, gain"),
+        (["--effects", "friction"], "'friction' is no effect; known: backlash, compliance, coupling, gain"),
         (["--effects", "auto,gain"], "'auto' stands alone"),
         (["--effects", "gain,gain"], "'gain' stands twice"),
         (["--effects", "harmonics:3-1"], "write harmonics:1-4"),
@@ -127,6 +127,7 @@ def test_names_of_effects() -> None:
     named = read_effects("compliance, gain,harmonics,harmonics:3,harmonics:5-7,periodic")
     orders = Harmonics(orders=(3,)), Harmonics(orders=(5, 6, 7))
     assert named == [Compliance(), EncoderGain(), Harmonics(), *orders, PERIODIC]
+    assert read_effects("coupling,spring,motor") == [Coupling(), Spring(), MotorHarmonics()]
 
 
 def test_amplitudes_of_harmonics() -> None:

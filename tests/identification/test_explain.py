@@ -14,7 +14,7 @@ from taskcal.robot.effects import Compliance, EncoderGain, Harmonics
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
 
-CHEAP = [effect for effect in CANDIDATES if len(getattr(effect, "orders", ())) < 3]
+CHEAP = [e for e in CANDIDATES if e.suits(load_robot("abb-irb120")) and len(getattr(e, "orders", ())) < 3]
 
 
 def poses(robot, rng, count):

@@ -1,6 +1,6 @@
 """Which parameters some poses can tell apart: those without effect, those that repeat others, and the relations."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import qr, solve_triangular
 
+from taskcal.analysis.near_dependence import LEVEL, NearDependence, find_near_dependences
 from taskcal.estimation.information import Observability, observability
 from taskcal.robot.error_model import COMPONENTS, ErrorModel
 
@@ -77,6 +78,19 @@ class Identifiability:
         elif scale == "columns":
             columns = columns / np.linalg.norm(columns, axis=0)
         return observability(np.linalg.svd(columns, compute_uv=False), self.poses)
+
+    def near(
+        self, names: Sequence[str] | None = None, *, against: Sequence[str] | None = None, level: float = LEVEL
+    ) -> tuple[NearDependence, ...]:
+        """Parameters that a few others nearly repeat, or repeat exactly, the most repeated first.
+
+        Args:
+            names: those to look at, such as `ErrorModel.effect_names`; all by default.
+            against: those that may repeat them; all by default.
+            level: share of a column's squared length that four others at most must explain.
+        """
+        wanted = self.names if names is None else names
+        return find_near_dependences(self.matrix, self.names, wanted, against=against, level=level, nil=NIL)
 
     def relations(self) -> Float[np.ndarray, "kept p"]:
         """B with J = J_kept·B: what each parameter adds to the kept ones."""

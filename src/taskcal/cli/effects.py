@@ -1,5 +1,6 @@
 """Effects as the command line names them, and the table that says what each is worth."""
 
+import math
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -10,14 +11,26 @@ import typer
 from taskcal.cli.options import split_names
 from taskcal.cli.output import show_facts, show_table
 from taskcal.identification.explain import PERIODIC, Explanation
-from taskcal.robot.effects import Backlash, Compliance, Effect, EncoderGain, Harmonics
+from taskcal.robot.effects import (
+    Backlash,
+    Compliance,
+    Coupling,
+    Effect,
+    EncoderGain,
+    Harmonics,
+    MotorHarmonics,
+    Spring,
+)
 
 STRONGEST = 12
 """How many harmonics are shown."""
 
+REPEATED = 4
+"""How many parameters that geometry nearly repeats are named."""
+
 _HARMONICS = re.compile(r"harmonics:(\d+)(?:-(\d+))?$")
 _HIGHEST = 200
-_KNOWN = "backlash, compliance, gain, harmonics (orders 1 and 2), harmonics:1-4, periodic (orders 3 to 30)"
+_KNOWN = "backlash, compliance, coupling, gain, harmonics (orders 1 and 2), harmonics:1-4, motor, periodic (orders 3 to 30), spring"
 
 
 def read_effects(text: str) -> list[Effect] | None:
@@ -36,9 +49,12 @@ def _effect(name: str) -> Effect:
     known: Mapping[str, Effect] = {
         "backlash": Backlash(),
         "compliance": Compliance(),
+        "coupling": Coupling(),
         "gain": EncoderGain(),
         "harmonics": Harmonics(),
+        "motor": MotorHarmonics(),
         "periodic": PERIODIC,
+        "spring": Spring(),
     }
     if name in known:
         return known[name]
@@ -70,7 +86,37 @@ def show_explanation(found: Explanation) -> None:
     ]
     header = ("beside what is above", "parameters", "left mm", "± 1σ mm", "taken", "because")
     show_table("What explains the measurements: mean error in space on rows left out", header, rows, left=(0, 4, 5))
-    show_facts([("explained", _sentence(found))])
+    facts = [("explained", _sentence(found))]
+    if found.alike:
+        facts.append(("hardly told apart", _alike(found)))
+    show_facts(facts)
+
+
+def near_dependences(found: Explanation) -> list[dict[str, Any]]:
+    """Parameters of effects that geometry nearly repeats, for JSON; an infinite inflation is None."""
+    return [
+        {
+            "name": near.name,
+            "share": near.share,
+            "variance_inflation": near.inflation if math.isfinite(near.inflation) else None,
+            "explained_by": dict(near.by),
+        }
+        for near in found.alike
+    ]
+
+
+def _alike(found: Explanation) -> str:
+    named = [f"{near.name} is {_percent(near.share)} explained by {', '.join(near.by)}" for near in found.alike]
+    more = f"; and {len(named) - REPEATED} more" if len(named) > REPEATED else ""
+    return (
+        f"at the fitted poses {'; '.join(named[:REPEATED])}{more}; what these share out between them is open, predictions among "
+        "such poses are not"
+    )
+
+
+def _percent(share: float) -> str:
+    """Rounded down, so that only an exact repeat is 100 %."""
+    return f"{math.floor(min(share + 1e-9, 1.0) * 1e4) / 1e2:g} %"
 
 
 def _sentence(found: Explanation) -> str:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskcal.cli.drift import DriftChoice, DriftOption, settle
 from taskcal.cli.options import JsonOption, NestsOption, RobotOption, RowsOption, SeedOption, TargetsOption, split_names
 from taskcal.cli.output import announce_compilation, check_destination, note, working, write_json
 
@@ -92,12 +93,14 @@ def command(
             "--effects",
             metavar="auto|none|LIST",
             help="What the joints do beside the geometry: 'auto' takes what the data prove; or add, unproven, backlash, "
-            "compliance, gain, harmonics (orders 1 and 2), harmonics:1-4, periodic (orders 3 to 30). None by default.",
+            "compliance, coupling, gain, harmonics (orders 1 and 2), harmonics:1-4, motor, periodic (orders 3 to 30), "
+            "spring. None by default.",
         ),
     ] = "none",
     field: Annotated[
         bool, typer.Option("--field", help="Learn over the joints what is left, if cross-validation proves it.")
     ] = False,
+    drift: DriftOption = DriftChoice.follow,
     as_json: JsonOption = False,
 ) -> None:
     """Identify a robot's parameters from a campaign, with tracker frame and targets.
@@ -145,13 +148,15 @@ def command(
     measured = read_campaign(campaign, model.robot, targets=wanted, nests=fixed)
     if mpe_to_sigma is not None and measured.uncertainty is not None:
         note("--mpe-to-sigma has no effect: the campaign states its own uncertainties (u_mm)")
+    noise = None if mpe_to_sigma is None else TrackerNoise(mpe_to_sigma=mpe_to_sigma)
+    measured, moved = settle(measured, drift, noise)
     chosen, others = _divide(measured, rows, holdout, seed, campaign)
     announce_compilation()
     options: dict[str, Any] = {
         "keep": _kept(model, names),
         "prior": None if prior is PriorChoice.none else "tolerances",
         "loss": {LossChoice.squared: Squared, LossChoice.huber: Huber, LossChoice.cauchy: Cauchy}[loss](),
-        "noise": None if mpe_to_sigma is None else TrackerNoise(mpe_to_sigma=mpe_to_sigma),
+        "noise": noise,
         "frames": frames.value,
         "model_error": "estimate" if model_error is None else model_error * 1e-3,
         "prior_scale": "estimate" if prior_scale is None else prior_scale,
@@ -168,9 +173,15 @@ def command(
     for remark in calibration.remarks:
         note(remark)
     calibration.save(output)
-    result: dict[str, Any] = {"calibration": output, **report(calibration, measured, chosen, others)}
+    result: dict[str, Any] = {"calibration": output, **report(calibration, measured, chosen, others), "drift": moved}
     if explanation is not None:
-        result |= {"explanation": explanation.to_json(), "tracker_mm": explanation.tracker * 1e3}
+        from taskcal.cli.effects import near_dependences
+
+        result |= {
+            "explanation": explanation.to_json(),
+            "tracker_mm": explanation.tracker * 1e3,
+            "near_dependent": near_dependences(explanation),
+        }
     if as_json:
         write_json(result)
     else:

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.analysis.identifiability import identifiability
+from taskcal.analysis.near_dependence import NearDependence
 from taskcal.errors import CampaignError, TaskcalError
 from taskcal.estimation.blas import single_threaded
 from taskcal.geometry import se3
@@ -19,7 +21,16 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.field import FEWEST, learn_field
 from taskcal.identification.identify import identify
 from taskcal.measurement.campaign import Campaign
-from taskcal.robot.effects import Backlash, Compliance, Effect, EncoderGain, Harmonics
+from taskcal.robot.effects import (
+    Backlash,
+    Compliance,
+    Coupling,
+    Effect,
+    EncoderGain,
+    Harmonics,
+    MotorHarmonics,
+    Spring,
+)
 from taskcal.robot.error_model import ErrorModel
 
 PERIODIC = Harmonics(orders=tuple(range(3, 31)), tolerance=2e-5)
@@ -32,7 +43,11 @@ CANDIDATES: tuple[Effect, ...] = (
     Compliance(),
     PERIODIC,
     Backlash(),
+    Coupling(),
+    Spring(),
+    MotorHarmonics(),
 )
+"""Those that suit a robot compete on it (`Effect.suits`): a spring where one is stated, for example."""
 
 PROOF = 5.0
 """Gain of log evidence that an effect must show beyond the logarithm of the number of candidates: odds of 150 to 1."""
@@ -67,6 +82,8 @@ class Explanation:
     stages: tuple[Stage, ...]
     tracker: float
     """What the tracker's noise alone would leave, metres in space."""
+    alike: tuple[NearDependence, ...]
+    """Parameters of effects that geometry nearly repeats at the fitted poses, the most repeated first."""
 
     def to_json(self) -> list[dict[str, Any]]:
         """The table, in millimetres."""
@@ -91,7 +108,7 @@ def explain(
     *,
     effects: Sequence[Effect] | None = None,
     field: bool = False,
-    candidates: Sequence[Effect] = CANDIDATES,
+    candidates: Sequence[Effect] | None = None,
     folds: int = 5,
     seed: int = 0,
     progress: Callable[[str], None] = lambda _: None,
@@ -104,7 +121,8 @@ def explain(
         campaign: the measurements.
         effects: those to add without proof; by default the candidates are tried.
         field: try a residual field.
-        candidates: effects that compete; backlash only where the campaign has the ways of approach.
+        candidates: effects that compete; by default those of `CANDIDATES` that suit the robot. Backlash competes only where
+            the campaign has the ways of approach.
         folds: of the cross-validation.
         seed: of its folds.
         progress: told what is being done.
@@ -138,7 +156,8 @@ def explain(
             )
             best, left = trial, errors
     else:
-        able = [c for c in candidates if campaign.approach is not None or not isinstance(c, Backlash)]
+        suitable = [c for c in CANDIDATES if c.suits(model.robot)] if candidates is None else candidates
+        able = [c for c in suitable if campaign.approach is not None or not isinstance(c, Backlash)]
         found = _search(model, campaign, able, parts, best, left, options, progress)
         best, left, model, options, added, tried = found
         stages += tried
@@ -155,7 +174,24 @@ def explain(
     noise = campaign.covariances(options.get("noise"))[campaign.valid][:, :3, :3]
     # mean length of an isotropic normal vector: √(8/π) standard deviations
     tracker = float(np.sqrt(8.0 / np.pi) * np.sqrt(np.trace(noise, axis1=1, axis2=2).mean() / 3.0))
-    return Explanation(calibration=best, effects=tuple(added), stages=tuple(stages), tracker=tracker)
+    return Explanation(
+        calibration=best,
+        effects=tuple(added),
+        stages=tuple(stages),
+        tracker=tracker,
+        alike=_repeated_by_geometry(best, campaign),
+    )
+
+
+def _repeated_by_geometry(calibration: Calibration, campaign: Campaign) -> tuple[NearDependence, ...]:
+    """Parameters of effects that the fitted geometry, tracker frame and target nearly repeat at the campaign's poses."""
+    model = calibration.model
+    effects = [name for name in model.effect_names if name in calibration.kept]
+    if not effects:
+        return ()
+    found = identifiability(model, campaign.q[campaign.valid.any(axis=1)], calibration.estimate, frames=True)
+    fitted = {*calibration.kept, *(found.names[len(model) :] if not calibration.layout.fixed_frames else ())}
+    return found.near(effects, against=sorted(fitted - set(effects)))
 
 
 def with_field(calibration: Calibration, campaign: Campaign, seed: int = 0) -> Calibration:
@@ -230,7 +266,10 @@ def _label(effect: Effect) -> str:
         "EncoderGain": "encoder gain",
         "Backlash": "backlash",
         "Harmonics": "gear harmonics",
+        "MotorHarmonics": "motor harmonics",
         "Compliance": "compliance",
+        "Coupling": "coupling",
+        "Spring": "spring",
     }
     label = named.get(type(effect).__name__, type(effect).__name__)
     if isinstance(effect, Harmonics):

@@ -5,9 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskcal.errors import TaskcalError, UnknownName
+from taskcal.geometry import se3
 from taskcal.robot.effects.effect import Effect
 from taskcal.robot.effects.linear_term import LinearTerm, at_joints
 from taskcal.robot.robot import Robot
+
+NEAR = 1e-6
+"""Distance under which axes meet, metres."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,6 +23,10 @@ class Coupling(Effect):
 
     pairs: tuple[tuple[str, str], ...] | None = None
     """Names of the joint that drives and of the joint that it moves; those of the wrist by default."""
+
+    def suits(self, robot: Robot) -> bool:
+        """Whether its last three axes meet in a point: drives of such wrists run through each other."""
+        return len(robot.joints) > 2 and not any(robot.prismatic[-3:]) and _meet(robot)
 
     def term(self, robot: Robot) -> LinearTerm:
         """Parameters ``J5.by_J4`` …, radians per radian, with `tolerance` as their standard deviation.
@@ -55,3 +63,22 @@ class Coupling(Effect):
             if name not in names:
                 raise UnknownName("joint", name, names, f"of {robot.name}")
         return [(names.index(drives), names.index(moves)) for drives, moves in self.pairs]
+
+
+def _meet(robot: Robot) -> bool:
+    """Whether a point lies on the last three axes; by least squares over their lines."""
+    pose, normal, right = np.eye(4), np.zeros((3, 3)), np.zeros(3)
+    left: list[tuple[np.ndarray, np.ndarray]] = []
+    for i, joint in enumerate(robot.joints):
+        for part in joint.before:
+            pose = pose @ part.transform
+        if i >= len(robot.joints) - 3:
+            across = np.eye(3) - np.outer(pose[:3, 2], pose[:3, 2])
+            left.append((across, pose[:3, 3]))
+            normal += across
+            right += across @ pose[:3, 3]
+        pose = pose @ se3.rotation("z", 0.7)  # away from where axes line up
+        for part in joint.after:
+            pose = pose @ part.transform
+    point = np.linalg.lstsq(normal, right, rcond=None)[0]
+    return all(float(np.linalg.norm(across @ (point - origin))) < NEAR for across, origin in left)

@@ -33,6 +33,10 @@ class Effect:
                 raise UnknownName("joint", name, names, f"of {robot.name}")
         return [i for i, name in enumerate(names) if self.joints is None or name in self.joints]
 
+    def suits(self, robot: Robot) -> bool:
+        """Whether what is known of a robot gives reason to look for the effect."""
+        return bool(self.chosen(robot))
+
     def to_json(self) -> dict[str, Any]:
         """Its kind and options."""
         return {"kind": type(self).__name__, **_listed(asdict(self))}

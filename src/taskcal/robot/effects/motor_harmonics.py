@@ -24,6 +24,10 @@ class MotorHarmonics(Effect):
     tolerance: float = 1e-4
     """Largest deflection expected of each parameter (1σ), at the joint, radians."""
 
+    def suits(self, robot: Robot) -> bool:
+        """Whether the robot file states a gear ratio."""
+        return any(robot.joints[j].gear_ratio is not None for j in self.chosen(robot))
+
     def term(self, robot: Robot) -> LinearTerm:
         """Parameters ``J2.motor_cos1``, ``J2.motor_sin1`` …, radians at the joint, for joints whose ratio is stated.
 

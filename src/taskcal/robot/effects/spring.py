@@ -22,6 +22,10 @@ class Spring(Effect):
     robot without a four-bar these two are those of `Harmonics` of order 1, and data cannot tell them apart.
     """
 
+    def suits(self, robot: Robot) -> bool:
+        """Whether the robot file states a spring."""
+        return robot.statics.spring is not None
+
     def term(self, robot: Robot) -> LinearTerm:
         """Parameter ``J2.spring``, radians per newton metre of spring, or ``J2.spring_cos`` and ``J2.spring_sin``, radians.
 
