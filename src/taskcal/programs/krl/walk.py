@@ -1,33 +1,19 @@
-"""Reading KRL: what every routine does to tool and base, and where each of its motions goes."""
+"""One pass through the lines of a KRL routine: what holds for tool and base, and where each motion goes."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.errors import FileError
-from taskcal.programs.krl.data import Data, Datum, File
+from taskcal.programs.krl.data import Datum, File
 from taskcal.programs.krl.frames import NULL, Frames, State, merged
-from taskcal.programs.krl.parser import BLOCKS, parse
+from taskcal.programs.krl.parser import BLOCKS
 from taskcal.programs.krl.position import Unresolved, axes, check_external, has_axes, has_pose, pose
-from taskcal.programs.krl.program import KrlProgram
 from taskcal.programs.krl.rewriting import Site, Written
+from taskcal.programs.krl.routines import Routine, altered_by
 from taskcal.programs.krl.status import ACCURATE_BIT, Status
-from taskcal.programs.krl.syntax import (
-    Aggregate,
-    Assignment,
-    Begin,
-    Call,
-    Control,
-    End,
-    Motion,
-    Operand,
-    Reference,
-    Statement,
-)
-from taskcal.programs.program import Frame, Move, MoveKind, Remark, Target
-from taskcal.programs.source import Source
+from taskcal.programs.krl.syntax import Aggregate, Assignment, Call, Control, Motion, Operand, Reference, Statement
+from taskcal.programs.program import Move, MoveKind, Target
 
 KINDS: dict[str, MoveKind] = {
     "PTP": "joint", "SPTP": "joint", "LIN": "linear", "SLIN": "linear", "CIRC": "circular", "SCIRC": "circular",
@@ -36,42 +22,27 @@ KINDS: dict[str, MoveKind] = {
 SPLINES = {"SPLINE", "PTP_SPLINE"}
 
 
-def read_krl(sources: Sequence[Source]) -> KrlProgram:
-    """Read a KRL program.
-
-    Args:
-        sources: its ``.src`` files, with their ``.dat`` and, for tools and bases by number, ``$config.dat``.
-
-    Raises:
-        FileError: a file is no KRL, or none holds a program.
-    """
-    files = tuple(
-        File(number=i, source=source, statements=tuple(parse(source.text))) for i, source in enumerate(sources)
-    )
-    for file in files:
-        if not any(isinstance(line, Begin) for line in file.statements):
-            raise FileError(
-                file.source.path, f"is no KRL file: it has no line {'DEFDAT' if file.holds_data else 'DEF'}"
-            )
-    if sources and all(file.holds_data for file in files):
-        raise FileError(sources[0].path, "holds data only; pass the .src with the motions, too")
-    return _Reading(files=files).program()
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Routine:
-    file: File
-    name: str
-    lines: tuple[Statement, ...]
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Found:
+class Found:
     """A motion that was resolved, its number in the order of reading."""
 
     number: int
     move: Move
     site: Site
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Findings:
+    """What was found so far."""
+
+    found: list[Found] = field(default_factory=list[Found])
+    """In the order of reading."""
+    remarks: list[tuple[int, int, str]] = field(default_factory=list[tuple[int, int, str]])
+    """Number of the file, position and text."""
+
+    def remark(self, file: File, position: int, text: str) -> None:
+        """Note something about a place."""
+        self.remarks.append((file.number, position, text))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -86,76 +57,21 @@ class _Block:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Reading:
-    files: tuple[File, ...]
-    found: list[_Found] = field(default_factory=list[_Found])
-    remarks: list[tuple[int, int, str]] = field(default_factory=list[tuple[int, int, str]])
-    """File, position and text."""
-
-    def remark(self, file: File, position: int, text: str) -> None:
-        self.remarks.append((file.number, position, text))
-
-    def program(self) -> KrlProgram:
-        """Read all routines, callers before those they call, so that tool and base pass from one to the other."""
-        data = Data(files=self.files)
-        routines = _routines(self.files)
-        alters = _altering(routines)
-        callers = _callers(routines)
-        called_at: dict[str, list[State]] = {name: [] for name in routines}
-        made: dict[tuple[str, bytes], Frame] = {}
-        done: set[str] = set()
-        for name in _callers_first(callers):
-            routine = routines[name]
-            states = called_at[name]
-            entry = merged(states, f"{name} is called with different ones") if states else State.unset()
-            if not callers[name] <= done:
-                entry = entry.forgotten(f"{name} is called in a circle")
-            done.add(name)
-            frames = Frames(data=data, module=routine.file.module, made=made)
-            walk = _Walk(reading=self, routine=routine, frames=frames, alters=alters, called_at=called_at)
-            walk.run(replace(entry, last=None))
-        self._warn()
-        return self._ordered()
-
-    def _warn(self) -> None:
-        """Say where the controller may correct its geometry by itself."""
-        for file in self.files:
-            for line in file.statements:
-                if any(word.upper in ("$ABS_ACCUR", "$ABS_CONVERT") for word in line.words):
-                    self.remark(
-                        file,
-                        line.start,
-                        "the controller's own absolute accuracy may be on; a corrected program would then correct twice",
-                    )
-
-    def _ordered(self) -> KrlProgram:
-        """Moves in the order of the text."""
-        found = sorted(self.found, key=lambda f: (f.site.file.number, f.site.motion.start))
-        number = {f.number: i for i, f in enumerate(found)}
-        return KrlProgram(
-            sources=tuple(file.source for file in self.files),
-            moves=tuple(
-                replace(f.move, follows=None if f.move.follows is None else number[f.move.follows]) for f in found
-            ),
-            remarks=tuple(
-                Remark(place=self.files[file].source.place(position), text=text)
-                for file, position, text in sorted(set(self.remarks))
-            ),
-            sites=tuple(f.site for f in found),
-        )
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Walk:
+class Walk:
     """One pass through the lines of a routine."""
 
-    reading: _Reading
-    routine: _Routine
+    findings: Findings
+    routine: Routine
     frames: Frames
     alters: dict[str, frozenset[str]]
     called_at: dict[str, list[State]]
 
     def run(self, state: State) -> None:
+        """Go through all lines.
+
+        Args:
+            state: what holds where the routine is called.
+        """
         blocks: list[_Block] = []
         trigger = False
         for number, line in enumerate(self.routine.lines):
@@ -201,14 +117,14 @@ class _Walk:
         """At the start of a loop that sets tool or base further down, they differ from pass to pass."""
         body = _body(self.routine.lines, number)
         reason = "it is set further down in the same loop"
-        sets = frozenset[str]().union(*(_alters(line, self.alters) for line in body))
+        sets = frozenset[str]().union(*(altered_by(line, self.alters) for line in body))
         return replace(state.forgotten(reason) if "frames" in sets else state, last=None, speed=None)
 
     def _call(self, line: Call, state: State) -> State:
         if line.name == "BAS":
             return self.frames.after_bas(state, line)
         if line.name not in self.alters:
-            self.reading.remark(
+            self.findings.remark(
                 self.routine.file,
                 line.start,
                 f"{line.name} is not in the files given; it is taken to leave $TOOL, $BASE and $IPO_MODE as they are",
@@ -226,14 +142,14 @@ class _Walk:
                 raise Unresolved(line.trouble or "it is part of a spline, whose shape depends on all its points")
             move, site = self._resolve(line, self.frames.with_settings(state, line.settings))
         except Unresolved as trouble:
-            self.reading.remark(self.routine.file, line.start, f"{line.keyword} stays as it is: {trouble}")
+            self.findings.remark(self.routine.file, line.start, f"{line.keyword} stays as it is: {trouble}")
             return replace(state, last=None)
         if trigger:
-            self.reading.remark(
+            self.findings.remark(
                 self.routine.file, line.start, "a TRIGGER acts along this motion; check it if the motion is divided"
             )
-        number = len(self.reading.found)
-        self.reading.found.append(_Found(number=number, move=move, site=site))
+        number = len(self.findings.found)
+        self.findings.found.append(Found(number=number, move=move, site=site))
         return replace(state, last=number)
 
     def _resolve(self, line: Motion, state: State) -> tuple[Move, Site]:
@@ -298,7 +214,7 @@ class _Walk:
             T = T @ _offset(aggregate)
         S, turn = last.value("S"), last.value("T")
         if S is not None and int(S) & ACCURATE_BIT:
-            self.reading.remark(
+            self.findings.remark(
                 self.routine.file,
                 written.operand.start,
                 "the point was taught with the controller's own absolute accuracy (bit 4 of S); where that is on, a corrected "
@@ -326,80 +242,6 @@ def _offset(aggregate: Aggregate) -> Float[np.ndarray, "4 4"]:
     if not has_pose(aggregate):
         raise Unresolved("what is added by ':' is no frame")
     return pose(aggregate, needed=())
-
-
-def _routines(files: tuple[File, ...]) -> dict[str, _Routine]:
-    out: dict[str, _Routine] = {}
-    for file in files:
-        if file.holds_data:
-            continue
-        start, name = 0, ""
-        for i, line in enumerate(file.statements):
-            if isinstance(line, Begin | End):
-                if name:
-                    _add(out, _Routine(file=file, name=name, lines=file.statements[start:i]))
-                start, name = i + 1, line.name if isinstance(line, Begin) else ""
-        if name:
-            _add(out, _Routine(file=file, name=name, lines=file.statements[start:]))
-    return out
-
-
-def _add(routines: dict[str, _Routine], routine: _Routine) -> None:
-    """Local routines of two files may have one name."""
-    name = routine.name
-    while name in routines:
-        name += "'"
-    routines[name] = routine
-
-
-def _alters(line: Statement, routines: dict[str, frozenset[str]]) -> frozenset[str]:
-    """What a line alters: ``frames`` for tool or base, ``motion`` for where the robot is."""
-    match line:
-        case Motion():
-            return frozenset({"motion"})
-        case Assignment() if line.variable in ("$TOOL", "$BASE", "$IPO_MODE"):
-            return frozenset({"frames"})
-        case Call(name="BAS"):
-            return frozenset({"frames"})
-        case Call() if line.name in routines:
-            return routines[line.name]
-        case _:
-            return frozenset()
-
-
-def _altering(routines: dict[str, _Routine]) -> dict[str, frozenset[str]]:
-    """What each routine alters, by itself or by those that it calls."""
-    alters = dict.fromkeys(routines, frozenset[str]())
-    while True:
-        wider = {
-            name: frozenset[str]().union(*(_alters(line, alters) for line in routine.lines))
-            for name, routine in routines.items()
-        }
-        if wider == alters:
-            return alters
-        alters = wider
-
-
-def _callers(routines: dict[str, _Routine]) -> dict[str, set[str]]:
-    """By routine: those that call it."""
-    out: dict[str, set[str]] = {name: set() for name in routines}
-    for name, routine in routines.items():
-        for line in routine.lines:
-            if isinstance(line, Call) and line.name in routines:
-                out[line.name].add(name)
-    return out
-
-
-def _callers_first(callers: dict[str, set[str]]) -> list[str]:
-    """Names of routines, each behind those that call it as far as they do not call each other."""
-    order: list[str] = []
-    left = dict(callers)
-    while left:
-        free = [name for name, others in left.items() if not (others - {name}) & left.keys()]
-        for name in free or list(left)[:1]:
-            order.append(name)
-            del left[name]
-    return order
 
 
 def _body(lines: tuple[Statement, ...], number: int) -> tuple[Statement, ...]:

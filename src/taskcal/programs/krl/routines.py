@@ -1,0 +1,91 @@
+"""The routines of a KRL program, what each alters, and which calls which."""
+
+from dataclasses import dataclass
+
+from taskcal.programs.krl.data import File
+from taskcal.programs.krl.syntax import Assignment, Begin, Call, End, Motion, Statement
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Routine:
+    """A routine, local or global."""
+
+    file: File
+    name: str
+    """In capitals."""
+    lines: tuple[Statement, ...]
+
+
+def routines_of(files: tuple[File, ...]) -> dict[str, Routine]:
+    """The routines of some files, by name."""
+    out: dict[str, Routine] = {}
+    for file in files:
+        if file.holds_data:
+            continue
+        start, name = 0, ""
+        for i, line in enumerate(file.statements):
+            if isinstance(line, Begin | End):
+                if name:
+                    _add(out, Routine(file=file, name=name, lines=file.statements[start:i]))
+                start, name = i + 1, line.name if isinstance(line, Begin) else ""
+        if name:
+            _add(out, Routine(file=file, name=name, lines=file.statements[start:]))
+    return out
+
+
+def _add(routines: dict[str, Routine], routine: Routine) -> None:
+    """Local routines of two files may have one name."""
+    name = routine.name
+    while name in routines:
+        name += "'"
+    routines[name] = routine
+
+
+def altered_by(line: Statement, routines: dict[str, frozenset[str]]) -> frozenset[str]:
+    """What a line alters: ``frames`` for tool or base, ``motion`` for where the robot is."""
+    match line:
+        case Motion():
+            return frozenset({"motion"})
+        case Assignment() if line.variable in ("$TOOL", "$BASE", "$IPO_MODE"):
+            return frozenset({"frames"})
+        case Call(name="BAS"):
+            return frozenset({"frames"})
+        case Call() if line.name in routines:
+            return routines[line.name]
+        case _:
+            return frozenset()
+
+
+def altering(routines: dict[str, Routine]) -> dict[str, frozenset[str]]:
+    """What each routine alters, by itself or by those that it calls."""
+    alters = dict.fromkeys(routines, frozenset[str]())
+    while True:
+        wider = {
+            name: frozenset[str]().union(*(altered_by(line, alters) for line in routine.lines))
+            for name, routine in routines.items()
+        }
+        if wider == alters:
+            return alters
+        alters = wider
+
+
+def callers_of(routines: dict[str, Routine]) -> dict[str, set[str]]:
+    """By routine: those that call it."""
+    out: dict[str, set[str]] = {name: set() for name in routines}
+    for name, routine in routines.items():
+        for line in routine.lines:
+            if isinstance(line, Call) and line.name in routines:
+                out[line.name].add(name)
+    return out
+
+
+def callers_first(callers: dict[str, set[str]]) -> list[str]:
+    """Names of routines, each behind those that call it as far as they do not call each other."""
+    order: list[str] = []
+    left = dict(callers)
+    while left:
+        free = [name for name, others in left.items() if not (others - {name}) & left.keys()]
+        for name in free or list(left)[:1]:
+            order.append(name)
+            del left[name]
+    return order
