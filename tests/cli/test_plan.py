@@ -108,6 +108,44 @@ def test_a_campaign_is_extended(run: Run, ask: list[object], alone: Alone, cell:
     assert more["expected_error_mm"] < alone[0]["expected_error_mm"]
 
 
+def test_a_calibration_is_planned_on_with_its_effects(
+    run: Run, ask: list[object], alone: Alone, cell: Path, tmp_path: Path
+) -> None:
+    cal = tmp_path / "cal.json"
+    effects = ["--effects", "compliance,gain", "--model-error", "0.000001"]
+    assert run("identify", "--robot", IRB6660, cell / "one.csv", "-o", cal, *effects).status == 0
+    on = ["plan", "--calibration", cal, *ask[3:], "--task", cell / "task.toml"]
+    result = run(*on, "--json").json
+    assert (result["calibration"], result["measured_before"], result["count"]) == (str(cal), 60, 12)
+    assert result["expected_error_mm"] < min(result["before_mm"], alone[0]["expected_error_mm"])
+    people = run(*on, "--report", tmp_path / "plan.html")
+    assert "calibration as it is" in people.out
+    assert "added to 60" in people.out
+    assert "expected of the calibration as it is" in (tmp_path / "plan.html").read_text(encoding="utf-8")
+    poses = tmp_path / "poses.json"
+    assert run("identify", "--robot", IRB6660, cell / "poses.csv", "-o", poses).status == 0
+    refused = run("plan", "--calibration", poses, *ask[3:])
+    assert (refused.status, refused.out) == (1, "")
+    assert f"{poses}: a plan adds points to a calibration from points" in refused.err
+
+
+def test_either_a_robot_or_a_calibration(run: Run, ask: list[object], cell: Path, tmp_path: Path) -> None:
+    cal = ["--calibration", cell / "cal.json"]
+    for wrong in (
+        [*ask, *cal],
+        ["plan", *ask[3:]],
+        ["plan", *cal, *ask[3:], "--extend", cell / "one.csv"],
+        ["plan", *cal, *ask[3:], "--model-error", "0.1"],
+    ):
+        ended = run(*wrong)
+        assert (ended.status, ended.out) == (2, "")
+        assert "--calibration" in ended.err
+    over = run("plan", *cal, *ask[3:], "-o", cell / "cal.json")
+    assert (over.status, over.out) == (1, "")
+    assert "cal.json" in over.err
+    assert run("plan", "--calibration", tmp_path / "nowhere.json", *ask[3:]).status == 1
+
+
 def test_another_criterion_and_a_model_error_in_millimetres(run: Run, ask: list[object], alone: Alone) -> None:
     result = run(*ask, "--criterion", "D", "--model-error", "0.05", "--json").json
     assert result["criterion"] == "D"

@@ -32,6 +32,21 @@ def test_the_report_for_people(run: Run, cell: Path) -> None:
     assert "published" in ended.out
 
 
+def test_the_effects_of_a_calibration_compete_too(run: Run, cell: Path, tmp_path: Path) -> None:
+    cal = tmp_path / "cal.json"
+    effects = ["--effects", "compliance,gain"]
+    assert run("identify", "--robot", IRB6660, cell / "one.csv", "-o", cal, *effects).status == 0
+    task = ["--task", cell / "task.toml", "--json"]
+    result = run("select", "--calibration", cal, *task).json
+    names = {*result["kept"], *result["dropped"]}
+    assert len(result["ladder"]) == len(names) + 1
+    assert {"J2.gain", "J3.sag_tool", "J2.tx"} <= names
+    assert result["references"]["published"]["size"] == 33
+    both = run("select", "--calibration", cal, "--robot", IRB6660, *task)
+    assert (both.status, both.out) == (2, "")
+    assert run("select", *task).status == 2
+
+
 @pytest.mark.slow
 def test_a_campaign_cross_validates_every_size(run: Run, cell: Path) -> None:
     task = ["select", "--robot", IRB6660, "--task", cell / "task.toml", "--campaign", cell / "one.csv", "--json"]

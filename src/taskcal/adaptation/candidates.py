@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int
 from taskcal.errors import ReachError
 from taskcal.estimation.experiment_design import Candidates
 from taskcal.geometry import se3, walk
+from taskcal.identification.calibration import Calibration
 from taskcal.identification.problem import FrameLayout, whitener
 from taskcal.kinematics.clearance import Links, clear_of_boxes, clear_of_itself, place_links
 from taskcal.measurement.campaign import Campaign
@@ -169,6 +170,8 @@ class Experiment:
     """Everything that turns poses into candidates of an experiment."""
 
     layout: FrameLayout
+    about: Float[np.ndarray, " z"]
+    """Parameters, tracker frame and targets about which it is linear."""
     noise: TrackerNoise
     model_error: float
     """Standard deviation per axis of what geometry does not explain, where it is taken for white, metres."""
@@ -179,9 +182,9 @@ class Experiment:
     basis: Float[np.ndarray, "c d"]
     """Directions of unit prior variance that candidates or task see at all."""
     prior: Float[np.ndarray, "d d"]
-    """Information of the prior, and of a campaign measured already."""
+    """Information of the prior, and of what was measured already."""
     signal: Float[np.ndarray, "d d"]
-    """The campaign's part of it."""
+    """The measurements' part of it."""
     task: Float[np.ndarray, "d d"]
     """W of the task."""
 
@@ -189,7 +192,7 @@ class Experiment:
         self, q: Float[np.ndarray, "n joints"], visible: Bool[np.ndarray, "n targets"]
     ) -> Float[np.ndarray, "n b d"]:
         """Whitened sensitivities of poses in the basis; nil for reflectors that are not seen."""
-        J, p = _sensitivities(self.layout, q, self.deviations, self.field)
+        J, p = _sensitivities(self.layout, self.about, q, self.deviations, self.field)
         return _whiten(J, p, q, visible, self.noise, self.model_error, self.field) @ self.basis
 
     def candidates(self, found: Measurable) -> Candidates:
@@ -199,7 +202,15 @@ class Experiment:
     def error(self, q: Float[np.ndarray, "n joints"], visible: Bool[np.ndarray, "n targets"]) -> float:
         """Expected rms error over the task after measuring some poses, metres."""
         X = self.rows(q, visible).reshape(-1, self.basis.shape[1])
-        return float(np.sqrt(np.sum(self.task * np.linalg.inv(self.prior + X.T @ X))))
+        return self._error_with(X.T @ X)
+
+    @property
+    def before(self) -> float:
+        """Expected rms error over the task by what is known already, metres."""
+        return self._error_with(np.zeros_like(self.prior))
+
+    def _error_with(self, gained: Float[np.ndarray, "d d"]) -> float:
+        return float(np.sqrt(np.sum(self.task * np.linalg.inv(self.prior + gained))))
 
 
 def make_experiment(
@@ -209,6 +220,7 @@ def make_experiment(
     station: Station | None,
     *,
     campaign: Campaign | None = None,
+    calibration: Calibration | None = None,
     registration: Registration | None = None,
     noise: TrackerNoise | None = None,
     model_error: float = 0.0,
@@ -225,21 +237,23 @@ def make_experiment(
         found: poses that can be measured.
         station: tracker and reflectors.
         campaign: measured already.
-        registration: where tracker and targets are, if known.
+        calibration: of points, with a prior: parameters, tracker frame and targets as they are, and as far as they are, known.
+        registration: where tracker and targets are, if known otherwise.
         noise: the tracker's.
         model_error: standard deviation per axis of what geometry does not explain, metres.
         smooth: take it for a smooth field over the joints instead of white noise.
         prior_scale: factor of the tolerances.
     """
-    layout = _layout(model, station, registration, campaign)
+    layout = _layout(model, station, registration, campaign) if calibration is None else calibration.layout
+    about = layout.start() if calibration is None else calibration.z
     noise = noise or TrackerNoise()
-    frames = np.full(len(layout.names) - len(model), FRAME_DEVIATION)
-    deviations = np.concatenate([model.tolerances * prior_scale, frames])
+    frames = np.full(len(layout.names) - len(layout.kept), FRAME_DEVIATION)
+    deviations = np.concatenate([model.tolerances[layout.kept] * prior_scale, frames])
     field = SmoothField.over(model_error, goal.q, found.q.std(axis=0)) if smooth and model_error > 0.0 else None
     white = 0.0 if field else model_error
-    J, points = _sensitivities(layout, found.q, deviations, field)
+    J, points = _sensitivities(layout, about, found.q, deviations, field)
     all_rows = _whiten(J, points, found.q, np.ones_like(found.visible), noise, white, field)
-    J_task, _ = _sensitivities(layout, goal.q, deviations, field)
+    J_task, _ = _sensitivities(layout, about, goal.q, deviations, field)
     J_task = J_task * np.sqrt(goal.weights / J_task.shape[1])[:, None, None, None]
     flat, J_task = all_rows.reshape(-1, J.shape[3]), J_task.reshape(-1, J.shape[3])
     typical = float(np.mean(flat**2) / max(np.mean(J_task**2), 1e-300))
@@ -248,11 +262,14 @@ def make_experiment(
     d = basis.shape[1]
     signal = np.zeros((d, d))
     if campaign is not None:
-        J_done, points = _sensitivities(layout, campaign.q, deviations, field)
+        J_done, points = _sensitivities(layout, about, campaign.q, deviations, field)
         done = (_whiten(J_done, points, campaign.q, campaign.valid, noise, white, field) @ basis).reshape(-1, d)
         signal = done.T @ done
+    if calibration is not None:
+        signal = _information_of(calibration, deviations, basis) - np.eye(d)
     return Experiment(
         layout=layout,
+        about=about,
         noise=noise,
         model_error=white,
         field=field,
@@ -262,6 +279,19 @@ def make_experiment(
         signal=signal,
         task=basis.T @ (J_task.T @ J_task) @ basis,
     )
+
+
+def _information_of(
+    calibration: Calibration, deviations: Float[np.ndarray, " z"], basis: Float[np.ndarray, "c d"]
+) -> Float[np.ndarray, "d d"]:
+    """Posterior information in the basis; of a smooth field, whose directions come last, nothing is known."""
+    z = len(deviations)
+    covariance = np.eye(len(basis))
+    covariance[:z, :z] = calibration.z_covariance / deviations / deviations[:, None]
+    inner = basis.T @ covariance @ basis
+    scale = 1.0 / np.sqrt(np.diag(inner))
+    information = np.linalg.inv(inner * scale * scale[:, None]) * scale * scale[:, None]
+    return 0.5 * (information + information.T)
 
 
 def _layout(
@@ -284,12 +314,13 @@ def _layout(
 
 def _sensitivities(
     layout: FrameLayout,
+    about: Float[np.ndarray, " z"],
     q: Float[np.ndarray, "n joints"],
     deviations: Float[np.ndarray, " z"],
     field: SmoothField | None,
 ) -> tuple[Float[np.ndarray, "n targets 3 c"], Float[np.ndarray, "n targets 3"]]:
     """Sensitivities of the targets to everything unknown, in units of its prior deviation; and where the targets are."""
-    walked = layout.walked(q, layout.start())
+    walked = layout.walked(q, about)
     T = walk.poses(walked.chain, walked.s, walked.e)
     parts: list[np.ndarray] = []
     for t, point in enumerate(walked.points.position):

@@ -17,15 +17,16 @@ from taskcal.adaptation.candidates import (
     make_experiment,
 )
 from taskcal.adaptation.expected_error import design
+from taskcal.adaptation.knowledge import Knowledge, know_calibration, know_campaign
 from taskcal.adaptation.visiting_order import order_visits
 from taskcal.errors import CampaignError, ReachError, UnknownName
 from taskcal.estimation.blas import single_threaded
 from taskcal.estimation.experiment_design import CRITERIA, Criterion, choose
-from taskcal.identification.identify import identify
+from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.clearance import place_links
 from taskcal.kinematics.inverse import closes
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import Registration, register
+from taskcal.measurement.registration import Registration
 from taskcal.measurement.station import Station
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.measurement.virtual_cell import simulate
@@ -57,7 +58,8 @@ class Plan:
     by_count: Float[np.ndarray, " count"]
     """Expected error after the first 1, 2, … poses of the greedy start."""
     before: float
-    """Expected error of the nominal robot, tracker frame and targets found from the same measurements, metres."""
+    """Expected error of the nominal robot, tracker frame and targets found from the same measurements; or of the calibration
+    that is planned on, as it is. Metres."""
     criterion: str
     exchanges: int
     lost: dict[str, int] = field(default_factory=dict[str, int])
@@ -66,6 +68,8 @@ class Plan:
     """Candidates that could be measured."""
     accuracy: float | None = None
     """Needed by the task, metres."""
+    extends: bool = False
+    """Whether it plans on from a calibration."""
 
     @property
     def enough(self) -> int | None:
@@ -104,6 +108,7 @@ def plan(
     station: Station | None = None,
     criterion: Criterion = "task",
     campaign: Campaign | None = None,
+    calibration: Calibration | None = None,
     candidates: int | Float[np.ndarray, "n joints"] = CANDIDATES,
     refine: int = 2,
     registration: Registration | None = None,
@@ -122,9 +127,11 @@ def plan(
         station: tracker, reflectors and keep-out boxes; without it one reflector at the tool point is always seen.
         criterion: ``task`` for the expected task error, or D, A, E, O1–O5.
         campaign: already measured, with points; the plan extends it, with its own model error and prior scale.
+        calibration: of this model from points; the plan adds what lowers its uncertainty over the task the most, with its own
+            model error and prior scale. It stands for its campaign, so that only one of the two is given.
         candidates: how many poses to choose among; or the joint positions themselves, which are then not refined.
         refine: rounds of continuous refinement after the exchange.
-        registration: where tracker and targets are, if known; a campaign brings its own.
+        registration: where tracker and targets are, if known; a campaign or a calibration brings its own.
         noise: the tracker's.
         model_error: standard deviation of what geometry does not explain, metres.
         prior_scale: factor of the tolerances.
@@ -132,8 +139,10 @@ def plan(
 
     Raises:
         ReachError: no candidate can be reached and seen.
-        CampaignError: fewer poses than tracker frame and targets need, or a campaign of poses.
+        CampaignError: fewer poses than tracker frame and targets need, or a campaign or calibration that cannot be extended.
     """
+    if campaign is not None and calibration is not None:
+        raise ValueError("give the campaign or the calibration from it; together they would count it twice")
     if criterion not in CRITERIA:
         raise UnknownName("criterion", criterion, CRITERIA)
     progress("candidates")
@@ -142,16 +151,20 @@ def plan(
         found = find_measurable(model, task, station, candidates, seed)
     else:
         found, refine = keep_measurable(model, _as_reached(model, candidates), station), 0
-    known = _Known(model_error=model_error, prior_scale=prior_scale, registration=registration)
     if campaign is not None:
-        campaign, known = _known(model, campaign, station, noise)
+        known = know_campaign(model, campaign, station, noise)
+    elif calibration is not None:
+        known = know_calibration(model, calibration, station)
+    else:
+        known = Knowledge(model_error=model_error, prior_scale=prior_scale, registration=registration)
     experiment, weighing = (
         make_experiment(
             model,
             goal,
             found,
             station,
-            campaign=campaign,
+            campaign=known.campaign,
+            calibration=calibration,
             registration=known.registration,
             noise=noise,
             model_error=known.model_error,
@@ -160,7 +173,7 @@ def plan(
         )
         for smooth in (False, True)
     )
-    _check_count(count, experiment, campaign)
+    _check_count(count, experiment, known)
     progress(f"choosing {count} of {len(found.q)}")
     chosen = choose(weighing.candidates(found), count, criterion, progress=progress)
     q, visible = found.q[chosen.chosen], found.visible[chosen.chosen]
@@ -179,12 +192,15 @@ def plan(
         random=_random_plans(model, experiment, task, station, found, count, seed),
         grid=_even_plan(model, experiment, task, station, found, count),
         by_count=_errors_by_count(experiment, found, chosen.started),
-        before=_before(model, goal, station, _with_measured(campaign, q), noise, known.prior_scale),
+        before=experiment.before
+        if calibration is not None
+        else _before(model, goal, station, _with_measured(known.campaign, q), noise, known.prior_scale),
         criterion=criterion,
         exchanges=chosen.exchanges,
         lost=dict(found.lost),
         candidates=len(found.q),
         accuracy=task.accuracy,
+        extends=calibration is not None,
     )
 
 
@@ -194,43 +210,11 @@ def _as_reached(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> TaskPose
     return TaskPoses(T=model.poses(q), q=np.asarray(q, dtype=float), weights=np.full(n, 1.0 / n), unreachable=nothing)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Known:
-    """What is known of the cell before the plan."""
-
-    model_error: float
-    prior_scale: float
-    registration: Registration | None
-
-
-def _known(
-    model: ErrorModel, campaign: Campaign, station: Station | None, noise: TrackerNoise | None
-) -> tuple[Campaign, _Known]:
-    """What a campaign already measured shows, and the campaign with the station's reflectors in their order."""
-    if campaign.rotations is not None:
-        raise CampaignError("a plan extends a campaign of points; this one measured poses")
-    if station is not None and set(campaign.targets) != {r.name for r in station.reflectors}:
-        raise CampaignError(
-            f"the campaign's targets are {', '.join(campaign.targets)}, the station's reflectors "
-            f"{', '.join(r.name for r in station.reflectors)}; name them alike"
-        )
-    if station is None and len(campaign.targets) > 1:
-        raise CampaignError("the campaign has several targets; say with a station which reflectors the tool carries")
-    if station is not None:
-        campaign = campaign.of_targets([r.name for r in station.reflectors])
-    fitted = identify(model, campaign, noise=noise)
-    known = _Known(
-        model_error=fitted.model_error[0],
-        prior_scale=fitted.prior_scale or 1.0,
-        registration=register(model, campaign),
-    )
-    return campaign, known
-
-
-def _check_count(count: int, experiment: Experiment, campaign: Campaign | None) -> None:
+def _check_count(count: int, experiment: Experiment, known: Knowledge) -> None:
     frames = len(experiment.layout.names) - len(experiment.layout.kept)
     fewest = frames // (3 * len(experiment.layout.targets)) + 1
-    if count < 1 or (campaign is None and count < fewest):
+    nothing = known.campaign is None and known.calibration is None
+    if count < 1 or (nothing and count < fewest):
         raise CampaignError(
             f"{count} poses are too few: tracker frame and targets alone have {frames} unknowns; plan at least {fewest}, "
             "better 30 or more"

@@ -13,6 +13,7 @@ from taskcal.analysis.elimination_table import describe_combination, published_k
 from taskcal.analysis.identifiability import Identifiability, identifiability
 from taskcal.errors import CampaignError
 from taskcal.estimation.blas import single_threaded
+from taskcal.identification.calibration import Calibration
 from taskcal.identification.identify import identify
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.tracker import TrackerNoise
@@ -91,6 +92,7 @@ def select(
     seed: int = 0,
     folds: int = 5,
     noise: TrackerNoise | None = None,
+    scales: "Scales | None" = None,
 ) -> Selection:
     """Choose the smallest model that serves the task.
 
@@ -106,13 +108,14 @@ def select(
         seed: of that spread, and of the folds.
         folds: of the cross-validation.
         noise: the tracker's.
+        scales: what is known of model error and prior scale without a campaign.
 
     Raises:
         ReachError: the robot does not reach the task.
         CampaignError: the accuracy is below what even the full model is expected to reach, or too few rows.
     """
     reached = reach_task(model, task, count, seed)
-    made, hyper = assume_design(model, reached, task, campaign, seed, noise)
+    made, hyper = assume_design(model, reached, task, campaign, seed, noise, scales)
     order, expected = made.ladder()
     p = len(model)
     crossed = (
@@ -148,21 +151,33 @@ class Scales:
     """What a campaign shows besides the parameters."""
 
     model_error: tuple[float, ...] = (0.0, 0.0)
+    """Standard deviation per axis of what the model does not explain, metres (and radians, for poses)."""
     prior_scale: float = 1.0
+    """Factor of the tolerances."""
+
+    @classmethod
+    def of(cls, calibration: Calibration) -> "Scales":
+        """Those of a calibration."""
+        return cls(model_error=calibration.model_error, prior_scale=calibration.prior_scale or 1.0)
 
 
 def assume_design(
-    model: ErrorModel, reached: TaskPoses, task: Task, campaign: Campaign | None, seed: int, noise: TrackerNoise | None
+    model: ErrorModel,
+    reached: TaskPoses,
+    task: Task,
+    campaign: Campaign | None,
+    seed: int,
+    noise: TrackerNoise | None,
+    scales: Scales | None = None,
 ) -> tuple[Design, Scales]:
     """The design of a campaign for a task, with the scales that it shows; of assumed poses where there is none."""
     if campaign is None:
         assumed = reach_task(model, measuring_task(model, task), ASSUMED_POSES, seed + 1)
         measured, _ = simulate(model, assumed.q, rng=np.random.default_rng(seed), x=np.zeros(len(model)), noise=noise)
-        scales = Scales()
+        scales = scales or Scales()
     else:
         measured = campaign
-        full = identify(model, campaign, noise=noise)
-        scales = Scales(model_error=full.model_error, prior_scale=full.prior_scale or 1.0)
+        scales = Scales.of(identify(model, campaign, noise=noise))
     made = design(model, measured, reached, noise=noise, model_error=scales.model_error, prior_scale=scales.prior_scale)
     return made, scales
 

@@ -8,6 +8,19 @@ import typer
 RobotOption = Annotated[
     str, typer.Option("--robot", "-r", metavar="ROBOT", help="Name in the catalogue, or a robot file (.toml).")
 ]
+OptionalRobotOption = Annotated[
+    str | None, typer.Option("--robot", "-r", metavar="ROBOT", help="Name in the catalogue, or a robot file (.toml).")
+]
+CalibrationOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--calibration",
+        "-c",
+        metavar="CAL.json",
+        readable=False,
+        help="Instead of --robot: a calibration, with its effects and with what it knows.",
+    ),
+]
 TaskOption = Annotated[Path, typer.Option("--task", "-t", metavar="TASK.toml", readable=False, help="Task file.")]
 CountOption = Annotated[
     int, typer.Option("--count", "-n", min=1, metavar="N", help="Poses to spread over the task's workspace.")
@@ -36,6 +49,17 @@ RowsOption = Annotated[
         help="Rows to use, counted from 0: A:B without B, or a file with one number per line.",
     ),
 ]
+
+
+def check_source(robot: str | None, calibration: Path | None) -> None:
+    """See that either a robot is named or a calibration.
+
+    Raises:
+        typer.BadParameter: both or none.
+    """
+    if (robot is None) == (calibration is None):
+        said = "give one of them" if robot is None else "give one of them: a calibration contains its robot"
+        raise typer.BadParameter(said, param_hint="--robot / --calibration")
 
 
 def split_names(text: str | None, option: str) -> list[str] | None:

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.options import JsonOption, ReportOption, RobotOption, SeedOption, TaskOption
+from taskcal.cli.options import (
+    CalibrationOption,
+    JsonOption,
+    OptionalRobotOption,
+    ReportOption,
+    SeedOption,
+    TaskOption,
+    check_source,
+)
 from taskcal.cli.output import announce_compilation, check_destination, show_facts, show_table, working, write_json
 
 if TYPE_CHECKING:
@@ -35,11 +43,12 @@ class CriterionChoice(StrEnum):
 
 
 def command(
-    robot: RobotOption,
     task: TaskOption,
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="PLAN.csv", readable=False, help="Joint positions to measure.")
     ],
+    robot: OptionalRobotOption = None,
+    calibration: CalibrationOption = None,
     count: Annotated[int, typer.Option("--count", "-n", min=1, metavar="N", help="Poses to measure.")] = 60,
     seed: SeedOption = 0,
     station: Annotated[
@@ -75,19 +84,30 @@ def command(
 
     They are reached, clear of the robot itself and of obstacles, seen by the tracker,
     and stand in the order in which to visit them.
+
+    With --calibration they are chosen for what the calibration still leaves uncertain.
     """
+    check_source(robot, calibration)
     if model_error is not None and not 0 <= model_error < float("inf"):
         raise typer.BadParameter(f"{model_error:g} is not zero or above", param_hint="--model-error")
     if extend is not None and model_error is not None:
         raise typer.BadParameter("the campaign says how large it is", param_hint="--extend / --model-error")
+    if calibration is not None and extend is not None:
+        raise typer.BadParameter(
+            "the calibration knows its campaign; plan on with one of them", param_hint="--calibration / --extend"
+        )
+    if calibration is not None and model_error is not None:
+        raise typer.BadParameter("the calibration says how large it is", param_hint="--calibration / --model-error")
+    sources = [Path(p) for p in (robot, calibration, task, station, extend) if p is not None]
     for path in (output, report):
         if path is not None:
-            check_destination(path, [p for p in (Path(robot), task, station, extend) if p is not None])
+            check_destination(path, sources)
     if report is not None and report.resolve() == output.resolve():
         raise typer.BadParameter("plan and report cannot be one file", param_hint="--report / --output")
     from taskcal.adaptation.plan import plan
     from taskcal.errors import CampaignError, FileError
     from taskcal.files import write_whole
+    from taskcal.identification.calibration import load_calibration
     from taskcal.measurement.reader import read_campaign
     from taskcal.measurement.station import load_station
     from taskcal.measurement.writer import write_joints
@@ -95,7 +115,9 @@ def command(
     from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import load_task
 
-    model, asked = ErrorModel(load_robot(robot)), load_task(task)
+    known = None if calibration is None else load_calibration(calibration)
+    model = ErrorModel(load_robot(robot or "")) if known is None else known.model
+    asked = load_task(task)
     stands = None if station is None else load_station(station)
     measured = None if extend is None else read_campaign(extend, model.robot)
     announce_compilation()
@@ -109,21 +131,26 @@ def command(
                 station=stands,
                 criterion=criterion.value,
                 campaign=measured,
+                calibration=known,
                 candidates=candidates,
                 model_error=(model_error or 0.0) * 1e-3,
                 progress=say,
             )
         except CampaignError as error:
-            if extend is None:
+            source = extend or calibration
+            if source is None:
                 raise
-            raise FileError(extend, str(error)) from error
+            raise FileError(source, str(error)) from error
         _check(made, count)
         write_joints(output, made.q, model.robot)
         if report is not None:
             say("page")
             write_whole(report, _page(model, asked, made, seed))
     result = {"plan": output, "robot": model.robot.name, **made.to_json(), **_seen(made, stands)}
-    result["measured_before"] = 0 if measured is None else len(measured)
+    before = measured.ids if measured is not None else () if known is None else known.ids
+    result["measured_before"] = len(before)
+    if calibration is not None:
+        result["calibration"] = calibration
     if report is not None:
         result["report"] = report
     if as_json:
@@ -182,7 +209,11 @@ def _show(result: Mapping[str, Any], task: "Task") -> None:
         ("this plan", f"{result['expected_error_mm']:.4f}", ""),
         ("random poses", f"{result['random_expected_error_mm']:.4f}", f"{low:.4f} to {high:.4f}"),
         ("poses spread evenly", f"{result['grid_expected_error_mm']:.4f}", ""),
-        ("nominal robot, frames found", f"{result['before_mm']:.4f}", ""),
+        (
+            "calibration as it is" if "calibration" in result else "nominal robot, frames found",
+            f"{result['before_mm']:.4f}",
+            "",
+        ),
     ]
     before = result["measured_before"]
     added = f" added to {before}" if before else ""

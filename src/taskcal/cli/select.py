@@ -6,7 +6,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.options import JsonOption, ReportOption, RobotOption, SeedOption, TaskOption
+from taskcal.cli.options import (
+    CalibrationOption,
+    JsonOption,
+    OptionalRobotOption,
+    ReportOption,
+    SeedOption,
+    TaskOption,
+    check_source,
+)
 from taskcal.cli.output import (
     announce_compilation,
     check_destination,
@@ -18,15 +26,16 @@ from taskcal.cli.output import (
 )
 
 if TYPE_CHECKING:
-    from taskcal.adaptation.selection import Selection
+    from taskcal.adaptation.selection import Scales, Selection
     from taskcal.measurement.campaign import Campaign
     from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import Task
 
 
 def command(
-    robot: RobotOption,
     task: TaskOption,
+    robot: OptionalRobotOption = None,
+    calibration: CalibrationOption = None,
     campaign: Annotated[
         Path | None,
         typer.Option(
@@ -48,29 +57,36 @@ def command(
     report: ReportOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Choose the smallest set of parameters that serves a task."""
+    """Choose the smallest set of parameters that serves a task.
+
+    With --calibration its effects compete too, with the model error and the prior scale that it found.
+    """
+    check_source(robot, calibration)
     if accuracy is not None and not 0 < accuracy < float("inf"):
         raise typer.BadParameter(f"{accuracy:g} is not above zero", param_hint="--accuracy")
     if report is not None:
-        check_destination(report, [path for path in (Path(robot), task, campaign) if path is not None])
-    from taskcal.adaptation.selection import select
+        check_destination(report, [Path(path) for path in (robot, calibration, task, campaign) if path is not None])
+    from taskcal.adaptation.selection import Scales, select
     from taskcal.files import write_whole
+    from taskcal.identification.calibration import load_calibration
     from taskcal.measurement.reader import read_campaign
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import load_task
 
-    model, asked = ErrorModel(load_robot(robot)), load_task(task)
+    known = None if calibration is None else load_calibration(calibration)
+    model = ErrorModel(load_robot(robot or "")) if known is None else known.model
+    asked, scales = load_task(task), None if known is None else Scales.of(known)
     measured = None if campaign is None else read_campaign(campaign, model.robot)
     announce_compilation()
     if measured is not None:
         note(f"cross-validating {len(model) + 1} sizes of the model on {len(measured)} rows")
     wanted = None if accuracy is None else accuracy * 1e-3
-    found = select(model, asked, measured, wanted, seed=seed)
+    found = select(model, asked, measured, wanted, seed=seed, scales=scales)
     result = found.to_json()
     if report is not None:
         with working("maps over the task"):
-            write_whole(report, _page(model, asked, measured, found, wanted, seed))
+            write_whole(report, _page(model, asked, measured, found, wanted, seed, scales))
         result["report"] = report
     if as_json:
         write_json(result)
@@ -85,6 +101,7 @@ def _page(
     found: "Selection",
     accuracy: float | None,
     seed: int,
+    scales: "Scales | None",
 ) -> str:
     from taskcal.adaptation.selection import assume_design
     from taskcal.analysis.sensitivity import sensitivity
@@ -94,7 +111,7 @@ def _page(
     from taskcal.task.task import reach_task
 
     reached = reach_task(model, task, seed=seed)
-    made, _ = assume_design(model, reached, task, measured, seed, None)
+    made, _ = assume_design(model, reached, task, measured, seed, None, scales)
     maps = map_task(model, task, made, found.kept, seed)
     assumed = "60 poses assumed in the task" if task.workspace is not None else "60 poses assumed around the task"
     poses = assumed if measured is None else f"the {len(measured)} rows of {measured.source}"

@@ -48,7 +48,8 @@ def draw_by_count(made: Plan) -> go.Figure:
             marker={"color": colour, "symbol": symbol, "size": 12},
             hovertemplate="%{y:.4f} mm<extra>" + name + "</extra>",
         )
-    levels = [(made.before, "nominal robot, frames found", GREY, "dot")]
+    start = "calibration as it is" if made.extends else "nominal robot, frames found"
+    levels = [(made.before, start, GREY, "dot")]
     if made.accuracy is not None:
         levels.append((made.accuracy, "accuracy that the task needs", INK, "dash"))
     for value, name, colour, dash in levels:

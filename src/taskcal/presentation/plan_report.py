@@ -29,7 +29,7 @@ def plan_html(model: ErrorModel, task: Task, made: Plan, *, seed: int, version: 
                 Text(
                     (
                         "Expected errors are root mean squares in space over the task, of the measured targets in the tracker's "
-                        "frame, from tolerances and noise alone: no true robot is simulated. Random poses and poses spread "
+                        f"frame, from {_sources(made)} alone: no true robot is simulated. Random poses and poses spread "
                         "evenly lie in the task's own workspace; the plan may leave it a little and turn the tool farther, which "
                         "is where much of its advantage comes from.",
                     )
@@ -63,11 +63,17 @@ def plan_html(model: ErrorModel, task: Task, made: Plan, *, seed: int, version: 
     )
 
 
+def _sources(made: Plan) -> str:
+    return "the calibration's covariance, its model error and noise" if made.extends else "tolerances and noise"
+
+
 def _numbers(made: Plan) -> tuple[tuple[str, str, str], ...]:
     items = [
         (f"{made.expected * 1e3:.4f}", "mm", "expected after measuring this plan"),
         (f"{made.random.mean() * 1e3:.4f}", "mm", "expected after as many random poses, on average"),
-        (f"{made.before * 1e3:.3f}", "mm", "expected of the nominal robot, frames found from the same poses"),
+        (f"{made.before * 1e3:.4f}", "mm", "expected of the calibration as it is")
+        if made.extends
+        else (f"{made.before * 1e3:.3f}", "mm", "expected of the nominal robot, frames found from the same poses"),
     ]
     if made.accuracy is not None:
         enough = made.enough
