@@ -9,7 +9,7 @@ from scipy.stats import qmc
 
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
-from taskcal.geometry.pose_step import Goal, step_towards
+from taskcal.geometry.pose_step import Goal, conditions, step_towards
 from taskcal.geometry.walk import in_chunks
 from taskcal.robot.error_model import ErrorModel, Walk
 
@@ -116,6 +116,33 @@ def approach(
     return found
 
 
+def conditioning(
+    model: ErrorModel,
+    q: Float[np.ndarray, "n joints"],
+    x: Float[np.ndarray, " p"] | None = None,
+    *,
+    tip: Float[np.ndarray, "4 4"] | None = None,
+    spin: Spin = "fixed",
+) -> Float[np.ndarray, " n"]:
+    """Smallest over largest singular value of what the joints do to the tool, a metre counting as two radians.
+
+    0 at a singular posture, and where a closed loop does not assemble. Arguments as of `solve_near`.
+    """
+    frame = np.eye(4) if tip is None else np.ascontiguousarray(tip, dtype=float)
+    ratio = np.zeros(len(q))
+
+    def fill(rows: slice) -> None:
+        closing = closes(model, q[rows], x)
+        if closing.any():
+            at = model.walk(q[rows][closing], x)
+            goal = Goal(np.tile(np.eye(4), (len(at.s), 1, 1)), frame, spin == "free")
+            s = np.linalg.svd(conditions(goal, model.chain, at.s, at.e, _slope(model, at)), compute_uv=False)
+            ratio[rows][closing] = s[:, -1] / s[:, 0]
+
+    in_chunks(fill, len(q))
+    return ratio
+
+
 def _slope(model: ErrorModel, at: Walk) -> Float[np.ndarray, "m coordinates joints"]:
     """∂s/∂q of the robot's own joint side.
 
@@ -185,7 +212,14 @@ def _depth(model: ErrorModel, q: np.ndarray) -> np.ndarray:
 
 
 def follow(
-    model: ErrorModel, T: Float[np.ndarray, "n 4 4"], start: Float[np.ndarray, " joints"], *, steps: int = 12
+    model: ErrorModel,
+    T: Float[np.ndarray, "n 4 4"],
+    start: Float[np.ndarray, " joints"],
+    x: Float[np.ndarray, " p"] | None = None,
+    *,
+    steps: int = 12,
+    tip: Float[np.ndarray, "4 4"] | None = None,
+    spin: Spin = "fixed",
 ) -> Reached:
     """Solve poses on the branch of a starting posture, each along a straight way from it in small steps.
 
@@ -193,9 +227,12 @@ def follow(
         model: the model.
         T: tool poses in the base.
         start: posture that the branch is taken from, radians.
+        x: parameter values; the nominal robot by default.
         steps: how many steps the way is cut into.
+        tip: pose, in the tool, of the frame that shall be at T; the tool itself by default.
+        spin: ``free`` where that frame may turn about its own z axis.
     """
-    home = model.poses(start[None])[0]
+    home = model.poses(start[None], x)[0] @ (np.eye(4) if tip is None else tip)
     q = np.tile(start, (len(T), 1))
     turn = se3.log(T[:, :3, :3] @ home[:3, :3].T)
     stayed = np.ones(len(T), dtype=bool)
@@ -204,9 +241,9 @@ def follow(
         R = se3.exp(share * turn) @ home[:3, :3]
         p = home[:3, 3] + share * (T[:, :3, 3] - home[:3, 3])
         # on the way two Newton steps keep up; only the end must be exact
-        ahead = approach(model, se3.pose(R, p), q, iterations=2).q
+        ahead = approach(model, se3.pose(R, p), q, x, iterations=2, tip=tip, spin=spin).q
         stayed &= np.abs(ahead - q).max(axis=1) < JUMP
         q = ahead
-    found = solve_near(model, T, q)
+    found = solve_near(model, T, q, x, tip=tip, spin=spin)
     stayed &= np.abs(found.q - q).max(axis=1) < JUMP
     return Reached(q=found.q, reached=found.reached & stayed)

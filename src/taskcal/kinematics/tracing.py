@@ -1,0 +1,280 @@
+"""The joints along a path of tool poses: one continuous way from a starting posture, or the poses where it ends and why."""
+
+from dataclasses import dataclass, replace
+from enum import IntEnum
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from taskcal.geometry import se3
+from taskcal.geometry.pose_step import WEIGHT
+from taskcal.kinematics.inverse import JUMP, Approach, Spin, approach, conditioning, follow
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot import Robot
+
+STRIDE = 0.2
+"""The posture is followed from pose to pose where the tool has moved as far as this, radians and half metres; between
+them, poses are solved all at once."""
+
+SWING = 0.3
+"""Where a joint moves farther than this from stride to stride, radians, the posture is followed in shorter ones."""
+
+REPAIRED = 256
+"""Poses that are solved one after another, at most, before a new stretch begins."""
+
+AHEAD = 64
+"""Strides among which a way that has ended is looked for again at a time."""
+
+STEEPEST = 100.0
+"""Radians (half metres) that a joint may move for each that the tool does; more is a jump. About an axis of the wrist it
+is reached half a degree from the singular posture."""
+
+ROUNDING = 1e-6
+"""What a joint may move besides, radians or metres."""
+
+NEARLY_SINGULAR = 0.02
+"""Smallest over largest singular value under which a posture is called singular."""
+
+
+class Outcome(IntEnum):
+    """What became of a pose."""
+
+    REACHED = 0
+    OUT_OF_REACH = 1
+    """No posture near the way meets it."""
+    OUTSIDE_LIMITS = 2
+    """It is met outside a joint's or a coupled limit."""
+    SINGULAR = 3
+    """The joints would jump there, by a singular posture."""
+    BRANCH_LOST = 4
+    """The joints would jump there, to another branch."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Traced:
+    """Postures along a path.
+
+    From one reached pose to the next no joint moves farther than `STEEPEST` times the tool's motion, nor than `JUMP` where
+    the tool moves by less than `STRIDE`. After a refused pose a new stretch may begin.
+    """
+
+    q: Float[np.ndarray, "n joints"]
+    """Radians; where a pose was refused, the posture found last."""
+    outcome: Int[np.ndarray, " n"]
+    """`Outcome` of each pose."""
+    off: Float[np.ndarray, "n 2"]
+    """Distance and angle that are left, metres and radians."""
+    singularity: Float[np.ndarray, " n"]
+    """Smallest over largest singular value of the tool's motion by the joints, a metre counting as two radians; 0 where
+    a posture is singular."""
+
+    @property
+    def reached(self) -> Bool[np.ndarray, " n"]:
+        """Whether each pose is met, inside all limits, without a jump on the way to it."""
+        return self.outcome == Outcome.REACHED
+
+
+def refusals(robot: Robot, traced: Traced) -> list[tuple[int, str]]:
+    """Rows that were refused, with the reason in words."""
+    outside = dict(reversed(robot.outside_limits(traced.q)))
+    out: list[tuple[int, str]] = []
+    for row in np.flatnonzero(~traced.reached):
+        match Outcome(traced.outcome[row]):
+            case Outcome.OUT_OF_REACH if np.isinf(traced.off[row, 0]):
+                reason = "out of reach: the four-bar does not close on the way to it"
+            case Outcome.OUT_OF_REACH:
+                distance, angle = traced.off[row, 0] * 1e3, np.degrees(traced.off[row, 1])
+                reason = f"out of reach on this branch: the nearest posture leaves {distance:.3g} mm and {angle:.3g}°"
+            case Outcome.OUTSIDE_LIMITS:
+                reason = outside[int(row)]
+            case Outcome.SINGULAR:
+                reason = f"the joints would jump at a singular posture ({traced.singularity[row]:.2g} from it)"
+            case _:
+                reason = "the joints would jump to another branch"
+        out.append((int(row), reason))
+    return out
+
+
+def trace(
+    model: ErrorModel,
+    T: Float[np.ndarray, "n 4 4"],
+    start: Float[np.ndarray, " joints"],
+    x: Float[np.ndarray, " p"] | None = None,
+    *,
+    tip: Float[np.ndarray, "4 4"] | None = None,
+    spin: Spin = "fixed",
+) -> Traced:
+    """Solve the poses of a path in their order, on the branch of a starting posture and without jumps.
+
+    The posture is followed along the path in strides; the poses between are solved at once from postures interpolated in
+    the joints, and each step from pose to pose is then held against the tool's motion.
+
+    Args:
+        model: the model.
+        T: tool poses in the base, in the order of the path; between poses far apart the tool is taken to move straight.
+        start: posture to begin with, radians; the way from it to the first pose is taken straight too.
+        x: parameter values; the nominal robot by default.
+        tip: pose, in the tool, of the frame that shall be at T; the tool itself by default.
+        spin: ``free`` where that frame may turn about its own z axis.
+    """
+    path = _Path(model=model, T=T, x=x, tip=np.eye(4) if tip is None else tip, spin=spin)
+    return _judge(path, _seeds(path, start)) if len(T) else _judge(path, np.zeros((0, len(start))))
+
+
+def retrace(
+    model: ErrorModel,
+    T: Float[np.ndarray, "n 4 4"],
+    near: Float[np.ndarray, "n joints"],
+    x: Float[np.ndarray, " p"] | None = None,
+    *,
+    tip: Float[np.ndarray, "4 4"] | None = None,
+    spin: Spin = "fixed",
+) -> Traced:
+    """Solve the poses of a path from postures near the ones looked for, such as another robot's along the same path.
+
+    Args:
+        model: the model.
+        T: tool poses in the base, in the order of the path.
+        near: a posture for each; where the tool moves farther than `STRIDE` in one step, what joins one to the next.
+        x: parameter values; the nominal robot by default.
+        tip: pose, in the tool, of the frame that shall be at T; the tool itself by default.
+        spin: ``free`` where that frame may turn about its own z axis.
+    """
+    return _judge(_Path(model=model, T=T, x=x, tip=np.eye(4) if tip is None else tip, spin=spin), near)
+
+
+def _judge(path: "_Path", seed: Float[np.ndarray, "n joints"]) -> Traced:
+    """Solve all poses from their seeds, and say what became of each."""
+    robot = path.model.robot
+    end = path.solve(path.T, seed)
+    stayed = np.abs(end.q - seed).max(axis=1, initial=0.0) < JUMP
+    end, lost = _link(path, end, end.met & robot.inside_limits(end.q), stayed)
+    ratio = conditioning(path.model, end.q, path.x, tip=path.tip, spin=path.spin)
+    outcome = np.where(lost, np.where(ratio < NEARLY_SINGULAR, Outcome.SINGULAR, Outcome.BRANCH_LOST), Outcome.REACHED)
+    outcome[~robot.inside_limits(end.q)] = Outcome.OUTSIDE_LIMITS
+    outcome[~end.met] = Outcome.OUT_OF_REACH
+    return Traced(q=end.q, outcome=outcome, off=end.off, singularity=ratio)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Path:
+    """What is to be met, and by what."""
+
+    model: ErrorModel
+    T: Float[np.ndarray, "n 4 4"]
+    x: Float[np.ndarray, " p"] | None
+    tip: Float[np.ndarray, "4 4"]
+    spin: Spin
+
+    def solve(
+        self, T: Float[np.ndarray, "n 4 4"], seed: Float[np.ndarray, "n joints"], iterations: int = 15
+    ) -> Approach:
+        return approach(self.model, T, seed, self.x, iterations=iterations, tip=self.tip, spin=self.spin)
+
+    def pose(self, q: Float[np.ndarray, " joints"]) -> Float[np.ndarray, "4 4"]:
+        return self.model.poses(q[None], self.x)[0] @ self.tip
+
+    def motion(self, a: Float[np.ndarray, "n 4 4"], b: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, " n"]:
+        """How far the tool moves from a to b, radians and half metres."""
+        if self.spin == "free":
+            angle = 2.0 * np.arcsin(np.minimum(0.5 * np.linalg.norm(b[:, :3, 2] - a[:, :3, 2], axis=1), 1.0))
+        else:
+            chord = np.linalg.norm(b[:, :3, :3] - a[:, :3, :3], axis=(1, 2))
+            angle = 2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0))
+        return np.hypot(WEIGHT * np.linalg.norm(b[:, :3, 3] - a[:, :3, 3], axis=1), angle)
+
+    def walk(
+        self, q: Float[np.ndarray, " joints"], a: Float[np.ndarray, "4 4"], b: Float[np.ndarray, "4 4"]
+    ) -> Float[np.ndarray, " joints"] | None:
+        """From posture q at pose a straight to pose b: the posture there, if it is reached in steps without jumps."""
+        motion = float(self.motion(a[None], b[None])[0])
+        turn = se3.log(b[:3, :3] @ a[:3, :3].T)
+        least = max(1, int(np.ceil(motion / STRIDE)))
+        for steps in (least, 4 * least, 16 * least):
+            share = np.arange(1, steps + 1)[:, None] / steps
+            between = se3.pose(se3.exp(share * turn) @ a[:3, :3], a[:3, 3] + share * (b[:3, 3] - a[:3, 3]))
+            at = q
+            for pose in (*between[:-1], b):
+                ahead = self.solve(pose[None], at[None])
+                if not ahead.met[0] or np.abs(ahead.q[0] - at).max() > _allowed(motion / steps):
+                    break
+                at = ahead.q[0]
+            else:
+                return at
+        return None
+
+
+def _allowed(motion: Float[np.ndarray, " n"] | float) -> Float[np.ndarray, " n"] | float:
+    """How far a joint may move for a motion of the tool, radians or metres."""
+    return np.minimum(STEEPEST * motion + ROUNDING, JUMP)
+
+
+def _seeds(path: _Path, start: Float[np.ndarray, " joints"]) -> Float[np.ndarray, "n joints"]:
+    """Postures near the ones looked for, interpolated between those followed in strides."""
+    way = np.concatenate([[0.0], np.cumsum(path.motion(path.T[:-1], path.T[1:]))])
+    anchor = np.diff(np.floor(way / STRIDE), prepend=-1.0) > 0.0
+    anchor[-1] = True
+    coming = list(reversed(np.flatnonzero(anchor).tolist()))
+    q, at, row = start, path.pose(start), -1
+    postures: dict[int, np.ndarray] = {}
+    while coming:
+        ahead = path.walk(q, at, path.T[coming[-1]])
+        if ahead is None:
+            rows = coming[: -AHEAD - 1 : -1]
+            found = follow(path.model, path.T[rows], q, path.x, tip=path.tip, spin=path.spin)
+            first = int(np.argmax(found.reached)) if found.reached.any() else len(rows)
+            del coming[len(coming) - first :]
+            if first == len(rows):
+                continue
+            ahead = found.q[first]
+        elif 0 <= row < coming[-1] - 1 and np.abs(ahead - q).max() > SWING:
+            coming.append((row + coming[-1]) // 2)
+            continue
+        row = coming.pop()
+        q, at = ahead, path.T[row]
+        postures[row] = q
+    if not postures:
+        return np.tile(start, (len(way), 1))
+    known = way[list(postures)]
+    return np.stack([np.interp(way, known, column) for column in np.array(list(postures.values())).T], axis=1)
+
+
+def _link(
+    path: _Path, end: Approach, good: Bool[np.ndarray, " n"], stayed: Bool[np.ndarray, " n"]
+) -> tuple[Approach, Bool[np.ndarray, " n"]]:
+    """Hold each step between good poses against the tool's motion, or against the seed where the tool moved far.
+
+    Where one is too large, what follows is solved from its predecessor until both ways agree.
+
+    Returns:
+        the postures, and which of those that meet their pose are refused all the same.
+    """
+    rows = np.flatnonzero(good)
+    q, off, lost = end.q.copy(), end.off.copy(), ~good
+    lost[rows[:1]] = ~stayed[rows[:1]]
+    motion = path.motion(path.T[rows[:-1]], path.T[rows[1:]])
+
+    def holds(k: int | slice) -> Bool[np.ndarray, "..."]:
+        i, j = rows[:-1][k], rows[1:][k]
+        change = np.abs(q[j] - q[i]).max(axis=-1)
+        return np.where(motion[k] > STRIDE, stayed[j], change <= _allowed(motion[k]))
+
+    done = -1
+    for k in np.flatnonzero(~holds(slice(None))).tolist():
+        if k < done:
+            continue
+        for done in range(k, min(k + REPAIRED, len(motion))):
+            if done > k and holds(done):
+                break
+            i, j = rows[done], rows[done + 1]
+            ahead = path.walk(q[i], path.T[i], path.T[j])
+            if ahead is not None:
+                q[j] = ahead
+                off[j] = path.solve(path.T[j : j + 1], ahead[None], 0).off[0]
+                stayed[j] = True
+            if not holds(done) or not path.model.robot.inside_limits(q[j : j + 1])[0]:
+                lost[j] = True  # what follows begins anew from its own posture
+                break
+        else:
+            lost[rows[done + 1]] |= done + 1 < len(motion)
+    return replace(end, q=q, off=off), lost
