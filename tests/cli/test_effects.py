@@ -71,6 +71,34 @@ def test_the_table_for_people_says_what_each_step_is_worth(run: Run, campaign: P
     assert "J2.cos1" not in starts
 
 
+def test_effects_that_geometry_nearly_repeats_are_named(run: Run, tmp_path: Path) -> None:
+    """In a small room the first joint's harmonic is a turn of its frame."""
+    robot, rng = load_robot(ROBOT), np.random.default_rng(0)
+    measured, _ = simulate(ErrorModel(robot), rng.uniform(-0.15, 0.15, (40, 6)), rng=rng)
+    write_campaign(tmp_path / "small.csv", measured, robot)
+    options = ["--effects", "harmonics:1,coupling"]
+    near = identify(run, tmp_path / "small.csv", tmp_path / "cal.json", *options, "--json").json["near_dependent"]
+    named = {entry["name"]: entry for entry in near}
+    assert named["J1.cos1"]["explained_by"].keys() == {"J1.rz"}
+    assert named["J1.cos1"]["share"] > 0.999
+    assert named["J1.cos1"]["variance_inflation"] > 1000
+    text = " ".join(identify(run, tmp_path / "small.csv", tmp_path / "cal.json", *options).out.split())
+    assert "hardly told apart at the fitted poses J" in text
+    assert f"and {len(near) - 4} more" in text
+    assert "% explained by J" in text
+
+
+def test_a_campaign_over_the_whole_range_tells_effects_apart(run: Run, campaign: Path, tmp_path: Path) -> None:
+    ended = identify(run, campaign, tmp_path / "cal.json", "--effects", "coupling", "--json")
+    assert ended.json["near_dependent"] == []
+
+
+def test_motor_harmonics_need_a_gear_ratio(run: Run, campaign: Path, tmp_path: Path) -> None:
+    ended = identify(run, campaign, tmp_path / "cal.json", "--effects", "motor")
+    assert (ended.status, ended.out) == (1, "")
+    assert "states no gear_ratio of any joint" in ended.err
+
+
 def test_a_field_that_proves_nothing_is_refused(run: Run, campaign: Path, tmp_path: Path) -> None:
     result = identify(run, campaign, tmp_path / "cal.json", "--effects", "harmonics:1", "--field", "--json").json
     assert result["explanation"][-1]["stage"] == "residual field"

@@ -13,7 +13,7 @@ MOST = 4
 """How many others may do so together: many columns explain anything."""
 
 NULL = 1e-6
-"""Share of a unit vector under which a direction has no part in it."""
+"""Share of a unit vector that counts as nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +85,7 @@ def _pursue(
     while float(left @ left) > 1.0 - level and len(chosen) < most:
         match = np.where(allowed, np.abs(unit.T @ left), -1.0)
         match[[k, *chosen]] = -1.0
-        best = int(np.argmax(match))
+        best = int(np.flatnonzero(match >= match.max() - NULL)[0])  # of those that repeat each other the first one
         if match[best] <= 0.0:
             break
         chosen.append(best)

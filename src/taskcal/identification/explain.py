@@ -189,7 +189,7 @@ def _repeated_by_geometry(calibration: Calibration, campaign: Campaign) -> tuple
     effects = [name for name in model.effect_names if name in calibration.kept]
     if not effects:
         return ()
-    found = identifiability(model, campaign.q[campaign.valid.any(axis=1)], calibration.estimate, frames=True)
+    found = identifiability(model, campaign.q[campaign.valid.any(axis=1)], frames=True)
     fitted = {*calibration.kept, *(found.names[len(model) :] if not calibration.layout.fixed_frames else ())}
     return found.near(effects, against=sorted(fitted - set(effects)))
 
