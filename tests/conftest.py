@@ -20,7 +20,9 @@ _CHECKED = """
 csv_table files geometry.chain geometry.polyline geometry.se3 estimation measurement identification analysis adaptation kinematics
 robot.approach robot.catalogue robot.conditions robot.dh_table robot.effects robot.error_model robot.expression robot.joint_side
 robot.coil_spring robot.mechanism robot.robot robot.statics
-task
+task programs.program programs.tool_axis
+correction.assessment correction.cell correction.chords correction.controller correction.correct correction.correction
+correction.inverse correction.motion correction.relation correction.way
 """
 install_import_hook([f"taskcal.{module}" for module in _CHECKED.split()], "beartype.beartype")
 

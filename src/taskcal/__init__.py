@@ -13,6 +13,11 @@ if TYPE_CHECKING:
     from taskcal.adaptation.study import study as study
     from taskcal.analysis.identifiability import identifiability as identifiability
     from taskcal.analysis.sensitivity import sensitivity as sensitivity
+    from taskcal.correction.cell import Cell as Cell
+    from taskcal.correction.cell_file import load_cell as load_cell
+    from taskcal.correction.correct import correct as correct
+    from taskcal.correction.correction import Bounds as Bounds
+    from taskcal.correction.correction import Correction as Correction
     from taskcal.errors import TaskcalError as TaskcalError
     from taskcal.estimation.loss import Cauchy as Cauchy
     from taskcal.estimation.loss import Huber as Huber
@@ -47,6 +52,7 @@ if TYPE_CHECKING:
     from taskcal.robot.catalogue import catalogue_names as catalogue_names
     from taskcal.robot.catalogue import load_robot as load_robot
     from taskcal.robot.dh_table import read_dh_table as read_dh_table
+    from taskcal.robot.effects import Backlash as Backlash
     from taskcal.robot.effects import Compliance as Compliance
     from taskcal.robot.effects import EncoderGain as EncoderGain
     from taskcal.robot.effects import Harmonics as Harmonics
@@ -57,16 +63,22 @@ if TYPE_CHECKING:
     from taskcal.task.task import reach_task as reach_task
 
 _HOME = {
+    "Backlash": "robot.effects",
+    "Bounds": "correction.correction",
     "Calibration": "identification.calibration",
     "Campaign": "measurement.campaign",
     "Cauchy": "estimation.loss",
+    "Cell": "correction.cell",
     "Compliance": "robot.effects",
+    "correct": "correction.correct",
+    "Correction": "correction.correction",
     "EncoderGain": "robot.effects",
     "ErrorModel": "robot.error_model",
     "Explanation": "identification.explain",
     "GaussianPrior": "estimation.prior",
     "Harmonics": "robot.effects",
     "Huber": "estimation.loss",
+    "load_cell": "correction.cell_file",
     "PathPerformance": "measurement.path_performance",
     "Plan": "adaptation.plan",
     "PosePerformance": "measurement.pose_performance",

@@ -10,6 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 from taskcal.cli import (
+    correct,
     doctor,
     identify,
     performance,
@@ -27,8 +28,8 @@ from taskcal.cli.output import complain
 from taskcal.errors import TaskcalError
 
 ORDER = (
-    "demo", "robots", "sensitivity", "select", "plan", "study", "simulate", "identify", "validate", "performance", "report",
-    "doctor", "warm",
+    "demo", "robots", "sensitivity", "select", "plan", "study", "simulate", "identify", "validate", "performance", "correct",
+    "report", "doctor", "warm",
 )  # fmt: skip
 """The user's road, and then what keeps the installation in order."""
 
@@ -99,6 +100,7 @@ app.command("simulate")(simulate.command)
 app.command("identify")(identify.command)
 app.command("validate")(validate.command)
 app.command("performance")(performance.command)
+app.command("correct")(correct.command)
 app.command("report")(report.command)
 app.command("warm")(warm.command)
 app.command("doctor")(doctor.command)

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -16,6 +16,7 @@ MoveKind = Literal["joint", "linear", "circular", "axes"]
 """To a pose with all joints at once, along a line, along an arc; or to joint positions."""
 
 
+@runtime_checkable
 class Posture(Protocol):
     """Which of the postures that reach a pose is meant, in a controller's own terms."""
 
@@ -131,3 +132,11 @@ class Program(ABC):
             robot: the robot, whose joint positions decide the posture data that are written.
             ways: by number of the motion.
         """
+
+    def reread(self, sources: tuple[Source, ...]) -> "Program":
+        """The program of other texts of the same files, such as `rewrite` gives.
+
+        Raises:
+            TaskcalError: they cannot be read.
+        """
+        raise NotImplementedError

@@ -22,6 +22,9 @@ class CsvProgram(Program):
     sheets: tuple[Sheet, ...]
     written: tuple[tuple[int, Written], ...]
     """Where each motion stands: number of its sheet, and rows."""
+    robot: Robot | None
+    tool: Frame | None
+    part: Frame
 
     def rewrite(self, robot: Robot, ways: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The files with some motions rewritten; see `Program.rewrite`.
@@ -34,6 +37,10 @@ class CsvProgram(Program):
             s, written = self.written[number]
             edits[s] += rewritten(self.sheets[s], written, way)
         return tuple(sheet.source.edited(e) for sheet, e in zip(self.sheets, edits, strict=True))
+
+    def reread(self, sources: tuple[Source, ...]) -> "CsvProgram":
+        """The program of other texts of the same files; see `Program.reread`."""
+        return read_csv_path(sources, robot=self.robot, tool=self.tool, part=self.part)
 
 
 def read_csv_path(
@@ -77,7 +84,14 @@ def read_csv_path(
                 before = len(moves) - 1
             via = None
     return CsvProgram(
-        sources=tuple(sources), moves=tuple(moves), remarks=tuple(remarks), sheets=sheets, written=tuple(written)
+        sources=tuple(sources),
+        moves=tuple(moves),
+        remarks=tuple(remarks),
+        sheets=sheets,
+        written=tuple(written),
+        robot=robot,
+        tool=tool,
+        part=part,
     )
 
 

@@ -1,0 +1,115 @@
+"""The cell file: its schema, and the cell it describes."""
+
+from pathlib import Path
+from typing import Annotated, Self
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import Field, model_validator
+
+from taskcal.correction.cell import Cell, Measured
+from taskcal.errors import FileError
+from taskcal.geometry import se3
+from taskcal.toml_file import Finite, Positive, Quaternion, Section, read_toml
+
+ENOUGH = 3
+"""Points that locate a frame."""
+
+Point = tuple[Finite, Finite, Finite]
+
+
+class PoseSection(Section):
+    """A pose."""
+
+    position_mm: Point
+    quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+    def pose(self) -> Float[np.ndarray, "4 4"]:
+        """As a transform, metres."""
+        return se3.pose(se3.from_quaternion(np.array(self.quaternion)), np.array(self.position_mm) * 1e-3)
+
+
+class MeasuredSection(Section):
+    """A tool or a part."""
+
+    name: str = Field(min_length=1)
+    controller: PoseSection | None = None
+    tracker: PoseSection | None = None
+    touched_deg: Annotated[tuple[tuple[Finite, ...], ...], Field(min_length=ENOUGH)] | None = None
+    touched_with: str = ""
+    flange: PoseSection | None = None
+    target: PoseSection | None = None
+    reflectors_mm: Annotated[dict[str, Point], Field(min_length=ENOUGH)] | None = None
+    uncertainty_mm: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        ways = ("tracker", "touched_deg", "flange", "target", "reflectors_mm")
+        given = [way for way in ways if getattr(self, way) is not None]
+        if len(given) > 1:
+            raise ValueError(f"'{self.name}' is measured in one way only: keep one of {' and '.join(given)}")
+        if (self.touched_deg is None) != (not self.touched_with):
+            raise ValueError(f"'{self.name}': touched_deg and touched_with, the tool that touched, belong together")
+        if self.touched_deg and len({len(row) for row in self.touched_deg}) > 1:
+            raise ValueError(f"'{self.name}': the rows of touched_deg differ in length; each has one angle per joint")
+        if self.uncertainty_mm is not None and self.flange is None:
+            raise ValueError(f"'{self.name}': uncertainty_mm is of a stated pose in the flange; give flange too")
+        return self
+
+    def measured(self) -> Measured:
+        """What it says, in metres and radians."""
+
+        def pose(section: PoseSection | None) -> Float[np.ndarray, "4 4"] | None:
+            return None if section is None else section.pose()
+
+        return Measured(
+            name=self.name,
+            controller=pose(self.controller),
+            in_tracker=pose(self.tracker),
+            touched=None if self.touched_deg is None else np.radians(np.array(self.touched_deg)),
+            touched_with=self.touched_with,
+            in_flange=pose(self.flange),
+            in_target=pose(self.target),
+            reflectors={name: np.array(p) * 1e-3 for name, p in (self.reflectors_mm or {}).items()},
+            uncertainty=(self.uncertainty_mm or 0.0) * 1e-3,
+        )
+
+
+class CellFile(Section):
+    """A cell file."""
+
+    tool: tuple[MeasuredSection, ...] = ()
+    part: tuple[MeasuredSection, ...] = ()
+
+    @model_validator(mode="after")
+    def _names(self) -> Self:
+        for kind, sections in (("tools", self.tool), ("parts", self.part)):
+            names = [section.name.casefold() for section in sections]
+            twice = [name for name in names if names.count(name) > 1]
+            if twice:
+                raise ValueError(f"two {kind} are named '{twice[0]}'")
+        return self
+
+
+def load_cell(path: str | Path) -> Cell:
+    """Read a cell file (TOML).
+
+    Raises:
+        FileError: it is missing, no TOML, or not a cell file; or a tool that touched is not in it.
+    """
+    path = Path(path)
+    content = read_toml(path, CellFile)
+    cell = Cell(
+        tools={section.name.casefold(): section.measured() for section in content.tool},
+        parts={section.name.casefold(): section.measured() for section in content.part},
+    )
+    for part in cell.parts.values():
+        toucher = part.touched_with.casefold()
+        known = cell.tools.get(toucher)
+        if toucher and (known is None or (known.controller is None and known.in_flange is None)):
+            raise FileError(
+                path,
+                f"part '{part.name}' was touched with '{part.touched_with}', of which the file does not say where the controller "
+                "has it; add a [[tool]] of that name with controller = { position_mm = …, quaternion = … }",
+            )
+    return cell

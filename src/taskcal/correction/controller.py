@@ -1,0 +1,220 @@
+"""A controller that takes its robot for nominal: the joint positions to which a program sends it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.correction.way import Ways
+from taskcal.errors import ReachError
+from taskcal.geometry import se3
+from taskcal.kinematics.inverse import find_postures, solve_near
+from taskcal.kinematics.tracing import refusals, trace
+from taskcal.kinematics.turns import turned
+from taskcal.programs.program import Move, Target
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot import Robot
+
+STEP, TURN = 0.02, np.radians(5.0)
+"""Ways are followed in steps not longer than this, metres and radians."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Driven:
+    """Where a nominal controller drives its joints in the motions of a program."""
+
+    start: Float[np.ndarray, "m joints"]
+    """Where each motion begins, radians; NaN where that is not known."""
+    end: Float[np.ndarray, "m joints"]
+    """Where it ends; NaN where it cannot be driven."""
+    ways: Ways
+    """Tool in part's frame along each motion; of use for lines and arcs."""
+    refused: dict[int, str]
+    """Motions that cannot be driven, and why."""
+    warnings: dict[int, str]
+    """Motions whose posture data say something else than the way leads to."""
+    move: Int[np.ndarray, " k"]
+    """Motion of every sample along lines and arcs whose start is known, in order; the last one of each is its end."""
+    share: Float[np.ndarray, " k"]
+    """Share of the motion's length."""
+    q: Float[np.ndarray, "k joints"]
+    """Joint positions there, radians."""
+
+
+def drive(robot: Robot, moves: Sequence[Move]) -> Driven:
+    """Drive a program on the nominal robot.
+
+    Args:
+        robot: the robot as its controller knows it.
+        moves: the motions, in the order of the program.
+    """
+    return _Drive(robot, moves).run()
+
+
+class _Drive:
+    """One drive through a program; motions that follow each other along lines and arcs are traced together."""
+
+    def __init__(self, robot: Robot, moves: Sequence[Move]):
+        self.robot, self.moves = robot, moves
+        self.model = ErrorModel(robot)
+        m, joints = len(moves), len(robot.joints)
+        self.start, self.end = np.full((m, joints), np.nan), np.full((m, joints), np.nan)
+        self.refused: dict[int, str] = {}
+        self.warnings: dict[int, str] = {}
+        self.samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self.last: np.ndarray | None = None
+        self._given_joints()
+        self.ways = self._ways()
+
+    def run(self) -> Driven:
+        joints = len(self.robot.joints)
+        i = 0
+        while i < len(self.moves):
+            previous = self.moves[i].follows
+            if previous is not None:
+                self.start[i] = self.end[previous]
+            if self._on_the_way(i):
+                i = self._trace(i)
+                continue
+            if i not in self.refused and np.isnan(self.end[i, 0]):
+                self._arrive(i)
+            if i not in self.refused:
+                self.last = self.end[i]
+            i += 1
+        parts = self.samples or [(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, joints)))]
+        move, share, q = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return Driven(
+            start=self.start,
+            end=self.end,
+            ways=self.ways,
+            refused=self.refused,
+            warnings=self.warnings,
+            move=move,
+            share=share,
+            q=q,
+        )
+
+    def _given_joints(self) -> None:
+        """Ends of motions to joint positions."""
+        for i, move in enumerate(self.moves):
+            if move.end.q is None:
+                continue
+            if len(move.end.q) != len(self.robot.joints):
+                count = len(self.robot.joints)
+                self.refused[i] = f"has {len(move.end.q)} joint positions; {self.robot.name} has {count} joints"
+                continue
+            outside = self.robot.outside_limits(move.end.q[None])
+            if outside:
+                self.refused[i] = outside[0][1]
+            else:
+                self.end[i] = move.end.q
+
+    def _ways(self) -> Ways:
+        """Of all motions, tool in part; the start is where the motion before ended, seen with this motion's frames."""
+        m = len(self.moves)
+        flange = np.full((m, 4, 4), np.nan)
+        given = np.flatnonzero(np.isfinite(self.end[:, 0]))
+        if len(given):
+            flange[given] = self.model.poses(self.end[given]) @ se3.inverse(self.robot.T_flange_tool)
+        start, end, via = np.full((m, 4, 4), np.nan), np.full((m, 4, 4), np.nan), np.full((m, 3), np.nan)
+        for i, move in enumerate(self.moves):
+            if move.end.T is not None:
+                flange[i] = move.flange(move.end.T)
+                end[i] = move.end.T
+            elif np.isfinite(flange[i, 0, 0]):
+                end[i] = move.target(flange[i])
+            if move.follows is not None and np.isfinite(flange[move.follows, 0, 0]):
+                start[i] = move.target(flange[move.follows])
+            if move.via is not None and move.via.T is not None:
+                via[i] = move.via.T[:3, 3]
+        self.goal = flange @ self.robot.T_flange_tool
+        return Ways(start=start, end=end, via=via)
+
+    def _on_the_way(self, i: int) -> bool:
+        """Whether a motion is a line or an arc from a place that is known."""
+        return self.moves[i].kind in ("linear", "circular") and bool(np.isfinite(self.start[i]).all())
+
+    def _trace(self, first: int) -> int:
+        """Follow lines and arcs that continue each other; returns the motion to go on with."""
+        stop = first + 1
+        while (
+            stop < len(self.moves)
+            and self.moves[stop].kind in ("linear", "circular")
+            and self.moves[stop].follows == stop - 1
+        ):
+            stop += 1
+        rows = np.arange(first, stop)
+        turn = np.linalg.norm(self.ways.turn[rows], axis=1)
+        steps = np.ceil(np.maximum(self.ways.length[rows] / STEP, turn / TURN)).astype(int)
+        steps = np.maximum(steps, 2)
+        move = np.repeat(rows, steps)
+        last = np.cumsum(steps) - 1
+        number = np.arange(len(move)) - np.repeat(last + 1 - steps, steps) + 1
+        share = number / np.repeat(steps, steps)
+        flange = np.empty((len(move), 4, 4))
+        T = self.ways.at(move, share)
+        for i, own in _groups(move):
+            flange[own] = self.moves[i].flange(T[own])
+        found = trace(self.model, flange @ self.robot.T_flange_tool, self.start[first])
+        good = found.reached
+        end = int(np.argmin(good)) if not good.all() else len(good)
+        whole = int(np.searchsorted(last, end, side="left"))  # motions of which every sample was reached
+        kept = last[whole - 1] + 1 if whole else 0
+        self.samples.append((move[:kept], share[:kept], found.q[:kept]))
+        for k in range(whole):
+            i = first + k
+            self.end[i] = found.q[last[k]]
+            self.start[i] = self.start[first] if k == 0 else self.end[i - 1]
+            self._compare_posture(i)
+        if whole:
+            self.last = self.end[first + whole - 1]
+        if end < len(good):
+            reason = dict(refusals(self.robot, found))[end]
+            self.refused[first + whole] = f"{reason}, {share[end]:.0%} of the way there"
+            return first + whole + 1
+        return stop
+
+    def _arrive(self, i: int) -> None:
+        """Find the joint positions of a pose that is not reached along a known way."""
+        move = self.moves[i]
+        T = self.goal[i]
+        seed = self.start[i] if np.isfinite(self.start[i, 0]) else self.last
+        near = np.zeros((0, len(self.robot.joints)))
+        if seed is not None:
+            found = solve_near(self.model, T[None], seed[None])
+            near = found.q[found.reached]
+            if len(near) and _agrees(self.robot, move.end, near)[0]:
+                self.end[i] = near[0]
+                return
+        try:
+            postures = np.concatenate([turned(self.robot, q) for q in find_postures(self.model, T)])
+        except ReachError:
+            self.refused[i] = "is out of reach, or reached outside the joint limits only"
+            return
+        agreeing = postures[_agrees(self.robot, move.end, postures)]
+        if not len(agreeing):
+            self.refused[i] = (
+                f"has posture data {move.end.posture} that none of the {len(postures)} postures found there has"
+            )
+            return
+        if seed is None:
+            self.end[i] = agreeing[0]
+        else:
+            self.end[i] = agreeing[np.argmin(np.abs(agreeing - seed).max(axis=1))]
+
+    def _compare_posture(self, i: int) -> None:
+        move = self.moves[i]
+        if not _agrees(self.robot, move.end, self.end[i][None])[0]:
+            self.warnings[i] = f"says posture {move.end.posture}, but the way leads there in another"
+
+
+def _agrees(robot: Robot, target: Target, q: Float[np.ndarray, "n joints"]) -> np.ndarray:
+    return np.ones(len(q), dtype=bool) if target.posture is None else target.posture.agrees(robot, q)
+
+
+def _groups(move: Int[np.ndarray, " k"]) -> list[tuple[int, slice]]:
+    """Each motion of sorted numbers, with the rows that are its own."""
+    numbers, first = np.unique(move, return_index=True)
+    ends = [*first[1:], len(move)]
+    return [(int(i), slice(int(a), int(b))) for i, a, b in zip(numbers, first, ends, strict=True)]

@@ -1,0 +1,252 @@
+"""Correcting a program: every target becomes the pose that makes a nominal controller drive the joints the true robot needs."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.correction.assessment import Related, assess
+from taskcal.correction.cell import Cell
+from taskcal.correction.chords import Chords, Wish, cut
+from taskcal.correction.controller import Driven, drive
+from taskcal.correction.correction import Bounds, Correction
+from taskcal.correction.motion import SINGULAR, move_joints
+from taskcal.correction.relation import Relation, relate
+from taskcal.correction.way import Ways
+from taskcal.errors import TaskcalError
+from taskcal.geometry import se3
+from taskcal.identification.calibration import Calibration
+from taskcal.programs.program import Move, Program, Remark, Waypoint
+
+UNMOVED, UNTURNED = 1e-7, 1e-7
+"""A target that moves and turns by less, metres and radians, keeps its text."""
+
+
+def correct(
+    calibration: Calibration,
+    program: Program,
+    *,
+    cell: Cell | None = None,
+    bounds: Bounds | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Correction:
+    """Correct a robot program by a calibration.
+
+    Args:
+        calibration: the robot that will run it.
+        program: as it was written for the nominal robot.
+        cell: what was measured of its tools and parts; by default all are where the controller has them.
+        bounds: how far targets may be moved, and how well the tool keeps to its way between them.
+        progress: told what is being done.
+
+    Raises:
+        TaskcalError: the program has no motion that is known; or what was measured does not fit.
+    """
+    cell, bounds, robot = cell or Cell(), bounds or Bounds(), calibration.model.robot
+    moves = program.moves
+    if not moves:
+        first = f"; {program.remarks[0]}" if program.remarks else ""
+        raise TaskcalError(f"{program.sources[0].path} has no motion that could be resolved{first}")
+    progress("the joints of the nominal robot")
+    driven = drive(robot, moves)
+    related = _relate(calibration, moves, cell)
+    wanted = _wanted(driven, related, moves)
+    before = assess(related, wanted, driven)
+    progress("the joints of the calibrated robot")
+    wish = Wish(robot=robot, moves=moves, related=related, wanted=wanted, driven=driven, tolerance=bounds.tolerance)
+    chords = cut(wish)
+    shift, turn = _changes(wanted, chords, len(moves))
+    refused = dict(driven.refused)
+    refused.update(_refuse(chords, shift, turn, bounds, wish, refused))
+    ways = _waypoints(moves, chords, wanted, shift, turn, refused)
+    progress("the corrected program")
+    sources = program.rewrite(robot, ways)
+    again = program.reread(sources)
+    origin = _origin(moves, ways, again)
+    redriven = drive(robot, again.moves)
+    change = np.full(len(moves), np.nan)
+    ends = chords.nodes.share == 1.0
+    at = chords.nodes.move[ends]
+    change[at] = np.abs(chords.nodes.q[ends] - driven.end[at]).max(axis=1)
+    for array in (shift, turn, change):
+        array[[i for i in range(len(moves)) if i not in ways]] = 0.0
+    uncertainty = np.full(len(moves), np.nan)
+    known = np.flatnonzero(np.isfinite(driven.end[:, 0]))
+    uncertainty[known] = related.uncertainty(known, driven.end[known])
+    motion = move_joints(robot, again.moves, redriven)
+    return Correction(
+        program=program,
+        sources=sources,
+        moves=again.moves,
+        bounds=bounds,
+        wanted=wanted,
+        before=before,
+        after=assess(related, wanted, redriven, origin),
+        corrected=np.array(sorted(ways), dtype=np.int64),
+        pieces=np.array([len(ways[i]) if i in ways else 1 for i in range(len(moves))], dtype=np.int64),
+        shift=shift,
+        turn=turn,
+        uncertainty=uncertainty,
+        joint_change=change,
+        refused=refused,
+        remarks=_remarks(
+            program, driven, redriven, origin, chords, bounds, motion.conditioning, motion.nearest_singular
+        ),
+        statements=tuple(dict.fromkeys(relation.statement for relation in related.relations)),
+        motion=motion,
+    )
+
+
+def _relate(calibration: Calibration, moves: Sequence[Move], cell: Cell) -> Related:
+    """Relations of all motions, those in common once."""
+    numbers: dict[tuple[object, ...], int] = {}
+    relations: list[Relation] = []
+    own: list[int] = []
+    for move in moves:
+        key = (move.tool.name, move.tool.T.tobytes(), move.part.name, move.part.T.tobytes(), move.part_in_hand)
+        if key not in numbers:
+            numbers[key] = len(relations)
+            relations.append(relate(calibration, move, cell))
+        own.append(numbers[key])
+    return Related(calibration=calibration, relations=tuple(relations), relation=np.array(own, dtype=np.int64))
+
+
+def _wanted(driven: Driven, related: Related, moves: Sequence[Move]) -> Ways:
+    """The ways that the true tool is to go: where a tool or part changes, from where the tool before truly ended."""
+    m = len(moves)
+    ended = np.isfinite(driven.end[:, 0])
+    B = np.full((m, 4, 4), np.nan)
+    rows = np.flatnonzero(ended)
+    B[rows] = related.robot_tool(rows, driven.ways.end[rows])
+    start = np.full((m, 4, 4), np.nan)
+    for i, move in enumerate(moves):
+        if move.follows is not None and ended[move.follows]:
+            start[i] = related.relations[related.relation[i]].tool_in_part(B[move.follows][None])[0]
+    return Ways(start=start, end=driven.ways.end, via=driven.ways.via)
+
+
+def _changes(wanted: Ways, chords: Chords, m: int) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+    """How far the nodes of every motion are moved and turned from where the tool is wanted."""
+    nodes = chords.nodes
+    end = nodes.share == 1.0
+    T = np.where(end[:, None, None], wanted.end[nodes.move], wanted.at(nodes.move, nodes.share))
+    shift, turn = np.zeros(m), np.zeros(m)
+    np.maximum.at(shift, nodes.move, np.linalg.norm(nodes.T[:, :3, 3] - T[:, :3, 3], axis=1))
+    angle = np.linalg.norm(se3.log(nodes.T[:, :3, :3] @ np.swapaxes(T[:, :3, :3], 1, 2)), axis=1)
+    np.maximum.at(turn, nodes.move, angle)
+    return shift, turn
+
+
+def _refuse(
+    chords: Chords,
+    shift: Float[np.ndarray, " m"],
+    turn: Float[np.ndarray, " m"],
+    bounds: Bounds,
+    wish: Wish,
+    already: Mapping[int, str],
+) -> dict[int, str]:
+    """Motions that are not corrected, and why."""
+    out: dict[int, str] = {}
+    lost = chords.nodes.move[~chords.nodes.reached]
+    for i in np.unique(lost):
+        out[int(i)] = "the calibrated robot does not reach it in this posture inside the joint limits"
+    for i in np.flatnonzero(chords.pieces):
+        if i in out or i in already:
+            continue
+        if shift[i] > bounds.shift:
+            out[int(i)] = (
+                f"would move by {shift[i] * 1e3:.2f} mm, and {bounds.shift * 1e3:g} mm are allowed; widen the bound "
+                "(--max-shift-mm) if that is right"
+            )
+        elif turn[i] > bounds.turn:
+            out[int(i)] = (
+                f"would turn by {np.degrees(turn[i]):.2f}°, and {np.degrees(bounds.turn):g}° are allowed; widen the bound "
+                "(--max-turn-deg) if that is right"
+            )
+        elif not np.isfinite(chords.deviation[i]):
+            out[int(i)] = "the nominal robot cannot follow the corrected way; it passes too near to a singular posture"
+    return out
+
+
+def _waypoints(
+    moves: Sequence[Move],
+    chords: Chords,
+    wanted: Ways,
+    shift: Float[np.ndarray, " m"],
+    turn: Float[np.ndarray, " m"],
+    refused: Mapping[int, str],
+) -> dict[int, tuple[Waypoint, ...]]:
+    """What is written for every motion that changes."""
+    nodes = chords.nodes
+    first = np.searchsorted(nodes.move, np.arange(len(moves) + 1))
+    out: dict[int, tuple[Waypoint, ...]] = {}
+    for i, move in enumerate(moves):
+        rows = range(first[i], first[i + 1])
+        unchanged = chords.pieces[i] == 1 and shift[i] < UNMOVED and turn[i] < UNTURNED
+        if i in refused or not rows or unchanged:
+            continue
+        if move.kind == "axes":
+            out[i] = (Waypoint(kind="axes", q=nodes.q[rows[-1]], T=None),)
+            continue
+        if not wanted.is_arc[i]:
+            kind = "linear" if move.kind == "circular" else move.kind
+            out[i] = tuple(Waypoint(kind=kind, q=nodes.q[k], T=nodes.T[k]) for k in rows)
+            continue
+        out[i] = tuple(
+            Waypoint(
+                kind="circular",
+                q=nodes.q[k],
+                T=nodes.T[k],
+                via=Waypoint(kind="circular", q=nodes.q[k - 1], T=nodes.T[k - 1]),
+            )
+            for k in rows[1::2]
+        )
+    return out
+
+
+def _origin(
+    moves: Sequence[Move], ways: Mapping[int, tuple[Waypoint, ...]], again: Program
+) -> list[tuple[int, float, float]]:
+    """For each motion as read again, the one it comes from and its shares."""
+    out: list[tuple[int, float, float]] = []
+    for i in range(len(moves)):
+        pieces = len(ways[i]) if i in ways else 1
+        out += [(i, k / pieces, (k + 1) / pieces) for k in range(pieces)]
+    if len(out) != len(again.moves):
+        raise TaskcalError(
+            f"the corrected program reads as {len(again.moves)} motions instead of {len(out)}; nothing was written"
+        )
+    return out
+
+
+def _remarks(
+    program: Program,
+    driven: Driven,
+    redriven: Driven,
+    origin: Sequence[tuple[int, float, float]],
+    chords: Chords,
+    bounds: Bounds,
+    conditioning: float,
+    nearest: int | None,
+) -> tuple[Remark, ...]:
+    """What the user should know, by file and line."""
+    moves = program.moves
+    out = list(program.remarks)
+    out += [Remark(place=moves[i].place, text=text) for i, text in sorted(driven.warnings.items())]
+    for k, text in sorted(redriven.refused.items()):
+        i = origin[k][0]
+        if i not in driven.refused:
+            out.append(Remark(place=moves[i].place, text=f"as corrected, {text}"))
+    for i in np.flatnonzero(np.isfinite(chords.deviation) & (chords.deviation > bounds.tolerance)):
+        text = (
+            f"leaves its way by {chords.deviation[i] * 1e3:.3f} mm between corrected targets, however finely it is cut"
+        )
+        out.append(Remark(place=moves[int(i)].place, text=text))
+    if nearest is not None and conditioning < SINGULAR:
+        out.append(
+            Remark(
+                place=moves[origin[nearest][0]].place,
+                text=f"passes near a singular posture (ratio {conditioning:.3f}); small corrections take large joint motions there",
+            )
+        )
+    return tuple(out)

@@ -1,0 +1,164 @@
+"""A Correction: a program rewritten for the robot as calibrated, and what that does to its accuracy."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.correction.assessment import Deviations
+from taskcal.correction.motion import JointMotion
+from taskcal.correction.way import Ways
+from taskcal.errors import FileError
+from taskcal.files import write_whole
+from taskcal.programs.program import Move, Program, Remark
+from taskcal.programs.source import Source
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bounds:
+    """What a correction may do without being told."""
+
+    shift: float = 5e-3
+    """Farthest that a target is moved, metres."""
+    turn: float = float(np.radians(1.0))
+    """Farthest that it is turned, radians."""
+    tolerance: float = 2e-5
+    """Of the true tool's distance from its way between corrected targets, metres."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Correction:
+    """A corrected program and its report."""
+
+    program: Program
+    """As it was given."""
+    sources: tuple[Source, ...]
+    """The files of the corrected program, named as they were read."""
+    moves: tuple[Move, ...]
+    """Motions of the corrected program, as read again from its files."""
+    bounds: Bounds
+    wanted: Ways
+    """The ways that the true tool is to go, tool in part."""
+    before: Deviations
+    """Predicted errors of the program as it was given."""
+    after: Deviations
+    """Predicted errors of the corrected program, as read again from its files."""
+    corrected: Int[np.ndarray, " c"]
+    """Numbers of the motions that were corrected."""
+    pieces: Int[np.ndarray, " m"]
+    """Into how many motions each became."""
+    shift: Float[np.ndarray, " m"]
+    """How far each target was moved, metres."""
+    turn: Float[np.ndarray, " m"]
+    """How far it was turned, radians."""
+    uncertainty: Float[np.ndarray, " m"]
+    """Root mean square of the error in space that the calibration must expect at each target, metres; NaN where refused."""
+    joint_change: Float[np.ndarray, " m"]
+    """Largest change of a joint position at each target, radians."""
+    refused: Mapping[int, str]
+    """Motions left as they were, and why."""
+    remarks: tuple[Remark, ...]
+    """What else the user should know, by file and line."""
+    statements: tuple[str, ...]
+    """Relative to which frames, and with which tools, the program is accurate."""
+    motion: JointMotion
+    """How the corrected program moves the joints."""
+
+    def write(self, out: str | Path) -> tuple[Path, ...]:
+        """Write the corrected files: one to a file or into a folder, several into a folder, under their own names.
+
+        Raises:
+            FileError: it would overwrite what was read, or cannot be written.
+        """
+        out = Path(out)
+        if len(self.sources) > 1 and not out.is_dir():
+            raise FileError(
+                out, f"is no folder; a program of {len(self.sources)} files is written into a folder that exists"
+            )
+        paths = [out / source.path.name if out.is_dir() else out for source in self.sources]
+        for path in paths:
+            for source in self.program.sources:
+                if path.resolve() == source.path.resolve():
+                    raise FileError(
+                        path, "is the program that was read, and is never overwritten; name another file or folder"
+                    )
+        if len(set(paths)) < len(paths):
+            raise FileError(out, "would get two files of one name; correct programs of different folders one by one")
+        for path, source in zip(paths, self.sources, strict=True):
+            write_whole(path, source.encode())
+        return tuple(paths)
+
+    def summary(self) -> dict[str, Any]:
+        """The report in numbers, in millimetres and degrees."""
+        return {
+            "moves": len(self.program.moves),
+            "corrected": len(self.corrected),
+            "refused": len(self.refused),
+            "unresolved": len(self.program.remarks),
+            "written_moves": len(self.moves),
+            "before": _errors(self.before),
+            "after": _errors(self.after),
+            "uncertainty_rms_mm": _largest(self.uncertainty) * 1e3,
+            "largest_shift_mm": _largest(self.shift) * 1e3,
+            "largest_turn_deg": float(np.degrees(_largest(self.turn))),
+            "largest_joint_change_deg": float(np.degrees(_largest(self.joint_change))),
+            "relative_to": list(self.statements),
+            **self.motion.summary(),
+        }
+
+    def targets(self) -> list[dict[str, Any]]:
+        """What becomes of every motion's target, by file and line, in millimetres and degrees."""
+        errors = {}
+        for label, found in (("before_mm", self.before), ("after_mm", self.after)):
+            rows = np.flatnonzero(found.at_target)
+            errors[label] = dict(zip(found.move[rows].tolist(), (found.length[rows] * 1e3).tolist(), strict=True))
+        return [
+            {
+                "file": str(move.place.path),
+                "line": move.place.line,
+                "target": move.end.name,
+                "kind": move.kind,
+                "tool": move.tool.name,
+                "frame": move.part.name,
+                "before_mm": errors["before_mm"].get(i),
+                "after_mm": errors["after_mm"].get(i),
+                "uncertainty_rms_mm": float(self.uncertainty[i]) * 1e3,
+                "shift_mm": float(self.shift[i]) * 1e3,
+                "turn_deg": float(np.degrees(self.turn[i])),
+                "joint_change_deg": float(np.degrees(self.joint_change[i])),
+                "written_as": int(self.pieces[i]),
+                "refused": self.refused.get(i, ""),
+            }
+            for i, move in enumerate(self.program.moves)
+        ]
+
+
+def _largest(values: Float[np.ndarray, " m"]) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.max()) if len(known) else 0.0
+
+
+def _errors(found: Deviations) -> dict[str, Any]:
+    """Statistics of errors at targets and between them, millimetres; None where there is nothing of the kind."""
+    return {
+        where: None if not rows.any() else _statistics(found.error[rows], found.turn[rows])
+        for where, rows in (("targets", found.at_target), ("between", ~found.at_target))
+    }
+
+
+def _statistics(error: Float[np.ndarray, "k 3"], turn: Float[np.ndarray, " k"]) -> dict[str, float]:
+    length = np.linalg.norm(error, axis=1) * 1e3
+    x, y, z = (float(value) for value in np.abs(error).max(axis=0) * 1e3)
+    return {
+        "max_mm": float(length.max()),
+        "rms_mm": float(np.sqrt((length**2).mean())),
+        "mean_mm": float(length.mean()),
+        "max_x_mm": x,
+        "max_y_mm": y,
+        "max_z_mm": z,
+        "max_turn_deg": float(np.degrees(turn.max())),
+        "count": len(length),
+    }

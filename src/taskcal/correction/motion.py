@@ -1,0 +1,109 @@
+"""How a program moves the joints: speed and acceleration against their limits, and the distance to singular postures."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.correction.controller import Driven
+from taskcal.programs.program import Move
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot import Robot
+
+METRE = 2.0
+"""Radians that count as much as a metre where translations and rotations of the tool are compared."""
+
+SINGULAR = 0.02
+"""Nearer to a singular posture than this share, small corrections take large joint motions."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class JointMotion:
+    """Largest joint speeds and accelerations along lines and arcs of known speed, and the posture nearest to singular.
+
+    Finite differences over the samples of the ways; at a corner between two ways the zone decides, which is not modelled.
+    """
+
+    robot: Robot
+    speed: Float[np.ndarray, " joints"]
+    """Radians or metres per second; NaN where no speed is known."""
+    acceleration: Float[np.ndarray, " joints"]
+    """Radians or metres per second squared."""
+    conditioning: float
+    """Smallest ratio of the smallest to the largest singular value of the Jacobian, a metre counting as two radians."""
+    nearest_singular: int | None
+    """Motion where that is."""
+
+    def summary(self) -> dict[str, Any]:
+        """In degrees and millimetres, with shares of the limits where the robot file states them."""
+        scale = np.where(self.robot.prismatic, 1e3, 180.0 / np.pi)
+        return {
+            "joint_speed": _against(self.robot, self.speed, self.robot.speed_limits, scale),
+            "joint_acceleration": _against(self.robot, self.acceleration, self.robot.acceleration_limits, scale),
+            "smallest_singular_ratio": self.conditioning if np.isfinite(self.conditioning) else None,
+        }
+
+
+def _against(
+    robot: Robot, value: Float[np.ndarray, " joints"], limit: Float[np.ndarray, " joints"], scale: np.ndarray
+) -> dict[str, Any]:
+    return {
+        name: {
+            "largest": float(value[j] * scale[j]),
+            "limit": float(limit[j] * scale[j]) if np.isfinite(limit[j]) else None,
+        }
+        for j, name in enumerate(robot.joint_names)
+        if np.isfinite(value[j])
+    }
+
+
+def move_joints(robot: Robot, moves: Sequence[Move], driven: Driven) -> JointMotion:
+    """How the joints move along a program's lines and arcs.
+
+    Args:
+        robot: the robot.
+        moves: the motions of the program.
+        driven: where a controller drives the joints in them.
+    """
+    joints = len(robot.joints)
+    speed, acceleration = np.full(joints, np.nan), np.full(joints, np.nan)
+    programmed = np.array([move.speed or np.nan for move in moves])
+    i = driven.move
+    if len(i):
+        starts = np.flatnonzero(np.diff(i, prepend=-1))
+        before = np.concatenate([[0.0], driven.share[:-1]])
+        before[starts] = 0.0
+        q0 = np.concatenate([driven.q[:1], driven.q[:-1]])
+        q0[starts] = driven.start[i[starts]]
+        distance = driven.ways.length[i] * (driven.share - before)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            time = np.where(distance > 1e-9, distance / programmed[i], np.nan)
+            rate = (driven.q - q0) / time[:, None]
+            change = np.diff(rate, axis=0) / (0.5 * (time[1:] + time[:-1]))[:, None]
+            change[np.diff(i) != 0] = np.nan
+        speed, acceleration = _largest(rate, speed), _largest(change, acceleration)
+    ends = np.isfinite(driven.end[:, 0])
+    move = np.concatenate([i, np.flatnonzero(ends)])
+    q = np.concatenate([driven.q, driven.end[ends]])
+    if not len(q):
+        return JointMotion(
+            robot=robot, speed=speed, acceleration=acceleration, conditioning=np.inf, nearest_singular=None
+        )
+    J = ErrorModel(robot).joint_jacobian(q) * np.repeat([METRE, 1.0], 3)[:, None]
+    s = np.linalg.svd(J, compute_uv=False)
+    ratio = s[:, min(5, s.shape[1] - 1)] / s[:, 0]
+    nearest = int(np.argmin(ratio))
+    return JointMotion(
+        robot=robot,
+        speed=speed,
+        acceleration=acceleration,
+        conditioning=float(ratio[nearest]),
+        nearest_singular=int(move[nearest]),
+    )
+
+
+def _largest(values: Float[np.ndarray, "k joints"], otherwise: Float[np.ndarray, " joints"]) -> np.ndarray:
+    known = np.isfinite(values).all(axis=1)
+    return np.abs(values[known]).max(axis=0) if known.any() else otherwise

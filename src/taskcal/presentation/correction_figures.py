@@ -1,0 +1,102 @@
+"""Figures of a corrected program: its error along the way, and where it goes."""
+
+import numpy as np
+import plotly.graph_objects as go
+from jaxtyping import Float
+
+from taskcal.correction.assessment import Deviations
+from taskcal.correction.correction import Correction
+from taskcal.presentation.theme import BLUE, VERMILION, styled, styled_space
+
+MOST = 20_000
+"""Points of a curve; more are thinned out."""
+
+
+def draw_errors_along(correction: Correction) -> go.Figure:
+    """Error in space along the program, before and after, on a logarithmic scale."""
+    figure = go.Figure()
+    for label, found, colour in (("before", correction.before, VERMILION), ("after", correction.after, BLUE)):
+        rows = _thinned(len(found.error))
+        line = [correction.program.moves[i].place.line for i in found.move[rows]]
+        figure.add_trace(
+            go.Scatter(
+                x=found.move[rows] + found.share[rows],
+                y=np.maximum(found.length[rows] * 1e3, 1e-6),
+                mode="lines",
+                name=label,
+                line={"color": colour, "width": 1.2},
+                customdata=line,
+                hovertemplate="line %{customdata}: %{y:.4f} mm<extra>" + label + "</extra>",
+            )
+        )
+    figure.update_yaxes(type="log", title_text="predicted error (mm)")
+    figure.update_xaxes(title_text="motion, in the order of the program")
+    return styled(figure, height=420)
+
+
+def draw_errors_per_axis(correction: Correction) -> go.Figure:
+    """Distribution of the errors along the part's axes at targets, before and after."""
+    figure = go.Figure()
+    for label, found, colour in (("before", correction.before, VERMILION), ("after", correction.after, BLUE)):
+        rows = np.flatnonzero(found.at_target)
+        for axis, name in enumerate("XYZ"):
+            figure.add_trace(
+                go.Box(
+                    x=[name] * len(rows),
+                    y=found.error[rows, axis] * 1e3,
+                    name=label,
+                    legendgroup=label,
+                    showlegend=axis == 0,
+                    offsetgroup=label,
+                    marker={"color": colour, "size": 3},
+                    line={"width": 1.2},
+                    boxpoints=False,
+                )
+            )
+    figure.update_layout(boxmode="group")
+    figure.update_yaxes(title_text="true less wanted (mm)")
+    figure.update_xaxes(title_text="axis of the part")
+    return styled(figure, height=380)
+
+
+def draw_program(correction: Correction) -> go.Figure:
+    """Where the program takes the tool, coloured by its error before; in each part's own frame."""
+    found = correction.before
+    position = _positions(correction, found)
+    figure = go.Figure()
+    moves = correction.program.moves
+    own = np.array([moves[i].part.name for i in found.move])
+    top = float(found.length.max() * 1e3) if len(found.error) else 1.0
+    for number, name in enumerate(dict.fromkeys(own.tolist())):
+        rows = np.flatnonzero(own == name)
+        rows = rows[_thinned(len(rows))]
+        p = position[rows] * 1e3
+        figure.add_trace(
+            go.Scatter3d(
+                x=p[:, 0],
+                y=p[:, 1],
+                z=p[:, 2],
+                mode="markers",
+                name=name or "base",
+                marker={
+                    "size": 2.5,
+                    "color": found.length[rows] * 1e3,
+                    "cmin": 0.0,
+                    "cmax": top,
+                    "colorscale": "Cividis",
+                    "showscale": number == 0,
+                    "colorbar": {"title": {"text": "error before (mm)"}, "len": 0.7},
+                },
+                hovertemplate="%{marker.color:.3f} mm<extra></extra>",
+            )
+        )
+    return styled_space(figure, distance=1.6)
+
+
+def _positions(correction: Correction, found: Deviations) -> Float[np.ndarray, "k 3"]:
+    """Wanted tool points in the part."""
+    return correction.wanted.at(found.move, found.share)[:, :3, 3]
+
+
+def _thinned(count: int) -> np.ndarray:
+    return np.unique(np.linspace(0, count - 1, min(count, MOST)).astype(int)) if count else np.zeros(0, dtype=int)

@@ -1,0 +1,89 @@
+"""A correction as a page: errors before and after, where they are, and what was left alone."""
+
+from taskcal.correction.correction import Correction
+from taskcal.identification.calibration import Calibration
+from taskcal.presentation.content import Block, Chart, Numbers, Points, Section, Table, Text
+from taskcal.presentation.correction_figures import draw_errors_along, draw_errors_per_axis, draw_program
+from taskcal.presentation.correction_tables import (
+    largest,
+    tabulate_correction,
+    tabulate_errors,
+    tabulate_targets,
+)
+from taskcal.presentation.report import report_html
+
+
+def correction_html(correction: Correction, calibration: Calibration, *, version: str) -> str:
+    """The page of a correction.
+
+    Args:
+        correction: the corrected program.
+        calibration: by which it was corrected.
+        version: of the package that makes the page.
+    """
+    robot = calibration.model.robot
+    names = ", ".join(source.path.name for source in correction.program.sources)
+    return report_html(
+        f"Correction of {names}",
+        [_summary(correction), _errors(correction), _left(correction), _targets(correction)],
+        lead=f"For the {robot.title or robot.name}, by the calibration of {calibration.provenance.campaign or 'a campaign'}.",
+        footer=f"Page by Taskcal {version}; calibration of {calibration.provenance.created}.",
+    )
+
+
+def _summary(correction: Correction) -> Section:
+    summary = correction.summary()
+    items = (
+        (f"{largest(correction.before):.3f}", "mm", "largest predicted error before"),
+        (f"{largest(correction.after):.4f}", "mm", "largest predicted error after"),
+        (
+            f"{summary['uncertainty_rms_mm']:.3f}",
+            "mm",
+            "largest uncertainty of a target (rms in space): what the calibration must expect beyond the prediction",
+        ),
+        (f"{summary['largest_shift_mm']:.3f}", "mm", "farthest that a target was moved"),
+        (str(summary["refused"]), "", "motions left as they were because they could not be corrected"),
+    )
+    facts = Table.of_rows("The correction", ("", ""), tabulate_correction(correction), text_columns=(0, 1))
+    return Section(title="In short", blocks=(Numbers(items), facts))
+
+
+def _errors(correction: Correction) -> Section:
+    blocks: list[Block] = [tabulate_errors(correction)]
+    if len(correction.before.error):
+        blocks += [
+            Chart(
+                title="Predicted error along the program",
+                figure=draw_errors_along(correction),
+                note="Distance of the true tool from where it is wanted; between targets, from its way.",
+            ),
+            Chart(
+                title="Errors at targets along the part's axes",
+                figure=draw_errors_per_axis(correction),
+                note="Boxes hold the middle half, whiskers reach 1.5 times as far.",
+            ),
+            Chart(
+                title="Where the program goes",
+                figure=draw_program(correction),
+                note="Every part in its own frame, coloured by the error before.",
+            ),
+        ]
+    return Section(title="Errors", blocks=tuple(blocks))
+
+
+def _left(correction: Correction) -> Section:
+    moves = correction.program.moves
+    refused = [f"{moves[i].place}: {why}" for i, why in sorted(correction.refused.items())]
+    remarks = [str(remark) for remark in correction.remarks]
+    blocks: list[Block] = []
+    if refused:
+        blocks += [Text(("These motions stay as they were:",)), Points(tuple(refused))]
+    if remarks:
+        blocks += [Text(("To be looked at:",)), Points(tuple(remarks))]
+    if not blocks:
+        blocks.append(Text(("Every motion was corrected, and nothing else is to be said.",)))
+    return Section(title="What was left alone", blocks=tuple(blocks))
+
+
+def _targets(correction: Correction) -> Section:
+    return Section(title="Targets", blocks=(tabulate_targets(correction),))

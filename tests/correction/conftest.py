@@ -1,0 +1,109 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taskcal.adaptation.procedure import reference_task
+from taskcal.geometry import se3
+from taskcal.identification.identify import identify
+from taskcal.measurement.virtual_cell import simulate
+from taskcal.programs.program import Frame, Move, Target
+from taskcal.programs.source import Place
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.effects import Compliance
+from taskcal.robot.error_model import ErrorModel
+from taskcal.task.task import reach_task
+
+REFLECTORS = {"a": np.zeros(3), "b": np.array([0.1, 0.0, 0.05]), "c": np.array([0.0, 0.1, 0.02])}
+
+
+@pytest.fixture(scope="session")
+def robot():
+    return load_robot("abb-irb6660-205-1.9")
+
+
+@pytest.fixture(scope="session")
+def measured(robot):
+    """Joint positions of a campaign over the reference task."""
+    return reach_task(ErrorModel(robot), reference_task(np.radians(20.0)), 60, seed=4).q
+
+
+@pytest.fixture(scope="session")
+def calibration(robot, measured):
+    """A robot with defects and drives that yield, identified from three reflectors."""
+    model = ErrorModel(robot) + Compliance()
+    campaign, _ = simulate(model, measured, rng=np.random.default_rng(4), targets=REFLECTORS)
+    return identify(model, campaign)
+
+
+@pytest.fixture(scope="session")
+def nominal(robot, measured):
+    """A calibration that found nothing."""
+    model = ErrorModel(robot)
+    campaign, _ = simulate(model, measured, rng=np.random.default_rng(4), x=np.zeros(len(model)))
+    return identify(model, campaign, keep=[])
+
+
+@pytest.fixture(scope="session")
+def middle(robot, measured):
+    """A pose of the robot's own tool in the middle of the task."""
+    T = ErrorModel(robot).poses(measured)
+    return se3.pose(T[0, :3, :3], T[:, :3, 3].mean(axis=0))
+
+
+def line_of(number: int) -> Place:
+    return Place(path=Path("part.csv"), line=number)
+
+
+@pytest.fixture(scope="session")
+def make_moves(robot):
+    """Motions to poses of the robot's own tool; the first is a joint motion, the others lines or arcs after it."""
+
+    def build(poses, *, vias=None, tool=None, part=None, in_hand=False, speed=0.05):
+        tool = tool or Frame(name="spindle", T=robot.T_flange_tool)
+        part = part or Frame(name="base", T=np.eye(4))
+        vias = vias or {}
+
+        def target(T, i):
+            return Target(name="", T=T, q=None, posture=None, place=line_of(i + 1))
+
+        return [
+            Move(
+                kind="joint" if i == 0 else "circular" if i in vias else "linear",
+                end=target(T, i),
+                via=target(vias[i], i) if i in vias else None,
+                tool=tool,
+                part=part,
+                part_in_hand=in_hand,
+                speed=speed,
+                stops=False,
+                follows=i - 1 if i else None,
+                routine="main",
+                place=line_of(i + 1),
+            )
+            for i, T in enumerate(poses)
+        ]
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def shifted(middle):
+    """The middle pose, moved by millimetres in base axes."""
+
+    def build(*offset_mm):
+        return se3.translation(*(np.array(offset_mm) * 1e-3)) @ middle
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def perturbed():
+    """A calibration at another estimate, its frames included."""
+
+    def build(calibration, z):
+        base, targets = calibration.layout.frames(z)
+        return replace(calibration, z=z, T_tracker_base=base, T_tool_target=targets)
+
+    return build
