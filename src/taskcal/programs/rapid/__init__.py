@@ -1,0 +1,1 @@
+"""ABB RAPID: modules to motions and back."""

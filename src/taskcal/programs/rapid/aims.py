@@ -1,0 +1,179 @@
+"""Targets as instructions write them: a name, an inline aggregate, or either with Offs or RelTool around it."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.geometry import se3
+from taskcal.programs.program import Target
+from taskcal.programs.rapid.configuration import Configuration
+from taskcal.programs.rapid.frames import numbers, parts, pose_of, position, quaternion
+from taskcal.programs.rapid.names import File, Scope, Unresolved
+from taskcal.programs.rapid.predefined import Value
+from taskcal.programs.rapid.syntax import Aggregate, Argument, Call, Expression, Number, Reference
+from taskcal.programs.rapid.values import Origin, Values
+
+AimType = Literal["robtarget", "jointtarget"]
+
+JOINTS = 6
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Aim:
+    """A target argument: what it means, and where its numbers stand."""
+
+    argument: Argument
+    type: AimType
+    origin: Origin | None
+    """Declaration of its numbers; None where they stand in the argument."""
+    literal: Aggregate | None
+    """What holds its numbers, all of them written out; None where some are computed."""
+    file: File
+    """File of the numbers."""
+    shifted: bool
+    """Offs or RelTool is around it."""
+    meant: tuple[float, ...]
+    """Position in mm, unit quaternion with scalar first, and confdata; or joint positions in degrees: after any shift."""
+    external: tuple[float, ...]
+    """Positions of external axes, as the program gives them."""
+
+    @property
+    def T(self) -> Float[np.ndarray, "4 4"]:
+        """The pose that is meant."""
+        return pose_of(self.meant[:3], self.meant[3:7])
+
+    def target(self, posture_counts: bool) -> Target:
+        """What a motion goes to; without its posture where the controller is told to ignore that."""
+        position = self.argument.start if self.literal is None and self.origin is None else self._written
+        name, place = self.origin.symbol.name if self.origin else "", self.file.source.place(position)
+        if self.type == "jointtarget":
+            return Target(name=name, T=None, q=np.radians(self.meant), posture=None, place=place)
+        posture = configuration(self.meant[7:]) if posture_counts else None
+        return Target(name=name, T=self.T, q=None, posture=posture, place=place)
+
+    @property
+    def _written(self) -> int:
+        if self.origin is None or self.origin.symbol.declaration is None:
+            return self.argument.start
+        return self.origin.symbol.declaration.start if self.literal is None else self.literal.start
+
+
+def configuration(cf: tuple[float, ...]) -> Configuration:
+    """The configuration that four numbers of confdata state."""
+    cf1, cf4, cf6, cfx = (int(v) for v in cf)
+    return Configuration(cf1=cf1, cf4=cf4, cf6=cf6, cfx=cfx)
+
+
+def aim(argument: Argument, type_: AimType, scope: Scope, values: Values, file: File) -> Aim:
+    """What a target argument means.
+
+    Raises:
+        Unresolved: the text does not say.
+    """
+    if argument.value is None:
+        raise Unresolved("the target is missing")
+    return _aim(argument.value, argument, type_, scope, values, file)
+
+
+def _aim(node: Expression, argument: Argument, type_: AimType, scope: Scope, values: Values, file: File) -> Aim:
+    match node:
+        case Aggregate():
+            meant, external = _numbers(values.of(node, scope), type_, "the target")
+            return Aim(
+                argument=argument, type=type_, origin=None, literal=_literal(node, type_), file=file, shifted=False,
+                meant=meant, external=external,
+            )  # fmt: skip
+        case Reference():
+            origin = values.origin(node, scope)
+            if origin.type != type_:
+                raise Unresolved(f"'{node.name.text}' is {origin.type}, not {type_}")
+            meant, external = _numbers(values.of(node, scope), type_, f"'{node.name.text}'")
+            literal = _literal(origin.node, type_) if isinstance(origin.node, Aggregate) else None
+            return Aim(
+                argument=argument, type=type_, origin=origin, literal=literal, file=origin.symbol.file or file,
+                shifted=False, meant=meant, external=external,
+            )  # fmt: skip
+        case Call() if node.name.key in ("offs", "reltool") and type_ == "robtarget":
+            return _shifted(node, argument, scope, values, file)
+        case Call():
+            raise Unresolved(f"the value of {node.name.text}() is known only at run time")
+        case _:
+            raise Unresolved(f"the target is no {type_}")
+
+
+def _shifted(call: Call, argument: Argument, scope: Scope, values: Values, file: File) -> Aim:
+    """What Offs or RelTool makes of a target.
+
+    Offs shifts along the axes of the work object; RelTool shifts along those of the tool, then turns about its x, the new y
+    and the new z (RAPID reference manual, functions Offs and RelTool).
+    """
+    required = [a.value for a in call.arguments if not a.option and a.value is not None]
+    options = {a.option: a.value for a in call.arguments if a.option and not a.conditional and a.value is not None}
+    if len(required) != 4 or len(required) + len(options) != len(call.arguments):
+        raise Unresolved(f"{call.name.text}() is not given a target and three distances")
+    inner = _aim(required[0], argument, "robtarget", scope, values, file)
+    x, y, z = (values.number(node, scope) for node in required[1:])
+    if not all(abs(v) <= 1e6 for v in (x, y, z)):
+        raise Unresolved(f"{call.name.text}() shifts out of any range")
+    T = inner.T
+    if call.name.key == "offs":
+        if options:
+            raise Unresolved("Offs() has no options")
+        T[:3, 3] += np.array([x, y, z]) / 1e3
+    else:
+        if not options.keys() <= {"rx", "ry", "rz"}:
+            raise Unresolved(f"RelTool() has no option '{min(options.keys() - {'rx', 'ry', 'rz'})}'")
+        angles = [math.radians(values.number(options[k], scope)) if k in options else 0.0 for k in ("rx", "ry", "rz")]
+        if not all(math.isfinite(a) for a in angles):
+            raise Unresolved("RelTool() turns by no finite angle")
+        T = T @ se3.translation(x / 1e3, y / 1e3, z / 1e3)
+        for axis, angle in zip("xyz", angles, strict=True):
+            T = T @ se3.rotation(axis, angle)
+    return replace(inner, shifted=True, meant=(*pose_numbers(T), *inner.meant[7:]))
+
+
+def pose_numbers(T: Float[np.ndarray, "4 4"]) -> tuple[float, ...]:
+    """Position in mm and unit quaternion, scalar first."""
+    x, y, z, w = se3.to_quaternion(T[:3, :3])
+    return (*(float(v) for v in T[:3, 3] * 1e3), float(w), float(x), float(y), float(z))
+
+
+def _numbers(value: Value, type_: AimType, what: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Numbers of a target, and of its external axes."""
+    if type_ == "jointtarget":
+        robax, extax = parts(value, 2, what)
+        angles = numbers(robax, JOINTS, f"the robot's axes of {what}")
+        if not all(abs(a) < 1e5 for a in angles):
+            raise Unresolved(f"{what} does not say the position of every axis of the robot")
+        return angles, numbers(extax, 6, f"the external axes of {what}")
+    trans, rot, conf, extax = parts(value, 4, what)
+    cf = numbers(conf, 4, f"the configuration of {what}")
+    if not all(abs(c) < 100 for c in cf):
+        raise Unresolved(f"the configuration of {what} is out of any range")
+    return (*position(trans, what), *quaternion(rot, what), *cf), numbers(extax, 6, f"the external axes of {what}")
+
+
+def leaves(literal: Aggregate) -> tuple[Number, ...]:
+    """The numbers of a target that is written out, in their order."""
+    found: list[Number] = []
+    for item in literal.items:
+        if isinstance(item, Aggregate):
+            found += leaves(item)
+        elif isinstance(item, Number):
+            found.append(item)
+    return tuple(found)
+
+
+def _literal(node: Aggregate, type_: AimType) -> Aggregate | None:
+    shape = (3, 4, 4, 6) if type_ == "robtarget" else (6, 6)
+    if len(node.items) != len(shape):
+        return None
+    for item, count in zip(node.items, shape, strict=True):
+        if not isinstance(item, Aggregate) or len(item.items) != count:
+            return None
+        if not all(isinstance(leaf, Number) for leaf in item.items):
+            return None
+    return node

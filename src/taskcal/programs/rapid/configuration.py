@@ -1,0 +1,134 @@
+"""Configuration data of a RAPID target: quadrants of axes 1, 4 and 6, and which of the eight postures is meant.
+
+Sources: RAPID reference manual 3HAC050917, data type confdata; the eight values of cfx also in AXIS_CONFIGURATION.md of
+CEAD-group/py-opw-kinematics. That robots which cannot bend over backwards, those with a parallel rod, have no use for cfx:
+RobotStudio SDK, Mechanism.UsesCfx and Mechanism.GetAllConfigurationsAsync.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from taskcal.geometry import walk
+from taskcal.geometry.chain import Chain, Fixed, Joint, Step
+from taskcal.robot.robot import Robot
+
+QUADRANT_JOINTS = (0, 3, 5)
+
+EDGE = np.radians(1e-6)
+"""This near to the edge of a quadrant either of its neighbours is right, radians."""
+
+SLACK = np.radians(1.0)
+"""Postures of one target differ by far more; its programmed numbers are rounded, so that its joints are not exact, radians."""
+
+SPHERICAL = 1e-6
+"""The last three axes meet within this, metres."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Configuration:
+    """The confdata of a target."""
+
+    cf1: int
+    """Quadrant of axis 1: 0 from 0° to 90°, −1 from −90° to 0°, …"""
+    cf4: int
+    cf6: int
+    cfx: int
+    """4·(wrist centre behind axis 1) + 2·(wrist centre behind the lower arm) + (axis 5 negative)."""
+
+    def agrees(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Bool[np.ndarray, " n"]:
+        """Whether each posture is the one meant; any is, of a robot without six turning joints."""
+        if not _has_configuration(robot):
+            return np.ones(len(q), dtype=bool)
+        stated = np.array([self.cf1, self.cf4, self.cf6])
+        turned = q[:, QUADRANT_JOINTS]
+        right = ((_quadrant(turned - SLACK) <= stated) & (stated <= _quadrant(turned + SLACK))).all(axis=1)
+        sides = _sides(robot, q)
+        if sides is not None and 0 <= self.cfx <= 7:
+            behind = np.array([bool(self.cfx & 4), bool(self.cfx & 2), bool(self.cfx & 1)])
+            right &= np.where(behind, sides < SLACK, sides > -SLACK).all(axis=1)
+        return np.asarray(right)
+
+    @classmethod
+    def of(cls, robot: Robot, q: Float[np.ndarray, " joints"], like: "Configuration | None" = None) -> "Configuration":
+        """The configuration of a posture.
+
+        Args:
+            robot: a robot with six joints.
+            q: joint positions, radians.
+            like: what is kept where the posture is on an edge, or the robot has no use for a value.
+        """
+        if not _has_configuration(robot):
+            return like or cls(cf1=0, cf4=0, cf6=0, cfx=0)
+        stated = (like.cf1, like.cf4, like.cf6) if like else (None,) * 3
+        quadrants: list[int] = []
+        for angle, old in zip(q[list(QUADRANT_JOINTS)], stated, strict=True):
+            low, high = int(_quadrant(angle - EDGE)), int(_quadrant(angle + EDGE))
+            quadrants.append(old if old is not None and low <= old <= high else high)
+        sides = _sides(robot, q[None])
+        if sides is None:
+            cfx = like.cfx if like else 0
+        else:
+            old_bits = (like.cfx & 4, like.cfx & 2, like.cfx & 1) if like else (0, 0, 0)
+            bits = zip(sides[0], (4, 2, 1), old_bits, strict=True)
+            cfx = sum(old if abs(side) < EDGE else bit * (side < 0.0) for side, bit, old in bits)
+        return cls(cf1=quadrants[0], cf4=quadrants[1], cf6=quadrants[2], cfx=int(cfx))
+
+
+def _quadrant(angle: Float[np.ndarray, "*n"] | float) -> Int[np.ndarray, "*n"]:
+    return np.floor(np.asarray(angle) / (np.pi / 2)).astype(np.int64)
+
+
+def _has_configuration(robot: Robot) -> bool:
+    return len(robot.joints) == 6 and not any(robot.prismatic)
+
+
+def _sides(robot: Robot, q: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n 3"] | None:
+    """Angles by which the wrist centre is in front of axis 1 and of the lower arm, and the angle of axis 5, radians.
+
+    None for a robot without a use for cfx: one with a parallel rod, or without the usual arm and wrist.
+    """
+    if robot.four_bar is not None:
+        return None
+    zero = _joint_frames(robot, np.zeros((1, 6)))[0]
+    z = zero[:, :3, 2]
+    parallel = abs(z[1] @ z[2]) > 1.0 - 1e-9 and abs(z[0] @ z[1]) < 1e-9
+    wrist = _meeting_point(zero[3:])
+    if not parallel or wrist is None:
+        return None
+    frames = _joint_frames(robot, q)
+    # forward is the base's x, turned with axis 1
+    forward = frames[:, 0, :3, :3] @ zero[0, :3, :3].T @ np.array([1.0, 0.0, 0.0])
+    across = np.cross(z[0], forward)
+    local = np.linalg.inv(zero[3]) @ np.append(wrist, 1.0)
+    centre = (frames[:, 3] @ local)[:, :3]
+    from_axis_1 = centre - frames[:, 0, :3, 3]
+    arm, beyond = frames[:, 2, :3, 3] - frames[:, 1, :3, 3], centre - frames[:, 2, :3, 3]
+    arm, beyond = (v - (v * across).sum(axis=1, keepdims=True) * across for v in (arm, beyond))
+    before_axis = np.arctan2((from_axis_1 * forward).sum(axis=1), np.abs(from_axis_1 @ z[0]))
+    before_arm = np.arctan2((np.cross(arm, beyond) * across).sum(axis=1), (arm * beyond).sum(axis=1))
+    return np.stack([before_axis, before_arm, q[:, 4]], axis=1)
+
+
+def _joint_frames(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n joints 4 4"]:
+    """Frame of every joint in the base, its z the axis."""
+    s = robot.joint_map(q)
+    steps: list[Step] = []
+    found: list[np.ndarray] = []
+    for k, joint in enumerate(robot.joints):
+        steps += [Fixed(part.transform) for part in joint.before]
+        steps.append(Joint("revolute"))
+        found.append(walk.poses(Chain.of(steps), np.ascontiguousarray(s[:, : k + 1]), np.zeros((0, 6))))
+        steps += [Fixed(part.transform) for part in joint.after]
+    return np.stack(found, axis=1)
+
+
+def _meeting_point(frames: Float[np.ndarray, "axes 4 4"]) -> Float[np.ndarray, " 3"] | None:
+    """Where the z axes of some frames meet; None where they do not."""
+    across = np.eye(3) - frames[:, :3, 2, None] * frames[:, None, :3, 2]
+    origins = frames[:, :3, 3]
+    offsets = (across @ origins[:, :, None])[:, :, 0]
+    point = np.linalg.lstsq(across.sum(axis=0), offsets.sum(axis=0), rcond=1e-9)[0]
+    distance = np.linalg.norm((across @ point) - offsets, axis=1)
+    return point if distance.max() < SPHERICAL else None

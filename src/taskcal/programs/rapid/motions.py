@@ -1,0 +1,184 @@
+"""Motion instructions: which tool goes where, how fast, and whether it stops."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from taskcal.programs.program import Move, MoveKind
+from taskcal.programs.rapid.aims import Aim, aim
+from taskcal.programs.rapid.frames import Frames, frames_of
+from taskcal.programs.rapid.names import File, Scope, Unresolved
+from taskcal.programs.rapid.predefined import DATA, Value
+from taskcal.programs.rapid.syntax import Argument, Call, Expression, Instruction, Reference
+from taskcal.programs.rapid.values import Values
+
+KINDS: Mapping[str, MoveKind] = {"movej": "joint", "movel": "linear", "movec": "circular", "moveabsj": "axes"}
+"""The motions that are resolved, by the keys of their names."""
+
+NAMES: Mapping[MoveKind, str] = {"joint": "MoveJ", "linear": "MoveL", "circular": "MoveC", "axes": "MoveAbsJ"}
+
+_KNOWN = frozenset({"conc", "v", "z", "inpos", "wobj", "tload", "noeoffs"})
+_REFUSED = {
+    "t": "\\T gives it a time, which a changed way would not keep",
+    "id": "\\ID synchronises it with another robot",
+    "corr": "\\Corr corrects its path at run time",
+    "track": "\\Track corrects its path at run time",
+    "sync": "\\Sync synchronises it with other motions",
+}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Layout:
+    """The arguments of a motion by their meaning."""
+
+    conc: Argument | None
+    via: Argument | None
+    to: Argument
+    speed: Argument
+    zone: Argument
+    tool: Argument
+    options: Mapping[str, Argument]
+    """By name, in lower case."""
+
+    @property
+    def behind_to(self) -> int:
+        """Behind the target with its options."""
+        return self.options["noeoffs"].end if "noeoffs" in self.options else self.to.end
+
+    @property
+    def behind_zone(self) -> int:
+        """Behind the zone with its options."""
+        return max([self.zone.end, *(self.options[name].end for name in ("z", "inpos") if name in self.options)])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Motion:
+    """A resolved motion with its text."""
+
+    move: Move
+    file: File
+    instruction: Instruction
+    layout: Layout
+    end: Aim
+    via: Aim | None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Settings:
+    """What holds throughout a program."""
+
+    values: Values
+    postures_off: frozenset[str]
+    """Kinds of motion for which the controller is told to take the nearest posture (ConfJ and ConfL)."""
+    shift: str
+    """Why poses may be shifted; empty if they are not."""
+    notes: dict[str, tuple[File, int]] = field(default_factory=dict[str, tuple[File, int]])
+    """Warnings that came up, each with the file and character where it did first."""
+
+
+def layout(instruction: Instruction) -> Layout:
+    """The arguments of a motion by their meaning.
+
+    Raises:
+        Unresolved: some are missing, or there is one that is not provided for.
+    """
+    arguments = instruction.arguments
+    circular = instruction.name.key == "movec"
+    required = [a for a in arguments if not a.option]
+    options: dict[str, Argument] = {}
+    for argument in arguments:
+        if not argument.option:
+            continue
+        if argument.option in _REFUSED:
+            raise Unresolved(_REFUSED[argument.option])
+        if argument.option not in _KNOWN or argument.conditional or argument.option in options:
+            raise Unresolved(f"its option \\{argument.option} is not provided for")
+        options[argument.option] = argument
+    if len(required) != 4 + circular:
+        raise Unresolved(f"it has {len(required)} arguments instead of {4 + circular}")
+    via = required.pop(0) if circular else None
+    to, speed, zone, tool = required
+    return Layout(conc=options.get("conc"), via=via, to=to, speed=speed, zone=zone, tool=tool, options=options)
+
+
+def resolve(
+    instruction: Instruction, scope: Scope, file: File, settings: Settings, routine: str, follows: int | None
+) -> Motion:
+    """A motion with its targets, tool and frame.
+
+    Raises:
+        Unresolved: the text does not give one of them.
+    """
+    kind = KINDS[instruction.name.key]
+    values = settings.values
+    where = layout(instruction)
+    if kind != "axes" and settings.shift:
+        raise Unresolved(settings.shift)
+    frames = _frames(where, scope, values)
+    type_ = "jointtarget" if kind == "axes" else "robtarget"
+    end = aim(where.to, type_, scope, values, file)
+    via = aim(where.via, type_, scope, values, file) if where.via else None
+    if any(abs(axis) < 1e8 for axis in end.external):
+        note = "external axes are in use; motions are taken as if they carried neither the robot nor the part"
+        settings.notes.setdefault(note, (file, instruction.start))
+    counts = kind not in settings.postures_off
+    move = Move(
+        kind=kind, end=end.target(counts), via=via.target(counts) if via else None, tool=frames.tool, part=frames.part,
+        part_in_hand=frames.part_in_hand, speed=_speed(where, scope, values),
+        stops=_stops(where, scope, file, settings), follows=follows, routine=routine,
+        place=file.source.place(instruction.start),
+    )  # fmt: skip
+    return Motion(move=move, file=file, instruction=instruction, layout=where, end=end, via=via)
+
+
+def _frames(where: Layout, scope: Scope, values: Values) -> Frames:
+    tool = _data(where.tool.value, "tool", "tooldata", scope, values)
+    given = where.options.get("wobj")
+    if given is None:
+        return frames_of(tool, ("wobj0", DATA["wobj0"][1]))
+    return frames_of(tool, _data(given.value, "work object", "wobjdata", scope, values))
+
+
+def _data(node: Expression | None, what: str, type_: str, scope: Scope, values: Values) -> tuple[str, Value]:
+    """Name and value of a tool or a work object."""
+    match node:
+        case Reference():
+            if scope.find(node.name.text) is None:
+                raise Unresolved(f"unknown {what} '{node.name.text}'; pass the module that declares it")
+            origin = values.origin(node, scope)
+            if origin.type != type_:
+                raise Unresolved(f"'{node.name.text}' is {origin.type}, not {type_}")
+            return node.name.text, values.of(node, scope)
+        case Call():
+            raise Unresolved(f"the value of {node.name.text}() is known only at run time")
+        case None:
+            raise Unresolved(f"the {what} is missing")
+        case _:
+            return "", values.of(node, scope)
+
+
+def _speed(where: Layout, scope: Scope, values: Values) -> float | None:
+    """Metres per second; None where the text does not say, or it is a limit of the robot (vmax)."""
+    given = where.options.get("v")
+    try:
+        if given is not None and given.value is not None:
+            speed = values.number(given.value, scope)
+        else:
+            data = values.of(where.speed.value, scope) if where.speed.value else None
+            speed = data[0] if isinstance(data, tuple) and data else None
+    except Unresolved:
+        return None
+    return speed / 1e3 if isinstance(speed, float) and 0.0 < speed < 1e8 else None
+
+
+def _stops(where: Layout, scope: Scope, file: File, settings: Settings) -> bool:
+    if "inpos" in where.options:
+        return True
+    try:
+        data = settings.values.of(where.zone.value, scope) if where.zone.value else None
+    except Unresolved as reason:
+        note = f"the zone of a motion is not known, which is taken as a stop: {reason}"
+        settings.notes.setdefault(note, (file, where.zone.start))
+        return True
+    if not isinstance(data, tuple) or not data or not isinstance(data[0], bool):
+        raise Unresolved("its zone is no zonedata")
+    return data[0]

@@ -1,0 +1,95 @@
+"""The numbers of a rewritten target, as text."""
+
+import numpy as np
+
+from taskcal.programs.program import Waypoint
+from taskcal.programs.rapid.aims import Aim, AimType, configuration, leaves, pose_numbers
+from taskcal.programs.rapid.configuration import Configuration
+from taskcal.programs.rapid.real import DEG_DECIMALS, MM_DECIMALS, quaternion_texts, real
+from taskcal.robot.robot import Robot
+
+SAME_MM = 1e-4
+SAME_QUATERNION = 1e-7
+SAME_DEG = 1e-6
+"""Numbers that change by no more keep their text."""
+
+Texts = tuple[str | None, ...]
+"""A text for each number of a target before its external axes; None where it keeps its own."""
+
+
+def new_texts(aim: Aim, waypoint: Waypoint, robot: Robot) -> Texts:
+    """What to write for a waypoint where a target stood."""
+    if waypoint.T is None:
+        degrees = np.degrees(waypoint.q)
+        return tuple(
+            None if abs(new - old) <= SAME_DEG else real(float(new), DEG_DECIMALS)
+            for new, old in zip(degrees, aim.meant, strict=True)
+        )
+    pose = pose_numbers(waypoint.T)
+    texts: list[str | None] = [
+        None if abs(new - old) <= SAME_MM else real(new, MM_DECIMALS)
+        for new, old in zip(pose[:3], aim.meant[:3], strict=True)
+    ]
+    old = np.array(aim.meant[3:7])
+    new = np.array(pose[3:])
+    new = new if new @ old >= 0.0 else -new
+    if np.abs(new - old).max() <= SAME_QUATERNION:
+        texts += [None] * 4
+    else:
+        written = quaternion_texts(tuple(float(v) for v in new))
+        raw = [leaf.value for leaf in leaves(aim.literal)[3:7]] if aim.literal and not aim.shifted else [np.inf] * 4
+        texts += [
+            None if abs(float(text) - value) <= SAME_QUATERNION else text
+            for text, value in zip(written, raw, strict=True)
+        ]
+    stated = configuration(aim.meant[7:])
+    cf = Configuration.of(robot, waypoint.q, stated)
+    pairs = zip((cf.cf1, cf.cf4, cf.cf6, cf.cfx), (stated.cf1, stated.cf4, stated.cf6, stated.cfx), strict=True)
+    return (*texts, *(None if new == old else str(new) for new, old in pairs))
+
+
+def fresh_text(type_: AimType, waypoint: Waypoint, robot: Robot, like: Aim) -> str:
+    """An aggregate for a waypoint, with the external axes of a target."""
+    if type_ == "jointtarget":
+        numbers = [real(float(v), DEG_DECIMALS) for v in np.degrees(waypoint.q)]
+        return _aggregate([numbers, external_texts(like)])
+    if waypoint.T is None:
+        raise ValueError("a motion to a pose needs one")
+    pose = pose_numbers(waypoint.T)
+    stated = like.meant[3:] if like.type == "robtarget" else None
+    sign = 1.0 if stated is None or np.dot(pose[3:], stated[:4]) >= 0.0 else -1.0
+    cf = Configuration.of(robot, waypoint.q, configuration(stated[4:]) if stated else None)
+    return _aggregate(
+        [
+            [real(v, MM_DECIMALS) for v in pose[:3]],
+            list(quaternion_texts(tuple(sign * v for v in pose[3:]))),
+            [str(v) for v in (cf.cf1, cf.cf4, cf.cf6, cf.cfx)],
+            external_texts(like),
+        ]
+    )
+
+
+def meant_text(aim: Aim, texts: Texts) -> str:
+    """An aggregate for a target, its numbers replaced where there are new ones."""
+    meant = aim.meant
+    if aim.type == "jointtarget":
+        own = [real(v, DEG_DECIMALS) for v in meant]
+        groups = [6]
+    else:
+        own = [*(real(v, MM_DECIMALS) for v in meant[:3]), *quaternion_texts(meant[3:7])]
+        own += [str(int(v)) for v in meant[7:]]
+        groups = [3, 4, 4]
+    numbers = iter([new if new is not None else old for new, old in zip(texts, own, strict=True)])
+    return _aggregate([*([next(numbers) for _ in range(count)] for count in groups), external_texts(aim)])
+
+
+def external_texts(aim: Aim) -> list[str]:
+    """The positions of external axes as they are written, or as they would be."""
+    if aim.literal is None:
+        return [real(v, MM_DECIMALS) for v in aim.external]
+    text = aim.file.source.text
+    return [text[leaf.start : leaf.end] for leaf in leaves(aim.literal)[-6:]]
+
+
+def _aggregate(groups: list[list[str]]) -> str:
+    return "[" + ",".join("[" + ",".join(group) + "]" for group in groups) + "]"

@@ -1,0 +1,379 @@
+"""From the text of a file to its modules; what cannot be understood is passed over and reported."""
+
+from collections.abc import Callable
+
+from taskcal.programs.rapid.expressions import ExpressionParser, NotUnderstood
+from taskcal.programs.rapid.syntax import (
+    Assignment,
+    Branches,
+    Declaration,
+    Expression,
+    Instruction,
+    Label,
+    Leave,
+    Loop,
+    Module,
+    Odd,
+    Parameter,
+    Problem,
+    Record,
+    Routine,
+    Statement,
+)
+from taskcal.programs.rapid.tokens import Token, tokenize
+
+_STORAGE = ("const", "pers", "var")
+_ROUTINE_END = {"proc": "endproc", "func": "endfunc", "trap": "endtrap"}
+_HANDLERS = ("error", "undo", "backward")
+_INNER_ENDS = ("endif", "elseif", "else", "endfor", "endwhile", "endtest", "case", "default")
+_ROUTINE_ENDS = (*_ROUTINE_END.values(), "endmodule", "module", "proc", "func", "trap")
+_BLOCK_ENDS = frozenset((*_INNER_ENDS, *_HANDLERS, *_ROUTINE_ENDS, "record", "endrecord"))
+"""Words that a statement cannot begin with: a block ends before them, whether they close it or were meant for another."""
+
+_LEAVING = ("return", "goto", "raise", "retry", "trynext", "exit")
+
+
+def parse(text: str) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:
+    """The modules of a file, and what could not be understood."""
+    parser = _Parser(list(tokenize(text)))
+    modules = parser.modules()
+    return modules, tuple(parser.problems)
+
+
+class _Parser(ExpressionParser):
+    def __init__(self, tokens: list[Token]):
+        super().__init__(tokens)
+        self.problems: list[Problem] = []
+
+    def note(self, position: int, text: str) -> None:
+        self.problems.append(Problem(position=position, text=text))
+
+    # files and modules
+
+    def modules(self) -> tuple[Module, ...]:
+        found: list[Module] = []
+        strays = 0
+        while self.next.kind != "end":
+            if self.next.key == "module":
+                found.append(self._module())
+            else:
+                strays += 1
+                if strays == 1:
+                    self.note(self.next.start, f"'{self.next.text[:32]}' stands outside any MODULE and is not read")
+                self.take()
+        return tuple(found)
+
+    def _module(self) -> Module:
+        start = self.take().start
+        name = self._or_nameless(self.name)
+        if self.skip("("):
+            while self.next.kind != "end" and not self.skip(")"):
+                self.take()
+        declarations: list[Declaration] = []
+        records: list[Record] = []
+        routines: list[Routine] = []
+        odd: list[Odd] = []
+        while self.next.kind != "end" and self.next.key not in ("module", "endmodule"):
+            first, begin = self.at, self.next
+            try:
+                match self._after_scope():
+                    case "const" | "pers" | "var":
+                        declarations.append(self._declaration())
+                    case "proc" | "func" | "trap":
+                        routines.append(self._routine())
+                    case "record":
+                        records.append(self._record())
+                    case "alias":
+                        self._to_semicolon()
+                    case _:
+                        raise self.problem("a declaration or a routine is missing before")
+            except NotUnderstood as problem:
+                self.depth = 0
+                self.note(problem.position, problem.text)
+                self._recover(first, ("proc", "func", "trap", "record", "local", *_STORAGE, "module", "endmodule"))
+                odd.append(Odd(start=begin.start, end=self.end, tokens=tuple(self.tokens[first : self.at])))
+        if not self.skip("endmodule"):
+            self.note(self.end, f"ENDMODULE of the module '{name.text}' is missing")
+        return Module(
+            start=start, end=self.end, name=name, declarations=tuple(declarations), records=tuple(records),
+            routines=tuple(routines), odd=tuple(odd),
+        )  # fmt: skip
+
+    def _or_nameless(self, read: Callable[[], Token]) -> Token:
+        try:
+            return read()
+        except NotUnderstood as problem:
+            self.note(problem.position, problem.text)
+            return Token("name", "", "", problem.position)
+
+    def _after_scope(self) -> str:
+        """Key of the word behind LOCAL or TASK."""
+        return self.tokens[self.at + 1].key if self.next.key in ("local", "task") else self.next.key
+
+    def _recover(self, first: int, stops: tuple[str, ...]) -> None:
+        """Go on behind the next semicolon, or before a word that begins or ends something."""
+        self.at = max(self.at, first + 1)
+        while self.next.kind != "end" and self.next.key not in stops:
+            if self.take().key == ";":
+                return
+
+    def _to_semicolon(self) -> None:
+        while self.next.kind != "end" and self.take().key != ";":
+            pass
+
+    # declarations
+
+    def _declaration(self) -> Declaration:
+        start = self.next.start
+        local = self.skip("local")
+        self.skip("task")
+        storage = self.take().key
+        type_, name = self.name(), self.name()
+        array = self.next.key == "{"
+        if array:
+            self.selected(name)
+        value = self.expression() if self.skip(":=") else None
+        self.expect(";")
+        return Declaration(
+            start=start, end=self.end, storage=storage, local=local, type=type_, name=name, array=array, value=value
+        )
+
+    def _record(self) -> Record:
+        self.skip("local")
+        self.expect("record")
+        name = self.name()
+        components: list[tuple[str, str]] = []
+        while not self.skip("endrecord"):
+            type_, component = self.name(), self.name()
+            self.expect(";")
+            components.append((component.key, type_.key))
+        return Record(name=name, components=tuple(components))
+
+    # routines
+
+    def _routine(self) -> Routine:
+        start = self.next.start
+        local = self.skip("local")
+        kind = self.take().key
+        if kind == "func":
+            self.name()
+        name = self.name()
+        parameters = self._parameters() if self.skip("(") else ()
+        declarations: list[Declaration] = []
+        body = self._body(declarations)
+        handlers: list[tuple[Statement, ...]] = []
+        while self.next.key in _HANDLERS:
+            self.take()
+            if self.skip("("):
+                self.arguments(")")
+                self.expect(")")
+            handlers.append(self._body(declarations))
+        closing = _ROUTINE_END[kind]
+        if not self.skip(closing):
+            self.note(self.next.start, f"{closing.upper()} of '{name.text}' is missing")
+        return Routine(
+            start=start, end=self.end, name=name, kind=kind, local=local, parameters=parameters,
+            declarations=tuple(declarations), body=body, handlers=tuple(handlers),
+        )  # fmt: skip
+
+    def _parameters(self) -> tuple[Parameter, ...]:
+        found: list[Parameter] = []
+        while not self.skip(")"):
+            if found and not self.skip(",", "|") and self.next.key != "\\":
+                raise self.problem("a comma is missing before")
+            optional = self.skip("\\")
+            changed = self.skip("inout", "var", "pers")
+            type_ = self.name()
+            name = self.name()
+            if self.skip("{"):
+                while self.next.kind != "end" and not self.skip("}"):
+                    self.take()
+            found.append(Parameter(name=name, type=type_.key, optional=optional, changed=changed))
+        return tuple(found)
+
+    # statements
+
+    def _body(self, declarations: list[Declaration]) -> tuple[Statement, ...]:
+        """Statements up to a handler or the end of the routine; an ENDIF or the like on the way closes nothing."""
+        found = [*self._block(declarations)]
+        while self.next.key in _INNER_ENDS:
+            stray = self.take()
+            self.note(stray.start, f"'{stray.text}' closes nothing")
+            found += [Odd(start=stray.start, end=stray.end, tokens=(stray,)), *self._block(declarations)]
+        return tuple(found)
+
+    def _block(self, declarations: list[Declaration]) -> tuple[Statement, ...]:
+        found: list[Statement] = []
+        while self.next.kind != "end" and self.next.key not in _BLOCK_ENDS:
+            if self.skip(";"):
+                continue
+            first = self.at
+            depth = self.depth
+            try:
+                if self.next.key in ("local", "task", *_STORAGE):
+                    if self._after_scope() not in _STORAGE:
+                        break
+                    declarations.append(self._declaration())
+                else:
+                    found.append(self._statement(declarations))
+            except NotUnderstood as problem:
+                self.depth = depth
+                self.note(problem.position, problem.text)
+                self._recover(first, _ROUTINE_ENDS)
+                start = self.tokens[first].start
+                found.append(Odd(start=start, end=self.end, tokens=tuple(self.tokens[first : self.at])))
+        return tuple(found)
+
+    def _statement(self, declarations: list[Declaration]) -> Statement:
+        match self.next.key:
+            case "if":
+                return self._if(declarations)
+            case "test":
+                return self._test(declarations)
+            case "for":
+                return self._for(declarations)
+            case "while":
+                return self._while(declarations)
+            case key if key in _LEAVING:
+                return self._leave()
+            case "connect":
+                return self._connect()
+            case "%":
+                return self._late_bound()
+            case "<":
+                return self._placeholder()
+            case _:
+                return self._simple()
+
+    def _simple(self) -> Statement:
+        """An instruction, an assignment or a label."""
+        name = self.name()
+        start = name.start
+        if self.skip(":"):
+            return Label(start=start, end=self.end)
+        if self.next.key in (".", "{", ":="):
+            target = self.selected(name)
+            self.expect(":=")
+            value = self.expression()
+            self.expect(";")
+            return Assignment(start=start, end=self.end, target=target, value=value)
+        arguments = self.arguments(";")
+        self.expect(";")
+        return Instruction(start=start, end=self.end, name=name, arguments=arguments)
+
+    def _leave(self) -> Leave:
+        keyword = self.take()
+        value = None if self.next.key == ";" else self.expression()
+        self.expect(";")
+        return Leave(start=keyword.start, end=self.end, keyword=keyword.key, value=value)
+
+    def _connect(self) -> Statement:
+        """CONNECT gives an interrupt its trap: an instruction without arguments that matter here."""
+        name = self.take()
+        self.selected(self.name())
+        self.expect("with")
+        self.name()
+        self.expect(";")
+        return Instruction(start=name.start, end=self.end, name=name, arguments=())
+
+    def _late_bound(self) -> Statement:
+        """``%"name"% arguments;`` calls a procedure whose name is known only at run time."""
+        name = self.take()
+        self.expression()
+        self.expect("%")
+        arguments = self.arguments(";")
+        self.expect(";")
+        return Instruction(start=name.start, end=self.end, name=name, arguments=arguments)
+
+    def _placeholder(self) -> Statement:
+        """``<SMT>`` and the like, where a statement is still to be written."""
+        tokens = (self.take(), self.name(), self.expect(">"))
+        return Odd(start=tokens[0].start, end=self.end, tokens=tokens)
+
+    def _if(self, declarations: list[Declaration]) -> Statement:
+        start = self.take().start
+        conditions: list[Expression] = [self.expression()]
+        if not self.skip("then"):
+            return self._compact_if(start, conditions[0], declarations)
+        self.enter()
+        ways = [self._block(declarations)]
+        otherwise = False
+        while True:
+            if self.skip("elseif"):
+                conditions.append(self.expression())
+                self.expect("then")
+            elif self.skip("else"):
+                otherwise = True
+            else:
+                break
+            ways.append(self._block(declarations))
+        self._close("endif", start)
+        return Branches(start=start, end=self.end, conditions=tuple(conditions), ways=tuple(ways), exhaustive=otherwise)
+
+    def _compact_if(self, start: int, condition: Expression, declarations: list[Declaration]) -> Statement:
+        self.enter()
+        inner = self._statement(declarations)
+        self.depth -= 1
+        if isinstance(inner, Instruction):
+            inner = Instruction(
+                start=inner.start, end=inner.end, name=inner.name, arguments=inner.arguments, compact=True
+            )
+        return Branches(start=start, end=self.end, conditions=(condition,), ways=((inner,),), exhaustive=False)
+
+    def _test(self, declarations: list[Declaration]) -> Statement:
+        start = self.take().start
+        conditions: list[Expression] = [self.expression()]
+        self.enter()
+        ways: list[tuple[Statement, ...]] = []
+        otherwise = False
+        while True:
+            if self.skip("case"):
+                conditions.append(self.expression())
+                while self.skip(","):
+                    conditions.append(self.expression())
+                self.expect(":")
+            elif self.skip("default"):
+                self.expect(":")
+                otherwise = True
+            else:
+                break
+            ways.append(self._block(declarations))
+        self._close("endtest", start)
+        return Branches(start=start, end=self.end, conditions=tuple(conditions), ways=tuple(ways), exhaustive=otherwise)
+
+    def _for(self, declarations: list[Declaration]) -> Statement:
+        start = self.take().start
+        counter = self.name()
+        self.expect("from")
+        conditions = [self.expression()]
+        self.expect("to")
+        conditions.append(self.expression())
+        if self.skip("step"):
+            conditions.append(self.expression())
+        self.expect("do")
+        return self._loop(start, counter, conditions, "endfor", declarations)
+
+    def _while(self, declarations: list[Declaration]) -> Statement:
+        start = self.take().start
+        condition = self.expression()
+        self.expect("do")
+        return self._loop(start, None, [condition], "endwhile", declarations)
+
+    def _loop(
+        self,
+        start: int,
+        counter: Token | None,
+        conditions: list[Expression],
+        closing: str,
+        declarations: list[Declaration],
+    ) -> Loop:
+        self.enter()
+        body = self._block(declarations)
+        self._close(closing, start)
+        return Loop(start=start, end=self.end, counter=counter, conditions=tuple(conditions), body=body)
+
+    def _close(self, keyword: str, start: int) -> None:
+        """Read the word that closes a block."""
+        self.depth -= 1
+        if not self.skip(keyword):
+            self.note(start, f"{keyword.upper()} is missing for what begins here")

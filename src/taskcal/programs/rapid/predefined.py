@@ -1,0 +1,97 @@
+"""What every RAPID program can use without declaring it: types, data, instructions and functions.
+
+Source: RAPID reference manuals, 3HAC050917 (instructions, functions and data types).
+"""
+
+from collections.abc import Mapping
+
+Value = float | bool | str | tuple["Value", ...]
+"""Of data: a number, a truth, a string; of a record or an array the values in it."""
+
+TYPES: Mapping[str, tuple[tuple[str, str], ...]] = {
+    "pos": (("x", "num"), ("y", "num"), ("z", "num")),
+    "orient": (("q1", "num"), ("q2", "num"), ("q3", "num"), ("q4", "num")),
+    "pose": (("trans", "pos"), ("rot", "orient")),
+    "confdata": (("cf1", "num"), ("cf4", "num"), ("cf6", "num"), ("cfx", "num")),
+    "extjoint": tuple((f"eax_{c}", "num") for c in "abcdef"),
+    "robjoint": tuple((f"rax_{i}", "num") for i in range(1, 7)),
+    "robtarget": (("trans", "pos"), ("rot", "orient"), ("robconf", "confdata"), ("extax", "extjoint")),
+    "jointtarget": (("robax", "robjoint"), ("extax", "extjoint")),
+    "loaddata": (("mass", "num"), ("cog", "pos"), ("aom", "orient"), ("ix", "num"), ("iy", "num"), ("iz", "num")),
+    "tooldata": (("robhold", "bool"), ("tframe", "pose"), ("tload", "loaddata")),
+    "wobjdata": (
+        ("robhold", "bool"), ("ufprog", "bool"), ("ufmec", "string"), ("uframe", "pose"), ("oframe", "pose"),
+    ),
+    "speeddata": (("v_tcp", "num"), ("v_ori", "num"), ("v_leax", "num"), ("v_reax", "num")),
+    "zonedata": (
+        ("finep", "bool"), ("pzone_tcp", "num"), ("pzone_ori", "num"), ("pzone_eax", "num"), ("zone_ori", "num"),
+        ("zone_leax", "num"), ("zone_reax", "num"),
+    ),
+}  # fmt: skip
+"""Components of the records, each with its type, in order."""
+
+_NIL: Value = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+_NIL_LOAD: Value = (0.001, (0.0, 0.0, 0.001), (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
+_SPEEDS = (
+    5, 10, 20, 30, 40, 50, 60, 80, 100, 150, 200, 300, 400, 500, 600, 800, 1000, 1500, 2000, 2500, 3000, 4000, 5000,
+    6000, 7000,
+)  # fmt: skip
+# size of the path zone, zones of the reorientation in mm and degrees
+_ZONES = (
+    (0, 0.3, 0.03), (1, 1, 0.1), (5, 8, 0.8), (10, 15, 1.5), (15, 23, 2.3), (20, 30, 3.0), (30, 45, 4.5), (40, 60, 6.0),
+    (50, 75, 7.5), (60, 90, 9.0), (80, 120, 12.0), (100, 150, 15.0), (150, 225, 23.0), (200, 300, 30.0),
+)  # fmt: skip
+
+
+def _zone(fine: bool, size: float, wide: float, angle: float) -> Value:
+    return (fine, float(size), float(wide), float(wide), float(angle), float(wide), float(angle))
+
+
+DATA: Mapping[str, tuple[str, Value]] = {
+    "tool0": ("tooldata", (True, _NIL, _NIL_LOAD)),
+    "wobj0": ("wobjdata", (False, True, "", _NIL, _NIL)),
+    **{f"v{v}": ("speeddata", (float(v), 500.0, 5000.0, 1000.0)) for v in _SPEEDS},
+    **{f"z{size}": ("zonedata", _zone(False, 0.3 if size == 0 else size, w, a)) for size, w, a in _ZONES},
+    "fine": ("zonedata", _zone(True, 0, 0, 0)),
+    "pi": ("num", 3.141592653589793),
+}
+"""Type and value of data that the system declares."""
+
+_STILL = """
+    accset worldacclim velset confj confl singarea cirpathmode softact softdeact gripload mechunitload set reset setdo
+    setao setgo pulsedo invertdo setalldo waittime waitdi waitdo waitai waitao waitgi waitgo waituntil waitrob
+    waitsynctask waittestandset tpwrite tperase tpshow uimsgbox uishow uimsgwrite uimsgwriteabort errwrite errlog
+    errraise stop break systemstopaction stopmove startmove stopmovereset clkstart clkstop clkreset isignaldi isignaldo
+    isignalai isignalao isignalgi isignalgo ipers ivarvalue ierror itimer idelete ienable idisable isleep iwatch
+    motionsup triggio triggequip triggint triggcheckio triggspeed triggrampao open close write writebin writestrbin
+    writeanybin rewind clearrawbytes packrawbytes load unload startload cancelload eoffson eoffsoff eoffsset pdispoff
+    tunereset tuneservo pathresol actunit deactunit spystart spystop connect
+    tpreadfk tpreadnum tpreaddnum incr decr add clear gettime settime bitset bitclear getsysdata
+"""
+STILL = frozenset(_STILL.split())
+"""Instructions that move nothing."""
+
+_CHANGING = "tpreadfk tpreadnum tpreaddnum incr decr add clear bitset bitclear getsysdata packrawbytes"
+CHANGING = frozenset(_CHANGING.split())
+"""Of these, instructions that change what they are given."""
+
+SHIFTING = ("pdispon", "pdispset")
+"""Instructions that shift every pose behind them."""
+
+MOVING = (
+    "move", "trigg", "search", "arc", "spot", "disp", "paint", "cap", "smove", "indamove", "indcmove", "inddmove",
+    "indrmove", "egm", "fcpress", "restopath", "storepath", "pathrecmove", "mtool", "mpos", "stepbwdpath", "clearpath",
+)  # fmt: skip
+"""How the names of the system's and its options' motion instructions begin."""
+
+_FUNCTIONS = """
+    abs acos asin atan atan2 bitand bitor bitxor bitneg bitlsh bitrsh bitcheck byetostr calcjointt calcrobt clkread
+    cjointt cpos crobt ctool cwobj cdate ctime cspeedoverride dim distance dotprod eulerzyx exp getnextsym gettime
+    ginput goutput isstopmoveact max min numtostr numtodnum dnumtonum dnumtostr offs orientzyx poseinv posemult posevect
+    pow present reltool round trunc sin cos tan sqrt strfind strlen strmap strmatch strmemb strpart strtoval strtobyte
+    testdi doutput dinput aoutput ainput valtostr opmode runmode robos robname taskrunrob vectmagn isvar ispers defframe
+    defdframe mirpos oriereq readnum readstr readbin testandset uimessagebox uinumentry uilistview
+    uialphaentry uinumtune uidnumentry type nororient
+"""
+FUNCTIONS = frozenset(_FUNCTIONS.split())
+"""Functions that move nothing and change nothing that they are given."""

@@ -1,0 +1,156 @@
+"""From the files of a RAPID program to its motions."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from taskcal.errors import FileError
+from taskcal.programs.program import Program, Remark, Waypoint
+from taskcal.programs.rapid.flow import follow_routine, gets_target, instructions, is_motion
+from taskcal.programs.rapid.motions import KINDS, Motion, Settings, resolve
+from taskcal.programs.rapid.names import File, Place, Scope, Unresolved, places
+from taskcal.programs.rapid.parse import parse
+from taskcal.programs.rapid.predefined import MOVING, SHIFTING, STILL
+from taskcal.programs.rapid.rewrite import rewrite_files
+from taskcal.programs.rapid.syntax import Branches, Instruction, Loop, Module, Odd, Problem, Statement
+from taskcal.programs.rapid.uses import MOVES, Use, assigned, uses
+from taskcal.programs.rapid.values import Values
+from taskcal.programs.source import Source
+from taskcal.robot.robot import Robot
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RapidProgram(Program):
+    """A program of one or several RAPID modules."""
+
+    motions: tuple[Motion, ...]
+    """The moves with their text, in the same order."""
+    uses: Mapping[int, tuple[Use, ...]]
+    """All references to declared data, by the identity of its symbol."""
+
+    def rewrite(self, robot: Robot, ways: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+        """The program's files with some motions rewritten.
+
+        Args:
+            robot: the robot, whose joint positions decide the configuration data that are written.
+            ways: by number of the motion.
+
+        Raises:
+            TaskcalError: the robot has not six joints.
+        """
+        return rewrite_files(self.sources, self.motions, self.uses, robot, ways)
+
+
+def read_rapid(sources: Sequence[Source]) -> RapidProgram:
+    """Read the modules of a program: those with its routines and those with its tools, work objects and targets.
+
+    Args:
+        sources: the files.
+
+    Raises:
+        FileError: a file is no RAPID module.
+    """
+    remarks: list[Remark] = []
+    files: list[File] = []
+    for source in sources:
+        modules, problems = _parsed(source)
+        files.append(File(source=source, modules=modules))
+        remarks += [Remark(place=source.place(p.position), text=p.text) for p in problems]
+    everywhere = tuple(places(files))
+    values = Values(assigned=assigned(everywhere))
+    settings = _settings(everywhere, values)
+    motions: list[Motion] = []
+    for place in everywhere:
+        follow_routine(place, _Resolver(place, settings, motions, remarks))
+        remarks += _lost_motions(place)
+    remarks += [Remark(place=file.source.place(at), text=text) for text, (file, at) in settings.notes.items()]
+    order = {source.path: i for i, source in enumerate(sources)}
+    remarks.sort(key=lambda remark: (order[remark.place.path], remark.place.line))
+    return RapidProgram(
+        sources=tuple(sources), moves=tuple(motion.move for motion in motions), remarks=tuple(remarks),
+        motions=tuple(motions), uses=uses(everywhere, values),
+    )  # fmt: skip
+
+
+def _parsed(source: Source) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:
+    if "\0" in source.text:
+        raise FileError(source.path, "is a binary file; give a RAPID module as text")
+    modules, problems = parse(source.text)
+    if not modules:
+        raise FileError(source.path, "has no MODULE; give a RAPID module (.mod, .sys or .prg)")
+    return modules, problems
+
+
+class _Resolver:
+    """Resolves the motions of a routine; keeps them, and remarks on those that cannot be resolved."""
+
+    def __init__(self, place: Place, settings: Settings, motions: list[Motion], remarks: list[Remark]):
+        self.place, self.settings, self.motions, self.remarks = place, settings, motions, remarks
+
+    def __call__(self, instruction: Instruction, scope: Scope, follows: int | None) -> int | None:
+        file = self.place.file
+        name = self.place.routine.name.text if self.place.routine else ""
+        try:
+            if instruction.name.key not in KINDS:
+                raise Unresolved("it is not among the motions that are read: MoveJ, MoveL, MoveC and MoveAbsJ")
+            motion = resolve(instruction, scope, file, self.settings, name, follows)
+        except Unresolved as reason:
+            text = f"{instruction.name.text} stays as it is: {reason}"
+            self.remarks.append(Remark(place=file.source.place(instruction.start), text=text))
+            return None
+        self.motions.append(motion)
+        return len(self.motions) - 1
+
+
+def _settings(everywhere: Iterable[Place], values: Values) -> Settings:
+    """What the instructions of the program set for all of it: where they do so sometimes, they may do so always."""
+    off: set[str] = set()
+    shift = ""
+    for place in everywhere:
+        if place.routine is None:
+            continue
+        for block in (place.routine.body, *place.routine.handlers):
+            for instruction in instructions(block):
+                key = instruction.name.key
+                if key == "confj" and any(a.option == "off" for a in instruction.arguments):
+                    off.add("joint")
+                elif key == "confl" and any(a.option == "off" for a in instruction.arguments):
+                    off |= {"linear", "circular"}
+                elif key in SHIFTING and not shift:
+                    where = place.file.source.place(instruction.start)
+                    shift = f"{instruction.name.text} in {where} may shift it"
+    return Settings(values=values, postures_off=frozenset(off), shift=shift)
+
+
+def _lost_motions(place: Place) -> Iterable[Remark]:
+    """Motions in text that was not understood, and targets that are handed to a routine."""
+    if place.routine is None:
+        for odd in place.module.odd:
+            yield from _motions_in(odd, place)
+        return
+    for block in (place.routine.body, *place.routine.handlers):
+        yield from _lost_in(block, place, place.scope)
+
+
+def _lost_in(block: Iterable[Statement], place: Place, scope: Scope) -> Iterable[Remark]:
+    for statement in block:
+        match statement:
+            case Odd():
+                yield from _motions_in(statement, place)
+            case Branches():
+                for way in statement.ways:
+                    yield from _lost_in(way, place, scope)
+            case Loop():
+                yield from _lost_in(statement.body, place, scope.with_counter(statement.counter))
+            case Instruction() if statement.name.key not in MOVES and not is_motion(statement, scope):
+                if statement.name.key in scope.routines and gets_target(statement, scope):
+                    text = f"the target that '{statement.name.text}' is given stays as it is: motions to a routine's parameter"
+                    yield Remark(place=place.file.source.place(statement.start), text=f"{text} are not read")
+            case _:
+                pass
+
+
+def _motions_in(odd: Odd, place: Place) -> Iterable[Remark]:
+    for token in odd.tokens:
+        if token.kind == "name" and token.key.startswith(MOVING) and token.key not in STILL:
+            text = f"{token.text} stays as it is: the text around it is not understood"
+            yield Remark(place=place.file.source.place(token.start), text=text)

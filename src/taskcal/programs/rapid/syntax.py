@@ -1,0 +1,225 @@
+"""What a RAPID module consists of: declarations, routines, statements and expressions with their places in the text."""
+
+from dataclasses import dataclass
+
+from taskcal.programs.rapid.tokens import Token
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Node:
+    """A part of the text."""
+
+    start: int
+    """First character."""
+    end: int
+    """Behind the last one."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Number(Node):
+    """A number with its sign."""
+
+    value: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Text(Node):
+    """A string."""
+
+    value: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Truth(Node):
+    """TRUE or FALSE."""
+
+    value: bool
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Aggregate(Node):
+    """Values in square brackets: a record or an array."""
+
+    items: tuple["Expression", ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Component:
+    """Selects a component of a record: ``.trans``."""
+
+    key: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Index:
+    """Selects an element of an array: ``{3}`` or ``{1,2}``."""
+
+    items: tuple["Expression", ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Reference(Node):
+    """A name, possibly with components and indices."""
+
+    name: Token
+    selectors: tuple[Component | Index, ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Argument(Node):
+    """An argument of an instruction or a function."""
+
+    option: str
+    r"""Name of an optional one, as in ``\WObj:=w``, in lower case; empty for a required one."""
+    value: "Expression | None"
+    """None for a switch."""
+    conditional: bool = False
+    r"""It is passed on where the routine itself got it: ``\WObj?w``."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Call(Node):
+    """The value of a function."""
+
+    name: Token
+    arguments: tuple[Argument, ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Operation(Node):
+    """An operator with one or two operands."""
+
+    operator: str
+    operands: tuple["Expression", ...]
+
+
+Expression = Number | Text | Truth | Aggregate | Reference | Call | Operation
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Declaration(Node):
+    """Declares data; its text ends behind the semicolon."""
+
+    storage: str
+    """``const``, ``pers`` or ``var``."""
+    local: bool
+    type: Token
+    name: Token
+    array: bool
+    value: Expression | None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Parameter:
+    """What a routine is given."""
+
+    name: Token
+    type: str
+    optional: bool
+    changed: bool
+    """The routine may assign to it."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Record:
+    """A type with components."""
+
+    name: Token
+    components: tuple[tuple[str, str], ...]
+    """Name and type of each, in lower case."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Instruction(Node):
+    """Calls an instruction or a procedure; its text ends behind the semicolon."""
+
+    name: Token
+    arguments: tuple[Argument, ...]
+    compact: bool = False
+    """It is all that an IF without THEN governs."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Assignment(Node):
+    """Gives a variable a value."""
+
+    target: Reference
+    value: Expression
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Branches(Node):
+    """IF or TEST: one of several ways is taken."""
+
+    conditions: tuple[Expression, ...]
+    ways: tuple[tuple["Statement", ...], ...]
+    exhaustive: bool
+    """One of the ways is always taken."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Loop(Node):
+    """FOR or WHILE."""
+
+    counter: Token | None
+    """Variable that a FOR declares."""
+    conditions: tuple[Expression, ...]
+    body: tuple["Statement", ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Label(Node):
+    """Where a GOTO leads."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Leave(Node):
+    """RETURN, GOTO, RAISE, RETRY, TRYNEXT or EXIT: what follows in the text is not what follows in time."""
+
+    keyword: str
+    value: Expression | None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Odd(Node):
+    """Text that is no statement."""
+
+    tokens: tuple[Token, ...]
+
+
+Statement = Instruction | Assignment | Branches | Loop | Label | Leave | Odd
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Routine(Node):
+    """A procedure, function or trap."""
+
+    name: Token
+    kind: str
+    """``proc``, ``func`` or ``trap``."""
+    local: bool
+    parameters: tuple[Parameter, ...]
+    declarations: tuple[Declaration, ...]
+    body: tuple[Statement, ...]
+    handlers: tuple[tuple[Statement, ...], ...]
+    """What ERROR, UNDO and BACKWARD lead to."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Module(Node):
+    """A module."""
+
+    name: Token
+    declarations: tuple[Declaration, ...]
+    records: tuple[Record, ...]
+    routines: tuple[Routine, ...]
+    odd: tuple[Odd, ...]
+    """Text between declarations and routines that is neither."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """Text that could not be understood."""
+
+    position: int
+    text: str

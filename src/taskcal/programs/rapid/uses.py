@@ -1,0 +1,234 @@
+"""Where a program names its data, and where it may change them."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from taskcal.programs.rapid.names import File, Place, Scope, Symbol, Unresolved
+from taskcal.programs.rapid.predefined import CHANGING, FUNCTIONS, STILL
+from taskcal.programs.rapid.syntax import (
+    Aggregate,
+    Argument,
+    Assignment,
+    Branches,
+    Call,
+    Expression,
+    Index,
+    Instruction,
+    Leave,
+    Loop,
+    Odd,
+    Operation,
+    Parameter,
+    Reference,
+    Routine,
+    Statement,
+)
+from taskcal.programs.rapid.values import Values
+
+MOVES = ("movej", "movel", "movec", "moveabsj")
+"""The motions that are resolved."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mention:
+    """A reference to data."""
+
+    reference: Reference
+    scope: Scope
+    file: File
+    changes: bool
+    """The value may change here."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Use:
+    """A reference to data, with what it covers."""
+
+    file: File
+    start: int
+    """First character of the reference."""
+    path: tuple[int, ...] | None
+    """The component or element; None where that is not known."""
+
+    def overlaps(self, path: tuple[int, ...]) -> bool:
+        """Whether it reads any of what stands at a path of the data."""
+        return self.path is None or all(a == b for a, b in zip(self.path, path, strict=False))
+
+
+def assigned(everywhere: Iterable[Place]) -> dict[int, str]:
+    """Where each variable is assigned to first, by its identity; variables that keep their value are missing."""
+    everywhere = tuple(everywhere)
+    found: dict[int, str] = {}
+    parameters: frozenset[tuple[str, str]] = frozenset()
+    while True:
+        more: set[tuple[str, str]] = set()
+        for mention in mentions(everywhere, parameters):
+            symbol = _symbol(mention) if mention.changes else None
+            if symbol is None:
+                continue
+            if symbol.declaration is not None and symbol.declaration.storage != "const":
+                found.setdefault(id(symbol), str(mention.file.source.place(mention.reference.start)))
+            elif symbol.parameter_of:
+                more.add((symbol.parameter_of, symbol.name.lower()))
+        if more <= parameters:
+            return found
+        parameters |= more  # what is handed to these changes too
+
+
+def uses(everywhere: Iterable[Place], values: Values) -> Mapping[int, tuple[Use, ...]]:
+    """All references to each piece of data, by its identity."""
+    found: dict[int, list[Use]] = {}
+    for mention in mentions(everywhere):
+        symbol = _symbol(mention)
+        if symbol is None or symbol.declaration is None:
+            continue
+        try:
+            path, _ = values.path(mention.reference, symbol, mention.scope)
+        except Unresolved:
+            path = None
+        use = Use(file=mention.file, start=mention.reference.start, path=path)
+        found.setdefault(id(symbol), []).append(use)
+    return {key: tuple(value) for key, value in found.items()}
+
+
+def _symbol(mention: Mention) -> Symbol | None:
+    try:
+        return mention.scope.find(mention.reference.name.text)
+    except Unresolved:
+        return None
+
+
+def mentions(everywhere: Iterable[Place], changed: frozenset[tuple[str, str]] = frozenset()) -> Iterator[Mention]:
+    """Every reference to data in modules and routines.
+
+    Args:
+        everywhere: modules and routines.
+        changed: keys of routines and of those of their parameters that they change.
+    """
+    for place in everywhere:
+        walker = _Walker(place.file, changed)
+        for symbol in place.declared:
+            if symbol.declaration is not None and symbol.declaration.value is not None:
+                yield from walker.read(symbol.declaration.value, place.scope)
+        if place.routine is None:
+            for odd in place.module.odd:
+                yield from walker.odd(odd, place.scope)
+        else:
+            for block in (place.routine.body, *place.routine.handlers):
+                yield from walker.statements(block, place.scope)
+
+
+class _Walker:
+    """Finds the references in a file."""
+
+    def __init__(self, file: File, changed: frozenset[tuple[str, str]]):
+        self.file, self.changed = file, changed
+
+    def mention(self, reference: Reference, scope: Scope, changes: bool) -> Iterator[Mention]:
+        yield Mention(reference=reference, scope=scope, file=self.file, changes=changes)
+        for selector in reference.selectors:
+            if isinstance(selector, Index):
+                for item in selector.items:
+                    yield from self.read(item, scope)
+
+    def statements(self, block: Iterable[Statement], scope: Scope) -> Iterator[Mention]:
+        for statement in block:
+            match statement:
+                case Instruction():
+                    yield from self.arguments(statement.arguments, statement.name.key, _may_change, scope)
+                case Assignment():
+                    yield from self.mention(statement.target, scope, True)
+                    yield from self.read(statement.value, scope)
+                case Branches():
+                    for condition in statement.conditions:
+                        yield from self.read(condition, scope)
+                    for way in statement.ways:
+                        yield from self.statements(way, scope)
+                case Loop():
+                    for condition in statement.conditions:
+                        yield from self.read(condition, scope)
+                    yield from self.statements(statement.body, scope.with_counter(statement.counter))
+                case Leave() if statement.value is not None:
+                    yield from self.read(statement.value, scope)
+                case Odd():
+                    yield from self.odd(statement, scope)
+                case _:
+                    pass
+
+    def odd(self, odd: Odd, scope: Scope) -> Iterator[Mention]:
+        """Every name in text that was not understood may be data that change there."""
+        for token in odd.tokens:
+            if token.kind == "name":
+                reference = Reference(start=token.start, end=token.end, name=token, selectors=())
+                yield from self.mention(reference, scope, True)
+
+    def arguments(
+        self, arguments: Iterable[Argument], key: str, may_change: Callable[[str, str], bool], scope: Scope
+    ) -> Iterator[Mention]:
+        """References in the arguments of an instruction or a function."""
+        routine = _called(key, scope)
+        required = iter([p for p in routine.parameters if not p.optional] if routine else [])
+        for argument in arguments:
+            parameter: Parameter | None = None
+            if routine is not None:
+                parameter = _option(routine, argument.option) if argument.option else next(required, None)
+            match argument.value:
+                case None:
+                    pass
+                case Reference() as reference if parameter is not None:
+                    changes = parameter.changed and (key, parameter.name.key) in self.changed
+                    yield from self.mention(reference, scope, changes)
+                case Reference() as reference:
+                    yield from self.mention(reference, scope, may_change(key, _type(reference, scope)))
+                case value:
+                    yield from self.read(value, scope)
+
+    def read(self, expression: Expression, scope: Scope) -> Iterator[Mention]:
+        match expression:
+            case Reference():
+                yield from self.mention(expression, scope, False)
+            case Aggregate():
+                for item in expression.items:
+                    yield from self.read(item, scope)
+            case Operation():
+                for operand in expression.operands:
+                    yield from self.read(operand, scope)
+            case Call():
+                yield from self.arguments(expression.arguments, expression.name.key, _function_may_change, scope)
+            case _:
+                pass
+
+
+def _may_change(instruction: str, type_: str) -> bool:
+    """Whether an instruction may change data of a type that it is given.
+
+    Motion instructions and those that hand data on to them take tools and work objects as persistent data, so that these
+    could be changed, but are not; what searches or calibrates says so in its name.
+    """
+    if instruction.startswith(("mtool", "wobjcalib")):
+        return True
+    if instruction in MOVES or type_ in ("tooldata", "wobjdata"):
+        return False
+    return instruction not in STILL or instruction in CHANGING
+
+
+def _function_may_change(function: str, type_: str) -> bool:
+    return function not in FUNCTIONS and type_ not in ("tooldata", "wobjdata")
+
+
+def _type(reference: Reference, scope: Scope) -> str:
+    try:
+        symbol = scope.find(reference.name.text)
+    except Unresolved:
+        return ""
+    return symbol.type if symbol else ""
+
+
+def _called(key: str, scope: Scope) -> Routine | None:
+    """The one routine of the files that a call means."""
+    found = scope.routines.get(key, ())
+    return found[0] if len(found) == 1 else None
+
+
+def _option(routine: Routine, name: str) -> Parameter | None:
+    return next((p for p in routine.parameters if p.name.key == name), None)
