@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from taskcal.errors import ClosureError
-from taskcal.geometry.four_bar import FourBar, close_four_bar
+from taskcal.geometry.four_bar import FourBar, can_close, close_four_bar
 from tests.laws.robots import generators
 
 PARALLELOGRAM = FourBar(crank=0.5, rod=0.7, rocker=0.5, arm=0.7)
@@ -145,3 +145,14 @@ def test_a_loop_that_cannot_close_names_the_first_such_pose_and_its_angles():
 def test_levers_in_line_are_refused_as_singular():
     with pytest.raises(ClosureError, match="pose 0"):
         close_four_bar(PARALLELOGRAM, np.array([0.0]), np.array([np.pi / 2]))
+
+
+@given(bars(), generators)
+def test_angles_are_told_apart_by_whether_the_loop_closes_there(case, rng):
+    bar, alpha, kappa = case
+    alphas, kappas = alpha + rng.uniform(-3, 3, 60), kappa + rng.uniform(-3, 3, 60)
+    closing = can_close(bar, alphas, kappas)
+    close_four_bar(bar, alphas[closing], kappas[closing])
+    for i in np.flatnonzero(~closing):
+        with pytest.raises(ClosureError):
+            close_four_bar(bar, alphas[i : i + 1], kappas[i : i + 1])

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from taskcal.adaptation.procedure import reference_task
 from taskcal.errors import ReachError
-from taskcal.kinematics.inverse import JUMP, closes, find_posture, follow, solve_near
+from taskcal.kinematics.inverse import JUMP, closes, conditioning, find_posture, follow, solve_near
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, EncoderGain, Harmonics
 from taskcal.robot.error_model import ErrorModel
@@ -248,3 +250,98 @@ def test_a_task_in_one_orientation_stays_on_one_branch():
     assert not found.unreachable.any()
     assert max(away(model.poses(found.q), found.T)) < 1e-9
     assert np.ptp(found.q, axis=0).max() < np.pi
+
+
+@given(generators)
+@settings(max_examples=10)
+def test_an_independent_solver_finds_the_same_joints(rng):
+    """SciPy's least squares on the plain forward kinematics, without a derivative of Taskcal's."""
+    description = limited(rng)
+    model = ErrorModel(robot_from(description))
+    x = 5.0 * rng.normal(size=len(model)) * model.tolerances
+    q = industrial_positions(rng, 10)
+    q = q[smallest_singular_value(model, q) > 0.05][:2]
+    T = plain.poses(description, q, x)
+    seed = q + rng.uniform(-0.02, 0.02, q.shape)
+    found = solve_near(model, T, seed, x)
+
+    def miss(joints: np.ndarray, target: np.ndarray) -> np.ndarray:
+        at = plain.pose(description, joints, x)
+        return np.concatenate([at[:3, 3] - target[:3, 3], (at[:3, :3] - target[:3, :3]).ravel()])
+
+    for row in range(len(q)):
+        other = least_squares(miss, seed[row], args=(T[row],), xtol=1e-14, ftol=1e-14, gtol=1e-14)
+        np.testing.assert_allclose(found.q[row], other.x, atol=1e-6)
+
+
+@given(generators)
+@settings(max_examples=15)
+def test_a_tip_in_the_tool_is_brought_to_the_pose(rng):
+    description = limited(rng)
+    model = ErrorModel(robot_from(description))
+    q = industrial_positions(rng, 10)
+    q = q[smallest_singular_value(model, q) > 0.05]
+    tip = np.eye(4)
+    tip[:3, :3] = Rotation.from_rotvec(rng.normal(size=3)).as_matrix()
+    tip[:3, 3] = rng.uniform(-0.2, 0.2, 3)
+    T = plain.poses(description, q) @ tip
+    found = solve_near(model, T, q + rng.uniform(-0.02, 0.02, q.shape), tip=tip)
+    assert found.reached.all()
+    assert max(away(plain.poses(description, found.q) @ tip, T)) < 1e-9
+
+
+@given(generators)
+@settings(max_examples=15)
+def test_a_free_spin_reaches_where_a_fixed_one_would_pass_a_limit(rng):
+    """Only point and axis are met, near the seed; the same pose with its spin is outside the last joint's limits."""
+    description = limited(rng)
+    model = ErrorModel(robot_from(description))
+    q = industrial_positions(rng, 10)
+    q = q[smallest_singular_value(model, q) > 0.05]
+    q[:, 5] = np.radians(249.9)
+    tip = np.linalg.inv(model.robot.T_flange_tool)  # the flange: its z axis is the last joint's
+    spun = q + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.5])
+    T = plain.poses(description, spun) @ tip
+    assert not solve_near(model, T, q, tip=tip).reached.any()
+    found = solve_near(model, T, q, tip=tip, spin="free")
+    assert found.reached.all()
+    np.testing.assert_allclose(found.q, q, atol=1e-9)  # nothing had to move
+    moved = T.copy()
+    moved[:, :3, 3] += rng.uniform(-0.005, 0.005, (len(q), 3))
+    found = solve_near(model, moved, q - np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.3]), tip=tip, spin="free")
+    at = plain.poses(description, found.q) @ tip
+    assert found.reached.all()
+    np.testing.assert_allclose(at[:, :3, 3], moved[:, :3, 3], rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(at[:, :3, 2], moved[:, :3, 2], rtol=0.0, atol=1e-9)
+
+
+def test_poses_solved_on_threads_equal_those_solved_a_few_at_a_time():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    q = irb6660_positions(np.random.default_rng(0), 20_000)
+    q[::7, 2] = q[::7, 1] + np.radians(95.0)  # where the loop does not close
+    T = model.poses(np.where(closes(model, q)[:, None], q, 0.1))
+    many = solve_near(model, T, q + 1e-3)
+    assert many.reached.mean() > 0.7
+    for rows in (slice(0, 50), slice(8180, 8230), slice(19_950, 20_000)):
+        few = solve_near(model, T[rows], q[rows] + 1e-3)
+        np.testing.assert_array_equal(few.q, many.q[rows])
+        np.testing.assert_array_equal(few.reached, many.reached[rows])
+
+
+@pytest.mark.parametrize("spin", ["fixed", "free"])
+def test_no_poses_need_no_solution(spin):
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    assert solve_near(model, np.zeros((0, 4, 4)), np.zeros((0, 6)), spin=spin).reached.shape == (0,)
+
+
+def test_conditioning_falls_to_nil_at_singular_postures_and_where_the_loop_is_open():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    q = np.radians(np.tile([0.0, 10.0, 40.0, 10.0, 45.0, 20.0], (4, 1)))
+    q[1, 4], q[2, 4], q[3, 2] = np.radians(1.0), 0.0, q[3, 1] + np.radians(90.0)
+    ratio = conditioning(model, q)
+    J = model.joint_jacobian(q[:3]) * np.repeat([2.0, 1.0], 3)[:, None]
+    s = np.linalg.svd(J, compute_uv=False)
+    np.testing.assert_allclose(ratio[:3], s[:, -1] / s[:, 0], rtol=1e-6, atol=1e-12)
+    assert ratio[0] > 10.0 * ratio[1] > 0.0
+    assert ratio[2] < 1e-12
+    assert ratio[3] == 0.0
