@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from taskcal.measurement.cycles import read_path_cycles as read_path_cycles
     from taskcal.measurement.cycles import read_pose_cycles as read_pose_cycles
     from taskcal.measurement.distance_performance import assess_distance as assess_distance
+    from taskcal.measurement.drift import follow_nests as follow_nests
     from taskcal.measurement.path_performance import PathPerformance as PathPerformance
     from taskcal.measurement.path_performance import assess_path as assess_path
     from taskcal.measurement.pose_performance import PosePerformance as PosePerformance
@@ -96,6 +97,7 @@ _HOME = {
     "assess_pose": "measurement.pose_performance",
     "catalogue_names": "robot.catalogue",
     "explain": "identification.explain",
+    "follow_nests": "measurement.drift",
     "identifiability": "analysis.identifiability",
     "identify": "identification.identify",
     "load_calibration": "identification.calibration",

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from taskcal.cli.drift import DriftChoice, DriftOption, settle
 from taskcal.cli.options import JsonOption, NestsOption, RowsOption, TargetsOption, split_names
 from taskcal.cli.output import announce_compilation, note, write_json
 
@@ -23,6 +24,7 @@ def command(
     targets: TargetsOption = None,
     nests: NestsOption = None,
     rows: RowsOption = None,
+    drift: DriftOption = DriftChoice.follow,
     as_json: JsonOption = False,
 ) -> None:
     """Compare a campaign with a calibration's predictions."""
@@ -35,6 +37,7 @@ def command(
 
     known = load_calibration(calibration)
     measured = read_campaign(campaign, known.model.robot, targets=wanted, nests=fixed)
+    measured, _ = settle(measured, drift)
     if wanted is None and not reregister:
         shared = [name for name in measured.targets if name in known.targets]
         if shared and len(shared) < len(measured.targets):
