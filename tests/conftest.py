@@ -22,7 +22,7 @@ robot.approach robot.catalogue robot.conditions robot.dh_table robot.effects rob
 robot.coil_spring robot.mechanism robot.robot robot.statics
 task programs.program programs.tool_axis
 correction.assessment correction.cell correction.chords correction.controller correction.correct correction.correction
-correction.inverse correction.motion correction.relation correction.way
+correction.inverse correction.motion correction.placement correction.relation correction.way
 """
 install_import_hook([f"taskcal.{module}" for module in _CHECKED.split()], "beartype.beartype")
 

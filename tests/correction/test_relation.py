@@ -60,7 +60,7 @@ def test_tool_in_part_and_robot_tool_are_inverse(name, calibration, robot, measu
     for move in (cutting, replace(cutting, part_in_hand=False)):
         relation = relate(calibration, move, cells(calibration, robot, measured)[name])
         B = calibration.tool_in_base(measured)
-        np.testing.assert_allclose(relation.robot_tool(relation.tool_in_part(B)), B, atol=1e-12)
+        np.testing.assert_allclose(relation.placement.robot_tool(relation.placement.tool_in_part(B)), B, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -79,7 +79,7 @@ def test_the_covariance_is_that_of_small_changes_of_the_estimate(
             z[k] += sign * h
             other = perturbed(calibration, z)
             moved = relate(other, cutting, cell)
-            at.append(moved.tool_in_part(other.tool_in_base(q))[:, :3, 3])
+            at.append(moved.placement.tool_in_part(other.tool_in_base(q))[:, :3, 3])
         J[:, :, k] = (at[0] - at[1]) / (2.0 * h)
     expected = J @ calibration.z_covariance @ np.swapaxes(J, 1, 2)
     if name == "stated in the flange":
@@ -135,7 +135,7 @@ def test_a_part_in_hand_is_the_same_robot_seen_from_the_other_side(calibration, 
     (move,) = make_moves([np.eye(4)], tool=tool, part=part, in_hand=True)
     relation = relate(calibration, move, Cell())
     B = calibration.tool_in_base(measured)
-    np.testing.assert_allclose(relation.tool_in_part(B), se3.inverse(B) @ middle, atol=1e-12)
+    np.testing.assert_allclose(relation.placement.tool_in_part(B), se3.inverse(B) @ middle, atol=1e-12)
     np.testing.assert_allclose(
         move.target(ErrorModel(robot).poses(measured) @ se3.inverse(robot.T_flange_tool)),
         se3.inverse(ErrorModel(robot).poses(measured)) @ middle,

@@ -7,55 +7,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.correction.controller import Driven
-from taskcal.correction.relation import Relation
+from taskcal.correction.placement import Placed
 from taskcal.correction.way import Ways
 from taskcal.geometry import se3
-from taskcal.identification.calibration import Calibration
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Related:
-    """The motions of a program with what their tools and parts are, on the robot as calibrated."""
-
-    calibration: Calibration
-    relations: tuple[Relation, ...]
-    relation: Int[np.ndarray, " m"]
-    """Number of every motion's relation."""
-
-    def tool_in_part(self, move: Int[np.ndarray, " k"], q: Float[np.ndarray, "k joints"]) -> Float[np.ndarray, "k 4 4"]:
-        """True poses of the program's tool in its part, for joint positions in some motions."""
-        B = self.calibration.tool_in_base(q)
-        out = np.empty_like(B)
-        for rows, relation in self._rows(move):
-            out[rows] = relation.tool_in_part(B[rows])
-        return out
-
-    def robot_tool(self, move: Int[np.ndarray, " k"], T: Float[np.ndarray, "k 4 4"]) -> Float[np.ndarray, "k 4 4"]:
-        """Poses of the robot's own tool in the calibrated base, for poses of the program's tool in its part."""
-        out = np.empty_like(T)
-        for rows, relation in self._rows(move):
-            out[rows] = relation.robot_tool(T[rows])
-        return out
-
-    def uncertainty(self, move: Int[np.ndarray, " k"], q: Float[np.ndarray, "k joints"]) -> Float[np.ndarray, " k"]:
-        """Root mean square of the error in space that the calibration must expect there, metres.
-
-        What the parameters do not tell, and what the model cannot explain at a new pose.
-        """
-        variance = np.zeros(len(q))
-        for rows, relation in self._rows(move):
-            for first in range(0, len(rows), 4096):  # the derivatives of 10⁵ poses would take 300 MB
-                part = rows[first : first + 4096]
-                variance[part] = np.trace(relation.covariance(q[part]), axis1=1, axis2=2)
-        if self.calibration.field is None:
-            variance += 3.0 * self.calibration.model_error[0] ** 2
-        else:
-            variance += self.calibration.field.variance(q)[:, :3].sum(axis=1)
-        return np.sqrt(variance)
-
-    def _rows(self, move: Int[np.ndarray, " k"]) -> list[tuple[Int[np.ndarray, " _"], Relation]]:
-        own = self.relation[move]
-        return [(np.flatnonzero(own == k), self.relations[k]) for k in np.unique(own)]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -82,7 +36,7 @@ class Deviations:
 
 
 def assess(
-    related: Related,
+    placed: Placed,
     wanted: Ways,
     driven: Driven,
     origin: Sequence[tuple[int, float, float]] | None = None,
@@ -90,7 +44,7 @@ def assess(
     """Compare the true tool with the ways that a program wants.
 
     Args:
-        related: the motions of the program as it was given, on the robot as calibrated.
+        placed: the motions of the program as it was given, on the robot as calibrated, or as it truly is.
         wanted: their ways, tool in part.
         driven: where the controller drives its joints, in this or in a rewritten program.
         origin: for each motion of the rewritten program, the one it comes from, and the shares of its length where it
@@ -112,7 +66,7 @@ def assess(
     at_target = along >= 1.0 - 1e-12
     # the way's start is not known where only its end is asked for
     T = np.where(at_target[:, None, None], wanted.end[original], wanted.at(original, along))
-    true = related.tool_in_part(original, q)
+    true = placed.tool_in_part(original, q)
     error = true[:, :3, 3] - T[:, :3, 3]
     between = np.flatnonzero(~at_target)
     tangent = wanted.direction(original[between], along[between])

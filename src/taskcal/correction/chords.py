@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.correction.assessment import Related
 from taskcal.correction.controller import Driven
 from taskcal.correction.inverse import solve_calibrated
+from taskcal.correction.placement import Placed
 from taskcal.correction.relation import nominal_flange
 from taskcal.correction.way import Ways
+from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.inverse import solve_near
 from taskcal.programs.program import Move
 from taskcal.robot.error_model import ErrorModel
@@ -53,7 +54,9 @@ class Wish:
 
     robot: Robot
     moves: Sequence[Move]
-    related: Related
+    calibration: Calibration
+    placed: Placed
+    """On the robot as calibrated."""
     wanted: Ways
     driven: Driven
     """The program as it was given, on the nominal robot."""
@@ -110,7 +113,7 @@ def _nodes(wish: Wish, rows: Int[np.ndarray, " r"], pieces: Int[np.ndarray, " m"
     share = number / np.repeat(count, count)
     at_end = number == np.repeat(count, count)
     T = np.where(at_end[:, None, None], wish.wanted.end[move], wish.wanted.at(move, share))
-    found = solve_calibrated(wish.related.calibration, wish.related.robot_tool(move, T), wish.seeds(move, share))
+    found = solve_calibrated(wish.calibration, wish.placed.robot_tool(move, T), wish.seeds(move, share))
     return Nodes(move=move, share=share, q=found.q, reached=found.reached, T=_controller(wish, move, found.q))
 
 
@@ -127,7 +130,7 @@ def _controller(
 
 def _alike(wish: Wish, move: Int[np.ndarray, " k"]) -> list[tuple[Int[np.ndarray, " _"], Move]]:
     """Rows whose motions have tool and part in common, with one of these motions."""
-    own = wish.related.relation[move]
+    own = wish.placed.number[move]
     return [(rows, wish.moves[int(move[rows[0]])]) for rows in (np.flatnonzero(own == k) for k in np.unique(own))]
 
 
@@ -171,7 +174,7 @@ def _deviations(
         found = solve_near(model, flange @ own_tool, q0 + within * (nodes.q[end] - q0))
         share = (piece + within) / pieces[move]
         wanted = wish.wanted.at(move, share)
-        error = wish.related.tool_in_part(move, found.q)[:, :3, 3] - wanted[:, :3, 3]
+        error = wish.placed.tool_in_part(move, found.q)[:, :3, 3] - wanted[:, :3, 3]
         tangent = wish.wanted.direction(move, share)
         error -= (error * tangent).sum(axis=1, keepdims=True) * tangent
         size = np.where(found.reached, np.linalg.norm(error, axis=1), np.inf)

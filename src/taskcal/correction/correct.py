@@ -3,14 +3,15 @@
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from taskcal.correction.assessment import Related, assess
+from taskcal.correction.assessment import assess
 from taskcal.correction.cell import Cell
 from taskcal.correction.chords import Chords, Wish, cut
 from taskcal.correction.controller import Driven, drive
 from taskcal.correction.correction import Bounds, Correction
 from taskcal.correction.motion import SINGULAR, move_joints
+from taskcal.correction.placement import Placed
 from taskcal.correction.relation import Relation, relate
 from taskcal.correction.way import Ways
 from taskcal.errors import TaskcalError
@@ -49,11 +50,24 @@ def correct(
         raise TaskcalError(f"{program.sources[0].path} has no motion that could be resolved{first}")
     progress("the joints of the nominal robot")
     driven = drive(robot, moves)
-    related = _relate(calibration, moves, cell)
-    wanted = _wanted(driven, related, moves)
-    before = assess(related, wanted, driven)
+    relations, number = _relate(calibration, moves, cell)
+    placed = Placed(
+        tool_in_base=calibration.tool_in_base,
+        placements=tuple(relation.placement for relation in relations),
+        number=number,
+    )
+    wanted = wanted_ways(driven, placed, moves)
+    before = assess(placed, wanted, driven)
     progress("the joints of the calibrated robot")
-    wish = Wish(robot=robot, moves=moves, related=related, wanted=wanted, driven=driven, tolerance=bounds.tolerance)
+    wish = Wish(
+        robot=robot,
+        moves=moves,
+        calibration=calibration,
+        placed=placed,
+        wanted=wanted,
+        driven=driven,
+        tolerance=bounds.tolerance,
+    )
     chords = cut(wish)
     shift, turn = _changes(wanted, chords, len(moves))
     refused = dict(driven.refused)
@@ -70,9 +84,6 @@ def correct(
     change[at] = np.abs(chords.nodes.q[ends] - driven.end[at]).max(axis=1)
     for array in (shift, turn, change):
         array[[i for i in range(len(moves)) if i not in ways]] = 0.0
-    uncertainty = np.full(len(moves), np.nan)
-    known = np.flatnonzero(np.isfinite(driven.end[:, 0]))
-    uncertainty[known] = related.uncertainty(known, driven.end[known])
     motion = move_joints(robot, again.moves, redriven)
     return Correction(
         program=program,
@@ -81,24 +92,26 @@ def correct(
         bounds=bounds,
         wanted=wanted,
         before=before,
-        after=assess(related, wanted, redriven, origin),
+        after=assess(placed, wanted, redriven, origin),
         corrected=np.array(sorted(ways), dtype=np.int64),
         pieces=np.array([len(ways[i]) if i in ways else 1 for i in range(len(moves))], dtype=np.int64),
         shift=shift,
         turn=turn,
-        uncertainty=uncertainty,
+        uncertainty=_uncertainty(relations, number, driven),
         joint_change=change,
         refused=refused,
         remarks=_remarks(
             program, driven, redriven, origin, chords, bounds, motion.conditioning, motion.nearest_singular
         ),
-        statements=tuple(dict.fromkeys(relation.statement for relation in related.relations)),
+        statements=tuple(dict.fromkeys(relation.statement for relation in relations)),
         motion=motion,
     )
 
 
-def _relate(calibration: Calibration, moves: Sequence[Move], cell: Cell) -> Related:
-    """Relations of all motions, those in common once."""
+def _relate(
+    calibration: Calibration, moves: Sequence[Move], cell: Cell
+) -> tuple[list[Relation], Int[np.ndarray, " m"]]:
+    """Relations of tools and parts, those in common once, and the number of every motion's."""
     numbers: dict[tuple[object, ...], int] = {}
     relations: list[Relation] = []
     own: list[int] = []
@@ -108,21 +121,33 @@ def _relate(calibration: Calibration, moves: Sequence[Move], cell: Cell) -> Rela
             numbers[key] = len(relations)
             relations.append(relate(calibration, move, cell))
         own.append(numbers[key])
-    return Related(calibration=calibration, relations=tuple(relations), relation=np.array(own, dtype=np.int64))
+    return relations, np.array(own, dtype=np.int64)
 
 
-def _wanted(driven: Driven, related: Related, moves: Sequence[Move]) -> Ways:
-    """The ways that the true tool is to go: where a tool or part changes, from where the tool before truly ended."""
+def wanted_ways(driven: Driven, placed: Placed, moves: Sequence[Move]) -> Ways:
+    """The ways that the tool is to go on a robot: where tool or part changes, from where the tool before ended there."""
     m = len(moves)
     ended = np.isfinite(driven.end[:, 0])
     B = np.full((m, 4, 4), np.nan)
     rows = np.flatnonzero(ended)
-    B[rows] = related.robot_tool(rows, driven.ways.end[rows])
+    B[rows] = placed.robot_tool(rows, driven.ways.end[rows])
     start = np.full((m, 4, 4), np.nan)
     for i, move in enumerate(moves):
         if move.follows is not None and ended[move.follows]:
-            start[i] = related.relations[related.relation[i]].tool_in_part(B[move.follows][None])[0]
+            start[i] = placed.placements[placed.number[i]].tool_in_part(B[move.follows][None])[0]
     return Ways(start=start, end=driven.ways.end, via=driven.ways.via)
+
+
+def _uncertainty(
+    relations: Sequence[Relation], number: Int[np.ndarray, " m"], driven: Driven
+) -> Float[np.ndarray, " m"]:
+    """Root mean square of the error in space that the calibration must expect at every target, metres."""
+    out = np.full(len(number), np.nan)
+    ended = np.isfinite(driven.end[:, 0])
+    for k, relation in enumerate(relations):
+        rows = np.flatnonzero(ended & (number == k))
+        out[rows] = relation.uncertainty(driven.end[rows])
+    return out
 
 
 def _changes(wanted: Ways, chords: Chords, m: int) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.correction.cell import Cell, Measured
+from taskcal.correction.placement import Placement
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3, walk
 from taskcal.identification.calibration import Calibration
@@ -24,6 +25,9 @@ SAME = 1e-6
 
 MISFIT = 5e-4
 """Reflectors that fit worse than this, metres, are not where they are said to be."""
+
+CHUNK = 4096
+"""Poses whose derivatives are held at once; those of 10⁵ would take 300 MB."""
 
 Twists = Callable[[np.ndarray], np.ndarray]
 """From joint positions (n, joints) to derivatives (n, 6, z) of a frame's pose by the estimate, at its origin in tracker axes."""
@@ -68,15 +72,14 @@ class Relation:
         """What the accuracy is relative to, in words."""
         return f"{self.held.statement}; {self.standing.statement}"
 
-    def tool_in_part(self, T_base_tool: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
-        """Poses of the program's tool in its part for poses of the robot's own tool in the calibrated base."""
-        X = se3.inverse(self.standing.T_base_standing) @ T_base_tool @ self.held.T_tool_held
-        return se3.inverse(X) if self.part_in_hand else X
-
-    def robot_tool(self, T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
-        """Poses of the robot's own tool for poses of the program's tool in its part: the inverse of `tool_in_part`."""
-        X = se3.inverse(T) if self.part_in_hand else T
-        return self.standing.T_base_standing @ X @ se3.inverse(self.held.T_tool_held)
+    @property
+    def placement(self) -> Placement:
+        """Where both are."""
+        return Placement(
+            T_tool_held=self.held.T_tool_held,
+            T_base_standing=self.standing.T_base_standing,
+            part_in_hand=self.part_in_hand,
+        )
 
     def covariance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3 3"]:
         """Covariance of where the held origin is against what stands still, in the standing frame's axes, metres².
@@ -96,6 +99,21 @@ class Relation:
         J = R.T @ J
         stated = self.held.uncertainty**2 * np.eye(3)
         return J @ calibration.z_covariance @ np.swapaxes(J, 1, 2) + stated
+
+    def uncertainty(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
+        """Root mean square of the error in space that the calibration must expect at joint positions, metres.
+
+        What the parameters do not tell, and what the model cannot explain at a new pose.
+        """
+        variance = np.zeros(len(q))
+        for first in range(0, len(q), CHUNK):
+            part = slice(first, first + CHUNK)
+            variance[part] = np.trace(self.covariance(q[part]), axis1=1, axis2=2)
+        if self.calibration.field is None:
+            variance += 3.0 * self.calibration.model_error[0] ** 2
+        else:
+            variance += self.calibration.field.variance(q)[:, :3].sum(axis=1)
+        return np.sqrt(variance)
 
 
 def relate(calibration: Calibration, move: Move, cell: Cell) -> Relation:
