@@ -141,4 +141,4 @@ def test_effects_stand_in_the_model_behind_its_geometry():
     assert more.names[: len(model)] == model.names
     assert more.names[len(model) :][:3] == ("J1.cos1", "J1.sin1", "J2.cos1")
     assert more.names[-1] == "J6.gain"
-    assert [more.parameters[-1].tolerance, more.parameters[-1].unit] == [EncoderGain().tolerance, "rad"]
+    assert [more.parameters[-1].tolerance, more.parameters[-1].unit] == [EncoderGain().tolerance, "rad/rad"]

@@ -40,12 +40,11 @@ def tabulate_elimination(model: ErrorModel, poses: Mapping[str, Float[np.ndarray
     eliminations = {label: identifiability(model, q) for label, q in poses.items()}
     everywhere = identifiability(model, np.concatenate(list(poses.values())))
     label = {p.name: p.symbol or p.name for p in model.parameters}
-    geometry = _geometry(model)
     rows = tuple(
         EliminationRow(
             name=p.name,
             symbol=p.symbol,
-            published=_published(model, p.name) if p.name in geometry else "",
+            published="" if p.name in model.effect_names else _published(model, p.name),
             repeats=_repeat(everywhere, p.name, label),
             eliminated={key: _fate(found, p.name, label) for key, found in eliminations.items()},
         )
@@ -56,12 +55,8 @@ def tabulate_elimination(model: ErrorModel, poses: Mapping[str, Float[np.ndarray
 
 def published_kept(model: ErrorModel) -> tuple[str, ...]:
     """Parameters of the publication's reduced model, which has no effects."""
-    return tuple(name for name in _geometry(model) if name not in model.robot.published.dropped)
-
-
-def _geometry(model: ErrorModel) -> tuple[str, ...]:
-    """Names of the parameters that are not effects'."""
-    return ErrorModel(model.robot, lengths_only=model.lengths_only).names
+    others = {*model.robot.published.dropped, *model.effect_names}
+    return tuple(name for name in model.names if name not in others)
 
 
 def _published(model: ErrorModel, name: str) -> str:

@@ -43,22 +43,29 @@ class Sensitivity:
     def _weighted(self, values: np.ndarray, scaled: bool) -> np.ndarray:
         return values * self.model.tolerances if scaled else values
 
+    def to_shown(self) -> Float[np.ndarray, " p"]:
+        """Factors from metres per SI unit to millimetres per shown unit of each parameter."""
+        return np.array([1e3 / p.shown.factor for p in self.model.parameters])
+
     def to_frame(self) -> "pd.DataFrame":
-        """A row per parameter: largest influences raw (mm per mm, mm per mrad) and for its tolerance (µm)."""
+        """A row per parameter: largest influences per unit (mm per mm, mm per mrad) and for its tolerance (µm)."""
         import pandas as pd
 
-        raw, scaled = self.maximum(), self.maximum(scaled=True) * 1e6
+        shown = [p.shown for p in self.model.parameters]
+        to_shown = self.to_shown()
+        raw, scaled = self.maximum() * to_shown, self.maximum(scaled=True) * 1e6
         return pd.DataFrame(
             {
                 "parameter": self.model.names,
                 "symbol": [p.symbol for p in self.model.parameters],
-                "unit": ["mm/mm" if p.unit == "m" else "mm/mrad" for p in self.model.parameters],
+                "unit": [unit.influence for unit in shown],
                 "max_x": raw[0],
                 "max_y": raw[1],
                 "max_z": raw[2],
-                "max_space": self.maximum_in_space(),
+                "max_space": self.maximum_in_space() * to_shown,
                 "tolerance": [
-                    f"{p.tolerance * 1e3:g} {'mm' if p.unit == 'm' else 'mrad'}" for p in self.model.parameters
+                    f"{p.tolerance * unit.factor:g} {unit.name}"
+                    for p, unit in zip(self.model.parameters, shown, strict=True)
                 ],
                 "max_x_um": scaled[0],
                 "max_y_um": scaled[1],

@@ -73,13 +73,13 @@ def _parameters(calibration: Calibration) -> list[dict[str, Any]]:
     seen = seen_parameters(calibration)
     for i in calibration.layout.kept:
         p = calibration.model.parameters[i]
-        unit = "mm" if p.unit == "m" else "mrad"
+        unit = p.shown
         values = {
-            f"estimate_{unit}": float(calibration.estimate[i]) * 1e3,
-            f"standard_error_{unit}": float(calibration.standard_errors[i]) * 1e3,
-            f"tolerance_{unit}": p.tolerance * 1e3,
+            f"estimate_{unit.key}": float(calibration.estimate[i]) * unit.factor,
+            f"standard_error_{unit.key}": float(calibration.standard_errors[i]) * unit.factor,
+            f"tolerance_{unit.key}": p.tolerance * unit.factor,
         }
-        out.append({"name": p.name, "symbol": p.symbol, "unit": unit, **values, "seen": seen[p.name]})
+        out.append({"name": p.name, "symbol": p.symbol, "unit": unit.name, **values, "seen": seen[p.name]})
     return out
 
 
@@ -100,8 +100,8 @@ def show(result: Mapping[str, Any]) -> None:
         (
             p["name"],
             p["symbol"],
-            _signed(p["estimate_" + p["unit"]]),
-            f"{p['standard_error_' + p['unit']]:.4f}",
+            _signed(_value(p, "estimate")),
+            f"{_value(p, 'standard_error'):.4f}",
             p["unit"],
             "not seen" if p["seen"] is False else "",
         )
@@ -144,6 +144,11 @@ def _facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         )
     facts += [("ended", ended), ("calibration", f"wrote {result['calibration']}")]
     return facts
+
+
+def _value(parameter: Mapping[str, Any], kind: str) -> float:
+    """The entry of a kind, whatever the unit in its name."""
+    return next(value for key, value in parameter.items() if key.startswith(f"{kind}_"))
 
 
 def _signed(value: float) -> str:

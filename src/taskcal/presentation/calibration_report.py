@@ -68,7 +68,7 @@ def _summary(calibration: Calibration, over: Uncertainty | None) -> Section:
         (
             f"{calibration.model_error[0] * 1e3:.4f}",
             "mm",
-            "model error per axis (1σ), what geometry leaves unexplained",
+            f"model error per axis (1σ), what {_explains(calibration)} unexplained",
         ),
         (
             "no prior" if scale is None else f"{scale:.3g}",
@@ -110,6 +110,10 @@ def _summary(calibration: Calibration, over: Uncertainty | None) -> Section:
             )
         )
     return Section(title="In short", blocks=tuple(blocks))
+
+
+def _explains(calibration: Calibration) -> str:
+    return "geometry and effects leave" if calibration.model.effects else "geometry leaves"
 
 
 def _lengths(calibration: Calibration) -> Float[np.ndarray, "n targets"]:
@@ -183,10 +187,15 @@ def _parameters(calibration: Calibration) -> Section:
     seen = seen_parameters(calibration)
     for i in calibration.layout.kept:
         p = calibration.model.parameters[i]
-        unit = "mm" if p.unit == "m" else "mrad"
+        unit = p.shown
         values = calibration.estimate[i], calibration.standard_errors[i], p.tolerance
         rows.append(
-            (label_of(p), unit, *(f"{v * 1e3:.4f}" for v in values), "not seen" if seen[p.name] is False else "")
+            (
+                label_of(p),
+                unit.name,
+                *(f"{v * unit.factor:.4f}" for v in values),
+                "not seen" if seen[p.name] is False else "",
+            )
         )
     blocks: list[Block] = []
     if rows:
@@ -215,6 +224,8 @@ def _provenance(calibration: Calibration) -> Section:
     rows = [
         ("robot", source.robot),
         ("robot file, digest", source.robot_digest),
+        ("effects", ", ".join(type(effect).__name__ for effect in calibration.model.effects) or "none"),
+        ("residual field", "none" if calibration.field is None else f"of {len(calibration.field.q)} rows"),
         ("campaign", source.campaign),
         ("campaign, digest", source.campaign_digest),
         ("rows", str(source.rows)),

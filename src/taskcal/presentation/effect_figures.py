@@ -7,7 +7,7 @@ from taskcal.analysis.sensitivity import Sensitivity
 from taskcal.presentation.theme import AXIS_COLOURS, INK, label_panels, styled, switch
 
 FOR_TOLERANCE = "effect of its tolerance (µm)"
-PER_UNIT = "effect (mm/mm, mm/mrad)"
+PER_UNIT = "effect per unit (mm/mm, mm/mrad …)"
 
 
 def draw_effects(found: Sensitivity) -> go.Figure:
@@ -21,13 +21,14 @@ def draw_effects(found: Sensitivity) -> go.Figure:
         vertical_spacing=0.16,
         subplot_titles=["largest over the poses", "root mean square"],
     )
+    to_shown = found.to_shown()
     scaled: list[list[float]] = []
     raw: list[list[float]] = []
     for row, (per_axis, in_space) in enumerate(
         ((found.maximum, found.maximum_in_space), (found.rms_per_axis, found.rms)), start=1
     ):
         scaled += [*(per_axis(scaled=True) * 1e6).tolist(), (in_space(scaled=True) * 1e6).tolist()]
-        raw += [*per_axis().tolist(), in_space().tolist()]
+        raw += [*(per_axis() * to_shown).tolist(), (in_space() * to_shown).tolist()]
         for axis, (letter, colour) in enumerate(AXIS_COLOURS.items()):
             figure.add_bar(
                 x=names,

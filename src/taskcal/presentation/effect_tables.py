@@ -14,15 +14,15 @@ def tabulate_effects(found: Sensitivity) -> Table:
         *found.rms_per_axis(scaled=True),
         found.rms(scaled=True),
     ]
+    to_shown = found.to_shown()
     rows: list[tuple[str, ...]] = []
     for i, p in enumerate(found.model.parameters):
-        unit = "mm" if p.unit == "m" else "mrad"
         rows.append(
             (
                 label_of(p),
-                f"mm/{unit}",
-                *(f"{values[i]:.3f}" for values in raw),
-                f"{p.tolerance * 1e3:g} {unit}",
+                p.shown.influence,
+                *(f"{values[i] * to_shown[i]:.3f}" for values in raw),
+                f"{p.tolerance * p.shown.factor:g} {p.shown.name}",
                 *(f"{values[i] * 1e6:.0f}" for values in scaled),
             )
         )

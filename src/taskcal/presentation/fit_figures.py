@@ -1,6 +1,7 @@
 """Figures of identified calibrations: what they leave of the measurements, and what they find of the parameters."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import plotly.graph_objects as go
@@ -9,6 +10,8 @@ from plotly.subplots import make_subplots
 
 from taskcal.identification.calibration import Calibration
 from taskcal.presentation.theme import AXIS_COLOURS, AXIS_SHAPES, INK, SERIES, VERMILION, label_panels, styled, switch
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.shown_unit import ShownUnit
 
 
 def draw_residuals(calibrations: Mapping[str, Mapping[str, Calibration]], start: str = "") -> go.Figure:
@@ -72,19 +75,25 @@ def draw_parameters(calibrations: Mapping[str, Calibration], truth: Float[np.nda
         truth: the true parameters, metres and radians.
     """
     model = next(iter(calibrations.values())).model
-    panels = [("lengths", "m", "mm"), ("angles", "rad", "mrad")]
-    figure = make_subplots(rows=2, cols=1, vertical_spacing=0.2, subplot_titles=[title for title, _, _ in panels])
+    panels = _panels(model)
+    figure = make_subplots(
+        rows=len(panels), cols=1, vertical_spacing=0.4 / len(panels), subplot_titles=[panel.title for panel in panels]
+    )
     owner: list[int] = []
-    for row, (_, kind, unit) in enumerate(panels, start=1):
-        columns = [i for i, p in enumerate(model.parameters) if p.unit == kind]
+    for row, panel in enumerate(panels, start=1):
+        columns, unit = panel.columns, panel.unit
         names = [model.parameters[i].symbol or model.parameters[i].name for i in columns]
         ours = [model.parameters[i].name for i in columns]
         for k, (label, calibration) in enumerate(calibrations.items()):
             owner.append(k)
             figure.add_scatter(
                 x=names,
-                y=calibration.estimate[columns] * 1e3,
-                error_y={"array": 2e3 * calibration.standard_errors[columns], "thickness": 1.6, "width": 4},
+                y=calibration.estimate[columns] * unit.factor,
+                error_y={
+                    "array": 2.0 * calibration.standard_errors[columns] * unit.factor,
+                    "thickness": 1.6,
+                    "width": 4,
+                },
                 name="estimate ± 2 standard errors",
                 legendgroup="estimate",
                 showlegend=row == 1,
@@ -92,7 +101,7 @@ def draw_parameters(calibrations: Mapping[str, Calibration], truth: Float[np.nda
                 mode="markers",
                 marker={"color": SERIES[1], "size": 8},
                 customdata=ours,
-                hovertemplate="%{customdata}: %{y:.3f} " + unit + f"<extra>{label}</extra>",
+                hovertemplate="%{customdata}: %{y:.3f} " + unit.name + f"<extra>{label}</extra>",
                 row=row,
                 col=1,
             )
@@ -100,22 +109,51 @@ def draw_parameters(calibrations: Mapping[str, Calibration], truth: Float[np.nda
             owner.append(-1)
             figure.add_scatter(
                 x=names,
-                y=truth[columns] * 1e3,
+                y=truth[columns] * unit.factor,
                 name="truth",
                 legendgroup="truth",
                 showlegend=row == 1,
                 mode="markers",
                 marker={"color": VERMILION, "symbol": "diamond-open", "size": 11, "line": {"width": 2}},
                 customdata=ours,
-                hovertemplate="%{customdata}: %{y:.3f} " + unit + "<extra>truth</extra>",
+                hovertemplate="%{customdata}: %{y:.3f} " + unit.name + "<extra>truth</extra>",
                 row=row,
                 col=1,
             )
-        figure.update_yaxes(title_text=f"defect ({unit})", zeroline=True, zerolinecolor=INK, row=row, col=1)
-    styled(figure, height=680, top=100)
-    figure.update_layout(legend={"y": 1.06})
+        figure.update_yaxes(
+            title_text=f"{panel.quantity} ({unit.name})", zeroline=True, zerolinecolor=INK, row=row, col=1
+        )
+    styled(figure, height=340 * len(panels), top=100)
+    figure.update_layout(legend={"y": 1.0 + 0.12 / len(panels)})
     figure.update_xaxes(tickangle=-60, tickfont={"size": 12})
     if len(calibrations) > 1:
         choices = {label: ({"visible": [o in (k, -1) for o in owner]},) for k, label in enumerate(calibrations)}
         switch(figure, choices, y=1.06)
     return label_panels(figure)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Panel:
+    """Parameters that are drawn on one scale."""
+
+    title: str
+    quantity: str
+    unit: ShownUnit
+    columns: list[int]
+
+
+def _panels(model: ErrorModel) -> list[_Panel]:
+    """Lengths and angles of the geometry, then the effects, those of one unit together."""
+    groups: dict[tuple[bool, ShownUnit], list[int]] = {}
+    for i, parameter in enumerate(model.parameters):
+        groups.setdefault((parameter.name in model.effect_names, parameter.shown), []).append(i)
+    titles = {"mm": "lengths", "mrad": "angles"}
+    return [
+        _Panel(
+            title=f"effects in {unit.name}" if effect else titles[unit.name],
+            quantity="effect" if effect else "defect",
+            unit=unit,
+            columns=columns,
+        )
+        for (effect, unit), columns in groups.items()
+    ]

@@ -126,9 +126,7 @@ def _mechanism(procedure: Procedure) -> Section:
     )
     explanation = found.explanation[0].upper() + found.explanation[1:] + "."
     nominal = (f"The nominal model has the lengths {lengths} mm.",) if lengths else ()
-    parameters = [
-        (p.name, p.symbol, "mm" if p.unit == "m" else "mrad", f"{p.tolerance * 1e3:g}") for p in model.parameters
-    ]
+    parameters = [(p.name, p.symbol, p.shown.name, f"{p.tolerance * p.shown.factor:g}") for p in model.parameters]
     listed = Table.of_rows(
         "All parameters with their tolerances",
         ("parameter", "symbol", "unit", "tolerance (1σ)"),

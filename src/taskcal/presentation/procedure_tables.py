@@ -63,7 +63,7 @@ def tabulate_influences(procedure: Procedure, limit: int | None = None) -> Table
 
 
 def _tolerance(parameter: Parameter) -> str:
-    return f"{parameter.tolerance * 1e3:g} {'mm' if parameter.unit == 'm' else 'mrad'}"
+    return f"{parameter.tolerance * parameter.shown.factor:g} {parameter.shown.name}"
 
 
 def tabulate_counts(procedure: Procedure) -> Table:
@@ -183,12 +183,12 @@ def tabulate_parameters(procedure: Procedure) -> Table:
     whole = {f.campaign: f.calibration for f in procedure.fits if f.parameters == len(procedure.model)}
     rows: list[tuple[str, ...]] = []
     for i, parameter in enumerate(procedure.model.parameters):
+        unit = parameter.shown
         cells = [
-            f"{calibration.estimate[i] * 1e3:.3f} ± {calibration.standard_errors[i] * 1e3:.3f}"
+            f"{calibration.estimate[i] * unit.factor:.3f} ± {calibration.standard_errors[i] * unit.factor:.3f}"
             for calibration in whole.values()
         ]
-        unit = "mm" if parameter.unit == "m" else "mrad"
-        rows.append((label_of(parameter), unit, f"{procedure.truth.x[i] * 1e3:.3f}", *cells))
+        rows.append((label_of(parameter), unit.name, f"{procedure.truth.x[i] * unit.factor:.3f}", *cells))
     return Table.of_rows(
         f"All {len(procedure.model)} parameters: estimates and truth",
         ("parameter", "unit", "truth", *whole),

@@ -15,6 +15,7 @@ from taskcal.robot.effects import Compliance, Effect, LinearTerm
 from taskcal.robot.joint_side import JointTerm, Shift
 from taskcal.robot.load import Load
 from taskcal.robot.robot import Part, Robot
+from taskcal.robot.shown_unit import ShownUnit
 
 Prepared = tuple[Float[np.ndarray, "_ _"] | None, ...]
 
@@ -27,11 +28,16 @@ class Parameter:
 
     name: str
     unit: str
-    """``m`` or ``rad``."""
+    """``m`` or ``rad``; of an effect also ``rad/rad``, ``rad/m`` (of lever), ``rad/Nm`` …"""
     tolerance: float
     """Standard deviation that manufacturing leaves, in that unit."""
     symbol: str = ""
     """Its name in a publication."""
+
+    @property
+    def shown(self) -> ShownUnit:
+        """The unit in which people see it."""
+        return ShownUnit.of(self.unit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +74,15 @@ class ErrorModel:
 
     effects: tuple[Effect, ...]
     """Those that were added to the robot's own terms."""
+    effect_names: tuple[str, ...]
+    """Names of their parameters."""
 
     def __init__(self, robot: Robot, *, lengths_only: bool = False, effects: Sequence[Effect] = ()):
         self.robot = robot
         self.lengths_only = lengths_only
         self.effects = tuple(effects)
         added = [effect.term(robot) for effect in self.effects]
+        self.effect_names = tuple(name for term in added for name in term.names)
         self.terms = (*_terms(robot), *added)
         steps, slots = _length_steps(robot) if lengths_only else _defect_steps(robot)
         self.steps = tuple(steps)
@@ -100,7 +109,7 @@ class ErrorModel:
                 name=name,
                 unit=unit,
                 tolerance=tolerances.overrides.get(
-                    name, tolerances.length if name.startswith("loop.") else stated.get(name, default[unit])
+                    name, tolerances.length if name.startswith("loop.") else stated.get(name) or default[unit]
                 ),
                 symbol=robot.symbols.get(name, ""),
             )
@@ -140,12 +149,6 @@ class ErrorModel:
             raise TaskcalError("the model does not yield to loads; add Compliance() to it before it is identified")
         effects = [replace(e, load=load) if isinstance(e, Compliance) else e for e in self.effects]
         return ErrorModel(self.robot, lengths_only=self.lengths_only, effects=effects)
-
-    @cached_property
-    def effect_names(self) -> tuple[str, ...]:
-        """Names of the parameters of the effects that were added, in order."""
-        added = self.terms[len(self.terms) - len(self.effects) :]
-        return tuple(name for term in added for name in term.names)
 
     def prepare(self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None) -> Prepared:
         """What `walk` needs at joint positions q under conditions, and no parameter changes."""

@@ -81,4 +81,5 @@ class Compliance(Effect):
             ],
             lambda _, path: torque(path)[:, motors],
             nominal=[0.0 if k is None else 1.0 / k for k in stiffness],
+            per="Nm",
         )

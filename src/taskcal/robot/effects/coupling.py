@@ -48,6 +48,7 @@ class Coupling(Effect):
             np.array([j for _, j in pairs], dtype=np.int64),
             [self.tolerance] * len(pairs),
             lambda q: (robot.joint_map(q) - middle)[:, by],
+            share=True,
         )
 
     def _pairs(self, robot: Robot) -> list[tuple[int, int]]:

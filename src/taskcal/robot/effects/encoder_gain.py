@@ -23,4 +23,5 @@ class EncoderGain(Effect):
             joints,
             [self.tolerance] * len(joints),
             lambda q: (robot.joint_map(q) - middle)[:, joints],
+            share=True,
         )

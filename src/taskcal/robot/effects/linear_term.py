@@ -66,13 +66,28 @@ class LinearTerm:
 
 
 def at_joints(
-    names: Sequence[str], robot: Robot, coordinates: Int[np.ndarray, " p"], tolerances: Sequence[float], basis: Basis
+    names: Sequence[str],
+    robot: Robot,
+    coordinates: Int[np.ndarray, " p"],
+    tolerances: Sequence[float],
+    basis: Basis,
+    *,
+    share: bool = False,
 ) -> LinearTerm:
-    """A term of which each parameter moves one coordinate."""
-    slides = [robot.prismatic[c] for c in coordinates]
+    """A term of which each parameter moves one coordinate.
+
+    Args:
+        names: of the parameters.
+        robot: the robot.
+        coordinates: number of the coordinate that each one moves.
+        tolerances: of the parameters.
+        basis: movement of its coordinate for a unit of each parameter, at joint positions q.
+        share: whether the parameters are shares of a motion, radians per radian.
+    """
+    units = ["m" if robot.prismatic[c] else "rad" for c in coordinates]
     return LinearTerm(
         names=tuple(names),
-        units=tuple("m" if slide else "rad" for slide in slides),
+        units=tuple(f"{unit}/{unit}" if share else unit for unit in units),
         tolerances=tuple(tolerances),
         pairs=np.stack([coordinates, np.arange(len(names))], axis=1),
         coordinates=len(robot.joints),

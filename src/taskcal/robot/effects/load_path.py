@@ -94,6 +94,8 @@ def at_motors(
     tolerances: Sequence[float],
     turns: Callable[[Float[np.ndarray, "n joints"], LoadPath], Float[np.ndarray, "n p"]],
     nominal: Sequence[float] | None = None,
+    *,
+    per: str = "",
 ) -> LinearTerm:
     """A term of which each parameter turns one motor.
 
@@ -104,6 +106,7 @@ def at_motors(
         tolerances: of the parameters.
         turns: turn of its motor for a unit of each parameter, at joint positions q and the load path there.
         nominal: values that the parameters deviate from; nil by default.
+        per: what the parameters are per, for a motor that turns: ``m`` of lever, ``Nm`` of torque.
     """
     moved = moved_by_motors(robot)
     rows = [(c, k) for k, motor in enumerate(motors) for c in np.flatnonzero(moved[:, motor])]
@@ -117,10 +120,17 @@ def at_motors(
 
     return LinearTerm(
         names=tuple(names),
-        units=tuple("m" if robot.prismatic[motor] else "rad" for motor in motors),
+        units=tuple(_unit(per, slides=bool(robot.prismatic[motor])) for motor in motors),
         tolerances=tuple(tolerances),
         pairs=pairs,
         coordinates=len(robot.joints),
         basis=basis,
         nominal=None if nominal is None else np.array(nominal, dtype=float),
     )
+
+
+def _unit(per: str, *, slides: bool) -> str:
+    """Of a turn; a motor that slides has forces for torques, and the lever of a height is a number."""
+    if not slides:
+        return f"rad/{per}" if per else "rad"
+    return "m/N" if per == "Nm" else "m"

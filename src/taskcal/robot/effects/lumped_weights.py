@@ -45,6 +45,7 @@ def yield_under_lumped_weights(robot: Robot, motors: Sequence[int], tolerance: f
         [m for m, _ in kept],
         [tolerance] * len(kept),
         lambda _, path: _levers(robot, chains, path)[:, point, motor],
+        per="m",
     )
 
 

@@ -45,6 +45,7 @@ class Spring(Effect):
             [stated.joint],
             [self.tolerance / largest],
             lambda _, path: _torque(robot, stated, path)[:, None],
+            per="Nm",
         )
 
     def _of_unknown_geometry(self, robot: Robot) -> LinearTerm:
