@@ -1,0 +1,214 @@
+"""Paths of tool poses: met by the plain forward kinematics, without jumps, or refused with the reason."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from taskcal.adaptation.procedure import reference_task
+from taskcal.kinematics.inverse import JUMP, conditioning, find_posture
+from taskcal.kinematics.tracing import STEEPEST, STRIDE, Outcome, Traced, refusals, retrace, trace
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.effects import Compliance, Harmonics
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.file import robot_from
+from tests.laws import plain
+from tests.laws.robots import generators, industrial, industrial_positions
+
+
+def motion(T: np.ndarray) -> np.ndarray:
+    """From pose to pose, radians and half metres."""
+    angle = (Rotation.from_matrix(T[1:, :3, :3]) * Rotation.from_matrix(T[:-1, :3, :3]).inv()).magnitude()
+    return np.hypot(2.0 * np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1), angle)
+
+
+def assert_continuous(traced: Traced, T: np.ndarray) -> None:
+    """What `Traced` says of its reached poses, each of which follows a reached one."""
+    both = traced.reached[1:] & traced.reached[:-1]
+    change, moved = np.abs(np.diff(traced.q, axis=0)).max(axis=1)[both], motion(T)[both]
+    assert np.all((change <= STEEPEST * moved + 2e-6) | (moved > STRIDE))
+    assert np.all((change <= JUMP + 1e-9) | (moved > STRIDE))
+
+
+def assert_met(T: np.ndarray, expected: np.ndarray) -> None:
+    np.testing.assert_allclose(T[:, :3, 3], expected[:, :3, 3], rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(T[:, :3, :3], expected[:, :3, :3], rtol=0.0, atol=2e-9)
+
+
+def curve(rng: np.random.Generator, start: np.ndarray, n: int) -> np.ndarray:
+    """A smooth way in the joints with a few bends, through a starting posture."""
+    t = np.linspace(0.0, 1.0, n)[:, None]
+    bends = sum(rng.normal(scale=0.15, size=6) * np.sin(k * np.pi * t) for k in (1, 2, 3))
+    return start + bends
+
+
+@given(generators)
+@settings(max_examples=8)
+def test_a_path_is_met_with_defects_and_effects_and_without_jumps(rng):
+    description = industrial(rng)
+    model = ErrorModel(robot_from(description)) + Compliance() + Harmonics()
+    x = rng.normal(size=len(model)) * model.tolerances
+    q = curve(rng, industrial_positions(rng, 1)[0], 400)
+    q[:, 4] = 0.9 + 0.3 * np.sin(q[:, 4])  # away from the wrist's singular posture
+    assume(conditioning(model, q, x).min() > 0.02)
+    T = model.poses(q, x)
+    traced = trace(model, T, q[0] + 0.01, x)
+    assert_continuous(traced, T)
+    assert traced.reached.all()
+    assert_met(model.poses(traced.q, x), T)
+    np.testing.assert_allclose(traced.q, q, atol=1e-6)
+    again = retrace(model, T, q + rng.uniform(-1e-3, 1e-3, q.shape), x)
+    assert again.reached.all()
+    np.testing.assert_allclose(again.q, q, atol=1e-6)
+
+
+def test_a_sparse_path_is_followed_straight_from_pose_to_pose_as_a_dense_one_is():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    middle = reference_task().workspace.middle()[0]
+    corners = np.tile(middle, (4, 1, 1))
+    corners[1:, :3, 3] += np.array([[0.0, 0.3, 0.0], [0.25, 0.3, -0.2], [-0.2, -0.3, 0.2]])
+    start = find_posture(model, middle)
+    sparse = trace(model, corners, start)
+    dense_T = np.repeat(corners[:1], 601, axis=0)
+    for axis in range(3):
+        dense_T[:, axis, 3] = np.interp(np.linspace(0.0, 3.0, 601), range(4), corners[:, axis, 3])
+    dense = trace(model, dense_T, start)
+    assert sparse.reached.all()
+    assert dense.reached.all()
+    np.testing.assert_allclose(sparse.q, dense.q[::200], atol=1e-7)
+    assert_continuous(dense, dense_T)
+
+
+@given(generators, st.sampled_from([0.0, 1e-6, 1e-4, 1e-3, 1e-2, 0.03, 0.1]))
+@settings(max_examples=12)
+def test_a_path_by_the_wrists_singular_posture_is_continuous_or_refused_there(rng, aside):
+    """Joint 5 passes through nil; the tool is tilted aside of that by more or less, so that joints 4 and 6 have to turn."""
+    description = industrial(rng)
+    model = ErrorModel(robot_from(description))
+    q = np.tile(industrial_positions(rng, 1)[0], (800, 1))
+    q[:, 4] = np.linspace(-0.3, 0.3, 800)
+    q[:, 0] += np.linspace(0.0, 0.1, 800)
+    T = model.poses(q)
+    T[:, :3, :3] = T[:, :3, :3] @ Rotation.from_rotvec([0.0, aside, 0.0]).as_matrix()
+    traced = trace(model, T, q[0])
+    assert_continuous(traced, T)
+    assert_met(plain.poses(description, traced.q[traced.reached][::20]), T[traced.reached][::20])
+    assert traced.reached.mean() > 0.8
+    assert traced.singularity.min() < 0.02
+    assert set(traced.outcome[~traced.reached]) <= {Outcome.SINGULAR, Outcome.OUT_OF_REACH}
+    assert all("singular" in reason or "reach" in reason for _, reason in refusals(model.robot, traced))
+    if aside == 0.0:
+        assert traced.reached.all()
+        np.testing.assert_allclose(traced.q[-1], q[-1], atol=1e-6)
+
+
+def test_a_path_that_leaves_the_reach_names_the_poses_and_is_taken_up_again():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    middle = reference_task().workspace.middle()[0]
+    T = np.tile(middle, (301, 1, 1))
+    T[:, 2, 3] += 2.5 * np.maximum(np.sin(np.linspace(0.0, 2.0 * np.pi, 301)), -0.05)
+    traced = trace(model, T, find_posture(model, middle))
+    refused = refusals(model.robot, traced)
+    out = traced.outcome == Outcome.OUT_OF_REACH
+    height = np.hypot(T[:, 2, 3] - 0.8145, T[:, 0, 3] - 0.3)
+    assert out[height > 2.6].all()
+    assert traced.reached[:10].all()
+    assert traced.reached[-100:].all()
+    assert [row for row, _ in refused] == np.flatnonzero(~traced.reached).tolist()
+    row, reason = refused[len(refused) // 2]
+    assert "out of reach" in reason
+    assert f"{traced.off[row, 0] * 1e3:.3g} mm" in reason
+    assert traced.off[row, 0] > 0.1
+    np.testing.assert_allclose(traced.q[-1], traced.q[0], atol=1e-7)
+
+
+def test_a_path_that_passes_a_limit_says_which():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    middle = reference_task().workspace.middle()[0]
+    start = find_posture(model, middle)
+    q = np.tile(start, (400, 1))
+    q[:, 5] = np.radians(np.linspace(300.0, 380.0, 400))
+    T = model.poses(q)
+    traced = trace(model, T, q[0])
+    over = q[:, 5] > np.radians(360.0) + 1e-6
+    np.testing.assert_array_equal(traced.outcome == Outcome.OUTSIDE_LIMITS, over)
+    assert traced.reached[~over].all()
+    first = refusals(model.robot, traced)[0]
+    assert first[0] == np.argmax(over)
+    assert first[1].startswith("J6 = 360.")
+    assert "outside -360 to 360°" in first[1]
+    wound = np.diff(trace(model, T, q[0]).q[:, 5])
+    assert (wound > 0.0).all()  # never turned back by a whole turn
+
+
+def test_coupled_limits_and_the_loop_are_reported():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    q = np.tile(np.radians([0.0, 0.0, 20.0, 0.0, 60.0, 0.0]), (200, 1))
+    q[:, 2] = np.radians(np.linspace(20.0, 85.0, 200))
+    traced = trace(model, model.poses(q), q[0])
+    over = q[:, 2] > np.radians(70.0) + 1e-6
+    np.testing.assert_array_equal(traced.reached, ~over)
+    assert "J3 - J2" in refusals(model.robot, traced)[0][1]
+
+
+def test_with_seeds_on_two_branches_the_step_between_them_is_solved_anew():
+    """The seeds change to the other wrist halfway; the joints must not follow them without a word."""
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    q = np.tile(np.radians([0.0, 10.0, 40.0, 10.0, 45.0, 20.0]), (100, 1))
+    q[:, 0] = np.linspace(0.0, 0.05, 100)
+    near = q.copy()
+    near[50:] += [0.0, 0.0, 0.0, np.pi, 0.0, -np.pi]
+    near[50:, 4] *= -1.0
+    T = model.poses(q)
+    traced = retrace(model, T, near)
+    assert traced.reached.all()
+    np.testing.assert_allclose(traced.q, q, atol=1e-7)
+    far = np.concatenate([T[:1], T[-1:]])
+    ends = near[[0, -1]] + np.array([[0.0], [0.3]]) * np.eye(6)[0]
+    far[1] = model.poses(q[-1:] + 0.3 * np.eye(6)[:1])[0]
+    kept = retrace(model, far, ends)
+    assert kept.reached.all()  # the tool moves far: what joins the seeds is the caller's
+    assert np.abs(np.diff(kept.q, axis=0)).max() > JUMP
+
+
+def test_where_both_ways_never_agree_one_pose_is_refused_and_a_new_stretch_begins(monkeypatch):
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    q = np.tile(np.radians([0.0, 10.0, 40.0, 10.0, 45.0, 20.0]), (120, 1))
+    q[:, 0] = np.linspace(0.0, 0.06, 120)
+    near = q.copy()
+    near[50:] += [0.0, 0.0, 0.0, np.pi, 0.0, -np.pi]
+    near[50:, 4] *= -1.0
+    monkeypatch.setattr("taskcal.kinematics.tracing.REPAIRED", 10)
+    traced = retrace(model, model.poses(q), near)
+    assert np.flatnonzero(~traced.reached).tolist() == [59]
+    assert traced.outcome[59] == Outcome.BRANCH_LOST
+    assert "another branch" in refusals(model.robot, traced)[0][1]
+    assert_continuous(traced, model.poses(q))
+    np.testing.assert_allclose(traced.q[60:], near[60:], atol=1e-7)
+
+
+def test_a_free_spin_traces_where_the_fixed_one_meets_a_limit():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    start = find_posture(model, reference_task().workspace.middle()[0])
+    tip = np.linalg.inv(model.robot.T_flange_tool)
+    q = np.tile(start, (300, 1))
+    q[:, 5] = np.radians(np.linspace(200.0, 400.0, 300))
+    T = model.poses(q) @ tip
+    fixed = trace(model, T, q[0], tip=tip)
+    assert fixed.outcome[-1] == Outcome.OUTSIDE_LIMITS
+    free = trace(model, T, q[0], tip=tip, spin="free")
+    assert free.reached.all()
+    at = model.poses(free.q) @ tip
+    np.testing.assert_allclose(at[:, :3, 2:], T[:, :3, 2:], rtol=0.0, atol=2e-9)
+    np.testing.assert_allclose(free.q, np.tile(q[0], (300, 1)), atol=1e-7)  # the tip stands still, and so do the joints
+
+
+@pytest.mark.parametrize("n", [0, 1])
+def test_a_path_of_one_pose_or_none(n):
+    model = ErrorModel(load_robot("ur5"))
+    q = np.radians([[0.0, -60.0, 80.0, -40.0, -70.0, 10.0]])
+    traced = trace(model, model.poses(q)[:n], q[0])
+    assert traced.reached.tolist() == [True] * n
+    assert traced.q.shape == (n, 6)
+    assert refusals(model.robot, traced) == []
