@@ -55,9 +55,13 @@ if TYPE_CHECKING:
     from taskcal.robot.dh_table import read_dh_table as read_dh_table
     from taskcal.robot.effects import Backlash as Backlash
     from taskcal.robot.effects import Compliance as Compliance
+    from taskcal.robot.effects import Coupling as Coupling
     from taskcal.robot.effects import EncoderGain as EncoderGain
     from taskcal.robot.effects import Harmonics as Harmonics
+    from taskcal.robot.effects import MotorHarmonics as MotorHarmonics
+    from taskcal.robot.effects import Spring as Spring
     from taskcal.robot.error_model import ErrorModel as ErrorModel
+    from taskcal.robot.load import Load as Load
     from taskcal.robot.robot import Robot as Robot
     from taskcal.task.task import Task as Task
     from taskcal.task.task import load_task as load_task
@@ -73,6 +77,7 @@ _HOME = {
     "Compliance": "robot.effects",
     "correct": "correction.correct",
     "Correction": "correction.correction",
+    "Coupling": "robot.effects",
     "EncoderGain": "robot.effects",
     "ErrorModel": "robot.error_model",
     "Explanation": "identification.explain",
@@ -80,12 +85,15 @@ _HOME = {
     "Harmonics": "robot.effects",
     "Huber": "estimation.loss",
     "load_cell": "correction.cell_file",
+    "Load": "robot.load",
+    "MotorHarmonics": "robot.effects",
     "PathPerformance": "measurement.path_performance",
     "Plan": "adaptation.plan",
     "PosePerformance": "measurement.pose_performance",
     "Registration": "measurement.registration",
     "Robot": "robot.robot",
     "Selection": "adaptation.selection",
+    "Spring": "robot.effects",
     "Squared": "estimation.loss",
     "Study": "adaptation.study",
     "Task": "task.task",
