@@ -37,6 +37,9 @@ class Configuration:
     cfx: int
     """4·(wrist centre behind axis 1) + 2·(wrist centre behind the lower arm) + (axis 5 negative)."""
 
+    def __str__(self) -> str:
+        return f"[{self.cf1},{self.cf4},{self.cf6},{self.cfx}]"
+
     def agrees(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Bool[np.ndarray, " n"]:
         """Whether each posture is the one meant; any is, of a robot without six turning joints."""
         if not _has_configuration(robot):

@@ -120,7 +120,8 @@ def resolve(
     if any(abs(axis) < 1e8 for axis in end.external):
         note = "external axes are in use; motions are taken as if they carried neither the robot nor the part"
         settings.notes.setdefault(note, (file, instruction.start))
-    counts = kind not in settings.postures_off
+    # where the motion before is not known, the configuration is the best there is even if the controller does not check it
+    counts = kind not in settings.postures_off or follows is None
     move = Move(
         kind=kind, end=end.target(counts), via=via.target(counts) if via else None, tool=frames.tool, part=frames.part,
         part_in_hand=frames.part_in_hand, speed=_speed(where, scope, values),

@@ -39,6 +39,10 @@ class RapidProgram(Program):
         """
         return rewrite_files(self.sources, self.motions, self.uses, robot, ways)
 
+    def reread(self, sources: tuple[Source, ...]) -> "RapidProgram":
+        """The program of other texts of the same files; see `Program.reread`."""
+        return read_rapid(sources)
+
 
 def read_rapid(sources: Sequence[Source]) -> RapidProgram:
     """Read the modules of a program: those with its routines and those with its tools, work objects and targets.
