@@ -157,18 +157,17 @@ class Frames:
     def after_assignment(self, state: State, line: Assignment) -> State:
         """The state behind an assignment."""
         value = line.value
-        text = "".join(word.upper for word in line.words).partition("=")[2]
         match line.name:
             case "$TOOL":
                 return replace(state, tool=self.of(value, "$TOOL"))
             case "$BASE":
                 return replace(state, base=self.of(value, "$BASE"))
             case "$IPO_MODE":
-                return replace(state, fixed_tool={"#BASE": False, "#TCP": True}.get(text))
+                return replace(state, fixed_tool={"#BASE": False, "#TCP": True}.get(line.text))
             case "FDAT_ACT":
                 return self._with_parameters(state, value)
             case "$VEL.CP":
-                return replace(state, speed=_plain_number(text))
+                return replace(state, speed=_plain_number(line.text))
             case "$VEL":
                 part = value.parts[0] if len(value.parts) == 1 else None
                 return replace(state, speed=part.value("CP") if isinstance(part, Aggregate) else None)

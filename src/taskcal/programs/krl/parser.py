@@ -63,7 +63,7 @@ def parse_operand(words: Sequence[Word]) -> Operand:
 
 
 def _statement(words: list[Word]) -> Statement:
-    all_words = tuple(words)
+    start, end = words[0].start, words[-1].end
     shared = False
     while len(words) > 1 and words[0].upper in {"GLOBAL", "DECL", "CONST"}:
         shared = shared or words[0].upper == "GLOBAL"
@@ -71,36 +71,44 @@ def _statement(words: list[Word]) -> Statement:
     first = words[0]
     keyword = first.upper
     if first.kind != "name" or keyword in _HARMLESS:
-        return Statement(words=all_words)
+        return Statement(start=start, end=end)
     if keyword in _BEGINS:
         names = [word for word in words[1:] if word.kind == "name"]
         chosen = names[min(len(names) - 1, 1 if keyword == "DEFFCT" else 0)] if names else first
-        return Begin(words=all_words, name=chosen.upper)
+        return Begin(start=start, end=end, name=chosen.upper)
     if keyword in _ENDS:
-        return End(words=all_words)
+        return End(start=start, end=end)
     if keyword in POINT_MOTIONS | OTHER_MOTIONS:
-        return _motion(all_words, words)
+        return _motion(words)
     if keyword in _STEERING:
-        return Control(words=all_words, keyword=keyword)
+        return Control(start=start, end=end, keyword=keyword)
     if len(words) == 2 and words[1].text == ":":
-        return Control(words=all_words, keyword="LABEL")
+        return Control(start=start, end=end, keyword="LABEL")
     if len(words) > 1 and words[1].kind == "name":
-        return _declaration(all_words, words, shared)
+        return _declaration(words, shared)
     if len(words) > 1 and words[1].text == "(":
-        return Call(words=all_words, name=keyword, arguments=_arguments(words[1:]), changed=_handed_over(words))
-    return _assignment(all_words, words)
+        return Call(start=start, end=end, name=keyword, arguments=_arguments(words[1:]), changed=_handed_over(words))
+    return _assignment(words)
 
 
-def _assignment(all_words: tuple[Word, ...], words: list[Word]) -> Statement:
+def _assignment(words: list[Word]) -> Statement:
+    start, end = words[0].start, words[-1].end
     equals = next((i for i, word in enumerate(words) if word.text == "="), None)
     if equals is None or equals + 1 == len(words):
-        return Statement(words=all_words)
+        return Statement(start=start, end=end)
     cursor = _Cursor(words[equals + 1 :])
-    name = "".join(word.upper for word in words[:equals])
-    return Assignment(words=tuple(words), name=name, value=cursor.operand(), changed=_handed_over(words[equals:]))
+    return Assignment(
+        start=start,
+        end=end,
+        name="".join(word.upper for word in words[:equals]),
+        variable=words[0].upper,
+        value=cursor.operand(),
+        text="".join(word.upper for word in words[equals + 1 :]),
+        changed=_handed_over(words[equals:]),
+    )
 
 
-def _declaration(all_words: tuple[Word, ...], words: list[Word], shared: bool) -> Declaration:
+def _declaration(words: list[Word], shared: bool) -> Declaration:
     cursor = _Cursor(words[1:])
     variables: list[Declared] = []
     while not cursor.done:
@@ -114,10 +122,12 @@ def _declaration(all_words: tuple[Word, ...], words: list[Word], shared: bool) -
             variables.append(Declared(name=name.upper, value=value, start=name.start, end=name.end))
         cursor.skip_to(",")
         cursor.accept(",")
-    return Declaration(words=all_words, type=words[0].upper, shared=shared, variables=tuple(variables))
+    return Declaration(
+        start=words[0].start, end=words[-1].end, type=words[0].upper, shared=shared, variables=tuple(variables)
+    )
 
 
-def _motion(all_words: tuple[Word, ...], words: list[Word]) -> Motion:
+def _motion(words: list[Word]) -> Motion:
     keyword = words[0].upper
     cursor = _Cursor(words[1:])
     operands, passing = [cursor.operand()], list[str]()
@@ -140,7 +150,8 @@ def _motion(all_words: tuple[Word, ...], words: list[Word]) -> Motion:
     if keyword in POINT_MOTIONS and len(operands) != (2 if keyword.endswith("CIRC") else 1):
         trouble = trouble or f"{keyword} is given {len(operands)} points"
     return Motion(
-        words=all_words,
+        start=words[0].start,
+        end=words[-1].end,
         keyword=keyword,
         operands=tuple(operands),
         passing=tuple(passing),
@@ -281,15 +292,15 @@ class _Cursor:
         if self.at_kind("name") and self._next + 1 < len(self._words) and self._words[self._next + 1].text == ":":
             kind = self.take().upper
             self.take()
-        fields: list[Field] = []
+        fields: dict[str, Field] = {}
         while not self.at("}"):
             field = self._field()
-            if field is None or any(field.name == other.name for other in fields):
+            if field is None or field.name in fields:
                 return None
-            fields.append(field)
+            fields[field.name] = field
             if not self.accept(",") and not self.at("}"):
                 return None
-        return Aggregate(type=kind, fields=tuple(fields), start=opening.start, end=self.take().end)
+        return Aggregate(type=kind, fields=tuple(fields.values()), start=opening.start, end=self.take().end)
 
     def _field(self) -> Field | None:
         if not self.at_kind("name"):

@@ -1,10 +1,10 @@
 """Positions in KRL: X Y Z in millimetres, A B C or A1 … A6 in degrees, S and T; from text to numbers and back."""
 
 from collections.abc import Mapping
+from math import atan2, cos, degrees, hypot, radians, sin
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 from taskcal.geometry import se3
 from taskcal.programs.krl.syntax import Aggregate, Field
@@ -28,25 +28,35 @@ class Unresolved(Exception):
 
 def rotation(A: float, B: float, C: float) -> Float[np.ndarray, "3 3"]:
     """Rz(A)·Ry(B)·Rx(C) of angles in degrees (KUKA System Software, data type FRAME)."""
-    return Rotation.from_euler("ZYX", [A, B, C], degrees=True).as_matrix()
+    a, b, c = radians(A), radians(B), radians(C)
+    sa, ca, sb, cb, sc, cc = sin(a), cos(a), sin(b), cos(b), sin(c), cos(c)
+    return np.array(
+        [
+            [ca * cb, ca * sb * sc - sa * cc, ca * sb * cc + sa * sc],
+            [sa * cb, sa * sb * sc + ca * cc, sa * sb * cc - ca * sc],
+            [-sb, cb * sc, cb * cc],
+        ]
+    )
 
 
 def angles(
     R: Float[np.ndarray, "3 3"], near: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> tuple[float, float, float]:
     """A, B and C of a rotation, degrees: of the triples that describe it, the one nearest to some angles."""
-    B = float(np.degrees(np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))))
-    if np.hypot(R[0, 0], R[1, 0]) < LOCKED:
+    B = degrees(atan2(-R[2, 0], hypot(R[0, 0], R[1, 0])))
+    if hypot(R[0, 0], R[1, 0]) < LOCKED:
         # R = Rz(A)·Ry(±90°)·Rx(C) depends on A ∓ C only: keep A
         rest = rotation(near[0], B, 0.0).T @ R
-        triples = [(near[0], B, float(np.degrees(np.arctan2(rest[2, 1], rest[1, 1]))))]
-    else:
-        A = float(np.degrees(np.arctan2(R[1, 0], R[0, 0])))
-        C = float(np.degrees(np.arctan2(R[2, 1], R[2, 2])))
-        triples = [(A, B, C), (A + 180.0, 180.0 - B, C + 180.0)]
-    turned = [np.array(t) + 360.0 * np.round((np.array(near) - t) / 360.0) for t in triples]
-    nearest = min(turned, key=lambda t: float(np.abs(t - near).sum()))
-    return float(nearest[0]), float(nearest[1]), float(nearest[2])
+        return _near((near[0], B, degrees(atan2(rest[2, 1], rest[1, 1]))), near)
+    A, C = degrees(atan2(R[1, 0], R[0, 0])), degrees(atan2(R[2, 1], R[2, 2]))
+    both = [_near((A, B, C), near), _near((A + 180.0, 180.0 - B, C + 180.0), near)]
+    return min(both, key=lambda triple: sum(abs(angle - old) for angle, old in zip(triple, near, strict=True)))
+
+
+def _near(triple: tuple[float, float, float], near: tuple[float, float, float]) -> tuple[float, float, float]:
+    """The same angles but for whole turns."""
+    A, B, C = (angle + 360.0 * round((old - angle) / 360.0) for angle, old in zip(triple, near, strict=True))
+    return A, B, C
 
 
 def has_pose(aggregate: Aggregate) -> bool:

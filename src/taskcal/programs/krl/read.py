@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from taskcal.errors import FileError
 from taskcal.programs.krl.data import Data, File
 from taskcal.programs.krl.frames import Frames, State, merged
+from taskcal.programs.krl.lexer import lines_of_words
 from taskcal.programs.krl.parser import parse
 from taskcal.programs.krl.rewriting import Site, rewrite
 from taskcal.programs.krl.routines import altering, callers_first, callers_of, routines_of
@@ -93,11 +94,11 @@ class _Reading:
     def _warn(self) -> None:
         """Say where the controller may correct its geometry by itself."""
         for file in self.files:
-            for line in file.statements:
-                if any(word.upper in ("$ABS_ACCUR", "$ABS_CONVERT") for word in line.words):
+            for words in lines_of_words(file.source.text) if "$ABS_" in file.source.text.upper() else ():
+                if any(word.upper in ("$ABS_ACCUR", "$ABS_CONVERT") for word in words):
                     self.findings.remark(
                         file,
-                        line.start,
+                        words[0].start,
                         "the controller's own absolute accuracy may be on; a corrected program would then correct twice",
                     )
 

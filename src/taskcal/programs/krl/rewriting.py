@@ -4,7 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from taskcal.programs.krl.data import Datum, File
-from taskcal.programs.krl.position import EXTERNAL, axis_values, edits_for, has_axes, pose_values
+from taskcal.programs.krl.lexer import lines_of_words
+from taskcal.programs.krl.position import EXTERNAL, axis_values, edits_for, has_axes, has_pose, pose_values
 from taskcal.programs.krl.status import Status
 from taskcal.programs.krl.syntax import Aggregate, Motion, Operand
 from taskcal.programs.numeral import numeral
@@ -152,9 +153,12 @@ class _Rewriting:
         if waypoint.T is None:
             return axis_values(waypoint.q)
         first = written.aggregates[0]
+        values = pose_values(waypoint.T, first)
+        if has_pose(first) and not (first.field("S") or first.field("T")):
+            return values
         S, T = first.value("S"), first.value("T")
         status = Status(S=int(S or 0), T=int(T or 0)).of(self.robot, waypoint.q)
-        return {**pose_values(waypoint.T, first), "S": float(status.S or 0), "T": float(status.T or 0)}
+        return {**values, "S": float(status.S or 0), "T": float(status.T or 0)}
 
     def _aggregate(self, written: Written, waypoint: Waypoint) -> str:
         """A waypoint in braces: as the point is written, if it states the same kind of position completely."""
@@ -173,6 +177,8 @@ class _Rewriting:
         by_datum: dict[tuple[int, int], list[_Use]] = {}
         for (file, start, _), use in self.uses.items():
             by_datum.setdefault((file, start), []).append(use)
+        if not self.uses:
+            return
         needed = {use.datum.name for use in self.uses.values()}
         mentions = _mentions(self.files, needed)
         names = _Names(self.files)
@@ -232,8 +238,8 @@ def _mentions(files: tuple[File, ...], names: set[str]) -> dict[tuple[str, str],
 
 def _all_names(files: tuple[File, ...]) -> Iterator[tuple[File, str, int]]:
     for file in files:
-        for line in file.statements:
-            for word in line.words:
+        for words in lines_of_words(file.source.text):
+            for word in words:
                 if word.kind == "name":
                     yield file, word.upper, word.start
 

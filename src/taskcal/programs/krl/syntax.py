@@ -1,12 +1,12 @@
 """What a line of KRL says, as far as it matters for where the robot goes."""
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from taskcal.programs.krl.lexer import Word
 
 
-@dataclass(frozen=True, kw_only=True)
-class Field:
+class Field(NamedTuple):
     """A component of an aggregate, such as ``X 12.5``."""
 
     name: str
@@ -20,7 +20,7 @@ class Field:
     end: int
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Aggregate:
     """Values in braces, such as ``{E6POS: X 12.5, Y 0}``."""
 
@@ -32,7 +32,10 @@ class Aggregate:
 
     def field(self, name: str) -> Field | None:
         """The component of that name."""
-        return next((f for f in self.fields if f.name == name), None)
+        for component in self.fields:
+            if component.name == name:
+                return component
+        return None
 
     def value(self, name: str) -> float | None:
         """The number in a component; None where there is none."""
@@ -40,7 +43,7 @@ class Aggregate:
         return None if found is None else found.value
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Reference:
     """A variable, or an element of an array."""
 
@@ -50,7 +53,7 @@ class Reference:
     end: int
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Operand:
     """Aggregates and variables joined by the geometric operator; no parts where it is anything else."""
 
@@ -59,24 +62,17 @@ class Operand:
     end: int
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Statement:
     """A line of no consequence, and what all lines have."""
 
-    words: tuple[Word, ...]
-
-    @property
-    def start(self) -> int:
-        """First character."""
-        return self.words[0].start
-
-    @property
-    def end(self) -> int:
-        """Behind the last character, a comment not included."""
-        return self.words[-1].end
+    start: int
+    """First character."""
+    end: int
+    """Behind the last character, a comment not included."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Begin(Statement):
     """Start of a routine or data list."""
 
@@ -84,12 +80,12 @@ class Begin(Statement):
     """In capitals."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class End(Statement):
     """End of a routine or data list."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Declared:
     """A variable in a declaration."""
 
@@ -102,7 +98,7 @@ class Declared:
     end: int
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Declaration(Statement):
     """Variables of one type."""
 
@@ -112,23 +108,22 @@ class Declaration(Statement):
     variables: tuple[Declared, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Assignment(Statement):
     """A value for a variable."""
 
     name: str
-    """Of the variable, in capitals, with its index and components: ``$VEL.CP``, ``TOOL_DATA[1]``."""
+    """Of what is assigned, in capitals, with index and components: ``$VEL.CP``, ``TOOL_DATA[1]``."""
+    variable: str
+    """The variable itself."""
     value: Operand
+    text: str
+    """The value as written, in capitals and without blanks."""
     changed: tuple[str, ...]
     """Variables handed to functions on the way."""
 
-    @property
-    def variable(self) -> str:
-        """The variable itself, without index and components."""
-        return self.words[0].upper
 
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Motion(Statement):
     """A motion instruction."""
 
@@ -143,7 +138,7 @@ class Motion(Statement):
     """What is not understood of it; empty where all is."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Call(Statement):
     """A call of a routine."""
 
@@ -154,7 +149,7 @@ class Call(Statement):
     """Variables handed over."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Control(Statement):
     """A line that steers where the program goes on, by its first word; ``LABEL`` for a label."""
 

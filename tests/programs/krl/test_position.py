@@ -1,0 +1,114 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pytransform3d import rotations
+from scipy.spatial.transform import Rotation
+
+from taskcal.programs.krl.lexer import lines_of_words
+from taskcal.programs.krl.parser import parse_operand
+from taskcal.programs.krl.position import Unresolved, angles, axes, check_external, edits_for, pose, pose_values, rotation
+from taskcal.programs.krl.syntax import Aggregate
+
+degrees = st.floats(-360.0, 360.0)
+
+
+def aggregate(text: str) -> Aggregate:
+    (words,) = lines_of_words(text)
+    (part,) = parse_operand(words).parts
+    assert isinstance(part, Aggregate)
+    return part
+
+
+def with_edits(text: str, values: dict[str, float]) -> str:
+    for edit in reversed(edits_for(aggregate(text), values)):
+        text = text[: edit.start] + edit.text + text[edit.end :]
+    return text
+
+
+@given(degrees, degrees, degrees)
+def test_a_b_c_turn_about_z_y_and_x_of_the_turned_axes(A, B, C):
+    R = rotation(A, B, C)
+    np.testing.assert_allclose(R, Rotation.from_euler("ZYX", [A, B, C], degrees=True).as_matrix(), atol=1e-12)
+    other = rotations.matrix_from_euler(np.radians([A, B, C]), 2, 1, 0, extrinsic=False)
+    np.testing.assert_allclose(R, other, atol=1e-12)
+
+
+@given(degrees, degrees, degrees, degrees, degrees, degrees)
+def test_angles_give_the_rotation_back_near_any_others(A, B, C, a, b, c):
+    R = rotation(A, B, C)
+    found = angles(R, (a, b, c))
+    np.testing.assert_allclose(rotation(*found), R, atol=1e-7)
+
+
+@given(degrees, degrees, degrees)
+def test_angles_near_themselves_are_the_same(A, B, C):
+    found = angles(rotation(A, B, C), (A, B, C))
+    if abs(np.cos(np.radians(B))) > 1e-4:
+        np.testing.assert_allclose(found, (A, B, C), atol=1e-7)
+
+
+@pytest.mark.parametrize("B", [90.0, -90.0])
+@given(A=degrees, C=degrees)
+def test_angles_where_a_and_c_turn_about_one_axis_stay(B, A, C):
+    np.testing.assert_allclose(angles(rotation(A, B, C), (A, B, C)), (A, B, C), atol=1e-9)
+
+
+def test_a_pose_by_hand():
+    T = pose(aggregate("{X 100.0,Y -20,Z 5E1,A 90,B 0,C 0}"))
+    np.testing.assert_allclose(T, [[0, -1, 0, 0.1], [1, 0, 0, -0.02], [0, 0, 1, 0.05], [0, 0, 0, 1]], atol=1e-15)
+
+
+def test_axes_are_radians():
+    q = axes(aggregate("{A1 0,A2 -90,A3 90.0,A4 180,A5 -45,A6 360}"))
+    np.testing.assert_allclose(q, np.pi * np.array([0, -0.5, 0.5, 1, -0.25, 2]))
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("{X 1,Y 2,Z 3,A 0,B 0}", "C is not stated, so it keeps its value of before"),
+        ("{X height,Y 2,Z 3,A 0,B 0,C 0}", "X is 'height', which is no number"),
+        ("{X 1e999,Y 2,Z 3,A 0,B 0,C 0}", "X is '1e999', which is no number"),
+    ],
+)
+def test_an_incomplete_position_says_what_is_missing(text, reason):
+    with pytest.raises(Unresolved, match=reason):
+        pose(aggregate(text))
+
+
+def test_external_axes_away_from_zero_are_refused():
+    check_external(aggregate("{X 1,E1 0.0,E2 0,E3 -0.0}"))
+    with pytest.raises(Unresolved, match=r"E2 is 12\.5: how this external axis moves robot or part is not known"):
+        check_external(aggregate("{X 1,E1 0.0,E2 12.5}"))
+
+
+@given(
+    st.tuples(*[st.floats(-3000, 3000)] * 3), st.tuples(degrees, degrees, degrees), st.floats(-1e-9, 1e-9)
+)
+def test_numbers_that_stay_keep_their_text(xyz, abc, noise):
+    text = "{X %.3f, Y %.6f ,Z %.1f,A %.4f,B %.2f,C %.6f,S 2,T 35,E1 0.0}" % (*xyz, *abc)
+    T = pose(aggregate(text))
+    T[:3, 3] += noise
+    values = pose_values(T, aggregate(text))
+    new = with_edits(text, values)
+    if abs(np.cos(np.radians(abc[1]))) > 1e-3:
+        assert new == text
+    np.testing.assert_allclose(pose(aggregate(new)), T, atol=2e-8)
+
+
+@given(st.tuples(*[st.floats(-3000, 3000)] * 3), st.tuples(degrees, degrees, degrees))
+def test_new_numbers_are_within_what_krl_can_hold(xyz, abc):
+    text = "{C 1,B 2,A 3,  Z 4,Y 5,X 6}"
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation(*abc), np.array(xyz) * 1e-3
+    again = pose(aggregate(with_edits(text, pose_values(T, aggregate(text)))))
+    np.testing.assert_allclose(again[:3, 3], T[:3, 3], atol=0.51e-8)
+    np.testing.assert_allclose(again[:3, :3], T[:3, :3], atol=3e-8)
+
+
+def test_only_the_digits_change():
+    text = "{E6POS: X 1.5, y 2.000 ,Z 3, A 0,B 0,C 0,S 'B010',T 'H23', E1 0.0}"
+    values = {"X": 1.5, "Y": 2.1, "Z": -3.25, "A": 0.0, "B": 0.0, "C": 0.0, "S": 6.0, "T": 3.0}
+    expected = "{E6POS: X 1.5, y 2.10000 ,Z -3.25000, A 0,B 0,C 0,S 'B110',T 'H03', E1 0.0}"
+    assert with_edits(text, values) == expected
