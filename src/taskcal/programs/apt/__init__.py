@@ -1,0 +1,1 @@
+"""Tool paths in APT, the language between CAM systems and postprocessors."""

@@ -1,0 +1,185 @@
+"""Rewriting motions of an APT program: points, and arcs as CATIA writes them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.errors import TaskcalError
+from taskcal.programs.apt.circle import Arc, arc_through
+from taskcal.programs.apt.instruction import Instruction
+from taskcal.programs.apt.statement import Token
+from taskcal.programs.numeral import numeral, renumbered
+from taskcal.programs.program import Move, Program, Waypoint
+from taskcal.programs.source import Edit, Place, Source
+from taskcal.robot.robot import Robot
+
+MM, INCHES, AXIS = 5, 6, 7
+"""Decimals written of lengths and of directions."""
+
+_SAME = 1e-9
+"""Points nearer to each other than this are one, metres."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AptProgram(Program):
+    """Tool paths read from APT."""
+
+    instructions: tuple[Instruction, ...]
+    """Where each motion stands."""
+
+    def rewrite(self, robot: Robot, ways: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+        """The files with some motions rewritten; see `Program.rewrite`.
+
+        A point without a tool axis keeps being one: its position changes, its axis stays. What counts from the end of a
+        motion that moved, an incremental motion or an arc, is written anew with its own end.
+
+        Raises:
+            TaskcalError: a motion is to become one to joint positions, which APT does not know.
+        """
+        edits: list[list[Edit]] = [[] for _ in self.sources]
+        for number, move in enumerate(self.moves):
+            instruction = self.instructions[number]
+            way = ways.get(number)
+            begin = self._begin(number, ways)
+            if way is None:
+                leans = instruction.relative or instruction.circle is not None
+                if not leans or _same(begin, instruction.begin):
+                    continue
+                way = (_waypoint(move),)
+            writing = _Writing(source=self.sources[instruction.source], instruction=instruction, move=move)
+            edits[instruction.source] += writing.edits(begin, way)
+        return tuple(source.edited(e) for source, e in zip(self.sources, edits, strict=True))
+
+    def _begin(self, number: int, ways: Mapping[int, tuple[Waypoint, ...]]) -> Float[np.ndarray, " 3"] | None:
+        """Where a motion begins in the rewritten program."""
+        follows = self.moves[number].follows
+        if follows is None or follows not in ways:
+            return self.instructions[number].begin
+        T = ways[follows][-1].T
+        return None if T is None else T[:3, 3]
+
+
+def _waypoint(move: Move) -> Waypoint:
+    """A motion's own end, to be written again."""
+    nowhere = np.empty(0)
+    via = None if move.via is None else Waypoint(kind="circular", q=nowhere, T=move.via.T)
+    return Waypoint(kind=move.kind, q=nowhere, T=move.end.T, via=via)
+
+
+def _same(a: Float[np.ndarray, " 3"] | None, b: Float[np.ndarray, " 3"] | None) -> bool:
+    return a is b or (a is not None and b is not None and bool(np.abs(a - b).max() < _SAME))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Writing:
+    """Rewriting one motion."""
+
+    source: Source
+    instruction: Instruction
+    move: Move
+
+    @property
+    def place(self) -> Place:
+        return self.move.place
+
+    @property
+    def decimals(self) -> int:
+        """Of lengths, in the program's unit."""
+        return MM if self.instruction.unit <= 1e-3 else INCHES
+
+    def edits(self, begin: Float[np.ndarray, " 3"] | None, way: Sequence[Waypoint]) -> list[Edit]:
+        """Edits that give the motion its waypoints: statements before it, and its own numbers."""
+        own = self.instruction
+        texts: list[str] = []
+        for waypoint in way[:-1]:
+            texts.append(self._statement(begin, waypoint))
+            begin = self._end(waypoint)
+        parting = self.source.newline + self.source.indent(own.start)
+        if own.rapid:
+            parting += "RAPID" + parting
+        ahead = "".join(text + parting for text in texts)
+        out = [Edit(start=own.start, end=own.start, text=ahead)] if ahead else []
+        return out + self._own(begin, way[-1])
+
+    def _end(self, waypoint: Waypoint) -> Float[np.ndarray, " 3"]:
+        if waypoint.T is None:
+            raise TaskcalError(f"{self.place}: APT knows no joint positions; write the program in another language")
+        return waypoint.T[:3, 3]
+
+    def _statement(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> str:
+        """A waypoint as a statement of its own."""
+        own = self.instruction
+        if waypoint.via is None:
+            return self._point(waypoint)
+        text = replace(self.source, text=self.source.text[own.start : own.end])
+        edits = self._arc_edits(begin, waypoint)
+        return text.edited(replace(e, start=e.start - own.start, end=e.end - own.start) for e in edits).text
+
+    def _point(self, waypoint: Waypoint) -> str:
+        point = self._end(waypoint) / self.instruction.unit
+        texts = [numeral(float(value), self.decimals) for value in point]
+        if len(self.instruction.numbers) == 6 and waypoint.T is not None:
+            texts += [numeral(float(value), AXIS) for value in -waypoint.T[:3, 2]]
+        return "GOTO/" + ",".join(texts)
+
+    def _own(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> list[Edit]:
+        """Edits of the motion's own statements."""
+        own, end = self.instruction, self._end(waypoint)
+        if own.circle is not None:
+            if waypoint.via is not None:
+                return self._arc_edits(begin, waypoint)
+            return [Edit(start=own.start, end=own.end, text=self._point(waypoint))]
+        if waypoint.via is not None:
+            raise TaskcalError(f"{self.place}: a line cannot become an arc here; write the program in another language")
+        assert self.move.end.T is not None
+        assert waypoint.T is not None
+        was = self.move.end.T
+        if own.relative:
+            kept = _same(begin, own.begin) and bool(np.abs(end - was[:3, 3]).max() < _SAME)
+            return [] if kept else [Edit(start=own.body, end=own.end, text=self._point(waypoint))]
+        out = [
+            self._edit(token, was[a, 3] / own.unit, end[a] / own.unit, self.decimals)
+            for a, token in enumerate(own.numbers[:3])
+        ]
+        axes = own.numbers[3:]
+        return out + [self._edit(token, -was[a, 2], -waypoint.T[a, 2], AXIS) for a, token in enumerate(axes)]
+
+    def _arc_edits(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> list[Edit]:
+        """Edits of the numbers of an arc."""
+        own = self.instruction
+        if own.circle is None:
+            raise TaskcalError(f"{self.place}: a line cannot become an arc here; write the program in another language")
+        assert self.move.via is not None
+        was = self._arc(own.begin, self.move.via.T, self.move.end.T)
+        assert waypoint.via is not None
+        now = self._arc(begin, waypoint.via.T, waypoint.T)
+        out: list[Edit] = []
+        for a in range(3):
+            out.append(self._edit(own.numbers[a], was.direction[a], now.direction[a], AXIS))
+            for token in (own.circle.circle[a], own.circle.line[a]):
+                out.append(self._edit(token, was.center[a] / own.unit, now.center[a] / own.unit, self.decimals))
+            out.append(self._edit(own.circle.line[3 + a], was.end[a] / own.unit, now.end[a] / own.unit, self.decimals))
+        out.append(self._edit(own.circle.circle[3], was.radius / own.unit, now.radius / own.unit, self.decimals))
+        start, end = own.circle.second
+        if now.second != (start < end) and now.second != was.second:
+            out.append(Edit(start=start, end=end, text=",2,INTOF" if now.second else ""))
+        return out
+
+    def _arc(
+        self,
+        begin: Float[np.ndarray, " 3"] | None,
+        via: Float[np.ndarray, "4 4"] | None,
+        end: Float[np.ndarray, "4 4"] | None,
+    ) -> Arc:
+        if begin is None or via is None or end is None:
+            raise TaskcalError(f"{self.place}: the arc begins, passes or ends at a place that is not known")
+        arc = arc_through(begin, via[:3, 3], end[:3, 3])
+        if isinstance(arc, str):
+            raise TaskcalError(f"{self.place}: {arc}; the tolerance of the arc's pieces is too fine")
+        return arc
+
+    def _edit(self, token: Token, was: float, now: float, decimals: int) -> Edit:
+        text = renumbered(token.text, float(was), float(now), decimals)
+        return Edit(start=token.start, end=token.end, text=text)

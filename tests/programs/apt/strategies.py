@@ -1,0 +1,86 @@
+"""Random programs in APT, as CAM systems write them."""
+
+import numpy as np
+from hypothesis import strategies as st
+
+from tests.laws.robots import generators
+
+_NOISE = [
+    "$$ a note, with / and $ 1,2,3",
+    "PPRINT OPERATION 1/2, GOTO/1,2,3",
+    "SPINDL/ 2300.0,CLW",
+    "COOLNT/ON",
+    "MULTAX/ON",
+    "FEDRAT/MMPM,250.0",
+    "FEDRAT/ 900.",
+    "RAPID",
+    "CUTTER/ 10.0,0.5",
+    "PAINT/COLOR,42",
+    "LOADTL/1",
+    "PSIS/(PLANE/0,0,1,0)",
+    "",
+]
+_TROUBLE = [
+    "CIRCLE/0,0,0,0,0,1,5",
+    "ORIGIN/1,2,3",
+    "ORIGIN/0,0,0",
+    "GOTO/P1",
+    "GOTO/1,2",
+    "TRACUT/M1",
+    "TRACUT/NOMORE",
+    "CYCLE/DRILL,5",
+    "CYCLE/OFF",
+    "UNITS/INCH",
+    "UNITS/MM",
+    "TLAXIS/0,0,1",
+    "MSYS/1,0,0",
+    "LOADTL/2",
+]
+
+
+def _point(rng: np.random.Generator, digits: int, axis: bool, word: str) -> str:
+    size = 10.0 if word == "GODLTA" else 900.0
+    texts = [f"{v:{rng.choice(['', '12'])}.{digits}f}" for v in rng.uniform(-size, size, 3)]
+    if axis:
+        direction = rng.normal(size=3)
+        texts += [f"{v:.6f}" for v in direction / np.linalg.norm(direction)]
+    comma = str(rng.choice([",", ", "]))
+    if axis and rng.random() < 0.3:
+        return f"{word}/{comma.join(texts[:3])},$\n  {comma.join(texts[3:])}"
+    return f"{word}{rng.choice(['/', ' / '])}{comma.join(texts)}"
+
+
+def _arc(rng: np.random.Generator) -> str:
+    """A point and an arc from there, in a plane of any direction."""
+    center, radius, sweep = rng.uniform(-500, 500, 3), rng.uniform(5, 100), rng.uniform(0.1, 6.1)
+    x, y = np.linalg.qr(rng.normal(size=(3, 2)))[0].T
+    end = center + radius * (np.cos(sweep) * x + np.sin(sweep) * y)
+    text = lambda v: ",".join(f"{c:.5f}" for c in v)  # noqa: E731
+    second = "2,INTOF," if sweep > np.pi else ""
+    return (
+        f"GOTO/{text(center + radius * x)}\nAUTOPS\nINDIRV/ {text(y)}\n"
+        f"TLON,GOFWD/ (CIRCLE/ {text(center)},$\n {radius:.5f}),ON,{second}(LINE/ {text(center)},$\n {text(end)})"
+    )
+
+
+@st.composite
+def programs(draw: st.DrawFn, trouble: bool = True) -> bytes:
+    """Programs with points, increments, arcs and, where wanted, what makes motions uncertain."""
+    rng = draw(generators)
+    digits = draw(st.integers(0, 6))
+    kinds = st.sampled_from(
+        ["GOTO", "GOTO", "GOTO", "GODLTA", "FROM", "arc", "noise", "noise", *(["trouble"] if trouble else [])]
+    )
+    lines = ["PARTNO TEST", "UNITS/MM"]
+    for kind in draw(st.lists(kinds, min_size=1, max_size=12)):
+        if kind == "arc":
+            lines.append(_arc(rng))
+        elif kind in ("noise", "trouble"):
+            lines.append(draw(st.sampled_from(_NOISE if kind == "noise" else _TROUBLE)))
+        else:
+            lines.append(_point(rng, digits, draw(st.booleans()), kind))
+    text = "\n".join(lines) + draw(st.sampled_from(["", "\n", "\nFINI\n"]))
+    if draw(st.booleans()):
+        text = text.lower()
+    text = text.replace("\n", draw(st.sampled_from(["\n", "\r\n"])))
+    return text.encode(draw(st.sampled_from(["utf-8", "utf-8-sig"])))

@@ -1,0 +1,302 @@
+"""APT: what is read, what is refused by line, and that rewriting touches nothing else."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from taskcal.errors import FileError, TaskcalError
+from taskcal.programs.apt.read import read_apt
+from taskcal.programs.apt.rewriting import AptProgram
+from taskcal.programs.program import Frame, Move, Waypoint
+from taskcal.programs.source import Source
+from taskcal.robot.catalogue import load_robot
+from tests.laws.robots import generators
+from tests.programs.apt.strategies import programs
+
+TOOL = Frame(name="mill", T=np.eye(4))
+ROBOT = load_robot("abb-irb120")
+
+
+def read(text: str | bytes) -> AptProgram:
+    data = text if isinstance(text, bytes) else text.encode()
+    return read_apt([Source.of(Path("path.apt"), data)], tool=TOOL)
+
+
+def points(program: AptProgram) -> np.ndarray:
+    return np.array([move.end.T[:3, 3] for move in program.moves])
+
+
+def axes(program: AptProgram) -> np.ndarray:
+    return np.array([-move.end.T[:3, 2] for move in program.moves])
+
+
+def moved(move: Move, shift: np.ndarray, turn: np.ndarray) -> Waypoint:
+    def pose(T: np.ndarray) -> np.ndarray:
+        out = T.copy()
+        out[:3, :3] = Rotation.from_rotvec(turn).as_matrix() @ T[:3, :3]
+        out[:3, 3] += shift
+        return out
+
+    via = None if move.via is None else Waypoint(kind="circular", q=np.zeros(6), T=pose(move.via.T))
+    return Waypoint(kind=move.kind, q=np.zeros(6), T=pose(move.end.T), via=via)
+
+
+CATIA = """$$ -----------------------------------------------------------------
+$$*CATIA0
+$$ Part Operation.1
+$$    1.00000    0.00000    0.00000    0.00000
+$$    0.00000    1.00000    0.00000    0.00000
+$$    0.00000    0.00000    1.00000    0.00000
+PARTNO Part Operation.1
+LOADTL/1,1
+SPINDL/ 70.0000,RPM,CLW
+MULTAX
+RAPID
+GOTO  /   50.00000,    0.00000,  100.00000, 0.000000, 0.000000, 1.000000
+FEDRAT/  300.0000,MMPM
+GOTO  /   50.00000,    0.00000,    0.00000, 0.000000, 0.600000, 0.800000PT    12
+MULTAX/OFF
+AUTOPS
+INDIRV/  0.00000, -1.00000,  0.00000
+TLON,GOFWD/ (CIRCLE/    0.00000,    0.00000,    0.00000,$               CIR    1
+   50.00000),ON,2,INTOF,$
+ (LINE/    0.00000,    0.00000,    0.00000,$
+    0.00000,   50.00000,    0.00000)
+FINI
+"""
+
+
+def test_a_path_of_catia_with_tool_axes_and_an_arc():
+    program = read(CATIA)
+    assert not program.remarks
+    rapid, plunge, arc = program.moves
+    assert [move.kind for move in program.moves] == ["linear", "linear", "circular"]
+    assert [move.speed for move in program.moves] == [None, pytest.approx(0.005), pytest.approx(0.005)]
+    assert [move.follows for move in program.moves] == [None, 0, 1]
+    assert [move.place.line for move in program.moves] == [12, 14, 18]
+    assert rapid.end.free_spin
+    np.testing.assert_allclose(points(program), [[0.05, 0, 0.1], [0.05, 0, 0], [0, 0.05, 0]], atol=1e-12)
+    np.testing.assert_allclose(axes(program), [[0, 0, 1], [0, 0.6, 0.8], [0, 0.6, 0.8]], atol=1e-12)
+    # three quarters of the circle, clockwise: its middle lies opposite the missing quarter
+    np.testing.assert_allclose(arc.via.T[:3, 3], 0.05 * np.array([-1, -1, 0]) / np.sqrt(2), atol=1e-12)
+    assert (plunge.tool, plunge.routine, plunge.stops) == (TOOL, "path", False)
+
+
+NX = """TOOL PATH/FINISH,TOOL,MILL_D10
+TLDATA/MILL,10.0000,0.0000,75.0000,0.0000,0.0000
+MSYS/0.0,0.0,0.0,1.0,0.0,0.0,0.0,1.0,0.0
+PAINT/PATH
+FEDRAT/MMPM,250.0000
+GOTO/10.0,0.0,5.0,0.0,0.6,0.8
+FEDRAT/600.0000
+GOTO/20.0,0.0,5.0
+CIRCLE/20.0,5.0,5.0,0.0,0.0,1.0,5.0,0.06,0.5,10.0,0.0
+GOTO/25.0,5.0,5.0
+GOTO/30.0,5.0,5.0
+END-OF-PATH
+"""
+
+
+def test_a_path_of_nx_whose_arcs_stay_as_they_are():
+    program = read(NX)
+    assert [move.place.line for move in program.moves] == [6, 8, 11]
+    assert [move.speed for move in program.moves] == [
+        pytest.approx(0.25 / 60),
+        pytest.approx(0.01),
+        pytest.approx(0.01),
+    ]
+    assert [move.follows for move in program.moves] == [None, 0, None]
+    np.testing.assert_allclose(axes(program), np.tile([0, 0.6, 0.8], (3, 1)), atol=1e-12)
+    assert [str(remark) for remark in program.remarks] == [
+        "path.apt:9: CIRCLE is not read; the motion stays as it is",
+        "path.apt:10: it ends an arc whose sense of rotation is not certain; the motion stays as it is",
+    ]
+
+
+def test_inches_feeds_and_increments_by_hand():
+    program = read(
+        "UNITS/INCH\nFEDRAT/30,IPM\nFROM/0,0,1\nGODLTA/1,0,0\nUNITS/MM\nFEDRAT/60\nGODLTA/0,0,-25.4\nGODLTA/-2\n"
+    )
+    np.testing.assert_allclose(
+        points(program), 0.0254 * np.array([[1, 0, 1], [1, 0, 0], [1, 0, -2 / 25.4]]), atol=1e-15
+    )
+    np.testing.assert_allclose([m.speed for m in program.moves], [0.0127, 0.0254, 0.0254])  # 60 in the unit stated: IPM
+    assert [m.follows for m in program.moves] == [None, 0, 1]
+    assert read("FEDRAT/0.2,MMPR\nGOTO/0,0,0").moves[0].speed is None
+    assert read("FEDRAT/PERMIN,120\nGOTO/0,0,0").moves[0].speed == pytest.approx(0.002)
+    assert read("UNITS/INCH\nFEDRAT/6\nGOTO/0,0,0").moves[0].speed == pytest.approx(0.00254)
+
+
+def test_a_tool_axis_stays_until_another_one_is_stated():
+    program = read("GOTO/0,0,0\nTLAXIS/1,0,0\nGOTO/1,0,0\nGOTO/2,0,0,0,1,0\nMULTAX/OFF\nGOTO/3,0,0\n")
+    np.testing.assert_allclose(axes(program), [[0, 0, 1], [1, 0, 0], [0, 1, 0], [0, 1, 0]], atol=1e-15)
+
+
+UNCERTAIN = {
+    "ORIGIN/0,0,5\n{}": "ORIGIN moves the coordinates since line 1",
+    "TRACUT/M1\n{}TRACUT/NOMORE\n": "TRACUT transforms the motions since line 1",
+    "ROTABL/90,CLW\n{}": "ROTABL turns the table since line 1",
+    "INDEX/1\n{}COPY/1,TRANSL,10,0,0,3\n": "COPY repeats motions elsewhere since line 1",
+    "MACRO\n{}TERMAC\n": "a macro is run from elsewhere since line 1",
+    "CYCLE/DRILL,5\n{}CYCLE/OFF\n": "a cycle adds motions that the text does not show since line 1",
+    "UNITS/FEET\n{}UNITS/MM\n": "the unit of line 1 is not known",
+    "TLAXIS/NORMPS\n{}TLAXIS/0,0,1\n": "the tool axis of line 1 is not stated by its components",
+    "LOADTL/1\nLOADTL/2\n{}LOADTL/1\n": "another tool is loaded than the first, the one given (line 2)",
+    "MSYS/0,0,0\nMSYS/0,0,1\n{}MSYS/0,0,0\n": "another frame is stated than the first, the part's (line 2)",
+}
+
+
+@pytest.mark.parametrize("text", UNCERTAIN)
+def test_what_moves_coordinates_leaves_motions_as_they_are_until_it_is_cleared(text):
+    program = read(text.format("GOTO/1,2,3\nGODLTA/1,0,0\n") + "GOTO/4,5,6\n")
+    expected = f"{UNCERTAIN[text]}; the motion stays as it is"
+    lasts = "{}" in text[-4:]
+    assert [remark.text for remark in program.remarks] == [expected] * (3 if lasts else 2)
+    assert len(program.moves) == (0 if lasts else 1)
+    if not lasts:
+        assert program.moves[0].follows is None
+        np.testing.assert_allclose(points(program), [[0.004, 0.005, 0.006]])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("GOTO/P1", "path.apt:1: GOTO has not three or six numbers"),
+        ("GOTO/1,2,3,0,0,1,0,0,1", "GOTO has not three or six numbers"),
+        ("GOTO/1,,3", "GOTO has not three or six numbers"),
+        ("GOTO/1,2,1E999", "GOTO has not three or six numbers"),
+        ("GOTO", "GOTO has not three or six numbers"),
+        ("GOTO/1,2,3,0,0,0", "the tool axis has length 0 instead of 1"),
+        ("GODLTA/1,2,3", "GODLTA counts from a place that is not known"),
+        ("TLLFT,GOFWD/L1,PAST,L2", "TLLFT is not read"),
+        ("INDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,5),ON,(LINE/0,0,0,0,5,0)", "begins at a place that is not known"),
+        ("GOTO/5,0,0\nINDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,6),ON,(LINE/0,0,0,0,6,0)", "does not lie on its circle"),
+        ("GOTO/5,0,0\nINDIRV/1,0,0\nTLON,GOFWD/(CIRCLE/0,0,0,5),ON,(LINE/0,0,0,0,5,0)", "do not lie on one circle"),
+        ("GOTO/5,0,0\nINDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,5),ON,2,INTOF,(LINE/0,0,0,0,5,0)", "another meeting"),
+        ("GOTO/5,0,0\nINDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,5),ON,2,INTOF,(LINE/0,0,0,5,0,0)", "a full circle"),
+        ("GOTO/5,0,0\nINDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,5),TANTO,(LINE/0,0,0,5,0,0)", "only arcs between points"),
+        ("FROBNI/1\nFROBNI/2", "path.apt:1: 'FROBNI' is not known; it is taken to move nothing"),
+    ],
+)
+def test_what_is_not_read_is_said_by_line(text, said):
+    (remark,) = read(text).remarks
+    assert said in str(remark)
+
+
+def test_a_file_is_refused_without_a_tool_or_where_it_is_no_text():
+    source = Source.of(Path("path.apt"), b"GOTO/1,2,3\n")
+    with pytest.raises(
+        FileError, match=r"path\.apt: does not say what its positions are of; give the tool, or the robot"
+    ):
+        read_apt([source])
+    np.testing.assert_array_equal(read_apt([source], robot=ROBOT).moves[0].tool.T, ROBOT.T_flange_tool)
+    with pytest.raises(FileError, match=r"path\.apt: is a binary file"):
+        read(b"GOTO/\0")
+
+
+@given(programs(trouble=False), generators)
+def test_rewritten_motions_are_read_back_and_all_others_stay_where_they_were(data, rng):
+    program = read(data)
+    chosen = [n for n in range(len(program.moves)) if rng.random() < 0.5]
+    ways = {n: (moved(program.moves[n], rng.uniform(1e-5, 1e-3, 3), rng.uniform(-1e-3, 1e-3, 3)),) for n in chosen}
+    if any(m.kind == "circular" for m in program.moves):
+        shift = rng.uniform(1e-5, 1e-3, 3)
+        ways = {n: (moved(m, shift, np.zeros(3)),) for n, m in enumerate(program.moves)}
+    (source,) = program.rewrite(ROBOT, ways)
+    again = read(source.encode())
+    assert [m.kind for m in again.moves] == [m.kind for m in program.moves]
+    assert len(again.remarks) == len(program.remarks)
+    for n, (old, new) in enumerate(zip(program.moves, again.moves, strict=True)):
+        wanted = ways[n][0] if n in ways else Waypoint(kind=old.kind, q=np.zeros(6), T=old.end.T)
+        np.testing.assert_allclose(new.end.T[:3, 3], wanted.T[:3, 3], atol=2e-8)
+        if len(program.instructions[n].numbers) == 6:
+            np.testing.assert_allclose(new.end.T[:3, 2], wanted.T[:3, 2], atol=2e-6)
+        if wanted.via is not None:
+            np.testing.assert_allclose(new.via.T[:3, 3], wanted.via.T[:3, 3], atol=3e-7)
+    wipe = lambda text: re.sub(r"[-+.\d]+", "#", text)  # noqa: E731
+    if not any(i.relative for i in program.instructions):
+        assert wipe(source.text) == wipe(program.sources[0].text)
+
+
+@given(programs(), generators)
+def test_nothing_changes_where_nothing_is_to_change(data, rng):
+    program = read(data)
+    assert program.sources[0].encode() == data
+    assert program.rewrite(ROBOT, {})[0].encode() == data
+    same = {n: (moved(m, np.zeros(3), np.zeros(3)),) for n, m in enumerate(program.moves) if rng.random() < 0.7}
+    assert program.rewrite(ROBOT, same)[0].encode() == data
+
+
+@given(programs(), generators)
+def test_more_waypoints_are_more_statements(data, rng):
+    program = read(data)
+    if not program.moves:
+        return
+    n = int(rng.integers(len(program.moves)))
+    move = program.moves[n]
+    middle, end = (
+        Waypoint(kind="linear", q=np.zeros(6), T=moved(move, d, np.zeros(3)).T) for d in (np.full(3, 1e-3), np.zeros(3))
+    )
+    (source,) = program.rewrite(ROBOT, {n: (middle, end)})
+    again = read(source.encode())
+    assert len(again.moves) == len(program.moves) + 1
+    np.testing.assert_allclose(again.moves[n].end.T[:3, 3], middle.T[:3, 3], atol=2e-8)
+    np.testing.assert_allclose(np.delete(points(again), n, axis=0), points(program), atol=2e-8)
+    assert [m.speed for m in again.moves[n : n + 2]] == [move.speed] * 2
+
+
+def test_an_arc_becomes_two_arcs():
+    program = read(CATIA)
+    arc = program.moves[2]
+
+    def around(angle: float) -> np.ndarray:
+        target = 0.05 * np.array([np.cos(angle), np.sin(angle), 0.0])
+        return moved(arc, target - arc.end.T[:3, 3], np.zeros(3)).T
+
+    pieces = [
+        Waypoint(
+            kind="circular", q=np.zeros(6), T=around(end), via=Waypoint(kind="circular", q=np.zeros(6), T=around(via))
+        )
+        for via, end in ((-0.4, -1.0), (-2.5, -1.5 * np.pi))
+    ]
+    (source,) = program.rewrite(ROBOT, {2: tuple(pieces)})
+    again = read(source.encode())
+    assert not again.remarks
+    assert [move.kind for move in again.moves] == ["linear", "linear", "circular", "circular"]
+    np.testing.assert_allclose(again.moves[2].end.T[:3, 3], around(-1.0)[:3, 3], atol=2e-8)
+    np.testing.assert_allclose(again.moves[3].end.T[:3, 3], arc.end.T[:3, 3], atol=2e-8)
+
+
+def test_joint_positions_and_arcs_for_lines_are_refused():
+    program = read("GOTO/1,2,3\n")
+    T = program.moves[0].end.T
+    with pytest.raises(TaskcalError, match=r"path\.apt:1: APT knows no joint positions; write the program in another"):
+        program.rewrite(ROBOT, {0: (Waypoint(kind="axes", q=np.zeros(6), T=None),)})
+    via = Waypoint(kind="circular", q=np.zeros(6), T=T)
+    with pytest.raises(TaskcalError, match=r"path\.apt:1: a line cannot become an arc here"):
+        program.rewrite(ROBOT, {0: (Waypoint(kind="circular", q=np.zeros(6), T=T, via=via),)})
+
+
+damages = st.lists(st.tuples(st.integers(0, 800), st.binary(max_size=3), st.integers(0, 6)), min_size=1, max_size=4)
+
+
+@given(programs(), damages)
+def test_damaged_programs_are_read_with_remarks_or_refused_but_never_changed(data, damages):
+    for position, inserted, removed in damages:
+        position = min(position, len(data))
+        data = data[:position] + inserted + data[position + removed :]
+    program, refusal = None, ""
+    try:
+        program = read(data)
+    except FileError as error:
+        refusal = str(error)
+    if program is None:
+        assert "binary" in refusal
+    else:
+        assert program.rewrite(ROBOT, {})[0].encode() == data
+        assert len(program.moves) == len(program.instructions)
