@@ -139,3 +139,24 @@ def test_json_is_alone_on_standard_output(run: Run) -> None:
     ended = run("robots", "ur5", "--json")
     assert ended.err == ""
     assert json.loads(ended.out)["name"] == "ur5"
+
+
+def test_stated_weights_and_drives_are_shown(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text(
+        "name = 'x'\ngravity = [0, 3.0, 0]\n[payload]\nmass_kg = 12.5\ncentre_mm = [0, 0, 150]\n"
+        "[[joint]]\nname = 'J1'\nmass_kg = 80\ncentre_mm = [10, 0, -20]\nstiffness_nm_rad = 1.2e6\ngear_ratio = 121\n"
+        "[spring]\njoint = 'J1'\nrate_n_mm = 60\nfree_length_mm = 0\ncrank_mm = 200\nanchor_mm = 500\naligned_deg = 0\n"
+    )
+    statics = run("robots", tmp_path / "robot.toml", "--json").json["statics"]
+    (drive,) = statics.pop("drives")
+    assert statics == {
+        "gravity": [0.0, 1.0, 0.0],
+        "payload_kg": 12.5,
+        "payload_centre_mm": [0.0, 0.0, 150.0],
+        "spring_on": "J1",
+    }
+    assert (drive["mass_kg"], drive["centre_mm"], drive["stiffness"]) == (80.0, [10.0, 0.0, -20.0], 1.2e6)
+    text = " ".join(run("robots", tmp_path / "robot.toml").out.split())
+    for words in ("gravity along 0 1 0 of the base", "payload 12.5 kg", "spring on J1", "1.2e+06 Nm/rad 121"):
+        assert words in text
+    assert "Weights and drives" not in run("robots", "ur5").out

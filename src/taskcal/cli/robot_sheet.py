@@ -1,6 +1,6 @@
 """What ``taskcal robots`` says of a robot."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,7 @@ def describe(robot: Robot) -> dict[str, Any]:
         "four_bar": None
         if bar is None
         else {f"{key}_mm": _scaled([getattr(bar.bar, key)], 1e3)[0] for key in ("crank", "rod", "rocker", "arm")},
+        "statics": _statics(robot),
         "mechanism": {
             "mobility": mechanism.mobility,
             "overconstraint": mechanism.overconstraint,
@@ -89,6 +90,29 @@ def _joint(robot: Robot, i: int) -> dict[str, Any]:
         "coordinate": expression,
         "before": [_part(part) for part in joint.before],
         "after": [_part(part) for part in joint.after],
+    }
+
+
+def _statics(robot: Robot) -> dict[str, Any]:
+    """What the file says of weights and drives; None where it says nothing."""
+    known = robot.statics
+    bodies = known.links or (None,) * len(robot.joints)
+    return {
+        "gravity": known.gravity.tolist(),
+        "payload_kg": known.payload.mass,
+        "payload_centre_mm": _scaled(known.payload.centre, 1e3),
+        "spring_on": None if known.spring is None else robot.joint_names[known.spring.joint],
+        "drives": [
+            {
+                "name": joint.name,
+                "mass_kg": None if body is None else body.mass,
+                "centre_mm": None if body is None else _scaled(body.centre, 1e3),
+                "stiffness": stiffness,
+                "stiffness_unit": "N/m" if joint.kind == "prismatic" else "Nm/rad",
+                "gear_ratio": joint.gear_ratio,
+            }
+            for joint, body, stiffness in zip(robot.joints, bodies, known.stiffness, strict=True)
+        ],
     }
 
 
@@ -142,6 +166,14 @@ def show_sheet(sheet: Mapping[str, Any]) -> None:
     if sheet["four_bar"]:
         lengths = ", ".join(f"{key.removesuffix('_mm')} {value:g}" for key, value in sheet["four_bar"].items())
         facts.append(("four-bar", f"{lengths} mm"))
+    statics = sheet["statics"]
+    if statics["gravity"] != [0.0, 0.0, -1.0]:
+        facts.append(("gravity", f"along {' '.join(f'{value:.3g}' for value in statics['gravity'])} of the base"))
+    if statics["payload_kg"]:
+        centre = " ".join(f"{value:g}" for value in statics["payload_centre_mm"])
+        facts.append(("payload", f"{statics['payload_kg']:g} kg, centre at {centre} mm of the flange"))
+    if statics["spring_on"]:
+        facts.append(("spring", f"on {statics['spring_on']}"))
     facts += [
         ("mobility", f"{mechanism['mobility']}, overconstrained to degree {mechanism['overconstraint']}"),
         ("", mechanism["explanation"]),
@@ -158,7 +190,24 @@ def show_sheet(sheet: Mapping[str, Any]) -> None:
     ]
     header = ("joint", "kind", "limits", "coordinate", "parts before", "behind")
     show_table("Joints", header, rows, left=(0, 1, 3, 4, 5))
+    _show_drives(statics["drives"])
     _show_parameters(sheet)
+
+
+def _show_drives(drives: Sequence[Mapping[str, Any]]) -> None:
+    """Masses, stiffness and gear ratios, if any are stated."""
+    rows = [
+        (
+            d["name"],
+            "" if d["mass_kg"] is None else f"{d['mass_kg']:g}",
+            "" if d["centre_mm"] is None else " ".join(f"{value:g}" for value in d["centre_mm"]),
+            "" if d["stiffness"] is None else f"{d['stiffness']:g} {d['stiffness_unit']}",
+            "" if d["gear_ratio"] is None else f"{d['gear_ratio']:g}",
+        )
+        for d in drives
+    ]
+    if any(any(cells[1:]) for cells in rows):
+        show_table("Weights and drives", ("joint", "mass kg", "centre mm", "stiffness", "gear ratio"), rows, left=(0,))
 
 
 def _limits(joint: Mapping[str, Any]) -> str:

@@ -68,6 +68,7 @@ class Compliance(Effect):
         motors = self.chosen(robot)
         own = motor_torque(robot, Load())(LoadPath.at(robot, sample_poses(robot)))
         largest = np.abs(own).max(axis=0)
+        # a robot without weight gives no scale; 1 Nm keeps its tolerances finite
         built_for = np.maximum(largest, LEAST * max(float(largest.max()), 1.0))
         stiffness = [robot.statics.stiffness[m] for m in motors]
         torque = motor_torque(robot, self.load or Load())
