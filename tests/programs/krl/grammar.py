@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from taskcal.programs.source import Source
 
 _WORDS = ["", " ", "  ", "\t"]
-_COMMENTS = ["", "", " ; to the part", ";FOLD x;%{PE}", " ; \u00fcber den Tisch \u2013 lang", "; \"{X 1\" C_DIS"]
+_COMMENTS = ["", "", " ; to the part", ";FOLD x;%{PE}", " ; \u00fcber den Tisch \u2013 lang", '; "{X 1" C_DIS']
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,15 @@ def programs(draw: st.DrawFn) -> Written:
     dat += [f"DECL{space}E6POS {p}={draw(pose_text())}{draw(st.sampled_from(_COMMENTS))}" for p in points]
     dat += ["ENDDAT"]
     tool, base = draw(pose_text(status=False)), draw(pose_text(status=False))
-    src = ["&ACCESS RVP", "&REL 3", "DEF PART( )", "BAS (#INITMOV,0 )", f"$TOOL={tool}", f"$BASE = {base}", "$VEL.CP=0.1"]
+    src = [
+        "&ACCESS RVP",
+        "&REL 3",
+        "DEF PART( )",
+        "BAS (#INITMOV,0 )",
+        f"$TOOL={tool}",
+        f"$BASE = {base}",
+        "$VEL.CP=0.1",
+    ]
     resolvable = 0
     for _ in range(draw(st.integers(1, 8))):
         indent = draw(st.sampled_from(_WORDS))
@@ -116,7 +124,9 @@ def damaged(draw: st.DrawFn, data: bytes) -> bytes:
             case "c" if out:
                 out[at] = draw(st.sampled_from(list(b"{}[]():,;#\"'=&.-+0 XE\r\n\xff")))
             case "i":
-                out[at:at] = draw(st.sampled_from([b"{", b"}", b"\n", b"PTP ", b"LOOP\n", b",", b"1e999", b"\xc3", b"IF "]))
+                out[at:at] = draw(
+                    st.sampled_from([b"{", b"}", b"\n", b"PTP ", b"LOOP\n", b",", b"1e999", b"\xc3", b"IF "])
+                )
             case "d":
                 del out[at : at + draw(st.integers(1, 20))]
             case _:

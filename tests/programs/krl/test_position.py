@@ -7,7 +7,16 @@ from scipy.spatial.transform import Rotation
 
 from taskcal.programs.krl.lexer import lines_of_words
 from taskcal.programs.krl.parser import parse_operand
-from taskcal.programs.krl.position import Unresolved, angles, axes, check_external, edits_for, pose, pose_values, rotation
+from taskcal.programs.krl.position import (
+    Unresolved,
+    angles,
+    axes,
+    check_external,
+    edits_for,
+    pose,
+    pose_values,
+    rotation,
+)
 from taskcal.programs.krl.syntax import Aggregate
 
 degrees = st.floats(-360.0, 360.0)
@@ -83,11 +92,10 @@ def test_external_axes_away_from_zero_are_refused():
         check_external(aggregate("{X 1,E1 0.0,E2 12.5}"))
 
 
-@given(
-    st.tuples(*[st.floats(-3000, 3000)] * 3), st.tuples(degrees, degrees, degrees), st.floats(-1e-9, 1e-9)
-)
+@given(st.tuples(*[st.floats(-3000, 3000)] * 3), st.tuples(degrees, degrees, degrees), st.floats(-1e-9, 1e-9))
 def test_numbers_that_stay_keep_their_text(xyz, abc, noise):
-    text = "{X %.3f, Y %.6f ,Z %.1f,A %.4f,B %.2f,C %.6f,S 2,T 35,E1 0.0}" % (*xyz, *abc)
+    (x, y, z), (A, B, C) = xyz, abc
+    text = f"{{X {x:.3f}, Y {y:.6f} ,Z {z:.1f},A {A:.4f},B {B:.2f},C {C:.6f},S 2,T 35,E1 0.0}}"
     T = pose(aggregate(text))
     T[:3, 3] += noise
     values = pose_values(T, aggregate(text))

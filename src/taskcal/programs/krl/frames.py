@@ -18,6 +18,9 @@ from taskcal.programs.program import Frame
 Table = Literal["tool", "base", "null", "own"]
 """Where a frame comes from: TOOL_DATA, BASE_DATA, the zero frame, or the program's own."""
 
+EVERYTHING = frozenset({"tool", "base", "mode", "parameters", "speed", "motion"})
+"""What lines can alter: $TOOL, $BASE, $IPO_MODE, FDAT_ACT, $VEL.CP, and where the robot is."""
+
 NULL = Frame(name="$NULLFRAME", T=np.eye(4))
 
 
@@ -56,10 +59,18 @@ class State:
             base=Held(frame=None, reason="$BASE is not set before it"),
         )
 
-    def forgotten(self, reason: str) -> "State":
-        """Where tool and base may have become anything."""
+    def forgotten(self, reason: str, what: frozenset[str] = EVERYTHING) -> "State":
+        """Where some of `EVERYTHING` may have become anything."""
         unknown = Held(frame=None, reason=reason)
-        return State(tool=unknown, base=unknown, fixed_tool=None, parameters_reason=reason)
+        return State(
+            tool=unknown if "tool" in what else self.tool,
+            base=unknown if "base" in what else self.base,
+            fixed_tool=None if "mode" in what else self.fixed_tool,
+            parameters=None if "parameters" in what else self.parameters,
+            parameters_reason=reason if "parameters" in what else self.parameters_reason,
+            speed=None if "speed" in what else self.speed,
+            last=None if "motion" in what else self.last,
+        )
 
 
 def merged(states: Sequence[State], reason: str) -> State:
@@ -192,14 +203,13 @@ class Frames:
 
     def after_bas(self, state: State, line: Call) -> State:
         """The state behind a call of BAS, the controller's routine for motion parameters (bas.src)."""
-        command = "".join(word.upper for word in line.arguments[0])
         number = _number_of(line.arguments[1]) if len(line.arguments) > 1 else None
-        match command:
+        match line.command:
             case "#PTP_PARAMS" | "#PTP_DAT" | "#FRAMES":
                 return self.of_parameters(state, state.parameters)
             case "#CP_PARAMS" | "#CP_DAT":
                 state = self.of_parameters(state, state.parameters)
-                return replace(state, speed=number) if command == "#CP_PARAMS" else state
+                return replace(state, speed=number) if line.command == "#CP_PARAMS" else state
             case "#VEL_CP":
                 return replace(state, speed=number)
             case "#TOOL":
@@ -209,7 +219,7 @@ class Frames:
             case "#EX_BASE":
                 return replace(state, base=Held(frame=None, reason="BAS(#EX_BASE) sets a base that moves"))
             case "#INITMOV":
-                reset = State.unset().forgotten("BAS(#INITMOV) resets tool and base before it")
+                reset = state.forgotten("BAS(#INITMOV) resets tool and base before it", EVERYTHING - {"motion"})
                 return replace(reset, fixed_tool=False)
             case _:
                 return state

@@ -275,7 +275,7 @@ class _Cursor:
     def _part(self) -> Aggregate | Reference | None:
         if self.at("{"):
             return self._aggregate()
-        if not self.at_kind("name"):
+        if not self.at_kind("name") or self.at_name({*PASSING, "WITH"}):
             return None
         name = self.take()
         if not self.at("["):

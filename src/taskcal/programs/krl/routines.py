@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from taskcal.programs.krl.data import File
+from taskcal.programs.krl.frames import EVERYTHING
 from taskcal.programs.krl.syntax import Assignment, Begin, Call, End, Motion, Statement
 
 
@@ -41,15 +42,30 @@ def _add(routines: dict[str, Routine], routine: Routine) -> None:
     routines[name] = routine
 
 
+_VARIABLES = {"$TOOL": "tool", "$BASE": "base", "$IPO_MODE": "mode", "FDAT_ACT": "parameters", "$VEL": "speed"}
+_COMMANDS = {
+    "#INITMOV": EVERYTHING - {"motion"},
+    "#PTP_PARAMS": frozenset({"tool", "base", "mode"}),
+    "#PTP_DAT": frozenset({"tool", "base", "mode"}),
+    "#FRAMES": frozenset({"tool", "base", "mode"}),
+    "#CP_PARAMS": frozenset({"tool", "base", "mode", "speed"}),
+    "#CP_DAT": frozenset({"tool", "base", "mode"}),
+    "#VEL_CP": frozenset({"speed"}),
+    "#TOOL": frozenset({"tool"}),
+    "#BASE": frozenset({"base"}),
+    "#EX_BASE": frozenset({"base"}),
+}
+
+
 def altered_by(line: Statement, routines: dict[str, frozenset[str]]) -> frozenset[str]:
-    """What a line alters: ``frames`` for tool or base, ``motion`` for where the robot is."""
+    """What of `EVERYTHING` a line alters, given what routines alter."""
     match line:
         case Motion():
             return frozenset({"motion"})
-        case Assignment() if line.variable in ("$TOOL", "$BASE", "$IPO_MODE"):
-            return frozenset({"frames"})
+        case Assignment() if line.variable in _VARIABLES:
+            return frozenset({_VARIABLES[line.variable]})
         case Call(name="BAS"):
-            return frozenset({"frames"})
+            return _COMMANDS.get(line.command, frozenset())
         case Call() if line.name in routines:
             return routines[line.name]
         case _:

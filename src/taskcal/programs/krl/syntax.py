@@ -148,6 +148,11 @@ class Call(Statement):
     changed: tuple[str, ...]
     """Variables handed over."""
 
+    @property
+    def command(self) -> str:
+        """The first argument, in capitals."""
+        return "".join(word.upper for word in self.arguments[0])
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Control(Statement):

@@ -103,7 +103,8 @@ class Walk:
             return replace(state, last=None)
         block = blocks[-1]
         if keyword in ("ELSE", "CASE", "DEFAULT"):
-            block.exits.append(state)
+            if block.keyword == "IF" or block.has_default:  # before the first CASE there is no branch
+                block.exits.append(state)
             block.has_default.append(keyword != "CASE")
             return block.entry
         if keyword in BLOCKS.values():
@@ -114,11 +115,10 @@ class Walk:
         return replace(state, last=None)
 
     def _at_loop(self, number: int, state: State) -> State:
-        """At the start of a loop that sets tool or base further down, they differ from pass to pass."""
+        """At the start of a loop: what it sets further down differs from pass to pass."""
         body = _body(self.routine.lines, number)
-        reason = "it is set further down in the same loop"
         sets = frozenset[str]().union(*(altered_by(line, self.alters) for line in body))
-        return replace(state.forgotten(reason) if "frames" in sets else state, last=None, speed=None)
+        return state.forgotten("it is set further down in the same loop", sets | {"motion"})
 
     def _call(self, line: Call, state: State) -> State:
         if line.name == "BAS":
@@ -131,10 +131,7 @@ class Walk:
             )
             return replace(state, last=None)
         self.called_at[line.name].append(replace(state, last=None))
-        alters = self.alters[line.name]
-        if "frames" in alters:
-            return state.forgotten(f"{line.name} sets tool or base before it")
-        return replace(state, last=None) if "motion" in alters else state
+        return state.forgotten(f"{line.name} sets it", self.alters[line.name])
 
     def _motion(self, line: Motion, state: State, in_spline: bool, trigger: bool) -> State:
         try:

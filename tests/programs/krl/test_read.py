@@ -1,0 +1,254 @@
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from taskcal.errors import FileError
+from taskcal.programs.krl.position import rotation
+from taskcal.programs.krl.read import KrlProgram, read_krl
+from taskcal.programs.krl.status import Status
+from tests.programs.krl.grammar import programs
+from tests.programs.krl.samples import CONFIG_DAT, handling, milling, source
+
+FRAMES = "$TOOL={X 0,Y 0,Z 100,A 0,B 0,C 0}\n$BASE=$NULLFRAME\n"
+POSE = "{X 900,Y 0,Z 800,A 0,B 90,C 0}"
+
+
+def read(body: str, dat: str = "", config: str = CONFIG_DAT, more: str = "") -> KrlProgram:
+    sources = [source("part.src", f"DEF PART( )\n{body}\nEND\n{more}")]
+    if dat:
+        sources.append(source("part.dat", f"DEFDAT PART\n{dat}\nENDDAT\n"))
+    return read_krl([*sources, source("$config.dat", config)])
+
+
+def texts(program: KrlProgram) -> list[str]:
+    return [str(remark) for remark in program.remarks]
+
+
+def frame(x: float, y: float, z: float, A: float, B: float, C: float) -> np.ndarray:
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation(A, B, C), np.array([x, y, z]) / 1e3
+    return T
+
+
+TOOL1, BASE2 = frame(12.5, -3.25, 180, 0, 0, 0), frame(400, 150, 300, 15, 0.5, -0.25)
+
+
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+def test_a_program_of_inline_forms(newline):
+    program = read_krl(handling(newline))
+    assert [(m.kind, m.end.name, m.end.place.line, m.stops, m.follows) for m in program.moves] == [
+        ("axes", "XHOME", 11, True, None),
+        ("joint", "XP1", 8, False, 0),
+        ("linear", "XP2", 11, True, 1),
+        ("linear", "XP2", 11, True, 2),
+        ("circular", "XP4", 15, False, 3),
+        ("linear", "XP5", 16, True, 4),
+        ("linear", "XP1", 8, True, None),
+    ]
+    assert [m.speed for m in program.moves] == [None, None, 0.5, 0.5, 0.2, 2.0, 0.2]
+    for move in program.moves[1:]:
+        np.testing.assert_allclose(move.tool.T, TOOL1)
+        np.testing.assert_allclose(move.part.T, BASE2)
+        assert not move.part_in_hand
+    assert (program.moves[1].tool.name, program.moves[1].part.name) == ("TOOL_DATA[1]", "BASE_DATA[2]")
+    assert program.moves[1].end.posture == Status(S=2, T=35)
+    assert program.moves[2].end.posture is None
+    P2 = frame(812.512573, -120.25, 140, 178.5, 2.25, -179.125)
+    np.testing.assert_allclose(program.moves[2].end.T, P2)
+    np.testing.assert_allclose(program.moves[3].end.T, P2 @ frame(0, 0, 50, 0, 0, 0))
+    assert program.moves[4].via is not None
+    np.testing.assert_allclose(program.moves[4].via.T[:3, 3], [0.85, -0.06, 0.14])
+    assert texts(program) == [
+        "handling.src:47: GRIPPER_OPEN is not in the files given; it is taken to leave $TOOL, $BASE and $IPO_MODE as they are",
+        "handling.src:49: LIN_REL stays as it is: starts from wherever the robot is, or is a spline",
+    ]
+
+
+def test_a_program_of_a_postprocessor():
+    program = read_krl(milling())
+    assert [m.kind for m in program.moves] == ["axes", "joint", "linear", "linear", "circular", "linear"]
+    assert [m.end.place.line for m in program.moves] == [8, 9, 10, 11, 12, 16]
+    first = program.moves[0].end
+    assert first.q is not None
+    np.testing.assert_allclose(np.degrees(first.q), [5, -80, 100, 0, 45, 0])
+    assert program.moves[1].end.posture == Status(S=2, T=35)
+    arc = program.moves[4]
+    assert arc.via is not None
+    np.testing.assert_allclose(arc.via.T, frame(175, -25, 100, 0, 90, 0), atol=1e-15)
+    assert [m.follows for m in program.moves] == [None, 0, 1, 2, 3, None]
+    assert texts(program) == [
+        "MILLING.SRC:13: CIRC stays as it is: the arc ends at the angle CA, not in the point",
+        "MILLING.SRC:14: LIN stays as it is: Y is not stated, so it keeps its value of before",
+    ]
+
+
+def test_what_the_robot_holds_follows_from_tool_and_base():
+    program = read(f"{FRAMES}LIN {POSE}")
+    (move,) = program.moves
+    assert move.end.T is not None
+    np.testing.assert_allclose(move.flange(move.end.T)[:3, 3], [0.8, 0, 0.8], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "FDAT_ACT=FP1\nBAS(#CP_PARAMS,0.1)",
+        "FDAT_ACT={TOOL_NO 1,BASE_NO 2,IPO_FRAME #TCP}\nBAS(#FRAMES)",
+        "$IPO_MODE=#TCP\n$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[2]",
+        "$TOOL=BASE_DATA[2]\n$BASE=TOOL_DATA[1]\n$IPO_MODE=#TCP",
+    ],
+)
+def test_a_fixed_tool_is_a_base_and_the_part_in_hand_a_tool(body):
+    program = read(f"{body}\nLIN {POSE}", dat="DECL FDAT FP1={TOOL_NO 1,BASE_NO 2,IPO_FRAME #TCP}")
+    (move,) = program.moves
+    assert move.part_in_hand
+    np.testing.assert_allclose(move.part.T, TOOL1)
+    np.testing.assert_allclose(move.tool.T, BASE2)
+    assert move.end.T is not None
+    # the tool's pose in the part is the pose that is stated
+    flange = move.flange(move.end.T)
+    np.testing.assert_allclose(np.linalg.inv(flange @ TOOL1) @ BASE2, move.end.T, atol=1e-12)
+
+
+def test_a_fixed_tool_of_no_table_is_not_guessed():
+    program = read(f"$IPO_MODE=#TCP\n{FRAMES}LIN {POSE}")
+    assert not program.moves
+    assert "$IPO_MODE is #TCP, and which frame is the part's" in texts(program)[0]
+
+
+def test_the_robots_place_in_the_world_counts():
+    machine = "DEFDAT $MACHINE\n$ROBROOT={X 100,Y 0,Z 50,A 90,B 0,C 0}\nENDDAT\n"
+    body = f"DEF PART( )\n$TOOL=$NULLFRAME\n$BASE=BASE_DATA[1]\nLIN {POSE}\n$BASE=$ROBROOT\nLIN {POSE}\nEND\n"
+    program = read_krl([source("part.src", body), source("$machine.dat", machine), source("$config.dat", CONFIG_DAT)])
+    world, own = program.moves
+    np.testing.assert_allclose(
+        world.part.T, np.linalg.inv(frame(100, 0, 50, 90, 0, 0)) @ frame(900, 0, 400, 0, 0, 0), atol=1e-12
+    )
+    np.testing.assert_allclose(own.part.T, np.eye(4), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        (f"LIN {POSE}", r"part\.src:2: LIN stays as it is: \$TOOL is not set before it"),
+        (f"$TOOL=TOOL_DATA[9]\nLIN {POSE}", r"TOOL_DATA\[9\] is not in the files given; pass \$config\.dat"),
+        (f"$TOOL=TOOL_DATA[N]\nLIN {POSE}", "is set to something that the text does not state as a frame"),
+        (f"BAS(#TOOL,N)\nLIN {POSE}", "which element of TOOL_DATA is meant is not stated as a number"),
+        (f"{FRAMES}$BASE.X=5\nLIN {POSE}", r"\$BASE.X is changed on its own"),
+        (f"{FRAMES}BAS(#INITMOV,0)\nLIN {POSE}", r"BAS\(#INITMOV\) resets tool and base"),
+        (f"{FRAMES}BAS(#EX_BASE,1)\nLIN {POSE}", "a base that moves"),
+        (f"{FRAMES}LIN XP1", r"XP1 is not in the files given; pass the \.dat that states it"),
+        (f"{FRAMES}LIN $POS_ACT", r"\$POS_ACT is not in the files given$"),
+        (f"{FRAMES}LIN {{A1 0,A2 0,A3 0,A4 0,A5 0,A6 0}}", "LIN is given axis positions"),
+        (f"{FRAMES}PTP {{A1 0,A2 0}}", "A3 is not stated"),
+        (f"{FRAMES}LIN {{X 1,Y 2,Z 3,A 0,B 0,C 0,E1 100.0}}", r"E1 is 100\.0"),
+        (f"{FRAMES}SPLINE\nSLIN {POSE}\nENDSPLINE", "part of a spline"),
+        (f"{FRAMES}IF $IN[1] THEN\n$BASE=BASE_DATA[1]\nENDIF\nLIN {POSE}", "set in one branch of the IF before"),
+        (f"{FRAMES}LOOP\nLIN {POSE}\n$BASE=BASE_DATA[1]\nENDLOOP", "set further down in the same loop"),
+        (f"{FRAMES}AGAIN:\nLIN {POSE}", "can be reached by a GOTO"),
+        (f"$TOOL=$NULLFRAME\n$BASE=$NULLFRAME\n$IPO_MODE=MODE\nLIN {POSE}", r"\$IPO_MODE\) is not stated"),
+    ],
+)
+def test_motions_that_the_text_does_not_tell_are_left_with_a_reason(body, reason):
+    program = read(body)
+    assert not program.moves
+    (remark,) = program.remarks
+    assert re.search(reason, str(remark))
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        f"IF $IN[1] THEN\n$BASE=BASE_DATA[1]\nELSE\n$BASE=BASE_DATA[1]\nENDIF\nLIN {POSE}",
+        f"SWITCH N\nCASE 1\n$BASE=BASE_DATA[1]\nDEFAULT\n$BASE=BASE_DATA[1]\nENDSWITCH\nLIN {POSE}",
+        f"$BASE=BASE_DATA[1]\nFOR I=1 TO 3\n$OUT[I]=TRUE\nENDFOR\nLIN {POSE}",
+        f"WHILE TRUE\n$BASE=BASE_DATA[1]\nLIN {POSE}\nENDWHILE",
+        f"BAS(#BASE,1)\nLIN {POSE}",
+    ],
+)
+def test_what_holds_on_every_way_holds(body):
+    (move,) = read(f"$TOOL=$NULLFRAME\n{body}").moves
+    assert move.part.name == "BASE_DATA[1]"
+
+
+def test_frames_pass_from_a_caller_to_what_it_calls():
+    more = f"DEF SUB( )\nLIN {POSE}\nEND\n"
+    program = read(f"{FRAMES}SUB( )\nLIN {POSE}", more=more)
+    assert [(m.routine, m.follows) for m in program.moves] == [("PART", None), ("SUB", None)]
+    program = read(f"SUB( )\n{FRAMES}SUB( )", more=more)
+    assert not program.moves
+    assert "SUB is called with different ones" in texts(program)[0]
+    program = read(f"{FRAMES}SUB( )\nLIN {POSE}", more="DEF SUB( )\n$BASE=BASE_DATA[1]\nEND\n")
+    assert "SUB sets it" in texts(program)[0]
+    program = read(f"{FRAMES}LIN {POSE}\nSUB( )", more=f"DEF SUB( )\nLIN {POSE}\nSUB( )\nEND\n")
+    assert "SUB is called in a circle" in texts(program)[0]
+
+
+@pytest.mark.parametrize(
+    "change", ["XP1.X=5", "XP1=XP2", "MEASURE(XP1)", "N=MEASURE(1,XP1)", "XP1={X 1,Y 0,Z 0,A 0,B 0,C 0}"]
+)
+def test_points_that_the_program_changes_are_no_constants(change):
+    program = read(f"{FRAMES}LIN XP1\n{change}", dat=f"DECL E6POS XP1={POSE}\nDECL E6POS XP2={POSE}")
+    assert not program.moves
+    assert "XP1 is changed by the program, at part.src:5" in texts(program)[0]
+
+
+def test_own_points_come_before_those_of_the_system_and_local_ones_before_both():
+    shared = CONFIG_DAT.replace("ENDDAT", "DECL E6POS XP1={X 1,Y 0,Z 0,A 0,B 0,C 0}\nENDDAT")
+    (move,) = read(f"{FRAMES}LIN XP1", dat="DECL E6POS XP1={X 2,Y 0,Z 0,A 0,B 0,C 0}", config=shared).moves
+    assert move.end.T is not None
+    assert move.end.T[0, 3] == pytest.approx(0.002)
+    (move,) = read(f"{FRAMES}LIN XP1", config=shared).moves
+    assert move.end.T is not None
+    assert move.end.T[0, 3] == pytest.approx(0.001)
+    assert not read(f"DECL E6POS XP1\n{FRAMES}LIN XP1", config=shared).moves
+
+
+def test_points_of_another_program_are_its_own():
+    other = source("other.dat", f"DEFDAT OTHER\nDECL E6POS XP1={POSE}\nDECL GLOBAL E6POS XP2={POSE}\nENDDAT\n")
+    src = source("part.src", f"DEF PART( )\n{FRAMES}LIN XP1\nLIN XP2\nEND\n")
+    program = read_krl([src, other])
+    assert [m.end.name for m in program.moves] == ["XP2"]
+
+
+def test_joint_positions_need_no_frames():
+    (move,) = read("PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}").moves
+    assert move.kind == "axes"
+
+
+def test_an_absolutely_accurate_controller_is_pointed_out():
+    pose = POSE.replace("}", ",S 18,T 2}")
+    program = read(f"{FRAMES}PTP {pose}\n$ABS_ACCUR=TRUE")
+    assert [remark.place.line for remark in program.remarks] == [4, 5]
+    assert all("correct twice" in str(remark) for remark in program.remarks)
+
+
+def test_a_trigger_before_a_motion_is_pointed_out():
+    program = read(f"{FRAMES}TRIGGER WHEN DISTANCE=1 DELAY=0 DO $OUT[1]=TRUE\nLIN {POSE}\nLIN {POSE}")
+    assert len(program.moves) == 2
+    (remark,) = program.remarks
+    assert (remark.place.line, "TRIGGER" in remark.text) == (5, True)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("part.src", "hello\n", r"part\.src: is no KRL file: it has no line DEF"),
+        ("part.dat", "DECL INT I\n", r"part\.dat: is no KRL file: it has no line DEFDAT"),
+        ("part.dat", "DEFDAT PART\nENDDAT\n", r"part\.dat: holds data only; pass the \.src"),
+        ("part.src", "", "is no KRL file"),
+    ],
+)
+def test_files_that_are_no_program_are_refused(name, text, message):
+    with pytest.raises(FileError, match=message):
+        read_krl([source(name, text)])
+
+
+@given(programs())
+def test_every_motion_of_a_program_in_order_is_resolved(written):
+    program = read_krl(written.sources)
+    assert len(program.moves) == written.resolvable
+    assert not program.remarks
+    assert [m.follows for m in program.moves] == [None, *range(len(program.moves) - 1)][: len(program.moves)]
