@@ -1,0 +1,96 @@
+"""Writing a fresh robot program in the language of a file's suffix."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.errors import FileError
+from taskcal.programs.program import Frame, Move, Target
+from taskcal.programs.reading import language_of
+from taskcal.programs.source import Place, Source
+from taskcal.robot.robot import Robot
+
+COMPOSED = (".mod", ".prg", ".src", ".csv")
+"""Suffixes of files that can be written afresh."""
+
+
+def compose_program(
+    path: str | Path,
+    robot: Robot,
+    moves: Sequence[Move],
+    *,
+    q: Float[np.ndarray, "moves joints"] | None = None,
+    notes: Sequence[str] = (),
+    wait_s: float = 0.0,
+    speed: float = 0.25,
+    joint_speed_percent: float = 10.0,
+) -> Source:
+    """A program of given motions, in the language of its file's suffix.
+
+    Args:
+        path: its file, whose stem becomes the program's name.
+        robot: the robot.
+        moves: its motions.
+        q: joint positions in which each motion ends, radians; they decide the posture of motions to a pose.
+        notes: a comment before each motion; in CSV the name of a target that has none.
+        wait_s: seconds to wait behind each motion that stops; not in CSV.
+        speed: in RAPID: of the tool point, for motions that do not say theirs, metres per second.
+        joint_speed_percent: in KRL: of motions of all joints, of the axes' largest speeds.
+
+    Returns:
+        The program, still to be written.
+
+    Raises:
+        FileError: the suffix is of no language in which programs are written.
+        TaskcalError: the language cannot say it.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in COMPOSED:
+        raise FileError(path, f"cannot be composed; programs are written as {', '.join(COMPOSED)}")
+    match language_of(path):
+        case "RAPID":
+            from taskcal.programs.rapid.compose import compose_rapid
+
+            source = compose_rapid(path.stem, robot, moves, q=q, notes=notes, wait_s=wait_s, speed=speed)
+        case "KRL":
+            from taskcal.programs.krl.compose import compose_krl
+
+            source = compose_krl(
+                path.stem, robot, moves, q=q, notes=notes, wait_s=wait_s, joint_speed_percent=joint_speed_percent
+            )
+        case _:
+            from taskcal.programs.csv_path.compose import compose_csv_path
+
+            source = compose_csv_path(path.stem, robot, moves, notes=notes)
+    return replace(source, path=path)
+
+
+def moves_to_joints(robot: Robot, q: Float[np.ndarray, "n joints"], path: str | Path) -> tuple[Move, ...]:
+    """Motions to joint positions, each with a stop, such as a measuring program needs.
+
+    Args:
+        robot: the robot, which moves its own tool.
+        q: joint positions, radians.
+        path: file that they are meant for.
+    """
+    tool, part = Frame(name="", T=robot.T_flange_tool), Frame(name="", T=np.eye(4))
+    place = Place(path=Path(path), line=1)
+    return tuple(
+        Move(
+            kind="axes",
+            end=Target(name="", T=None, q=posture, posture=None, place=place),
+            via=None,
+            tool=tool,
+            part=part,
+            part_in_hand=False,
+            speed=None,
+            stops=True,
+            follows=k - 1 if k else None,
+            routine="",
+            place=place,
+        )
+        for k, posture in enumerate(q)
+    )
