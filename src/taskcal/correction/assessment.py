@@ -1,7 +1,7 @@
 """How far the true tool is from where a program wants it, at its targets and between them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -28,6 +28,11 @@ class Deviations:
     """True less wanted position of the tool point in the part's axes, metres."""
     turn: Float[np.ndarray, " k"]
     """Angle between true and wanted orientation, radians."""
+
+    def of_moves(self, moves: Bool[np.ndarray, " m"]) -> "Deviations":
+        """Those in some of the motions."""
+        rows = moves[self.move]
+        return Deviations(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     @property
     def length(self) -> Float[np.ndarray, " k"]:

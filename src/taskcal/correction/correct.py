@@ -76,7 +76,12 @@ def correct(
     progress("the corrected program")
     sources = program.rewrite(robot, ways)
     again = program.reread(sources)
-    origin = _origin(moves, ways, again)
+    pieces = np.array([len(ways[i]) if i in ways else 1 for i in range(len(moves))], dtype=np.int64)
+    origin = piece_origins(pieces)
+    if len(origin) != len(again.moves):
+        raise TaskcalError(
+            f"the corrected program reads as {len(again.moves)} motions instead of {len(origin)}; nothing was written"
+        )
     redriven = drive(robot, again.moves)
     change = np.full(len(moves), np.nan)
     ends = chords.nodes.share == 1.0
@@ -94,7 +99,7 @@ def correct(
         before=before,
         after=assess(placed, wanted, redriven, origin),
         corrected=np.array(sorted(ways), dtype=np.int64),
-        pieces=np.array([len(ways[i]) if i in ways else 1 for i in range(len(moves))], dtype=np.int64),
+        pieces=pieces,
         shift=shift,
         turn=turn,
         uncertainty=_uncertainty(relations, number, driven),
@@ -229,19 +234,9 @@ def _waypoints(
     return out
 
 
-def _origin(
-    moves: Sequence[Move], ways: Mapping[int, tuple[Waypoint, ...]], again: Program
-) -> list[tuple[int, float, float]]:
-    """For each motion as read again, the one it comes from and its shares."""
-    out: list[tuple[int, float, float]] = []
-    for i in range(len(moves)):
-        pieces = len(ways[i]) if i in ways else 1
-        out += [(i, k / pieces, (k + 1) / pieces) for k in range(pieces)]
-    if len(out) != len(again.moves):
-        raise TaskcalError(
-            f"the corrected program reads as {len(again.moves)} motions instead of {len(out)}; nothing was written"
-        )
-    return out
+def piece_origins(pieces: Int[np.ndarray, " m"]) -> list[tuple[int, float, float]]:
+    """For each motion of a rewritten program the one it comes from, and its shares, by how many each became."""
+    return [(i, k / count, (k + 1) / count) for i, count in enumerate(pieces.tolist()) for k in range(count)]
 
 
 def _remarks(

@@ -41,8 +41,8 @@ class Held:
     """In the calibrated robot's own tool."""
     statement: str
     twists: Twists
-    uncertainty: float
-    """Of its stated position, per axis, metres."""
+    covariance: Float[np.ndarray, "3 3"]
+    """Of its origin, by how it was measured against reflectors or flange, in its own axes, metres²."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -56,6 +56,8 @@ class Standing:
     """Whether it is only known where the controller's base is."""
     twist: Float[np.ndarray, "6 z"] | None
     """Derivative of its pose by the estimate, for a point at the tracker's origin; None where it does not depend on it."""
+    uncertainty: float
+    """Of its measured position, per axis, metres."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -97,8 +99,10 @@ class Relation:
             J = J - _carried(twist, T[:, :3, 3])[:, :3]
         R = (calibration.T_tracker_base @ self.standing.T_base_standing)[:3, :3]
         J = R.T @ J
-        stated = self.held.uncertainty**2 * np.eye(3)
-        return J @ calibration.z_covariance @ np.swapaxes(J, 1, 2) + stated
+        known = J @ calibration.z_covariance @ np.swapaxes(J, 1, 2)
+        R_standing_held = R.T @ (calibration.predict_tool(q) @ self.held.T_tool_held)[:, :3, :3]
+        held = R_standing_held @ self.held.covariance @ np.swapaxes(R_standing_held, 1, 2)
+        return known + held + self.standing.uncertainty**2 * np.eye(3)
 
     def uncertainty(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
         """Root mean square of the error in space that the calibration must expect at joint positions, metres.
@@ -152,14 +156,14 @@ def _held(calibration: Calibration, known: Measured, controller: Float[np.ndarra
             T_tool_held=calibration.T_tool_target[0] @ known.in_target,
             statement=f"tool '{name}' by the measured poses of '{calibration.targets[0]}'",
             twists=lambda q: _target_twists(calibration, known, q),
-            uncertainty=0.0,
+            covariance=known.uncertainty**2 * np.eye(3),
         )
     if known.in_flange is None and np.abs(controller - robot.T_flange_tool).max() < SAME:
         return Held(
             T_tool_held=np.eye(4),
             statement=f"tool '{name}' is the robot file's, its errors as calibrated",
             twists=calibration.tool_jacobian,
-            uncertainty=0.0,
+            covariance=np.zeros((3, 3)),
         )
     in_flange = controller if known.in_flange is None else known.in_flange
     stated = "as the controller has it" if known.in_flange is None else "as measured in the flange"
@@ -168,7 +172,7 @@ def _held(calibration: Calibration, known: Measured, controller: Float[np.ndarra
         T_tool_held=T_tool_held,
         statement=f"tool '{name}' {stated}",
         twists=lambda q: _flange_twists(calibration, T_tool_held, q),
-        uncertainty=known.uncertainty,
+        covariance=known.uncertainty**2 * np.eye(3),
     )
 
 
@@ -202,8 +206,15 @@ def _by_reflectors(calibration: Calibration, known: Measured) -> Held:
         T_tool_held=T,
         statement=f"tool '{known.name}' by its reflectors {', '.join(seen)}",
         twists=lambda q: _reflector_twists(calibration, rows, T, q),
-        uncertainty=0.0,
+        covariance=_fitted_covariance(own, known.uncertainty),
     )
+
+
+def _fitted_covariance(own: Float[np.ndarray, "k 3"], uncertainty: float) -> Float[np.ndarray, "3 3"]:
+    """Covariance of the origin of a frame that is fitted to points known to an uncertainty per axis, metres²."""
+    every = np.eye(own.size).reshape(1, len(own), 3, own.size)
+    by_point = _rigid_fit(own[None], every, np.zeros((1, 3)))[0, :3]
+    return uncertainty**2 * by_point @ by_point.T
 
 
 def _standing(calibration: Calibration, known: Measured, controller: Float[np.ndarray, "4 4"], cell: Cell) -> Standing:
@@ -217,6 +228,7 @@ def _standing(calibration: Calibration, known: Measured, controller: Float[np.nd
             statement=f"part '{known.name}' as the tracker measured it",
             follows_base=False,
             twist=None,
+            uncertainty=known.uncertainty,
         )
     if known.touched is not None:
         return _touched(calibration, known, known.touched, controller, cell)
@@ -225,6 +237,7 @@ def _standing(calibration: Calibration, known: Measured, controller: Float[np.nd
         statement=f"part '{known.name}' where the controller has it in the robot's base, as calibrated",
         follows_base=True,
         twist=None,
+        uncertainty=0.0,
     )
 
 
@@ -256,6 +269,7 @@ def _touched(
         statement=f"part '{known.name}' where the robot touched it with '{known.touched_with}'",
         follows_base=False,
         twist=twist,
+        uncertainty=0.0,
     )
 
 
