@@ -10,8 +10,9 @@ from taskcal.identification.field import learn_field
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import Compliance, EncoderGain, Harmonics
+from taskcal.robot.effects import Compliance, Coupling, EncoderGain, Harmonics
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.file import robot_from
 from taskcal.task.task import reach_task
 
 CHEAP = [e for e in CANDIDATES if e.suits(load_robot("abb-irb120")) and len(getattr(e, "orders", ())) < 3]
@@ -82,6 +83,38 @@ def test_all_candidates_find_what_is_true_over_a_task_and_nothing_else(true, few
         right += bool(error <= 1.25 * best)
     assert fewest <= added <= most
     assert right >= 19
+
+
+def test_a_coupled_wrist_with_a_long_tool_is_found():
+    description = load_robot("abb-irb120").description
+    long = robot_from({**description, "tool": [{"tx_mm": 200.0}, {"ty_mm": 80.0}, {"tz_mm": 150.0}]})
+    model = ErrorModel(long)
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        x = draw_defects(model + Coupling(), rng)
+        x[-3:] = 1e-3, -5e-4, 1e-3
+        campaign, _ = simulate(model + Coupling(), poses(long, rng, 60), rng=rng, x=x)
+        found = explain(model, campaign, candidates=CHEAP, folds=3)
+        assert Coupling() in found.effects
+        named = dict(zip(found.calibration.names, found.calibration.estimate, strict=True))
+        assert named["J5.by_J4"] == pytest.approx(1e-3, abs=3e-4)
+
+
+def test_candidates_suit_what_is_known_of_a_robot():
+    def suited(robot):
+        return {type(effect).__name__ for effect in CANDIDATES if effect.suits(robot)}
+
+    everywhere = {"EncoderGain", "Harmonics", "Compliance"}
+    assert everywhere <= suited(load_robot("ur5"))
+    assert not {"Coupling", "Spring", "MotorHarmonics"} & suited(load_robot("ur5"))  # its wrist's axes do not meet
+    for name in ("abb-irb120", "fanuc-r2000ic-165f", "abb-irb6660-205-1.9", "barrett-wam"):
+        assert "Coupling" in suited(load_robot(name))
+    description = load_robot("ur5").description
+    spring = {"rate_n_mm": 9.0, "free_length_mm": 100.0, "crank_mm": 90.0, "anchor_mm": 200.0, "aligned_deg": 0.0}
+    joints = [{**description["joint"][0], "gear_ratio": 100.0}, *description["joint"][1:]]
+    assert {"Spring", "MotorHarmonics"} <= suited(
+        robot_from({**description, "joint": joints, "spring": {"joint": "J2", **spring}})
+    )
 
 
 def test_every_step_says_what_it_was_worth(robot):
