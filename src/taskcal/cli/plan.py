@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskcal.cli.measuring_program import JointSpeedOption, ProgramsOption, SpeedOption, WaitOption, compose_measuring
 from taskcal.cli.options import (
     CalibrationOption,
     JsonOption,
@@ -77,6 +78,10 @@ def command(
         float | None,
         typer.Option("--model-error", metavar="MM", help="What geometry cannot explain (1σ per axis); 0 by default."),
     ] = None,
+    program: ProgramsOption = None,
+    wait_s: WaitOption = 3.0,
+    speed_mm_s: SpeedOption = 250.0,
+    speed_percent: JointSpeedOption = 10.0,
     report: ReportOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -99,11 +104,17 @@ def command(
     if calibration is not None and model_error is not None:
         raise typer.BadParameter("the calibration says how large it is", param_hint="--calibration / --model-error")
     sources = [Path(p) for p in (robot, calibration, task, station, extend) if p is not None]
-    for path in (output, report):
+    programs = program or []
+    for path in (output, report, *programs):
         if path is not None:
             check_destination(path, sources)
+    written = [path.resolve() for path in (output, *programs)]
+    if len(set(written)) < len(written):
+        raise typer.BadParameter("plan and programs must be different files", param_hint="--program / --output")
     if report is not None and report.resolve() == output.resolve():
         raise typer.BadParameter("plan and report cannot be one file", param_hint="--report / --output")
+    import numpy as np
+
     from taskcal.adaptation.plan import plan
     from taskcal.errors import CampaignError, FileError
     from taskcal.files import write_whole
@@ -120,6 +131,9 @@ def command(
     asked = load_task(task)
     stands = None if station is None else load_station(station)
     measured = None if extend is None else read_campaign(extend, model.robot)
+    driving = {"wait_s": wait_s, "speed_mm_s": speed_mm_s, "speed_percent": speed_percent}
+    nowhere = np.empty((0, len(model.robot.joints)))
+    compose_measuring(programs, model.robot, nowhere, **driving)  # refuses a name before the plan is made
     announce_compilation()
     with working("candidates") as say:
         try:
@@ -143,6 +157,8 @@ def command(
             raise FileError(source, str(error)) from error
         _check(made, count)
         write_joints(output, made.q, model.robot)
+        for source in compose_measuring(programs, model.robot, made.q, **driving):
+            write_whole(source.path, source.encode())
         if report is not None:
             say("page")
             write_whole(report, _page(model, asked, made, seed))
@@ -151,6 +167,8 @@ def command(
     result["measured_before"] = len(before)
     if calibration is not None:
         result["calibration"] = calibration
+    if programs:
+        result["programs"] = [str(path) for path in programs]
     if report is not None:
         result["report"] = report
     if as_json:
@@ -234,6 +252,7 @@ def _show(result: Mapping[str, Any], task: "Task") -> None:
         seen = [len(names) for names in result["visible"]]
         number = f"{min(seen)} to {max(seen)}" if min(seen) < max(seen) else str(max(seen))
         facts.insert(2, ("reflectors", f"{number} seen at each pose"))
+    facts += [("program", f"wrote {path}, {result['count']} poses") for path in result.get("programs", [])]
     if "report" in result:
         facts.append(("report", f"wrote {result['report']}"))
     show_facts(facts)
