@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError, TaskcalError, UnknownName
 from taskcal.robot.catalogue import catalogue_names, load_robot
@@ -10,7 +11,7 @@ from tests.laws.robots import irb6660_positions
 
 STABLE = {
     "abb-irb6660-205-1.9", "abb-irb6660-130-3.1", "abb-irb6660-100-3.3", "abb-irb120", "ur5", "ur10",
-    "fanuc-r2000ic-165f", "barrett-wam",
+    "fanuc-r2000ic-165f", "barrett-wam", "kuka-kr16-2",
 }  # fmt: skip
 
 
@@ -81,6 +82,31 @@ def test_a_robot_file_written_from_a_description_is_the_same_robot(name, tmp_pat
     np.testing.assert_array_equal(again.limits, robot.limits)
     q = irb6660_positions(np.random.default_rng(2), 5)[:, [0, 1, 2, 3, 4, 5, 0][: len(robot.joints)]]
     np.testing.assert_array_equal(ErrorModel(again).poses(q), ErrorModel(robot).poses(q))
+
+
+def test_the_kr16s_flange_is_where_its_published_joints_put_it():
+    """Origins and axes of kr16_2_macro.xacro (kuka_experimental), one turn after the other."""
+    joints = [
+        ((0, 0, 0.675), (0, 0, -1)),
+        ((0.26, 0, 0), (0, 1, 0)),
+        ((0.68, 0, 0), (0, 1, 0)),
+        ((0.67, 0, -0.035), (-1, 0, 0)),
+        ((0, 0, 0), (0, 1, 0)),
+        ((0, 0, 0), (-1, 0, 0)),
+    ]
+    robot = load_robot("kuka-kr16-2")
+    q = np.random.default_rng(3).uniform(robot.limits[:, 0], robot.limits[:, 1], (20, 6))
+    q[0], q[1] = 0.0, np.radians([0, -90, 90, 0, 0, 0])
+    for row, T in zip(q, ErrorModel(robot).poses(q), strict=True):
+        at, R = np.zeros(3), np.eye(3)
+        for (origin, axis), angle in zip(joints, row, strict=True):
+            at = at + R @ origin
+            R = R @ Rotation.from_rotvec(np.array(axis) * angle).as_matrix()
+        np.testing.assert_allclose(T[:3, 3], at + R @ [0.158, 0, 0], atol=1e-12)
+        np.testing.assert_allclose(T[:3, :3], R @ Rotation.from_euler("y", 90, degrees=True).as_matrix(), atol=1e-12)
+    # at home the arm stands upright and the forearm points forwards: 260 + 670 + 158 and 675 + 680 − 35 mm
+    np.testing.assert_allclose(ErrorModel(robot).poses(q[1:2])[0, :3, 3], [1.088, 0, 1.32], atol=1e-12)
+    np.testing.assert_allclose(robot.T_flange_tool, np.eye(4), atol=1e-15)
 
 
 def test_an_unknown_robot_is_named_with_its_nearest():

@@ -195,6 +195,14 @@ def test_points_that_the_program_changes_are_no_constants(change):
     assert "XP1 is changed by the program, at part.src:5" in texts(program)[0]
 
 
+@pytest.mark.parametrize(
+    ("change", "stays"), [("BASE_DATA[2].X=5", True), ("BASE_DATA[1].X=5", False), ("BASE_DATA[N]=F", False)]
+)
+def test_elements_of_an_array_change_one_by_one(change, stays):
+    program = read(f"$TOOL=$NULLFRAME\n$BASE=BASE_DATA[1]\nLIN {POSE}\n{change}")
+    assert len(program.moves) == stays
+
+
 def test_own_points_come_before_those_of_the_system_and_local_ones_before_both():
     shared = CONFIG_DAT.replace("ENDDAT", "DECL E6POS XP1={X 1,Y 0,Z 0,A 0,B 0,C 0}\nENDDAT")
     (move,) = read(f"{FRAMES}LIN XP1", dat="DECL E6POS XP1={X 2,Y 0,Z 0,A 0,B 0,C 0}", config=shared).moves

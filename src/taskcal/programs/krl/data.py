@@ -92,13 +92,13 @@ class Data:
 
     @cached_property
     def _changed(self) -> dict[str, list[tuple[str, Place]]]:
-        """By variable: the modules in which code assigns it or hands it to a routine, and where."""
+        """By variable or element: the modules in which code assigns it or hands it to a routine, and where."""
         out: dict[str, list[tuple[str, Place]]] = {}
         for file in self.files:
             for line in file.statements if not file.holds_data else ():
                 names: tuple[str, ...] = ()
                 if isinstance(line, Assignment):
-                    names = (line.variable, *line.changed)
+                    names = (_element(line), *line.changed)
                 elif isinstance(line, Call) and line.name != "BAS":
                     names = line.changed
                 for name in names:
@@ -113,7 +113,8 @@ class Data:
         """
         variable = name.partition("[")[0]
         datum = None if (module, variable) in self._local else self._own.get((module, name), self._shared.get(name))
-        for where, place in self._changed.get(variable, []):
+        elements = {name, variable}
+        for where, place in (change for element in elements for change in self._changed.get(element, [])):
             if where == module or (datum is not None and datum.shared):
                 raise Unresolved(f"{name} is changed by the program, at {place}")
         if datum is None:
@@ -121,6 +122,13 @@ class Data:
             hint = "" if variable.startswith("$") else f"; pass {files}"
             raise Unresolved(f"{name} is not in the files given{hint}")
         return datum
+
+
+def _element(line: Assignment) -> str:
+    """What an assignment changes: one element of an array, or all of a variable."""
+    name, bracket, rest = line.name.partition("[")
+    index = rest.partition("]")[0]
+    return f"{name}[{index}]" if bracket and index.isdecimal() else line.variable
 
 
 def _stated(file: File) -> Iterator[Datum]:
