@@ -7,7 +7,7 @@ from taskcal.errors import FileError
 from taskcal.programs.program import Program, Remark, Waypoint
 from taskcal.programs.rapid.flow import follow_routine, gets_target, instructions, is_motion
 from taskcal.programs.rapid.motions import KINDS, Motion, Settings, resolve
-from taskcal.programs.rapid.names import File, Place, Scope, Unresolved, places
+from taskcal.programs.rapid.names import File, Place, Scope, Symbol, Unresolved, places
 from taskcal.programs.rapid.parse import parse
 from taskcal.programs.rapid.predefined import MOVING, SHIFTING, STILL
 from taskcal.programs.rapid.rewrite import rewrite_files
@@ -24,8 +24,8 @@ class RapidProgram(Program):
 
     motions: tuple[Motion, ...]
     """The moves with their text, in the same order."""
-    uses: Mapping[int, tuple[Use, ...]]
-    """All references to declared data, by the identity of its symbol."""
+    uses: Mapping[Symbol, tuple[Use, ...]]
+    """All references to declared data."""
 
     def rewrite(self, robot: Robot, ways: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.

@@ -51,7 +51,7 @@ class _Edits:
 def rewrite_files(
     sources: Sequence[Source],
     motions: Sequence[Motion],
-    uses: Mapping[int, tuple[Use, ...]],
+    uses: Mapping[Symbol, tuple[Use, ...]],
     robot: Robot,
     ways: Mapping[int, tuple[Waypoint, ...]],
 ) -> tuple[Source, ...]:
@@ -153,13 +153,13 @@ def _insert(motion: Motion, way: Iterable[Waypoint], robot: Robot, edits: _Edits
 
 
 def _write_targets(
-    wants: Sequence[_Want], sources: Sequence[Source], uses: Mapping[int, tuple[Use, ...]], edits: _Edits
+    wants: Sequence[_Want], sources: Sequence[Source], uses: Mapping[Symbol, tuple[Use, ...]], edits: _Edits
 ) -> None:
     """Put the numbers where they belong: into the argument, into the declaration, or into clones of the declaration."""
-    declared: dict[tuple[int, tuple[int, ...]], list[_Want]] = {}
+    declared: dict[tuple[Symbol, tuple[int, ...]], list[_Want]] = {}
     for want in wants:
         if want.aim.origin is not None:
-            declared.setdefault((id(want.aim.origin.symbol), want.aim.origin.path), []).append(want)
+            declared.setdefault((want.aim.origin.symbol, want.aim.origin.path), []).append(want)
         elif want.changes:
             if want.aim.literal is not None and not want.aim.shifted:
                 _edit_numbers(want, edits)

@@ -55,10 +55,10 @@ class Use:
         return self.path is None or all(a == b for a, b in zip(self.path, path, strict=False))
 
 
-def assigned(everywhere: Iterable[Place]) -> dict[int, str]:
-    """Where each variable is assigned to first, by its identity; variables that keep their value are missing."""
+def assigned(everywhere: Iterable[Place]) -> dict[Symbol, str]:
+    """Where each variable is assigned to first; variables that keep their value are missing."""
     everywhere = tuple(everywhere)
-    found: dict[int, str] = {}
+    found: dict[Symbol, str] = {}
     parameters: frozenset[tuple[str, str]] = frozenset()
     while True:
         more: set[tuple[str, str]] = set()
@@ -67,7 +67,7 @@ def assigned(everywhere: Iterable[Place]) -> dict[int, str]:
             if symbol is None:
                 continue
             if symbol.declaration is not None and symbol.declaration.storage != "const":
-                found.setdefault(id(symbol), str(mention.file.source.place(mention.reference.start)))
+                found.setdefault(symbol, str(mention.file.source.place(mention.reference.start)))
             elif symbol.parameter_of:
                 more.add((symbol.parameter_of, symbol.name.lower()))
         if more <= parameters:
@@ -75,9 +75,9 @@ def assigned(everywhere: Iterable[Place]) -> dict[int, str]:
         parameters |= more  # what is handed to these changes too
 
 
-def uses(everywhere: Iterable[Place], values: Values) -> Mapping[int, tuple[Use, ...]]:
-    """All references to each piece of data, by its identity."""
-    found: dict[int, list[Use]] = {}
+def uses(everywhere: Iterable[Place], values: Values) -> Mapping[Symbol, tuple[Use, ...]]:
+    """All references to each piece of data."""
+    found: dict[Symbol, list[Use]] = {}
     for mention in mentions(everywhere):
         symbol = _symbol(mention)
         if symbol is None or symbol.declaration is None:
@@ -87,7 +87,7 @@ def uses(everywhere: Iterable[Place], values: Values) -> Mapping[int, tuple[Use,
         except Unresolved:
             path = None
         use = Use(file=mention.file, start=mention.reference.start, path=path)
-        found.setdefault(id(symbol), []).append(use)
+        found.setdefault(symbol, []).append(use)
     return {key: tuple(value) for key, value in found.items()}
 
 

@@ -40,10 +40,10 @@ class Origin:
 class Values:
     """Reads values, given what is assigned to somewhere in the program."""
 
-    assigned: Mapping[int, str]
-    """By the identity of a symbol: where."""
-    _known: dict[int, Value] = field(default_factory=dict[int, Value])
-    """Values of what is written, by the identity of the node, so that each is computed once."""
+    assigned: Mapping[Symbol, str]
+    """Where, for each symbol."""
+    _known: dict[Expression, Value] = field(default_factory=dict[Expression, Value])
+    """Values of what is written, so that each is computed once."""
 
     def of(self, expression: Expression, scope: Scope, depth: int = 0) -> Value:
         """The value of an expression.
@@ -85,12 +85,10 @@ class Values:
         symbol = scope.find(reference.name.text)
         if symbol is None:
             raise Unresolved(f"'{reference.name.text}' is not declared in the files; pass the module that declares it")
+        if symbol in self.assigned:
+            raise Unresolved(f"'{symbol.name}' is assigned to in {self.assigned[symbol]}, so its value is not known")
         if symbol.obstacle:
             raise Unresolved(symbol.obstacle)
-        if id(symbol) in self.assigned:
-            raise Unresolved(
-                f"'{symbol.name}' is assigned to in {self.assigned[id(symbol)]}, so its value is not known"
-            )
         path, type_ = self.path(reference, symbol, scope, depth)
         node = symbol.declaration.value if symbol.declaration else None
         for item in path:
@@ -143,9 +141,9 @@ class Values:
     def _written(self, node: Expression, symbol: Symbol, depth: int) -> Value:
         if symbol.scope is None:
             raise Unresolved(f"'{symbol.name}' is declared without a value")
-        if id(node) not in self._known:
-            self._known[id(node)] = self.of(node, symbol.scope, depth + 1)
-        return self._known[id(node)]
+        if node not in self._known:
+            self._known[node] = self.of(node, symbol.scope, depth + 1)
+        return self._known[node]
 
     def _of_operation(self, operation: Operation, scope: Scope, depth: int) -> Value:
         if operation.operator == "()":
