@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from taskcal.adaptation.procedure import reference_task
-from taskcal.kinematics.inverse import JUMP, conditioning, find_posture
+from taskcal.kinematics.inverse import JUMP, conditioning, find_posture, solve_near
 from taskcal.kinematics.tracing import STEEPEST, STRIDE, Outcome, Traced, refusals, retrace, trace
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, Harmonics
@@ -103,6 +103,28 @@ def test_a_path_by_the_wrists_singular_posture_is_continuous_or_refused_there(rn
         np.testing.assert_allclose(traced.q[-1], q[-1], atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("aside", "passes"), [(0.0, True), (1e-3, False), (1e-2, False), (0.03, True), (0.1, True), (0.2, True)]
+)
+def test_joints_4_and_6_turn_by_the_singular_posture_as_fast_as_is_stated_and_no_faster(aside, passes):
+    """Aside by an angle, they turn by half a turn while the tool turns by about as much: too fast when the angle is small."""
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    q = np.tile(np.radians([0.0, 10.0, 30.0, 20.0, 0.0, 10.0]), (2000, 1))
+    q[:, 4] = np.linspace(-0.3, 0.3, 2000)
+    q[:, 0] += np.linspace(-0.1, 0.1, 2000)
+    T = model.poses(q)
+    T[:, :3, :3] = T[:, :3, :3] @ Rotation.from_rotvec([0.0, aside, 0.0]).as_matrix()
+    traced = trace(model, T, q[0])
+    both = traced.reached[1:] & traced.reached[:-1]
+    assert np.all((np.abs(np.diff(traced.q, axis=0)).max(axis=1) <= 100.0 * motion(T) + 2e-6)[both])
+    assert traced.reached.all() == passes
+    assert set(traced.outcome) <= {Outcome.REACHED, Outcome.SINGULAR}
+    assert traced.reached.mean() > 0.98
+    if passes:
+        turn = np.abs(traced.q[-1, 3] - traced.q[0, 3])
+        assert turn > 2.0 if aside else turn < 1e-6
+
+
 def test_a_path_that_leaves_the_reach_names_the_poses_and_is_taken_up_again():
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     middle = reference_task().workspace.middle()[0]
@@ -170,6 +192,37 @@ def test_with_seeds_on_two_branches_the_step_between_them_is_solved_anew():
     kept = retrace(model, far, ends)
     assert kept.reached.all()  # the tool moves far: what joins the seeds is the caller's
     assert np.abs(np.diff(kept.q, axis=0)).max() > JUMP
+
+
+def test_seeds_that_change_branch_where_a_limit_ends_the_first_are_refused_there():
+    """Joint 6 comes to its limit; the seeds go on with the wrist turned over. The limit is named."""
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    q = np.tile(np.radians([0.0, 10.0, 40.0, 10.0, 45.0, 0.0]), (100, 1))
+    q[:, 5] = np.radians(np.linspace(350.0, 370.0, 100))
+    over = q[:, 5] > np.radians(360.0) + 1e-6
+    near = q.copy()
+    near[over] += [0.0, 0.0, 0.0, np.pi, 0.0, -np.pi]
+    near[over, 4] *= -1.0
+    traced = retrace(model, model.poses(q), near)
+    first = int(np.argmax(over))
+    assert np.flatnonzero(~traced.reached).tolist() == [first]
+    assert traced.outcome[first] == Outcome.OUTSIDE_LIMITS
+    assert refusals(model.robot, traced)[0][1].startswith("J6 = 360.")
+    np.testing.assert_allclose(traced.q[first + 1 :], near[first + 1 :], atol=1e-7)
+
+
+def test_far_apart_a_seed_that_leads_elsewhere_is_replaced_by_the_straight_way():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    q = np.radians([[0.0, 10.0, 40.0, 10.0, 45.0, 20.0], [15.0, 15.0, 40.0, 10.0, 45.0, 20.0]])
+    near = q.copy()
+    near[1] += [0.0, 0.0, 0.0, 2.0, 0.0, 0.0]
+    elsewhere = solve_near(model, model.poses(q), near).q
+    assert np.abs(elsewhere - near).max() > JUMP
+    traced = retrace(model, model.poses(q), near)
+    assert traced.reached.all()
+    np.testing.assert_allclose(traced.q, q, atol=1e-7)
+    first = retrace(model, model.poses(q[::-1]), near[::-1])
+    assert first.reached.tolist() == [False, True]  # of the first pose there is nothing to start from
 
 
 def test_where_both_ways_never_agree_one_pose_is_refused_and_a_new_stretch_begins(monkeypatch):
