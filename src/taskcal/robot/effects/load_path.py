@@ -43,17 +43,26 @@ class LoadPath:
         shift = robot.four_bar.shift(q, np.zeros(3))
         return cls(coordinates=s + shift.value, by_motor=robot.joint_map.matrix + shift.by_joint, motors=q)
 
-    def columns(self, chain: Chain, point: Float[np.ndarray, " 3"] | None = None) -> Float[np.ndarray, "n 6 motors"]:
-        """Movement of a point at the end of a chain from the base for a turn of each motor: vx vy vz wx wy wz, base axes.
+    def torque(
+        self,
+        chain: Chain,
+        force: Float[np.ndarray, "*n rows"],
+        point: Float[np.ndarray, " 3"] | None = None,
+    ) -> Float[np.ndarray, "n motors"]:
+        """Torque on every motor, newton metres (newtons where it slides), of a force at the end of a chain, by virtual work.
 
-        By virtual work its transpose gives the motors' torques under a force and a moment at the point.
+        Args:
+            chain: from the base to where the force acts.
+            force: newtons, in base axes, at all poses or at each; with six rows the moment behind it, newton metres.
+            point: where it acts in the frame of the chain's end, metres; its origin by default.
         """
         if not chain.joints:
-            return np.zeros((len(self.coordinates), 6, self.by_motor.shape[2]))
+            return np.zeros(self.motors.shape)
         own = np.ascontiguousarray(self.coordinates[:, : chain.joints])
-        layout = walk.Columns.of_joints(chain)
-        J = walk.columns(chain, own, np.zeros((0, 6)), layout, np.ones_like(own), angular=True, point=point)
-        return J @ self.by_motor[:, : chain.joints]
+        layout, angular = walk.Columns.of_joints(chain), force.shape[-1] == 6
+        J = walk.columns(chain, own, np.zeros((0, 6)), layout, np.ones_like(own), angular=angular, point=point)
+        at_coordinates = np.einsum("...r,...rc->...c", force, J)
+        return np.einsum("nc,ncm->nm", at_coordinates, self.by_motor[:, : chain.joints])
 
 
 def drive(robot: Robot) -> Float[np.ndarray, "coordinates motors"]:

@@ -51,9 +51,7 @@ def yield_under_lumped_weights(robot: Robot, motors: Sequence[int], tolerance: f
 
 def _levers(robot: Robot, chains: Sequence[Chain], path: LoadPath) -> Float[np.ndarray, "n points motors"]:
     """How far the end of each chain goes down for a turn of each motor, metres per radian."""
-    return np.stack(
-        [np.einsum("i,nim->nm", robot.statics.gravity, path.columns(chain)[:, :3]) for chain in chains], axis=1
-    )
+    return np.stack([path.torque(chain, robot.statics.gravity) for chain in chains], axis=1)
 
 
 def _is_new(column: Float[np.ndarray, " n"], others: list[Float[np.ndarray, " n"]]) -> bool:

@@ -41,16 +41,15 @@ def motor_torque(robot: Robot, load: Load) -> Torque:
     rest = robot.joint_map.offset
 
     def torque(path: LoadPath) -> Float[np.ndarray, "n motors"]:
-        out = np.zeros((len(path.motors), path.by_motor.shape[2]))
+        out = np.zeros(path.motors.shape)
         for weight in weights:
-            J = path.columns(weight.chain, np.array(weight.body.centre))
-            out += weight.body.mass * np.einsum("i,nim->nm", down, J[:, :3])
+            out += path.torque(weight.chain, weight.body.mass * down, np.array(weight.body.centre))
         if wrench.any():
-            pushed = np.broadcast_to(wrench, (len(out), 6))
+            pushed = wrench
             if load.axes == "tool":
                 R = walk.poses(tool, path.coordinates, np.zeros((0, 6)))[:, :3, :3]
-                pushed = (R[:, None] @ pushed.reshape(-1, 2, 3, 1)).reshape(-1, 6)
-            out += np.einsum("ni,nim->nm", pushed, path.columns(tool))
+                pushed = np.concatenate([R @ wrench[:3], R @ wrench[3:]], axis=1)
+            out += path.torque(tool, pushed)
         if spring is not None:
             turn = path.coordinates[:, spring.joint] - rest[spring.joint]
             out += spring.torque(turn)[:, None] * path.by_motor[:, spring.joint]
