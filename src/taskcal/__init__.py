@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from taskcal.programs.reading import read_program as read_program
     from taskcal.robot.catalogue import catalogue_names as catalogue_names
     from taskcal.robot.catalogue import load_robot as load_robot
+    from taskcal.robot.conditions import Conditions as Conditions
     from taskcal.robot.dh_table import read_dh_table as read_dh_table
     from taskcal.robot.effects import Backlash as Backlash
     from taskcal.robot.effects import Compliance as Compliance
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
     from taskcal.robot.effects import EncoderGain as EncoderGain
     from taskcal.robot.effects import Harmonics as Harmonics
     from taskcal.robot.effects import MotorHarmonics as MotorHarmonics
+    from taskcal.robot.effects import Settling as Settling
     from taskcal.robot.effects import Spring as Spring
     from taskcal.robot.error_model import ErrorModel as ErrorModel
     from taskcal.robot.load import Load as Load
@@ -77,6 +79,7 @@ _HOME = {
     "Compliance": "robot.effects",
     "correct": "correction.correct",
     "Correction": "correction.correction",
+    "Conditions": "robot.conditions",
     "Coupling": "robot.effects",
     "EncoderGain": "robot.effects",
     "ErrorModel": "robot.error_model",
@@ -93,6 +96,7 @@ _HOME = {
     "Registration": "measurement.registration",
     "Robot": "robot.robot",
     "Selection": "adaptation.selection",
+    "Settling": "robot.effects",
     "Spring": "robot.effects",
     "Squared": "estimation.loss",
     "Study": "adaptation.study",

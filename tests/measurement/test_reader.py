@@ -329,13 +329,17 @@ APPROACH = f"{HEADER},J1_approach,Elbow_approach,J3_approach"
 
 def test_the_approach_is_read_or_else_taken_from_the_order_of_the_rows(tmp_path):
     rows = ["a,10,20,300,1,2,3", "b,20,20,200,1,2,3", "c,15,30,200,1,2,3"]
-    np.testing.assert_array_equal(
-        read_campaign(write(tmp_path, rows=rows), ROBOT).approach, [[0, 0, 0], [1, 0, -1], [-1, 1, -1]]
-    )
+    ordered = read_campaign(write(tmp_path, rows=rows), ROBOT)
+    np.testing.assert_array_equal(ordered.approach, [[0, 0, 0], [1, 0, -1], [-1, 1, -1]])
+    np.testing.assert_allclose(ordered.move * [180 / np.pi, 180 / np.pi, 1e3], [[0, 0, 0], [10, 0, -100], [-5, 10, 0]])
     stated = [f"{row},{way}" for row, way in zip(rows, ("1,0,-1", "-1,-1,1", "0,+1,1"), strict=True)]
     np.testing.assert_array_equal(
         read_campaign(write(tmp_path, APPROACH, stated), ROBOT).approach, [[1, 0, -1], [-1, -1, 1], [0, 1, 1]]
     )
+    moves = f"{HEADER},J1_move_deg,q2_move_rad,slide_move_mm"
+    moved = read_campaign(write(tmp_path, moves, [f"{row},-90,0.5,0" for row in rows]), ROBOT)
+    np.testing.assert_allclose(moved.move, np.tile([-np.pi / 2, 0.5, 0.0], (3, 1)))
+    np.testing.assert_array_equal(moved.approach, np.tile([-1, 1, 0], (3, 1)))
 
 
 @pytest.mark.parametrize(
@@ -357,10 +361,15 @@ def test_ids_that_count_tell_where_rows_were_left_out(tmp_path, ids, known):
 @pytest.mark.parametrize(
     ("header", "row", "message"),
     [
-        (f"{HEADER},J1_approach", "a,0,0,0,1,2,3,1", r"approach of some joints but not of Elbow; give Elbow_approach"),
+        (
+            f"{HEADER},J1_approach",
+            "a,0,0,0,1,2,3,1",
+            r"has 'J1_approach' but no column 'Elbow_approach'; give it, with 0",
+        ),
         (APPROACH, "a,0,0,0,1,2,3,1,0.5,0", r":2: column 'Elbow_approach': 0.5 is no way of approach; give 1"),
         (APPROACH, "a,0,0,0,1,2,3,1,,0", r":2: column 'Elbow_approach': the cell is empty; give 1, -1, or 0"),
-        (f"{APPROACH},q1_approach", "a,0,0,0,1,2,3,1,0,0,1", r"approach of joint J1 is given twice"),
+        (f"{APPROACH},q1_approach", "a,0,0,0,1,2,3,1,0,0,1", r"the same of joint J1 is given twice"),
+        (f"{HEADER},J1_move_deg,Elbow_move_deg", "a,0,0,0,1,2,3,1,1", r"but no column 'slide_move_mm'"),
         (f"{HEADER},J4_approach", "a,0,0,0,1,2,3,1", r"unknown column 'J4_approach'; .* J1_approach …"),
     ],
 )

@@ -27,6 +27,7 @@ def test_a_written_campaign_reads_back_to_a_nanometre(tmp_path, kind):
         nests={"base1": rng.normal(size=(6, 3))},
         temperature=rng.uniform(18, 25, 6),
         approach=rng.choice([-1.0, 0.0, 1.0], (6, 2)),
+        move=rng.normal(size=(6, 2)),
     )
     path = tmp_path / "campaign.csv"
     write_campaign(path, campaign, ROBOT)
@@ -38,5 +39,6 @@ def test_a_written_campaign_reads_back_to_a_nanometre(tmp_path, kind):
     np.testing.assert_allclose(again.nests["base1"], campaign.nests["base1"], atol=1e-9)
     np.testing.assert_allclose(again.temperature, campaign.temperature, atol=1e-3)
     np.testing.assert_array_equal(again.approach, campaign.approach)
+    np.testing.assert_allclose(again.move, campaign.move, atol=1e-9)
     if rotations is not None:
         np.testing.assert_allclose(again.rotations[campaign.valid[:, 0]], rotations[campaign.valid[:, 0]], atol=1e-9)

@@ -1,6 +1,6 @@
 import numpy as np
 
-from taskcal.robot.approach import approach_in_order, drive_motion
+from taskcal.robot.approach import conditions_in_order, drive_motion
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.file import robot_from
 
@@ -13,28 +13,38 @@ def arm(*angles, signs=()):
 def test_a_drive_keeps_its_way_until_it_moves_again():
     robot = arm("J1", "J2")
     q = np.radians([[0, 0], [10, 0], [10, -5], [5, -5], [5.001, -5]])
-    np.testing.assert_array_equal(approach_in_order(robot, q), [[0, 0], [1, 0], [1, -1], [-1, -1], [-1, -1]])
+    np.testing.assert_array_equal(conditions_in_order(robot, q).approach, [[0, 0], [1, 0], [1, -1], [-1, -1], [-1, -1]])
 
 
 def test_behind_a_gap_nothing_is_known_until_a_drive_moves():
     robot = arm("J1", "J2")
     q = np.radians([[0, 0], [10, 10], [20, 20], [30, 20], [20, 30]])
     follows = np.array([False, True, False, True, True])
-    np.testing.assert_array_equal(approach_in_order(robot, q, follows), [[0, 0], [1, 1], [0, 0], [1, 0], [-1, 1]])
+    np.testing.assert_array_equal(
+        conditions_in_order(robot, q, follows).approach, [[0, 0], [1, 1], [0, 0], [1, 0], [-1, 1]]
+    )
 
 
 def test_reversed_joints_count_in_the_controllers_sense():
     q = np.radians([[0.0], [10.0]])
-    assert approach_in_order(arm("-J1"), q)[1, 0] == 1.0
+    assert conditions_in_order(arm("-J1"), q).approach[1, 0] == 1.0
 
 
 def test_the_drive_of_a_coupled_joint_turns_with_the_joint_it_stands_on():
     """θ3 = −(J2 + J3): when J2 alone moves, the third drive has to turn as well."""
     robot = arm("J1", "J2", "-(J2 + J3)")
     q = np.radians([[0, 0, 0], [0, 10, 0], [0, 20, -15]])
-    np.testing.assert_array_equal(approach_in_order(robot, q), [[0, 0, 0], [0, 1, 1], [0, 1, -1]])
+    np.testing.assert_array_equal(conditions_in_order(robot, q).approach, [[0, 0, 0], [0, 1, 1], [0, 1, -1]])
 
 
 def test_behind_a_parallelogram_the_controller_counts_motors():
     robot = load_robot("abb-irb6660-205-1.9")
     np.testing.assert_array_equal(drive_motion(robot), np.eye(6))
+
+
+def test_moves_are_those_of_the_drives_and_nil_behind_a_gap():
+    robot = arm("J1", "-J2", "J2 + J3")
+    q = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, 0.3], [0.2, 0.2, 0.2]])
+    np.testing.assert_allclose(conditions_in_order(robot, q).move, [[0, 0, 0], [0.1, 0.2, 0.5], [0.1, 0.0, -0.1]])
+    follows = np.array([False, True, False])
+    np.testing.assert_array_equal(conditions_in_order(robot, q, follows).move[2], 0.0)

@@ -3,24 +3,24 @@ import pytest
 
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects import Backlash, effect_from
+from taskcal.robot.effects import Backlash, Settling, effect_from
 from taskcal.robot.error_model import ErrorModel
 
 B = 4e-4
 
 
-def with_backlash(name: str, joint: str) -> tuple[ErrorModel, np.ndarray, np.ndarray]:
+def with_backlash(name: str, joint: int) -> tuple[ErrorModel, np.ndarray, np.ndarray]:
     """A model, positions, and parameters nil but for the backlash of one joint."""
     model = ErrorModel(load_robot(name)) + Backlash()
     limits = np.clip(model.robot.limits, -0.5, 0.5)
     q = np.random.default_rng(0).uniform(limits[:, 0], limits[:, 1], (10, len(limits)))
     x = np.zeros(len(model))
-    x[model.names.index(f"{joint}.backlash")] = B
+    x[model.names.index(f"{model.robot.joint_names[joint]}.backlash")] = B
     return model, q, x
 
 
 def test_from_above_and_below_a_joint_stops_on_either_side_of_the_middle():
-    model, q, x = with_backlash("ur5", "J2")
+    model, q, x = with_backlash("ur5", 1)
     turned = np.eye(6)[1] * B
     for side in (1.0, -1.0):
         reached = model.poses(q, x, Conditions(approach=np.full(q.shape, side)))
@@ -35,7 +35,7 @@ COUPLED = "fanuc-r2000ic-165f"
 @pytest.mark.parametrize("name", [name for name in catalogue_names() if name != COUPLED])
 def test_lost_motion_is_that_of_the_motor(name):
     """Behind a parallelogram too."""
-    model, q, x = with_backlash(name, "J3")
+    model, q, x = with_backlash(name, 2)
     approach = np.random.default_rng(1).choice([-1.0, 0.0, 1.0], q.shape)
     reached = model.poses(q, x, Conditions(approach=approach))
     turned = np.zeros_like(q)
@@ -45,12 +45,23 @@ def test_lost_motion_is_that_of_the_motor(name):
 
 def test_where_only_the_controller_counts_joints_together_a_drive_moves_its_own_axis_alone():
     """The FANUC's third angle is −(J2 + J3): its second drive's lost motion is one of J2 that J3 takes back."""
-    model, q, x = with_backlash(COUPLED, "J2")
+    model, q, x = with_backlash(COUPLED, 1)
     turned = np.zeros_like(q)
     turned[:, 1], turned[:, 2] = B, -B
     reached = model.poses(q, x, Conditions(approach=np.ones_like(q)))
     np.testing.assert_allclose(reached, model.poses(q + turned), atol=1e-14)
 
 
+def test_a_rest_of_the_move_is_in_proportion_to_it():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9")) + Settling()
+    rng = np.random.default_rng(2)
+    q, move = rng.uniform(-0.3, 0.3, (10, 6)), rng.normal(size=(10, 6))
+    x = np.zeros(len(model))
+    x[-6:] = rng.normal(scale=1e-4, size=6)
+    np.testing.assert_allclose(model.poses(q, x, Conditions(move=move)), model.poses(q + move * x[-6:]), atol=1e-6)
+    np.testing.assert_array_equal(model.poses(q, x, Conditions(approach=np.sign(move))), model.poses(q))
+
+
 def test_backlash_survives_its_description():
+    assert effect_from(Settling(joints=("J1",)).to_json()) == Settling(joints=("J1",))
     assert effect_from(Backlash(joints=("J1", "J4")).to_json()) == Backlash(joints=("J1", "J4"))

@@ -19,6 +19,7 @@ from taskcal.robot.effects import (
     EncoderGain,
     Harmonics,
     MotorHarmonics,
+    Settling,
     Spring,
 )
 
@@ -30,7 +31,10 @@ REPEATED = 4
 
 _HARMONICS = re.compile(r"harmonics:(\d+)(?:-(\d+))?$")
 _HIGHEST = 200
-_KNOWN = "backlash, compliance, coupling, gain, harmonics (orders 1 and 2), harmonics:1-4, motor, periodic (orders 3 to 30), spring"
+_KNOWN = (
+    "backlash, compliance, coupling, gain, harmonics (orders 1 and 2), harmonics:1-4, motor, periodic (orders 3 to 30), "
+    "settling, spring"
+)
 
 
 def read_effects(text: str) -> list[Effect] | None:
@@ -54,6 +58,7 @@ def _effect(name: str) -> Effect:
         "harmonics": Harmonics(),
         "motor": MotorHarmonics(),
         "periodic": PERIODIC,
+        "settling": Settling(),
         "spring": Spring(),
     }
     if name in known:

@@ -94,7 +94,7 @@ def command(
             metavar="auto|none|LIST",
             help="What the joints do beside the geometry: 'auto' takes what the data prove; or add, unproven, backlash, "
             "compliance, coupling, gain, harmonics (orders 1 and 2), harmonics:1-4, motor, periodic (orders 3 to 30), "
-            "spring. None by default.",
+            "settling, spring. None by default.",
         ),
     ] = "none",
     field: Annotated[

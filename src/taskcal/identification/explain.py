@@ -29,6 +29,7 @@ from taskcal.robot.effects import (
     EncoderGain,
     Harmonics,
     MotorHarmonics,
+    Settling,
     Spring,
 )
 from taskcal.robot.error_model import ErrorModel
@@ -43,6 +44,7 @@ CANDIDATES: tuple[Effect, ...] = (
     Compliance(),
     PERIODIC,
     Backlash(),
+    Settling(),
     Coupling(),
     Spring(),
     MotorHarmonics(),
@@ -121,8 +123,8 @@ def explain(
         campaign: the measurements.
         effects: those to add without proof; by default the candidates are tried.
         field: try a residual field.
-        candidates: effects that compete; by default those of `CANDIDATES` that suit the robot. Backlash competes only where
-            the campaign has the ways of approach.
+        candidates: effects that compete; by default those of `CANDIDATES` that suit the robot. Backlash and settling
+            compete only where the campaign has the ways to its rows.
         folds: of the cross-validation.
         seed: of its folds.
         progress: told what is being done.
@@ -157,7 +159,8 @@ def explain(
             best, left = trial, errors
     else:
         suitable = [c for c in CANDIDATES if c.suits(model.robot)] if candidates is None else candidates
-        able = [c for c in suitable if campaign.approach is not None or not isinstance(c, Backlash)]
+        ways: dict[type[Effect], np.ndarray | None] = {Backlash: campaign.approach, Settling: campaign.move}
+        able = [c for c in suitable if type(c) not in ways or ways[type(c)] is not None]
         found = _search(model, campaign, able, parts, best, left, options, progress)
         best, left, model, options, added, tried = found
         stages += tried
@@ -265,6 +268,7 @@ def _label(effect: Effect) -> str:
     named = {
         "EncoderGain": "encoder gain",
         "Backlash": "backlash",
+        "Settling": "settling",
         "Harmonics": "gear harmonics",
         "MotorHarmonics": "motor harmonics",
         "Compliance": "compliance",

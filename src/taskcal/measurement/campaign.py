@@ -35,6 +35,8 @@ class Campaign:
     """Degrees Celsius; NaN where unknown."""
     approach: Float[np.ndarray, "n joints"] | None = None
     """Way in which each joint's drive turned last before the row: 1 where its value grew, −1 where it fell, 0 unknown."""
+    move: Float[np.ndarray, "n joints"] | None = None
+    """How far each joint's drive turned on the way to the row, radians (metres where it slides); 0 where unknown."""
     source: str = ""
     """File the campaign was read from."""
 
@@ -47,6 +49,7 @@ class Campaign:
             "uncertainty": (self.uncertainty, (n, targets)),
             "temperature": (self.temperature, (n,)),
             "approach": (self.approach, self.q.shape),
+            "move": (self.move, self.q.shape),
             **{f"nest {name}": (points, (n, 3)) for name, points in self.nests.items()},
         }
         for name, (array, shape) in shapes.items():
@@ -70,8 +73,8 @@ class Campaign:
 
     @property
     def conditions(self) -> Conditions:
-        """What is known of each row beside its joint positions."""
-        return Conditions(approach=self.approach, temperature=self.temperature)
+        """What is known of the way to each row."""
+        return Conditions(approach=self.approach, move=self.move)
 
     @cached_property
     def digest(self) -> str:

@@ -11,7 +11,8 @@ from taskcal.csv_table import CsvTable, read_csv
 from taskcal.errors import FileError
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
-from taskcal.robot.approach import approach_in_order
+from taskcal.robot.approach import conditions_in_order
+from taskcal.robot.conditions import Conditions
 from taskcal.robot.robot import Robot
 
 _POINT = re.compile(r"(?:(?P<name>.+)_)?(?P<axis>[xyz])_(?P<unit>mm|m|um|in)$")
@@ -32,11 +33,11 @@ def read_campaign(
     Columns: ``id``; joints as ``J1_deg``, ``q1_deg``, ``q1_rad`` or the robot's own joint names with ``_deg`` or
     ``_rad`` (``_mm`` where a joint slides); one target as ``x_mm y_mm z_mm``, several as ``NAME_x_mm …``, or a pose with
     ``qx qy qz qw``; optionally ``u_mm`` or ``NAME_u_mm`` (standard uncertainty per axis), ``temp_C``, and for each joint
-    ``J1_approach``, the way its drive turned last (1 up, −1 down, 0 unknown). Letter case does not matter. A target whose
-    three cells are all empty or all zero is a lost beam.
+    ``J1_approach``, the way its drive turned last (1 up, −1 down, 0 unknown), and ``J1_move_deg``, how far. Letter case
+    does not matter. A target whose three cells are all empty or all zero is a lost beam.
 
-    Without columns of approach the rows are taken in the order of measurement. Where their ids are rising whole numbers, a
-    step larger than the usual one says that rows were left out, and the approach is unknown there.
+    Without such columns the rows are taken in the order of measurement. Where their ids are rising whole numbers, a step
+    larger than the usual one says that rows were left out, and the way is unknown there.
 
     Args:
         path: the CSV.
@@ -73,9 +74,7 @@ def read_campaign(
     if "temp_c" in names:
         used.add("temp_c")
         temperature = table.numbers(names["temp_c"], empty=True)
-    approach = _approach(table, names, robot, used)
-    if approach is None:
-        approach = approach_in_order(robot, q, _follows(ids))
+    conditions = _conditions(table, names, robot, used, q, ids)
     unknown = [name for lower, name in names.items() if lower not in used]
     if unknown:
         raise FileError(
@@ -105,7 +104,8 @@ def read_campaign(
         uncertainty=uncertainty,
         nests={name: found[name] for name in nest_names},
         temperature=temperature,
-        approach=approach,
+        approach=conditions.approach,
+        move=conditions.move,
         source=Path(path).name,
     )
 
@@ -161,36 +161,52 @@ def _joints(table: CsvTable, names: dict[str, str], robot: Robot, used: set[str]
     return np.stack(columns, axis=1)
 
 
-def _approach(
-    table: CsvTable, names: dict[str, str], robot: Robot, used: set[str]
-) -> Float[np.ndarray, "n joints"] | None:
-    """Columns of approach; None where there are none."""
+def _conditions(
+    table: CsvTable,
+    names: dict[str, str],
+    robot: Robot,
+    used: set[str],
+    q: Float[np.ndarray, "n joints"],
+    ids: tuple[str, ...],
+) -> Conditions:
+    """How each row was reached: by columns, or else by the order of the rows."""
+    ways = [("approach",)] * len(robot.joints)
+    approach, columns = _of_joints(table, names, robot, used, ways, "give 1, -1, or 0 where it is unknown")
+    if approach is not None:
+        for row, j in zip(*np.nonzero(~np.isin(approach, (-1.0, 0.0, 1.0))), strict=True):
+            message = f"{approach[row, j]:g} is no way of approach; give 1 (the joint's value grew), -1 (it fell), or 0 (unknown)"
+            raise table.error(message, int(row), columns[j])
+    moves = [("move_mm", "move_m") if slides else ("move_deg", "move_rad") for slides in robot.prismatic]
+    move, columns = _of_joints(table, names, robot, used, moves, "give the last move, or 0 where it is unknown")
+    if move is None and approach is None:
+        return conditions_in_order(robot, q, _follows(ids))
+    if move is not None:
+        move *= [_JOINT_UNITS[column.lower().rpartition("_")[2]] for column in columns]
+        approach = np.sign(move) if approach is None else approach
+    return Conditions(approach=approach, move=move)
+
+
+def _of_joints(
+    table: CsvTable, names: dict[str, str], robot: Robot, used: set[str], kinds: list[tuple[str, ...]], remedy: str
+) -> tuple[Float[np.ndarray, "n joints"] | None, list[str]]:
+    """A number of each joint, in columns such as ``J1_approach``, and the columns' names; None where there are none."""
     columns: list[str | None] = []
-    for number, joint in enumerate(robot.joint_names, start=1):
-        spellings = dict.fromkeys(f"{s.lower()}_approach" for s in (joint, f"J{number}", f"q{number}"))
-        found = [s for s in spellings if s in names]
+    for number, (joint, suffixes) in enumerate(zip(robot.joint_names, kinds, strict=True), start=1):
+        spellings = dict.fromkeys(s.lower() for s in (joint, f"J{number}", f"q{number}"))
+        found = [names[c] for s in spellings for u in suffixes if (c := f"{s}_{u}") in names]
         if len(found) > 1:
-            both = " and ".join(repr(names[c]) for c in found)
-            raise FileError(table.path, f"the approach of joint {joint} is given twice, by {both}; keep one", line=1)
+            both = " and ".join(map(repr, found))
+            raise FileError(table.path, f"the same of joint {joint} is given twice, by {both}; keep one", line=1)
         columns.append(found[0] if found else None)
     stated = [c for c in columns if c is not None]
-    if not stated:
-        return None
-    if len(stated) < len(columns):
-        without = robot.joint_names[columns.index(None)]
+    if stated and len(stated) < len(columns):
+        j = columns.index(None)
+        wanted = f"{robot.joint_names[j]}_{kinds[j][0]}"
         raise FileError(
-            table.path,
-            f"states the approach of some joints but not of {without}; give {without}_approach, 0 where it is unknown",
-            line=1,
+            table.path, f"has '{stated[0]}' but no column '{wanted}'; give it, with 0 where it is unknown", line=1
         )
-    used.update(stated)
-    out = np.stack([table.numbers(names[c], remedy="give 1, -1, or 0 where it is unknown") for c in stated], axis=1)
-    for row, j in zip(*np.nonzero(~np.isin(out, (-1.0, 0.0, 1.0))), strict=True):
-        message = (
-            f"{out[row, j]:g} is no way of approach; give 1 (the joint's value grew), -1 (it fell), or 0 (unknown)"
-        )
-        raise table.error(message, int(row), names[stated[j]])
-    return out
+    used.update(c.lower() for c in stated)
+    return np.stack([table.numbers(c, remedy=remedy) for c in stated], axis=1) if stated else None, stated
 
 
 def _follows(ids: tuple[str, ...]) -> Bool[np.ndarray, " n"] | None:

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.tracker import TrackerNoise
-from taskcal.robot.approach import approach_in_order
+from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
 
@@ -93,7 +93,7 @@ def simulate(
     )
     q = np.asarray(q, dtype=float)
     if conditions is None and model.conditioned:
-        conditions = Conditions(approach=approach_in_order(model.robot, q))
+        conditions = conditions_in_order(model.robot, q)
     T = truth.poses(q, conditions)
     points = T[..., :3, 3]
     factor = np.linalg.cholesky(noise.covariance(points))
@@ -110,7 +110,7 @@ def simulate(
         points=points,
         rotations=rotations,
         approach=None if conditions is None else conditions.approach,
-        temperature=None if conditions is None else conditions.temperature,
+        move=None if conditions is None else conditions.move,
         source="virtual cell",
     )
     return campaign, truth

@@ -41,9 +41,11 @@ def write_campaign(path: str | Path, campaign: Campaign, robot: Robot) -> None:
         header.append("temp_C")
         columns.append(_texts(campaign.temperature, 3))
     if campaign.approach is not None:
-        for j, name in enumerate(robot.joint_names):
-            header.append(f"{name}_approach")
-            columns.append(_texts(campaign.approach[:, j], 0))
+        header += [f"{name}_approach" for name in robot.joint_names]
+        columns += [_texts(campaign.approach[:, j], 0) for j in range(len(robot.joints))]
+    if campaign.move is not None:
+        more, moved = _joint_columns(campaign.move, robot, "_move")
+        header, columns = header + more, columns + moved
     _write(path, ["id", *header], [list(campaign.ids), *columns])
 
 
@@ -57,9 +59,10 @@ def write_joints(path: str | Path, q: Float[np.ndarray, "n joints"], robot: Robo
     _write(path, ["id", *header], [[str(i) for i in range(len(q))], *columns])
 
 
-def _joint_columns(q: np.ndarray, robot: Robot) -> tuple[list[str], list[list[str]]]:
+def _joint_columns(q: np.ndarray, robot: Robot, kind: str = "") -> tuple[list[str], list[list[str]]]:
     header = [
-        f"{name}_{'mm' if slides else 'deg'}" for name, slides in zip(robot.joint_names, robot.prismatic, strict=True)
+        f"{name}{kind}_{'mm' if slides else 'deg'}"
+        for name, slides in zip(robot.joint_names, robot.prismatic, strict=True)
     ]
     scale = np.where(robot.prismatic, 1e3, 180 / np.pi)
     return header, [_texts(q[:, j] * scale[j], 9) for j in range(q.shape[1])]

@@ -1,8 +1,9 @@
-"""From which side each joint reached a pose, where poses were reached one after another."""
+"""How each drive came to a pose, where poses were reached one after another."""
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from taskcal.robot.conditions import Conditions
 from taskcal.robot.robot import Robot
 
 STILL = 1e-4
@@ -25,25 +26,20 @@ def drive_motion(robot: Robot) -> Float[np.ndarray, "joints joints"]:
     return robot.joint_map.matrix * own_sense(robot)[:, None]
 
 
-def approach_in_order(
+def conditions_in_order(
     robot: Robot, q: Float[np.ndarray, "n joints"], follows: Bool[np.ndarray, " n"] | None = None
-) -> Float[np.ndarray, "n joints"]:
-    """The way each drive turned last; a drive that stood still keeps its way.
+) -> Conditions:
+    """The last move of each drive, and its way; a drive that stood still keeps its way.
 
     Args:
         robot: the robot.
         q: joint positions in the order in which they were reached, radians.
         follows: whether a pose was reached from the one before it; all but the first by default. After a gap nothing is
             known of a drive until it moves.
-
-    Returns:
-        1, −1, or 0 where unknown.
     """
-    motion = np.diff(q, axis=0, prepend=q[:1]) @ drive_motion(robot).T
-    way = np.where(np.abs(motion) > STILL, np.sign(motion), 0.0)
-    for i in range(len(q)):
-        if i == 0 or (follows is not None and not follows[i]):
-            way[i] = 0.0
-        else:
-            way[i] = np.where(way[i] == 0.0, way[i - 1], way[i])
-    return way
+    reached = np.arange(len(q)) > 0 if follows is None else follows & (np.arange(len(q)) > 0)
+    move = np.where(reached[:, None], np.diff(q, axis=0, prepend=q[:1]) @ drive_motion(robot).T, 0.0)
+    approach = np.where(np.abs(move) > STILL, np.sign(move), 0.0)
+    for i in np.flatnonzero(reached):
+        approach[i] = np.where(approach[i] == 0.0, approach[i - 1], approach[i])
+    return Conditions(approach=approach, move=move)

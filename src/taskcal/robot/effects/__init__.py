@@ -13,4 +13,5 @@ from taskcal.robot.effects.encoder_gain import EncoderGain as EncoderGain
 from taskcal.robot.effects.harmonics import Harmonics as Harmonics
 from taskcal.robot.effects.linear_term import LinearTerm as LinearTerm
 from taskcal.robot.effects.motor_harmonics import MotorHarmonics as MotorHarmonics
+from taskcal.robot.effects.settling import Settling as Settling
 from taskcal.robot.effects.spring import Spring as Spring

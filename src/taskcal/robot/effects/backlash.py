@@ -3,13 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
-from taskcal.robot.approach import own_sense
-from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects.effect import Effect
 from taskcal.robot.effects.linear_term import LinearTerm
-from taskcal.robot.effects.load_path import drive
+from taskcal.robot.effects.way_term import at_drives
 from taskcal.robot.robot import Robot
 
 
@@ -23,22 +20,6 @@ class Backlash(Effect):
     def term(self, robot: Robot) -> LinearTerm:
         """Parameters ``J2.backlash``, half the lost motion, radians: beyond the middle if positive, short of it if negative."""
         joints = np.array(self.chosen(robot), dtype=np.int64)
-        turned = drive(robot) if robot.four_bar is not None else np.diag(own_sense(robot))
-        parameter, coordinate = np.nonzero(turned[:, joints].T)
-        gear = turned[coordinate, joints[parameter]]
-
-        def middle(q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n pairs"]:
-            return np.zeros((len(q), len(gear)))
-
-        def given(q: Float[np.ndarray, "n joints"], conditions: Conditions) -> Float[np.ndarray, "n pairs"]:
-            return middle(q) if conditions.approach is None else conditions.approach[:, joints[parameter]] * gear
-
-        return LinearTerm(
-            names=tuple(f"{robot.joint_names[j]}.backlash" for j in joints),
-            units=tuple("m" if robot.prismatic[j] else "rad" for j in joints),
-            tolerances=(self.tolerance,) * len(joints),
-            pairs=np.stack([coordinate, parameter], axis=1),
-            coordinates=len(robot.joints),
-            basis=middle,
-            given=given,
-        )
+        names = [f"{robot.joint_names[j]}.backlash" for j in joints]
+        units = ["m" if robot.prismatic[j] else "rad" for j in joints]
+        return at_drives(names, units, robot, joints, self.tolerance, lambda conditions: conditions.approach)

@@ -11,10 +11,12 @@ from taskcal.robot.effects.effect import Effect
 from taskcal.robot.effects.encoder_gain import EncoderGain
 from taskcal.robot.effects.harmonics import Harmonics
 from taskcal.robot.effects.motor_harmonics import MotorHarmonics
+from taskcal.robot.effects.settling import Settling
 from taskcal.robot.effects.spring import Spring
 
 EFFECTS: Mapping[str, type[Effect]] = {
-    kind.__name__: kind for kind in (Harmonics, MotorHarmonics, EncoderGain, Coupling, Compliance, Spring, Backlash)
+    kind.__name__: kind
+    for kind in (Harmonics, MotorHarmonics, EncoderGain, Coupling, Compliance, Spring, Backlash, Settling)
 }
 
 
