@@ -73,6 +73,19 @@ def test_under_a_cut_the_robot_goes_where_its_calibration_under_gravity_says(rob
     np.testing.assert_array_equal(again.predict(q), cut.predict(q))
 
 
+def test_a_drive_that_yields_against_its_load_is_remarked(robot):
+    rng = np.random.default_rng(3)
+    model = ErrorModel(robot) + Compliance(load=HEAVY)
+    x = draw_defects(model, rng)
+    for sign, remarked in ((1.0, 0), (-1.0, 1)):
+        x[-6:] = TRUE * [1, 1, sign, 1, 1, 1]
+        campaign, _ = simulate(model, poses(rng, 60), rng=rng, x=x)
+        remarks = [text for text in identify(model, campaign).remarks if "compliance" in text]
+        assert len(remarks) == remarked
+    assert remarks[0].startswith("the compliance of J3 is -1.")
+    assert "µrad/Nm, but no drive yields against its load" in remarks[0]
+
+
 def test_every_effect_is_kept_in_a_calibrations_file(robot, tmp_path):
     model = ErrorModel(robot) + Compliance(load=CUT) + Coupling(pairs=(("J4", "J5"),))
     rng = np.random.default_rng(1)

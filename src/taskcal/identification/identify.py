@@ -35,6 +35,9 @@ Estimate = Literal["estimate"]
 WIDE = 5.0
 """A prior scale above this calls for a look at the robot file."""
 
+CERTAIN = 3.0
+"""Standard errors below nil from which on a compliance is called negative."""
+
 ROUNDS = 60
 """Of fit and hyperparameters in turn, at most."""
 
@@ -428,7 +431,25 @@ def _remarks(found: _Found, frames: FrameLayout, campaign: Campaign, has_prior: 
         out.append("model error and prior scale had not settled when the search for them ended")
     if found.hyper.variances[0] == 0.0 and measured < 2 * len(frames.names):
         out.append("no model error could be told from so few rows, so the stated uncertainty leaves it out")
-    return tuple(out)
+    return (*out, *_negative_compliances(found, frames))
+
+
+def _negative_compliances(found: _Found, frames: FrameLayout) -> list[str]:
+    """Drives that would yield against their load, beyond doubt."""
+    out: list[str] = []
+    for joint, stiffness in zip(frames.model.robot.joint_names, frames.model.robot.statics.stiffness, strict=True):
+        name = f"{joint}.compliance"
+        if name not in frames.names:
+            continue
+        i, unit = frames.names.index(name), frames.model.parameters[frames.model.names.index(name)].shown
+        total = found.solution.z[i] + (0.0 if stiffness is None else 1.0 / stiffness)
+        error = float(np.sqrt(found.posterior[i, i]))
+        if total < -CERTAIN * error:
+            out.append(
+                f"the compliance of {joint} is {total * unit.factor:.3g} ± {error * unit.factor:.2g} {unit.name}, but no drive "
+                "yields against its load: something else there has the shape of gravity; do not predict other loads with it"
+            )
+    return out
 
 
 def _studentise(
