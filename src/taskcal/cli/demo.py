@@ -10,12 +10,23 @@ from taskcal.cli.output import started_as
 
 if TYPE_CHECKING:
     from taskcal.adaptation.procedure import Errors, Procedure
+    from taskcal.robot.robot import Robot
 
 ROBOT = "abb-irb6660-205-1.9"
 HELD_OUT = 400
 
 Output = Annotated[
     Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the results; made if absent.")
+]
+Full = Annotated[
+    bool,
+    typer.Option(
+        "--full",
+        help="Go on to a corrected milling program: plan, measure, identify and correct virtual robots (some minutes).",
+    ),
+]
+Robots = Annotated[
+    int, typer.Option("--robots", min=1, metavar="N", help="Virtual robots of the closed loop, with --full.")
 ]
 Count = Annotated[int, typer.Option("--count", "-n", min=10, help="Measured poses of each campaign.")]
 
@@ -24,6 +35,8 @@ def demo(
     output: Output = Path("taskcal-demo"),
     count: Count = 60,
     seed: SeedOption = 0,
+    full: Full = False,
+    robots: Robots = 20,
     as_json: JsonOption = False,
 ) -> None:
     """Run the published procedure on a virtual robot.
@@ -31,6 +44,10 @@ def demo(
     Mechanism, complete model, sensitivity, elimination, identification,
     and errors on new poses; in one tool orientation and in several.
     Needs no file. Leaves a page with figures, and its data, in a folder.
+
+    With --full, the loop is closed on virtual robots: planned measurements,
+    effects beside the geometry, a milling program corrected, and the way of
+    the true cutter before and after.
     """
     from taskcal.adaptation.procedure import run_procedure
     from taskcal.cli.output import announce_compilation, console, working, write_json
@@ -57,13 +74,30 @@ def demo(
         html = procedure_html(procedure, next_steps=commands, version=package_version())
         write_whole(page, html)
     files = {"page": page, **files}
-    if as_json:
-        write_json(_as_json(procedure, files))
-        return
     out = console()
-    _show(out, procedure)
-    out.print(f"The page with all tables and figures: {page}", soft_wrap=True)
-    out.print("\nGo on:\n" + commands, soft_wrap=True)
+    if not as_json:
+        _show(out, procedure)
+        out.print(f"The page with all tables and figures: {page}", soft_wrap=True)
+        out.print("\nGo on:\n" + commands, soft_wrap=True)
+    closed = _close_the_loop(model.robot, robots, seed, output, files, None if as_json else out) if full else {}
+    if as_json:
+        write_json({**_as_json(procedure, files), **closed})
+
+
+def _close_the_loop(
+    robot: "Robot", count: int, seed: int, folder: Path, files: dict[str, Path], out: Any
+) -> dict[str, Any]:
+    """Send virtual robots round, write what comes of it, and print it where there is an `out`."""
+    from taskcal.cli.output import working
+    from taskcal.cli.round_trip import run_round_trips, show_round_trips, summarise_round_trips, write_round_trips
+
+    with working("the closed loop") as say:
+        shop, trips = run_round_trips(robot, count, seed, say)
+        files |= write_round_trips(shop, trips, folder)
+    if out is not None:
+        out.print()
+        show_round_trips(out, trips, files)
+    return {"closed_loop": summarise_round_trips(trips)}
 
 
 def _write_data(procedure: "Procedure", folder: Path) -> dict[str, Path]:

@@ -4,11 +4,13 @@ from pathlib import Path
 from typing import Annotated, Self
 
 import numpy as np
+import tomli_w
 from jaxtyping import Float
 from pydantic import Field, model_validator
 
 from taskcal.correction.cell import Cell, Measured
 from taskcal.errors import FileError
+from taskcal.files import write_whole
 from taskcal.geometry import se3
 from taskcal.toml_file import Finite, Positive, Quaternion, Section, read_toml
 
@@ -115,3 +117,37 @@ def load_cell(path: str | Path) -> Cell:
                 "has it; add a [[tool]] of that name with controller = { position_mm = …, quaternion = … }",
             )
     return cell
+
+
+def write_cell(path: str | Path, cell: Cell) -> None:
+    """Write a cell file that `load_cell` reads back.
+
+    Raises:
+        FileError: the folder is missing or not writable.
+    """
+    sections = {
+        kind: [_section(measured) for measured in among.values()]
+        for kind, among in (("tool", cell.tools), ("part", cell.parts))
+    }
+    write_whole(path, tomli_w.dumps({kind: tables for kind, tables in sections.items() if tables}))
+
+
+def _section(measured: Measured) -> dict[str, object]:
+    out: dict[str, object] = {"name": measured.name}
+    poses = {
+        "controller": measured.controller,
+        "tracker": measured.in_tracker,
+        "flange": measured.in_flange,
+        "target": measured.in_target,
+    }
+    for key, T in poses.items():
+        if T is not None:
+            quaternion = se3.to_quaternion(T[:3, :3]).tolist()
+            out[key] = {"position_mm": (T[:3, 3] * 1e3).tolist(), "quaternion": quaternion}
+    if measured.touched is not None:
+        out |= {"touched_deg": np.degrees(measured.touched).tolist(), "touched_with": measured.touched_with}
+    if measured.reflectors:
+        out["reflectors_mm"] = {name: (p * 1e3).tolist() for name, p in measured.reflectors.items()}
+    if measured.uncertainty:
+        out["uncertainty_mm"] = measured.uncertainty * 1e3
+    return out

@@ -56,6 +56,8 @@ class RoundTrip:
 
     truth: Truth
     calibration: Calibration
+    cell: Cell
+    """What was measured of tools and parts."""
     correction: Correction
     before: Deviations
     """Of the true cutter on the true parts, in the program as it was written; motions to joint positions, which are on no
@@ -133,6 +135,7 @@ def go_round(shop: Shop, seed: int) -> RoundTrip:
     return RoundTrip(
         truth=truth,
         calibration=calibration,
+        cell=cell,
         correction=correction,
         before=assess(placed, wanted, driven).of_moves(cutting),
         after=assess(placed, wanted, again, piece_origins(correction.pieces)).of_moves(cutting),

@@ -7,21 +7,30 @@ from jaxtyping import Float
 from taskcal.correction.assessment import Deviations
 from taskcal.correction.correction import Correction
 from taskcal.presentation.theme import BLUE, VERMILION, styled, styled_space
+from taskcal.programs.program import Program
+
+FLOOR = 1e-5
+"""Smaller errors are drawn as this, millimetres: what is left there is the rounding of the program's numbers."""
 
 MOST = 20_000
 """Points of a curve; more are thinned out."""
 
 
 def draw_errors_along(correction: Correction) -> go.Figure:
-    """Error in space along the program, before and after, on a logarithmic scale."""
+    """Predicted error in space along the program, before and after."""
+    return draw_errors(correction.program, correction.before, correction.after, "predicted error (mm)")
+
+
+def draw_errors(program: Program, before: Deviations, after: Deviations, title: str) -> go.Figure:
+    """Error in space along a program, before and after, on a logarithmic scale."""
     figure = go.Figure()
-    for label, found, colour in (("before", correction.before, VERMILION), ("after", correction.after, BLUE)):
+    for label, found, colour in (("before", before, VERMILION), ("after", after, BLUE)):
         rows = _thinned(len(found.error))
-        line = [correction.program.moves[i].place.line for i in found.move[rows]]
+        line = [program.moves[i].place.line for i in found.move[rows]]
         figure.add_trace(
             go.Scatter(
                 x=found.move[rows] + found.share[rows],
-                y=np.maximum(found.length[rows] * 1e3, 1e-6),
+                y=np.maximum(found.length[rows] * 1e3, FLOOR),
                 mode="lines",
                 name=label,
                 line={"color": colour, "width": 1.2},
@@ -29,9 +38,15 @@ def draw_errors_along(correction: Correction) -> go.Figure:
                 hovertemplate="line %{customdata}: %{y:.4f} mm<extra>" + label + "</extra>",
             )
         )
-    figure.update_yaxes(type="log", title_text="predicted error (mm)")
     figure.update_xaxes(title_text="motion, in the order of the program")
-    return styled(figure, height=420)
+    return with_decades(styled(figure, height=420), title)
+
+
+def with_decades(figure: go.Figure, title: str) -> go.Figure:
+    """The figure with a logarithmic vertical axis in millimetres, labelled at 1, 2 and 5 of each decade over 0.01."""
+    ticks = [10.0**k for k in range(-6, -2)] + [m * 10.0**k for k in range(-2, 3) for m in (1, 2, 5)]
+    figure.update_yaxes(type="log", title_text=title, tickvals=ticks, ticktext=[f"{tick:.7g}" for tick in ticks])
+    return figure
 
 
 def draw_errors_per_axis(correction: Correction) -> go.Figure:

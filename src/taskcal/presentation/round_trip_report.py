@@ -1,0 +1,123 @@
+"""The closed loop on virtual robots: how far the true cutter is from its way, before the correction and after it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+
+from taskcal.correction.round_trip import RoundTrip, Shop, largest
+from taskcal.presentation.content import Chart, Commands, Numbers, Section, Table, Text
+from taskcal.presentation.correction_figures import draw_errors, with_decades
+from taskcal.presentation.report import report_html
+from taskcal.presentation.theme import BLUE, VERMILION, styled
+
+
+def tabulate_round_trips(trips: Sequence[RoundTrip]) -> Table:
+    """Median, smallest and largest over the robots of each robot's figures, millimetres."""
+    figures = {
+        "largest error before": [trip.before.length.max() for trip in trips],
+        "largest error after": [trip.after.length.max() for trip in trips],
+        "rms error before": [_rms(trip.before.length) for trip in trips],
+        "rms error after": [_rms(trip.after.length) for trip in trips],
+        "stated uncertainty (rms)": [_stated(trip) for trip in trips],
+    }
+    rows = [
+        (label, *(f"{f(np.array(values) * 1e3):.4f}" for f in (np.median, np.min, np.max)))
+        for label, values in figures.items()
+    ]
+    return Table.of_rows(
+        f"The true cutter against its way on the part: {len(trips)} virtual robots (mm)",
+        ("", "median", "smallest", "largest"),
+        rows,
+        note="In space, at targets and between them. Stated: what the calibration expects at the worst target.",
+    )
+
+
+def _rms(length: np.ndarray) -> float:
+    return float(np.sqrt((length**2).mean()))
+
+
+def _stated(trip: RoundTrip) -> float:
+    cutting = np.unique(trip.before.move)
+    return float(trip.correction.uncertainty[cutting].max())
+
+
+def draw_round_trips(trips: Sequence[RoundTrip]) -> go.Figure:
+    """Largest error of every robot before and after, on a logarithmic scale, sorted by the error before."""
+    found = largest(trips)
+    order = np.argsort(found["before"], kind="stable")
+    figure = go.Figure()
+    for label, colour, shape in (("before", VERMILION, "circle"), ("after", BLUE, "diamond")):
+        figure.add_trace(
+            go.Scatter(
+                x=np.arange(1, len(trips) + 1),
+                y=found[label][order] * 1e3,
+                mode="markers",
+                name=label,
+                marker={"color": colour, "size": 9, "symbol": shape},
+                hovertemplate="%{y:.3f} mm<extra>" + label + "</extra>",
+            )
+        )
+    figure.add_hline(
+        y=0.1,
+        line={"color": "#7A7A7A", "dash": "dot", "width": 1},
+        annotation_text="0.10 mm",
+        annotation_position="top left",
+    )
+    figure.update_xaxes(title_text="virtual robot, by its error before", dtick=max(1, len(trips) // 10))
+    return with_decades(styled(figure, height=400), "largest error on the part (mm)")
+
+
+def round_trip_html(shop: Shop, trips: Sequence[RoundTrip], *, next_steps: str, version: str) -> str:
+    """The page of the closed loop.
+
+    Args:
+        shop: what the robots have in common.
+        trips: one for each robot.
+        next_steps: commands to go on with.
+        version: of the package that makes the page.
+    """
+    found = largest(trips)
+    moves = shop.program.moves
+    items = (
+        (f"{np.median(found['before']) * 1e3:.2f}", "mm", "largest error before, median of the robots"),
+        (f"{np.median(found['after']) * 1e3:.3f}", "mm", "largest error after, median of the robots"),
+        (str(len(moves)), "", "motions of the milling program, with arcs, two tools and two part frames"),
+        (str(len(shop.q)), "", "measured poses, planned for the task"),
+    )
+    story = (
+        "Each true robot has its own defects of geometry, drives that yield under weight, and gears that err. Its controller "
+        "takes it for nominal. Sixty planned poses are measured with three reflectors on the spindle; the robot is identified; "
+        "the cutters are known by the reflectors and the parts are measured by the tracker, each with its own uncertainty. Then "
+        "the controller drives the program as it was written, and the corrected one, and the way of the true cutter on the true "
+        "part is compared with what the program wants."
+    )
+    sections = [
+        Section(title="In short", blocks=(Numbers(items), Text((story,)))),
+        Section(
+            title="All robots",
+            blocks=(
+                tabulate_round_trips(trips),
+                Chart(
+                    title="Before and after", figure=draw_round_trips(trips), note="Each robot is one pair of marks."
+                ),
+            ),
+        ),
+        Section(
+            title="The first robot",
+            blocks=(
+                Chart(
+                    title="Error along the program",
+                    figure=draw_errors(shop.program, trips[0].before, trips[0].after, "true error (mm)"),
+                    note="Distance of the true cutter from where it is wanted; between targets, from its way.",
+                ),
+            ),
+        ),
+        Section(title="Go on", blocks=(Commands(next_steps),)),
+    ]
+    return report_html(
+        "From measurement to a corrected program",
+        sections,
+        lead=f"{len(trips)} virtual robots of the kind {shop.robot.title or shop.robot.name}.",
+        footer=f"Page by Taskcal {version}.",
+    )
