@@ -135,7 +135,8 @@ def test_frames_that_contradict_each_other():
 def test_what_a_routine_is_given_does_not_change_its_data_unless_the_routine_does_so():
     routine = "PROC go(PERS tooldata t, INOUT robtarget a, INOUT robtarget b) b:=a; ENDPROC\n"
     declarations = "VAR" + POINTS.splitlines()[0][5:] + "VAR" + POINTS.splitlines()[1][5:]
-    text = f"MODULE m {declarations}\nPROC main()\ngo tool0,p1,p2;\nMoveL p1,v5,fine,tool0;\nMoveL p2,v5,fine,tool0;\nENDPROC\n{routine}ENDMODULE"
+    main = "PROC main()\ngo tool0,p1,p2;\nMoveL p1,v5,fine,tool0;\nMoveL p2,v5,fine,tool0;\nENDPROC\n"
+    text = f"MODULE m {declarations}\n{main}{routine}ENDMODULE"
     program = read_rapid([source(text)])
     assert [move.end.name for move in program.moves] == ["p1"]
     assert any("'p2' is assigned to in part.mod:3" in text for text in reasons(program))
@@ -187,17 +188,15 @@ def test_postures_where_the_controller_is_told_not_to_check_them():
 
 
 def test_speeds_and_stops():
-    program = read_rapid([module(
-        "MoveL p1,vmax,z0,tool0;MoveL p2,v5\\V:=12,z10\\Z:=3,tool0;MoveL p3,v50,z10\\Inpos:=inpos50,tool0;MoveL p4,v7000,zMine,tool0;",
-        POINTS,
-    )])  # fmt: skip
+    moves = ["p1,vmax,z0", "p2,v5\\V:=12,z10\\Z:=3", "p3,v50,z10\\Inpos:=inpos50", "p4,v7000,zMine"]
+    program = read_rapid([module("".join(f"MoveL {move},tool0;" for move in moves), POINTS)])
     assert [move.speed for move in program.moves] == [None, 0.012, 0.05, 7.0]
     assert [move.stops for move in program.moves] == [False, False, True, True]
     assert "the zone of a motion is not known, which is taken as a stop: 'zMine'" in reasons(program)[0]
 
 
 def test_external_axes_are_pointed_out_once():
-    body = f"MoveL [[0,0,0],[1,0,0,0],[0,0,0,0],[100,9E9,9E9,9E9,9E9,9E9]],v5,fine,tool0;\nMoveL p1,v5,fine,tool0;"
+    body = "MoveL [[0,0,0],[1,0,0,0],[0,0,0,0],[100,9E9,9E9,9E9,9E9,9E9]],v5,fine,tool0;\nMoveL p1,v5,fine,tool0;"
     program = read_rapid([module(body, POINTS)])
     assert len(program.moves) == 2
     assert len(program.remarks) == 1
@@ -205,7 +204,8 @@ def test_external_axes_are_pointed_out_once():
 
 
 def test_text_that_is_not_understood_is_passed_over_line_by_line():
-    body = 'MoveL p1,v5,fine,tool0;\nTPWrite "never closed;\nMoveL p2,v5,fine,tool0;\nMoveL [[1,2,3],v5,fine,tool0;\nMoveL p3,v5,fine,tool0;'
+    lines = ["MoveL p1,v5", 'TPWrite "never closed;\nMoveL p2,v5', "MoveL [[1,2,3],v5", "MoveL p3,v5"]
+    body = "\n".join(f"{line},fine,tool0;" for line in lines)
     program = read_rapid([module(body, POINTS)])
     assert [move.end.name for move in program.moves] == ["p1", "p3"]
     assert [move.follows for move in program.moves] == [None, None]

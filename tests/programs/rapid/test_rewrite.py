@@ -1,0 +1,297 @@
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from taskcal.errors import TaskcalError
+from taskcal.programs.program import Program, Waypoint
+from taskcal.programs.rapid.configuration import Configuration
+from taskcal.programs.rapid.read import read_rapid
+from taskcal.programs.source import Source
+from taskcal.robot.catalogue import load_robot
+from tests.laws.robots import generators
+from tests.programs.rapid.generator import generate
+from tests.programs.rapid.rewriting import check_rewriting, nearby_ways
+from tests.programs.rapid.samples import IRC5, IRC5_FRAMES, POINTS, S4C, module, source
+
+ROBOT = load_robot("abb-irb6660-205-1.9")
+Q = np.radians([10.0, 20.0, 15.0, -100.0, 40.0, 200.0])  # quadrants 0, -2, 2
+
+
+def shifted(program: Program, *numbers: int, mm=(1.0, 0.0, 0.0), q=Q) -> dict[int, tuple[Waypoint, ...]]:
+    """Motions that end a little beside."""
+    out = {}
+    for i in numbers:
+        T = program.moves[i].end.T.copy()
+        T[:3, 3] += np.array(mm) / 1e3
+        out[i] = (Waypoint(kind=program.moves[i].kind, q=q, T=T, via=None),)
+    return out
+
+
+def rewritten(source_: Source, *numbers: int, **how) -> str:
+    program = read_rapid([source_])
+    return program.rewrite(ROBOT, shifted(program, *numbers, **how))[0].text
+
+
+def lines_that_differ(a: str, b: str) -> list[str]:
+    return [line for line in b.splitlines() if line not in a.splitlines()]
+
+
+@given(generators)
+def test_a_program_is_read_as_it_is_meant(rng):
+    made = generate(rng)
+    program = read_rapid(made.sources)
+    assert not program.remarks
+    assert [move.kind for move in program.moves] == [meant.kind for meant in made.moves]
+    for move, meant in zip(program.moves, made.moves, strict=True):
+        np.testing.assert_allclose(move.tool.T, meant.tool, atol=1e-12)
+        np.testing.assert_allclose(move.part.T, meant.part, atol=1e-12)
+        assert move.stops == meant.stops
+        if meant.T is None:
+            np.testing.assert_allclose(move.end.q, meant.q, atol=1e-15)
+        else:
+            np.testing.assert_allclose(move.end.T, meant.T, atol=1e-12)
+
+
+@given(generators)
+def test_without_changes_every_byte_stays(rng):
+    made = generate(rng)
+    program = read_rapid(made.sources)
+    assert [s.encode() for s in program.rewrite(ROBOT, {})] == [s.encode() for s in made.sources]
+    same = {
+        i: (Waypoint(kind=move.kind, q=_posture(move), T=move.end.T, via=_via(move)),)
+        for i, move in enumerate(program.moves)
+        if _posture(move) is not None
+    }
+    assert [s.encode() for s in program.rewrite(ROBOT, same)] == [s.encode() for s in made.sources]
+
+
+def _posture(move) -> np.ndarray | None:
+    """Joint positions of the configuration that a motion states, where all its points state the same."""
+    if move.end.q is not None:
+        return move.end.q
+    c = move.end.posture
+    if move.via is not None and move.via.posture != c:
+        return None
+    return np.array([c.cf1, 0.0, 0.0, c.cf4, 0.0, c.cf6]) * np.pi / 2 + 0.1
+
+
+def _via(move) -> Waypoint | None:
+    return None if move.via is None else Waypoint(kind="circular", q=_posture(move), T=move.via.T)
+
+
+@given(generators)
+def test_motions_that_are_rewritten_are_read_again_and_the_others_stay(rng):
+    made = generate(rng)
+    program = read_rapid(made.sources)
+    ways = nearby_ways(rng, program, most=1)
+    check_rewriting(program, ways, ROBOT)
+
+
+@given(generators)
+def test_further_points_come_in_order_before_the_end(rng):
+    made = generate(rng)
+    program = read_rapid(made.sources)
+    check_rewriting(program, nearby_ways(rng, program, most=3), ROBOT)
+
+
+def test_only_numbers_change_where_every_target_has_its_own_motion():
+    body = "\n".join(f"  MoveL p{k} ,\tv100, fine,tool0 ; ! {k}" for k in range(1, 10))
+    before = module(body, POINTS)
+    after = rewritten(before, *range(9), mm=(1, 2, 3))
+    number = re.compile(r"-?\d+(\.\d+)?")
+    assert number.sub("#", after) == number.sub("#", before.text)
+    assert after.splitlines()[1:3] == [
+        "CONST robtarget p1:=[[11,2,3],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+        "CONST robtarget p2:=[[21,2,3],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+    ]
+
+
+def test_a_target_that_another_motion_needs_as_it_is_gets_a_clone_behind_it():
+    before = module("MoveL p1,v100,fine,tool0;\nMoveL p1,v100,fine,tool0\\WObj:=wobj0;", POINTS)
+    after = rewritten(before, 1)
+    assert lines_that_differ(before.text, after) == [
+        "CONST robtarget p1_2:=[[11,0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+        "MoveL p1_2,v100,fine,tool0\\WObj:=wobj0;",
+    ]
+    assert after.splitlines()[2].startswith("CONST robtarget p1_2")
+
+
+def test_motions_that_want_the_same_share_it():
+    before = module("MoveL p1,v100,fine,tool0;\nMoveJ p1,v5,fine,tool0;\nMoveJ p1,v50,fine,tool0;", POINTS)
+    program = read_rapid([before])
+    ways = shifted(program, 0) | shifted(program, 1, 2, mm=(0, 0, 5))
+    assert lines_that_differ(before.text, program.rewrite(ROBOT, ways)[0].text) == [
+        "CONST robtarget p1:=[[10,0,5],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+        "CONST robtarget p1_2:=[[11,0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+        "MoveL p1_2,v100,fine,tool0;",
+    ]
+
+
+@pytest.mark.parametrize(
+    "other", ["reg1:=p1.trans.x;", "pLast:=p1;", "Remember p1;", "IF Distance(p1.trans,p2.trans)>3 Stop;", "<p1>"]
+)
+def test_a_target_that_is_read_elsewhere_stays(other):
+    before = module(f"MoveL p1,v100,fine,tool0;\n{other}", POINTS)
+    after = rewritten(before, 0)
+    assert before.text.splitlines()[1] in after.splitlines()
+    assert "MoveL p1_2,v100" in after
+
+
+def test_targets_under_offs_and_reltool_are_replaced_by_targets_of_their_own():
+    body = "MoveL Offs(p1,0,0,50),v100,fine,tool0;\nMoveL RelTool(p1,0,0,-50),v100,fine,tool0;\nMoveL p1,v100,z1,tool0;"
+    before = module(body, POINTS)
+    after = rewritten(before, 0, 1)
+    assert lines_that_differ(before.text, after) == [
+        "CONST robtarget p1_2:=[[11,0,50],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+        "CONST robtarget p1_3:=[[11,0,-50],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+        "MoveL p1_2,v100,fine,tool0;",
+        "MoveL p1_3,v100,fine,tool0;",
+    ]
+
+
+def test_elements_of_arrays_are_edited_in_place_and_those_read_by_index_are_cloned():
+    three = ",\n".join(f"[[{k},0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]]" for k in (1, 2, 3))
+    declaration = f"PERS robtarget way{{3}}:=[{three}];"
+    own = rewritten(module("MoveL way{2},v100,fine,tool0;", declaration), 0)
+    assert "[[3,0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]],\n[[3,0,0]" in own
+    shared = rewritten(module("MoveL way{2},v100,fine,tool0;\nMoveL way{i},v100,fine,tool0;", declaration), 0)
+    assert declaration in shared
+    assert "PERS robtarget way_2:=[[3,0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];" in shared
+    assert "MoveL way_2,v100" in shared
+
+
+def test_computed_numbers_are_not_edited():
+    declaration = (
+        "CONST num h:=20;CONST robtarget p:=[[h+1,0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]]; ! at the edge"
+    )
+    after = rewritten(module("MoveL p,v100,fine,tool0;", declaration), 0)
+    assert f"{declaration}\nCONST robtarget p_2:=[[22,0,0],[1,0,0,0],[0,-2,2,0],[9E+09," in after
+
+
+def test_names_of_clones_are_free_and_not_too_long():
+    long = "p" * 32
+    text = POINTS.replace("p1:", f"{long}:").replace("p2:", f"{'p' * 30}_2:")
+    after = rewritten(module(f"MoveL {long},v100,fine,tool0;MoveL {long},v5,fine,tool0;", text), 0)
+    assert f"CONST robtarget {'p' * 30}_3:=" in after
+
+
+def test_local_data_of_a_routine_are_cloned_where_they_are():
+    body = f"VAR {POINTS.splitlines()[0][6:]}\n  MoveL p1,v100,fine,tool0;\nMoveL Offs(p1,0,0,1),v5,fine,tool0;"
+    after = rewritten(module(body), 1)
+    assert "VAR robtarget p1_2:=[[11,0,1]" in after
+    assert read_rapid([source(after)]).moves[1].end.T[0, 3] == pytest.approx(0.011)
+
+
+def test_further_points_stop_nowhere_and_take_the_arguments_of_the_motion():
+    body = (
+        "  MoveL\\Conc,p1,v100\\V:=30,z5\\Z:=3,tool0\\WObj:=wobj0; ! down\n"
+        "\tMoveJ p2,v100,z20\\Inpos:=inpos20,tool0;\n"
+        "  MoveAbsJ\n[[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]]\\NoEOffs,v5,fine,tool0;"
+    )
+    program = read_rapid([module(body.replace("\n", "\r\n"), POINTS)])
+    ways = {i: way * 2 for i, way in shifted(program, 0, 1).items()}
+    ways[2] = (
+        Waypoint(kind="axes", q=Q, T=None),
+        Waypoint(kind="linear", q=Q, T=np.eye(4)),
+        Waypoint(kind="axes", q=Q, T=None),
+    )
+    pose, nine = "[[{},0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]]", "[9E9,9E9,9E9,9E9,9E9,9E9]"
+    text = program.rewrite(ROBOT, ways)[0].text
+    assert text[text.index("PROC main()\n") :] == (
+        "PROC main()\n"
+        f"  MoveL {pose.format(11)},v100\\V:=30,z5\\Z:=3,tool0\\WObj:=wobj0;\r\n"
+        "  MoveL\\Conc,p1,v100\\V:=30,z5\\Z:=3,tool0\\WObj:=wobj0; ! down\r\n"
+        f"\tMoveJ {pose.format(21)},v100,z0,tool0;\r\n"
+        "\tMoveJ p2,v100,z20\\Inpos:=inpos20,tool0;\r\n"
+        f"  MoveAbsJ [[10,20,15,-100,40,200],{nine}]\\NoEOffs,v5,z0,tool0;\r\n"
+        f"  MoveL {pose.format(0)},v5,z0,tool0;\r\n"
+        f"  MoveAbsJ\r\n[[10,20,15,-100,40,200],{nine}]\\NoEOffs,v5,fine,tool0;\nENDPROC\nENDMODULE\n"
+    )
+
+
+def test_what_an_if_without_then_governs_stays_together():
+    program = read_rapid([module("  IF a=1 MoveL p1,v100,fine,tool0;\n  MoveL p2,v100,fine,tool0;", POINTS)])
+    ways = {0: shifted(program, 0)[0] * 2}
+    after = read_rapid(program.rewrite(ROBOT, ways))
+    assert [move.follows for move in after.moves] == [None, 0, None]
+    assert not after.remarks
+
+
+def test_an_arc_becomes_lines_or_stays_an_arc():
+    program = read_rapid([source(IRC5, "Path_10.mod"), source(IRC5_FRAMES, "CalibData.sys")])
+    arc = program.moves[4]
+    line = Waypoint(kind="linear", q=Q, T=arc.via.T)
+    end = Waypoint(kind="linear", q=Q, T=arc.end.T)
+    as_lines = program.reread(program.rewrite(ROBOT, {4: (line, end)}))
+    assert [move.kind for move in as_lines.moves[4:]] == ["linear", "linear"]
+    np.testing.assert_allclose(as_lines.moves[4].end.T, arc.via.T, atol=1e-9)
+    via = arc.via.T.copy()
+    via[:3, 3] += 1e-3
+    as_arc = program.rewrite(
+        ROBOT, {4: (Waypoint(kind="circular", q=Q, T=arc.end.T, via=Waypoint(kind="circular", q=Q, T=via)),)}
+    )
+    assert "MoveC Arc_via,Arc_end,vCut,fine" in as_arc[0].text
+    assert "Arc_via:=[[51,101,1]" in as_arc[0].text
+    two = {3: (Waypoint(kind="circular", q=Q, T=arc.end.T, via=line),)}
+    third = program.reread(program.rewrite(ROBOT, two)).moves[3]
+    assert third.kind == "circular"
+    np.testing.assert_allclose(third.via.T, arc.via.T, atol=1e-9)
+
+
+def test_numbers_that_stay_keep_their_text_and_the_quaternion_its_sign():
+    declaration = "CONST robtarget p:=[[1.500,-0.0,7e1],[-0.707,0,-.7072136,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];"
+    body = "MoveL p,v100,fine,tool0;"
+    assert "[[2.5,-0.0,7e1],[-0.707,0,-.7072136,0]" in rewritten(module(body, declaration), 0)
+    program = read_rapid([module(body, declaration)])
+    T = program.moves[0].end.T @ np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
+    text = program.rewrite(ROBOT, {0: (Waypoint(kind="linear", q=Q, T=T),)})[0].text
+    q = [float(v) for v in re.search(r"7e1\],\[([^]]*)\]", text)[1].split(",")]
+    assert q[0] < 0.0
+    assert np.linalg.norm(q) == pytest.approx(1.0, abs=6e-8)
+
+
+def test_clones_are_written_in_the_style_of_their_declaration():
+    declaration = (
+        "PERS  robtarget p := [ [ 1.5, 2, 3 ],\n    [ 1,0,0,0 ], ! upright\n"
+        "    [ 0,-2,2,0 ], [9E9,9E9,9E9,9E9,9E9,9E9] ] ; ! first\nVAR num n;"
+    )
+    after = rewritten(module("MoveL p,v100,fine,tool0;MoveL p,v5,fine,tool0;", declaration), 0)
+    clone = "PERS  robtarget p_2 := [ [ 2.5, 2, 3 ],\n    [ 1,0,0,0 ], ! upright\n    [ 0,-2,2,0 ], [9E9,9E9,9E9,9E9,9E9,9E9] ];"
+    assert f"! first\n{clone}\nVAR num n;" in after
+
+
+def test_external_axes_keep_their_text():
+    target = "[[0,0,0],[1,0,0,0],[0,-2,2,0],[ 100.50,9E9,9E+09,9E9,9E9,9E9]]"
+    program = read_rapid([module(f"MoveL {target},v5,fine,tool0;")])
+    ways = {0: shifted(program, 0)[0] * 2}
+    assert program.rewrite(ROBOT, ways)[0].text.count("[100.50,9E9,9E+09,9E9,9E9,9E9]") == 1
+    assert program.rewrite(ROBOT, ways)[0].text.count("[ 100.50,9E9,9E+09,9E9,9E9,9E9]") == 1
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-8", "utf-8-sig"])
+def test_bytes_of_any_encoding_survive(encoding):
+    data = S4C.replace("Grinding cell", "Schleifzelle für Füße").replace("\n", "\r\n").encode(encoding)
+    program = read_rapid([Source.of(Path("grind.prg"), data)])
+    assert program.rewrite(ROBOT, {})[0].encode() == data
+    after = program.rewrite(ROBOT, shifted(program, 2, 3))[0].encode()
+    assert after != data
+    assert after.decode(encoding).count("\r\n") == after.decode(encoding).count("\n")
+    assert "für Füße" in after.decode(encoding)
+
+
+def test_a_robot_without_six_joints_is_refused():
+    program = read_rapid([module("MoveL p1,v5,fine,tool0;", POINTS)])
+    with pytest.raises(TaskcalError, match="has 7 joints"):
+        program.rewrite(load_robot("barrett-wam"), shifted(program, 0))
+
+
+def test_configurations_are_those_of_the_posture():
+    program = read_rapid([module("MoveL p1,v5,fine,tool0;", POINTS)])
+    robot = load_robot("abb-irb120")
+    q = np.radians([-100.0, 0, 0, 95, -5, 185])
+    text = program.rewrite(robot, shifted(program, 0, q=q))[0].text
+    assert "[11,0,0],[1,0,0,0],[-2,1,2,1]" in text
+    assert str(Configuration.of(robot, q)) == "[-2,1,2,1]"
