@@ -147,6 +147,10 @@ def test_the_robots_place_in_the_world_counts():
         (f"{FRAMES}SPLINE\nSLIN {POSE}\nENDSPLINE", "part of a spline"),
         (f"{FRAMES}IF $IN[1] THEN\n$BASE=BASE_DATA[1]\nENDIF\nLIN {POSE}", "set in one branch of the IF before"),
         (f"{FRAMES}LOOP\nLIN {POSE}\n$BASE=BASE_DATA[1]\nENDLOOP", "set further down in the same loop"),
+        (
+            f"{FRAMES}LOOP\nIF $IN[1] THEN\nEXIT\nENDIF\n$BASE=BASE_DATA[1]\nENDLOOP\nLIN {POSE}",
+            "one branch of the LOOP",
+        ),
         (f"{FRAMES}AGAIN:\nLIN {POSE}", "can be reached by a GOTO"),
         (f"$TOOL=$NULLFRAME\n$BASE=$NULLFRAME\n$IPO_MODE=MODE\nLIN {POSE}", r"\$IPO_MODE\) is not stated"),
     ],
@@ -219,6 +223,15 @@ def test_points_of_another_program_are_its_own():
     src = source("part.src", f"DEF PART( )\n{FRAMES}LIN XP1\nLIN XP2\nEND\n")
     program = read_krl([src, other])
     assert [m.end.name for m in program.moves] == ["XP2"]
+
+
+def test_routines_of_one_name_in_two_files_count_as_one():
+    one, two = (
+        source(f"{name}.src", f"DEF {name}( )\n{FRAMES}SUB( )\nLIN {POSE}\nEND\nDEF SUB( )\n{line}\nEND\n")
+        for name, line in (("one", "HALT"), ("two", "$BASE=$NULLFRAME"))
+    )
+    assert [m.routine for m in read_krl([one]).moves] == ["ONE"]
+    assert not read_krl([one, two]).moves
 
 
 def test_joint_positions_need_no_frames():

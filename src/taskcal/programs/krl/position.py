@@ -99,6 +99,12 @@ def _stated(aggregate: Aggregate, name: str, needed: tuple[str, ...]) -> float:
     return found.value
 
 
+def whole(aggregate: Aggregate, name: str) -> int | None:
+    """The whole number of 31 bits in a component; None where there is none."""
+    value = aggregate.value(name)
+    return int(value) if value is not None and 0 <= value < 2**31 and value == int(value) else None
+
+
 def check_external(aggregate: Aggregate) -> None:
     """Refuse positions that move external axes.
 

@@ -79,15 +79,15 @@ class _Reading:
         made: dict[tuple[str, bytes], Frame] = {}
         done: set[str] = set()
         for name in callers_first(callers):
-            routine = routines[name]
             states = called_at[name]
             entry = merged(states, f"{name} is called with different ones") if states else State.unset()
             if not callers[name] <= done:
                 entry = entry.forgotten(f"{name} is called in a circle")
             done.add(name)
-            frames = Frames(data=data, module=routine.file.module, made=made)
-            walk = Walk(findings=self.findings, routine=routine, frames=frames, alters=alters, called_at=called_at)
-            walk.run(replace(entry, last=None))
+            for routine in routines[name]:
+                frames = Frames(data=data, module=routine.file.module, made=made)
+                walk = Walk(findings=self.findings, routine=routine, frames=frames, alters=alters, called_at=called_at)
+                walk.run(replace(entry, last=None))
         self._warn()
         return self._ordered()
 

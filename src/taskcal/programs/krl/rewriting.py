@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from taskcal.programs.krl.data import Datum, File
 from taskcal.programs.krl.lexer import lines_of_words
-from taskcal.programs.krl.position import EXTERNAL, axis_values, edits_for, has_axes, has_pose, pose_values
+from taskcal.programs.krl.position import EXTERNAL, axis_values, edits_for, has_axes, has_pose, pose_values, whole
 from taskcal.programs.krl.status import Status
 from taskcal.programs.krl.syntax import Aggregate, Motion, Operand
 from taskcal.programs.numeral import numeral
@@ -156,8 +156,8 @@ class _Rewriting:
         values = pose_values(waypoint.T, first)
         if has_pose(first) and not (first.field("S") or first.field("T")):
             return values
-        S, T = first.value("S"), first.value("T")
-        status = Status(S=int(S or 0), T=int(T or 0)).of(self.robot, waypoint.q)
+        stated = Status(S=whole(first, "S") or 0, T=whole(first, "T") or 0)
+        status = stated.of(self.robot, waypoint.q)
         return {**values, "S": float(status.S or 0), "T": float(status.T or 0)}
 
     def _aggregate(self, written: Written, waypoint: Waypoint) -> str:

@@ -17,29 +17,19 @@ class Routine:
     lines: tuple[Statement, ...]
 
 
-def routines_of(files: tuple[File, ...]) -> dict[str, Routine]:
-    """The routines of some files, by name."""
-    out: dict[str, Routine] = {}
+def routines_of(files: tuple[File, ...]) -> dict[str, list[Routine]]:
+    """The routines of some files by name, which routines of several files may share."""
+    out: dict[str, list[Routine]] = {}
     for file in files:
         if file.holds_data:
             continue
         start, name = 0, ""
-        for i, line in enumerate(file.statements):
-            if isinstance(line, Begin | End):
+        for i, line in enumerate((*file.statements, None)):
+            if line is None or isinstance(line, Begin | End):
                 if name:
-                    _add(out, Routine(file=file, name=name, lines=file.statements[start:i]))
+                    out.setdefault(name, []).append(Routine(file=file, name=name, lines=file.statements[start:i]))
                 start, name = i + 1, line.name if isinstance(line, Begin) else ""
-        if name:
-            _add(out, Routine(file=file, name=name, lines=file.statements[start:]))
     return out
-
-
-def _add(routines: dict[str, Routine], routine: Routine) -> None:
-    """Local routines of two files may have one name."""
-    name = routine.name
-    while name in routines:
-        name += "'"
-    routines[name] = routine
 
 
 _VARIABLES = {"$TOOL": "tool", "$BASE": "base", "$IPO_MODE": "mode", "FDAT_ACT": "parameters", "$VEL": "speed"}
@@ -72,24 +62,24 @@ def altered_by(line: Statement, routines: dict[str, frozenset[str]]) -> frozense
             return frozenset()
 
 
-def altering(routines: dict[str, Routine]) -> dict[str, frozenset[str]]:
-    """What each routine alters, by itself or by those that it calls."""
+def altering(routines: dict[str, list[Routine]]) -> dict[str, frozenset[str]]:
+    """What the routines of each name alter, by themselves or by those that they call."""
     alters = dict.fromkeys(routines, frozenset[str]())
     while True:
         wider = {
-            name: frozenset[str]().union(*(altered_by(line, alters) for line in routine.lines))
-            for name, routine in routines.items()
+            name: frozenset[str]().union(*(altered_by(line, alters) for r in same for line in r.lines))
+            for name, same in routines.items()
         }
         if wider == alters:
             return alters
         alters = wider
 
 
-def callers_of(routines: dict[str, Routine]) -> dict[str, set[str]]:
-    """By routine: those that call it."""
+def callers_of(routines: dict[str, list[Routine]]) -> dict[str, set[str]]:
+    """By name of routines: names of those that call them."""
     out: dict[str, set[str]] = {name: set() for name in routines}
-    for name, routine in routines.items():
-        for line in routine.lines:
+    for name, same in routines.items():
+        for line in (line for routine in same for line in routine.lines):
             if isinstance(line, Call) and line.name in routines:
                 out[line.name].add(name)
     return out

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from taskcal.programs.krl.data import Datum, File
 from taskcal.programs.krl.frames import NULL, Frames, State, merged
 from taskcal.programs.krl.parser import BLOCKS
-from taskcal.programs.krl.position import Unresolved, axes, check_external, has_axes, has_pose, pose
+from taskcal.programs.krl.position import Unresolved, axes, check_external, has_axes, has_pose, pose, whole
 from taskcal.programs.krl.rewriting import Site, Written
 from taskcal.programs.krl.routines import Routine, altered_by
 from taskcal.programs.krl.status import ACCURATE_BIT, Status
@@ -20,6 +20,7 @@ KINDS: dict[str, MoveKind] = {
 }  # fmt: skip
 
 SPLINES = {"SPLINE", "PTP_SPLINE"}
+LOOPS = {"FOR", "WHILE", "REPEAT", "LOOP"}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,7 +53,7 @@ class _Block:
     keyword: str
     entry: State
     exits: list[State] = field(default_factory=list[State])
-    """At the ends of its branches so far."""
+    """At the ends of its branches so far, and where a loop is left."""
     has_default: list[bool] = field(default_factory=list[bool])
 
 
@@ -95,12 +96,17 @@ class Walk:
         if keyword == "LABEL":
             return state.forgotten("it can be reached by a GOTO")
         if keyword in BLOCKS:
-            if keyword not in ("IF", "SWITCH", *SPLINES):
+            if keyword in LOOPS:
                 state = self._at_loop(number, state)
             blocks.append(_Block(keyword=keyword, entry=state))
             return replace(state, last=None) if keyword in SPLINES else state
         if not blocks:
             return replace(state, last=None)
+        if keyword == "EXIT":
+            loops = [block for block in blocks if block.keyword in LOOPS]
+            if loops:
+                loops[-1].exits.append(state)
+            return state
         block = blocks[-1]
         if keyword in ("ELSE", "CASE", "DEFAULT"):
             if block.keyword == "IF" or block.has_default:  # before the first CASE there is no branch
@@ -110,7 +116,7 @@ class Walk:
         if keyword in BLOCKS.values():
             blocks.pop()
             reason = f"it is set in one branch of the {block.keyword} before and not, or differently, in another"
-            complete = block.keyword in ("SPLINE", "PTP_SPLINE", "LOOP", "REPEAT") or any(block.has_default)
+            complete = block.keyword in (*SPLINES, "LOOP", "REPEAT") or any(block.has_default)
             return merged([*block.exits, state, *([] if complete else [block.entry])], reason)
         return replace(state, last=None)
 
@@ -209,8 +215,8 @@ class Walk:
         T = pose(first)
         for aggregate in written.aggregates[1:]:
             T = T @ _offset(aggregate)
-        S, turn = last.value("S"), last.value("T")
-        if S is not None and int(S) & ACCURATE_BIT:
+        S, turn = whole(last, "S"), whole(last, "T")
+        if S is not None and S & ACCURATE_BIT:
             self.findings.remark(
                 self.routine.file,
                 written.operand.start,
@@ -218,9 +224,8 @@ class Walk:
                 "program would correct twice",
             )
         # S and T count in PTP only: LIN and CIRC keep the posture in which they start
-        posture = Status(S=None if S is None else int(S), T=None if turn is None else int(turn))
         stated = kind == "joint" and (S is not None or turn is not None)
-        return Target(name=name, T=T, q=None, posture=posture if stated else None, place=place)
+        return Target(name=name, T=T, q=None, posture=Status(S=S, T=turn) if stated else None, place=place)
 
     def _via(self, written: Written, end: Float[np.ndarray, "4 4"]) -> Target:
         """The auxiliary point of an arc, of which only the position matters."""
