@@ -195,7 +195,7 @@ def find_postures(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.nd
             "its limits; move the workspace, turn the tool, or widen the limits in the robot file"
         )
     q = found.q[found.reached]
-    q = q[np.argsort(-_depth(model, q), kind="stable")]
+    q = q[np.argsort(-depth(model, q), kind="stable")]
     different: list[np.ndarray] = []
     for posture in q:
         if all(np.abs(posture - other).max() > SAME for other in different):
@@ -203,7 +203,7 @@ def find_postures(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.nd
     return np.stack(different)
 
 
-def _depth(model: ErrorModel, q: np.ndarray) -> np.ndarray:
+def depth(model: ErrorModel, q: np.ndarray) -> np.ndarray:
     """How far inside the limits and away from singular postures, 0 to 1."""
     low, high = np.clip(model.robot.limits, -2 * np.pi, 2 * np.pi).T
     room = (np.minimum(q - low, high - q) / (high - low) * 2.0).min(axis=1)

@@ -1,0 +1,294 @@
+"""The rotation of a tool about its own axis along a path, where a path leaves it open, as spindles and torches do.
+
+Postures are followed along the path for a grid of angles; the way through them that costs least is found by dynamic
+programming (Viterbi 1967), as redundancy is resolved along paths since Nakamura and Hanafusa (1987).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.errors import ReachError
+from taskcal.geometry import se3
+from taskcal.geometry.pose_step import WEIGHT
+from taskcal.kinematics.inverse import JUMP, SAME, depth, find_postures, solve_near
+from taskcal.kinematics.tracing import refusals, trace
+from taskcal.robot.error_model import ErrorModel
+
+ANGLES = 24
+"""Spins tried, a whole turn of them."""
+
+SOUGHT = 4
+"""At each so many of them postures are sought all over the joint ranges; the others' are followed from there."""
+
+STRIDE = 0.15
+"""Between guide poses the tool moves not farther than this, radians and half metres."""
+
+COMFORT = 0.1
+"""A constant spin will do where no posture comes nearer than this to limits and singular postures; see `depth`."""
+
+SMOOTHINGS = 6
+"""How often a spin that changes is averaged with its neighbours."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Spun:
+    """A path with its spin."""
+
+    T: Float[np.ndarray, "n 4 4"]
+    """Poses of the frame in the base, its spin chosen, metres."""
+    q: Float[np.ndarray, "n joints"]
+    """Joint positions, radians; continuous along the path."""
+    spin: Float[np.ndarray, " n"]
+    """Rotation about the frame's z against one that is carried along the path without turning, radians."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _States:
+    """Postures at one guide pose, each with the best way that leads to it."""
+
+    q: Float[np.ndarray, "m joints"]
+    turn: Int[np.ndarray, " m"]
+    """Spin in steps of the grid, not wrapped."""
+    cost: Float[np.ndarray, " m"]
+    """Of the way to it."""
+    tightest: Float[np.ndarray, " m"]
+    """Least depth on the way to it."""
+    before: Int[np.ndarray, " m"]
+    """Which state at the guide pose before it comes from."""
+
+    def take(self, rows: np.ndarray) -> "_States":
+        return _States(
+            q=self.q[rows],
+            turn=self.turn[rows],
+            cost=self.cost[rows],
+            tightest=self.tightest[rows],
+            before=self.before[rows],
+        )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Guide:
+    """Poses spread evenly along the path, with the spin that is carried along."""
+
+    model: ErrorModel
+    x: Float[np.ndarray, " p"] | None
+    tip: Float[np.ndarray, "4 4"]
+    T: Float[np.ndarray, "k 4 4"]
+    way: Float[np.ndarray, " k"]
+    """How far the tool has moved, radians and half metres."""
+
+    def at(self, k: int, turn: Int[np.ndarray, " m"]) -> Float[np.ndarray, "m 4 4"]:
+        """Guide pose k with spins in steps of the grid."""
+        return self.T[k] @ _about_z(turn * (2.0 * np.pi / ANGLES))
+
+
+def choose_spin(
+    model: ErrorModel,
+    T: Float[np.ndarray, "n 4 4"],
+    x: Float[np.ndarray, " p"] | None = None,
+    *,
+    tip: Float[np.ndarray, "4 4"] | None = None,
+) -> Spun:
+    """Choose a frame's rotation about its own z along a path, so that the robot can follow it without jumps.
+
+    The joint positions keep inside all limits. A spin that is constant along the path, carried with the axis without turning
+    about it, is taken wherever one keeps clear of limits and singular postures; else it changes so that the sum of
+
+        |Δq|² / Δs + Δs / depth
+
+    over steps Δs of the tool's motion is least, q in radians and metres, depth as of `inverse.depth`.
+
+    Args:
+        model: the model.
+        T: poses of the frame in the base, in the order of the path, metres; their rotation about z does not matter.
+        x: parameter values; the nominal robot by default.
+        tip: pose of the frame in the model's tool; the tool itself by default.
+
+    Raises:
+        ReachError: no spin lets the robot follow the path; names the pose where the best one ends.
+    """
+    tip = np.eye(4) if tip is None else tip
+    carried = _carried(T)
+    way = _way(carried)
+    guide = _guide(model, x, tip, carried, way)
+    layers = [_first(guide)]
+    held = _search(guide, layers[0], steps=(0,))
+    if len(held) == len(guide.way) and held[-1].tightest.max() >= COMFORT:
+        best = int(np.argmin(np.where(held[-1].tightest >= COMFORT, held[-1].cost, np.inf)))
+        layers = held
+    else:
+        layers = _search(guide, layers[0], steps=(0, -1, 1))
+        if len(layers) < len(guide.way):
+            row = int(np.searchsorted(way, guide.way[len(layers)]))
+            x_, y, z = T[row, :3, 3] * 1e3
+            raise ReachError(
+                f"{model.robot.name} cannot follow the path beyond pose {row} (x {x_:.0f}, y {y:.0f}, z {z:.0f} mm): no rotation "
+                "about the tool's axis keeps inside its limits without a jump; move the part, or tilt the tool"
+            )
+        best = int(np.argmin(layers[-1].cost))
+    turns, start = _traced_back(layers, best)
+    return _followed(guide, carried, way, turns, start)
+
+
+def _about_z(angle: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 4 4"]:
+    out = np.zeros((*angle.shape, 4, 4))
+    out[..., 0, 0] = out[..., 1, 1] = np.cos(angle)
+    out[..., 1, 0] = np.sin(angle)
+    out[..., 0, 1] = -out[..., 1, 0]
+    out[..., 2, 2] = out[..., 3, 3] = 1.0
+    return out
+
+
+def _carried(T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
+    """The poses with a spin of their own: that of the first by a rule, the others carried along by the shortest rotations."""
+    z = T[:, :3, 2]
+    near = np.eye(3)[np.argmin(np.abs(z[0]))]
+    out = T.copy()
+    cross = np.cross(z[:-1], z[1:])
+    sine, cosine = np.linalg.norm(cross, axis=1), (z[:-1] * z[1:]).sum(axis=1)
+    axis = cross / np.maximum(sine, 1e-300)[:, None]
+    shortest = se3.exp(axis * np.arctan2(sine, cosine)[:, None]) if len(T) > 1 else np.empty((0, 3, 3))
+    x = near - (near @ z[0]) * z[0]
+    for k in range(len(T)):
+        if k and sine[k - 1] > 0.0:
+            x = shortest[k - 1] @ x
+        x = x - (x @ z[k]) * z[k]
+        x /= np.linalg.norm(x)
+        out[k, :3, 0] = x
+    out[:, :3, 1] = np.cross(z, out[:, :3, 0])
+    return out
+
+
+def _way(T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, " n"]:
+    """How far the tool has moved at each pose, radians and half metres, its spin aside."""
+    shift = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1)
+    tilt = 2.0 * np.arcsin(np.minimum(0.5 * np.linalg.norm(np.diff(T[:, :3, 2], axis=0), axis=1), 1.0))
+    return np.concatenate([[0.0], np.cumsum(np.hypot(WEIGHT * shift, tilt))])
+
+
+def _guide(
+    model: ErrorModel,
+    x: Float[np.ndarray, " p"] | None,
+    tip: Float[np.ndarray, "4 4"],
+    carried: Float[np.ndarray, "n 4 4"],
+    way: Float[np.ndarray, " n"],
+) -> _Guide:
+    at = np.linspace(0.0, way[-1], int(np.ceil(way[-1] / STRIDE)) + 1)
+    between = np.stack([np.interp(at, way, column) for column in carried[:, :3].reshape(len(way), 12).T], axis=1)
+    parts = between.reshape(-1, 3, 4)
+    z = parts[:, :, 2] / np.linalg.norm(parts[:, :, 2], axis=1, keepdims=True)
+    y = np.cross(z, parts[:, :, 0])
+    y /= np.linalg.norm(y, axis=1, keepdims=True)
+    return _Guide(
+        model=model, x=x, tip=tip, T=se3.pose(np.stack([np.cross(y, z), y, z], axis=2), parts[:, :, 3]), way=at
+    )
+
+
+def _first(guide: _Guide) -> _States:
+    """All postures at the first pose, for every spin of the grid."""
+    found: list[np.ndarray] = []
+    turns: list[int] = []
+    for turn in range(0, ANGLES, SOUGHT):
+        goal = guide.at(0, np.array([turn]))
+        try:
+            postures = find_postures(guide.model, (goal @ se3.inverse(guide.tip))[0])
+        except ReachError:
+            continue
+        found.append(postures)
+        turns += [turn] * len(postures)
+    states = _solved(guide, np.concatenate(found), np.array(turns)) if found else None
+    if states is None or not len(states.q):
+        x, y, z = guide.T[0, :3, 3] * 1e3
+        raise ReachError(
+            f"{guide.model.robot.name} does not reach the start of the path, x {x:.0f}, y {y:.0f}, z {z:.0f} mm, with any rotation "
+            "about the tool's axis; move the part, or tilt the tool"
+        )
+    for _ in range(SOUGHT // 2):
+        step = np.repeat([0, -1, 1], len(states.q))
+        states = _solved(guide, np.tile(states.q, (3, 1)), np.tile(states.turn, 3) + step)
+    return states
+
+
+def _solved(guide: _Guide, seed: Float[np.ndarray, "m joints"], turn: Int[np.ndarray, " m"]) -> _States:
+    """Postures at the first pose, from seeds near them."""
+    solved = solve_near(guide.model, guide.at(0, turn), seed, guide.x, tip=guide.tip)
+    q = solved.q[solved.reached]
+    deep = depth(guide.model, q)
+    states = _States(
+        q=q,
+        turn=turn[solved.reached],
+        cost=STRIDE / np.maximum(deep, 1e-9),
+        tightest=deep,
+        before=np.zeros(len(q), dtype=np.int64),
+    )
+    return states.take(_cheapest(states))
+
+
+def _search(guide: _Guide, first: _States, steps: tuple[int, ...]) -> list[_States]:
+    """Follow all postures along the guide, each with the spins that `steps` of the grid lead to; as far as any gets."""
+    layers = [first]
+    for k in range(1, len(guide.way)):
+        last, ds = layers[-1], guide.way[k] - guide.way[k - 1]
+        source = np.repeat(np.arange(len(last.q)), len(steps))
+        turn = last.turn[source] + np.tile(steps, len(last.q))
+        seed = last.q[source]
+        solved = solve_near(guide.model, guide.at(k, turn), seed, guide.x, tip=guide.tip)
+        change = solved.q - seed
+        good = np.flatnonzero(solved.reached & (np.abs(change).max(axis=1) < JUMP))
+        if not len(good):
+            break
+        q, deep = solved.q[good], depth(guide.model, solved.q[good])
+        states = _States(
+            q=q,
+            turn=turn[good],
+            cost=last.cost[source[good]] + (change[good] ** 2).sum(axis=1) / ds + ds / np.maximum(deep, 1e-9),
+            tightest=np.minimum(last.tightest[source[good]], deep),
+            before=source[good],
+        )
+        layers.append(states.take(_cheapest(states)))
+    return layers
+
+
+def _cheapest(states: _States) -> Int[np.ndarray, " k"]:
+    """Of states that are one posture with one spin, the one that costs least."""
+    alike = np.column_stack([np.round(states.q / (100.0 * SAME)), states.turn % ANGLES])
+    order = np.argsort(states.cost, kind="stable")
+    _, first = np.unique(alike[order], axis=0, return_index=True)
+    return np.sort(order[first])
+
+
+def _traced_back(layers: list[_States], best: int) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " joints"]]:
+    """Spin at every guide pose along the way to a state, radians, and the posture it begins with."""
+    turns = np.empty(len(layers))
+    for k in range(len(layers) - 1, -1, -1):
+        turns[k] = layers[k].turn[best]
+        if k:
+            best = int(layers[k].before[best])
+    return turns * (2.0 * np.pi / ANGLES), layers[0].q[best]
+
+
+def _followed(
+    guide: _Guide,
+    carried: Float[np.ndarray, "n 4 4"],
+    way: Float[np.ndarray, " n"],
+    turns: Float[np.ndarray, " k"],
+    start: Float[np.ndarray, " joints"],
+) -> Spun:
+    """The whole path with a spin known at the guide poses: smoothed if the robot can follow it so."""
+    smooth = turns.copy()
+    for _ in range(SMOOTHINGS):
+        smooth[1:-1] = (smooth[:-2] + 2.0 * smooth[1:-1] + smooth[2:]) / 4.0
+    reason = ""
+    for angles in (smooth, turns) if np.ptp(turns) else (turns,):
+        spin = np.interp(way, guide.way, angles)
+        T = carried @ _about_z(spin)
+        traced = trace(guide.model, T, start, guide.x, tip=guide.tip)
+        if traced.reached.all():
+            return Spun(T=T, q=traced.q, spin=spin)
+        row, why = refusals(guide.model.robot, traced)[0]
+        reason = f"pose {row}: {why}"
+    raise ReachError(
+        f"{guide.model.robot.name} cannot follow the path with the rotation found about the tool's axis; {reason}"
+    )
