@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from taskcal.identification.calibration import load_calibration
+from taskcal.identification.explain import explain
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
 from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects import Backlash, Effect, Settling
+from taskcal.robot.effects import Backlash, Effect, EncoderGain, Settling
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from tests.laws.robots import industrial, industrial_positions
@@ -53,6 +54,17 @@ def test_evidence_tells_a_rest_of_the_move_from_lost_motion():
         model, campaign, _ = measured(3, kind)
         plain = ErrorModel(model.robot)
         assert identify(plain + kind(), campaign).log_evidence > identify(plain + other(), campaign).log_evidence + 10.0
+
+
+def test_ways_compete_where_the_campaign_has_them():
+    model, campaign, _ = measured(4)
+    plain = ErrorModel(model.robot)
+    candidates = (EncoderGain(), Backlash(), Settling())
+    known = explain(plain, campaign, candidates=candidates, folds=3)
+    assert known.effects == (Backlash(),)
+    unknown = explain(plain, replace(campaign, approach=None, move=None), candidates=candidates, folds=3)
+    assert known.stages[1].reason.startswith("best of 3:")
+    assert [stage.name for stage in unknown.stages] == ["geometry", "encoder gain"]
 
 
 def test_without_conditions_a_model_with_backlash_is_the_model_without():
