@@ -1,0 +1,215 @@
+"""What a calibration leaves, and what it goes with: evidence for the next effect, or that there is none to be had.
+
+Each quantity is put to the test by itself: a smooth function of it, a cubic spline held by a ridge, is fitted to the
+residuals and predicts those of poses that were left out. The share of their variance that it explains is compared with
+shares after the quantity was shuffled among the poses (permutation test), so that a high share by chance shows as such.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.errors import CampaignError
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.regressor import Regressor, list_regressors
+from taskcal.measurement.campaign import Campaign
+
+FEWEST = 30
+"""Poses from which on something can be said."""
+
+KNOTS, PER_KNOT = (6, 40), 15
+"""Fewest and most knots of a spline, and poses for each; splines of several directions or parts have the fewest."""
+
+NEAR = np.radians(0.5)
+"""Poses nearer than this in all joints are left out together."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Explained:
+    """How much of the remainder goes with one quantity."""
+
+    regressor: Regressor
+    share: float
+    """Of the variance on poses left out; below nil where it predicts worse than nothing."""
+    p_value: float | None
+    """Chance of such a share where the quantity does not matter; None where the share is not above nil."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Remainder:
+    """What is left at every pose, and what it goes with."""
+
+    residual: Float[np.ndarray, "n 3"]
+    """Measured less predicted, mean over the targets seen, in base axes, metres."""
+    rms: float
+    """Of its length, metres."""
+    tracker: float
+    """What the tracker's noise alone would leave of it, metres rms."""
+    apart: float | None
+    """Where three targets or more were seen: rms per coordinate, metres, by which they move against each other, which no
+    motion of the robot explains; None otherwise."""
+    together: float | None
+    """The same of their common motion as one rigid body."""
+    explained: tuple[Explained, ...]
+    """The largest share first."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Machine-readable, in millimetres."""
+        return {
+            "rms_mm": self.rms * 1e3,
+            "tracker_mm": self.tracker * 1e3,
+            "targets_apart_mm": None if self.apart is None else self.apart * 1e3,
+            "targets_together_mm": None if self.together is None else self.together * 1e3,
+            "explained": [
+                {"quantity": e.regressor.name, "moves": e.regressor.moves, "share": e.share, "p_value": e.p_value}
+                for e in self.explained
+            ],
+        }
+
+
+def examine_remainder(
+    calibration: Calibration, campaign: Campaign, *, permutations: int = 99, folds: int = 5, seed: int = 0
+) -> Remainder:
+    """Find out what the residuals of a calibration go with.
+
+    Args:
+        calibration: the calibration.
+        campaign: the measurements that it was fitted to, or others of the same targets.
+        permutations: of each quantity, for its p-value.
+        folds: of the cross-validation.
+        seed: of folds and permutations.
+
+    Raises:
+        CampaignError: too few poses, or other targets than the calibration's.
+    """
+    if campaign.targets != calibration.targets:
+        raise CampaignError(
+            f"the campaign's targets are {', '.join(campaign.targets)}, the calibration's {', '.join(calibration.targets)}; "
+            "name the calibration's targets"
+        )
+    campaign = campaign.take(np.flatnonzero(campaign.valid.any(axis=1)))
+    if len(campaign) < FEWEST:
+        raise CampaignError(f"{len(campaign)} poses are too few to say what residuals go with; at least {FEWEST}")
+    R = calibration.T_tracker_base[:3, :3]
+    ends = calibration.predict_tool(campaign.q, campaign.conditions)[:, None] @ calibration.T_tool_target
+    each = (campaign.points - ends[..., :3, 3]) @ R
+    residual = np.nanmean(each, axis=1)
+    noise = np.where(campaign.valid, np.trace(campaign.covariances()[..., :3, :3], axis1=2, axis2=3), 0.0)
+    tracker = float(np.sqrt(np.mean(noise.sum(axis=1) / campaign.valid.sum(axis=1) ** 2)))
+    together, apart = _move_as_one(each, ends[..., :3, 3] @ R)
+    part = _parts(campaign.q, folds, seed)
+    rng = np.random.default_rng(seed)
+    explained = [_explain(r, residual, part, permutations, rng) for r in list_regressors(calibration, campaign)]
+    return Remainder(
+        residual=residual,
+        rms=float(np.sqrt((residual**2).sum(axis=1).mean())),
+        tracker=tracker,
+        apart=apart,
+        together=together,
+        explained=tuple(sorted(explained, key=lambda e: -e.share)),
+    )
+
+
+def fit_smooth(regressor: Regressor, residual: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n directions"]:
+    """The smooth function of a quantity, at the poses: along each of its directions, metres or radians."""
+    basis, features = _features(regressor)
+    fitted = _ridge(features, residual).fit(_stacked(features), residual.ravel())
+    return basis @ np.asarray(fitted.coef_).reshape(basis.shape[1], -1) / _size(regressor)
+
+
+def _explain(
+    regressor: Regressor,
+    residual: Float[np.ndarray, "n 3"],
+    part: Int[np.ndarray, " n"],
+    permutations: int,
+    rng: np.random.Generator,
+) -> Explained:
+    basis, features = _features(regressor)
+    share = _share(features, residual, part)
+    if share <= 0.0:
+        return Explained(regressor=regressor, share=share, p_value=None)
+    by_chance = [
+        _share(_carried(basis[rng.permutation(len(basis))], regressor), residual, part) for _ in range(permutations)
+    ]
+    p_value = (1 + sum(chance >= share for chance in by_chance)) / (1 + permutations)
+    return Explained(regressor=regressor, share=share, p_value=p_value)
+
+
+def _features(regressor: Regressor) -> tuple[Float[np.ndarray, "n k"], Float[np.ndarray, "n 3 features"]]:
+    """The quantity's own functions, and the movements that they carry."""
+    from sklearn.preprocessing import SplineTransformer
+
+    if not regressor.smooth:
+        basis = regressor.values / max(float(np.abs(regressor.values).max()), 1e-12)
+    else:
+        fewest, most = KNOTS
+        single = regressor.carrier.shape[2] == 1 == regressor.values.shape[1]
+        knots = int(np.clip(len(regressor.values) // PER_KNOT, fewest, most)) if single else fewest
+        varying = regressor.values[:, np.ptp(regressor.values, axis=0) > 1e-9]
+        basis = np.asarray(SplineTransformer(n_knots=knots, degree=3).fit_transform(varying))
+    return basis, _carried(basis, regressor)
+
+
+def _carried(basis: Float[np.ndarray, "n k"], regressor: Regressor) -> Float[np.ndarray, "n 3 features"]:
+    carrier = regressor.carrier / _size(regressor)
+    return (basis[:, None, :, None] * carrier[:, :, None]).reshape(len(basis), 3, -1)
+
+
+def _size(regressor: Regressor) -> float:
+    """Of the movement, so that a ridge treats all quantities alike."""
+    return float(np.sqrt((regressor.carrier**2).sum(axis=1).mean()))
+
+
+def _stacked(features: Float[np.ndarray, "n 3 features"]) -> Float[np.ndarray, "rows features"]:
+    return features.reshape(-1, features.shape[2])
+
+
+def _ridge(features: Float[np.ndarray, "n 3 features"], residual: Float[np.ndarray, "n 3"]) -> Any:
+    """A ridge as strong as these residuals ask for."""
+    from sklearn.linear_model import Ridge, RidgeCV
+
+    found: Any = RidgeCV(alphas=np.logspace(-2, 4, 7), fit_intercept=False).fit(_stacked(features), residual.ravel())
+    return Ridge(alpha=found.alpha_, fit_intercept=False)
+
+
+def _share(
+    features: Float[np.ndarray, "n 3 features"], residual: Float[np.ndarray, "n 3"], part: Int[np.ndarray, " n"]
+) -> float:
+    """Share of the residuals' variance that the features predict on parts left out."""
+    left, ridge = np.empty_like(residual), _ridge(features, residual)
+    for k in np.unique(part):
+        out = part == k
+        fitted = ridge.fit(_stacked(features[~out]), residual[~out].ravel())
+        left[out] = residual[out] - fitted.predict(_stacked(features[out])).reshape(-1, 3)
+    return float(1.0 - (left**2).sum() / (residual**2).sum())
+
+
+def _parts(q: Float[np.ndarray, "n joints"], folds: int, seed: int) -> Int[np.ndarray, " n"]:
+    """Part of every pose; the same pose measured again stays in one."""
+    _, group = np.unique(np.round(q / NEAR).astype(int), axis=0, return_inverse=True)
+    group = group.ravel()
+    shuffled = np.random.default_rng(seed).permutation(group.max() + 1)
+    return shuffled[group] % folds
+
+
+def _move_as_one(
+    each: Float[np.ndarray, "n targets 3"], position: Float[np.ndarray, "n targets 3"]
+) -> tuple[float | None, float | None]:
+    """Rms per coordinate of the targets' common rigid motion, and of what they move against each other."""
+    whole = np.isfinite(each).all(axis=(1, 2))
+    targets = each.shape[1]
+    if targets < 3 or not whole.any():
+        return None, None
+    offset = position[whole] - position[whole].mean(axis=1, keepdims=True)
+    M = np.zeros((len(offset), targets, 3, 6))
+    M[..., :3] = np.eye(3)
+    # a small rotation w moves a point at p by w × p
+    M[..., 3:] = np.swapaxes(np.cross(np.eye(3), offset[..., None, :]), -1, -2)
+    M = M.reshape(len(offset), 3 * targets, 6)
+    moved = each[whole].reshape(len(offset), -1)
+    common = np.einsum("nij,nj->ni", M, np.einsum("nij,nj->ni", np.linalg.pinv(M), moved))
+    apart = (moved - common).ravel()
+    # six of a pose's coordinates go into its motion
+    return float(np.sqrt(np.mean(common**2))), float(np.sqrt((apart**2).sum() / (len(moved) * (3 * targets - 6))))
