@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskcal.errors import FileError
 from taskcal.programs.krl.position import rotation
 from taskcal.programs.krl.read import KrlProgram, read_krl
 from taskcal.programs.krl.status import Status
@@ -13,29 +12,16 @@ from taskcal.programs.program import Move, Waypoint
 from taskcal.programs.source import Source
 from taskcal.robot.catalogue import load_robot
 from tests.laws.robots import generators
-from tests.programs.krl.grammar import damaged, programs
+from tests.programs.fuzz import check_case
+from tests.programs.krl.fuzzing import LANGUAGE
+from tests.programs.krl.generator import generate
+from tests.programs.krl.rewriting import Q, nearby, nearby_ways
 from tests.programs.krl.samples import handling, milling, source
 
 KR16 = load_robot("kuka-kr16-2")
 _NUMBER = re.compile(r"-?[0-9]+(?:\.[0-9]+)?")
-Q = np.radians([5.0, -70.0, 95.0, 10.0, -30.0, -20.0])
 FRAMES = "$TOOL={X 0,Y 0,Z 100,A 0,B 0,C 0}\n$BASE=$NULLFRAME\n"
 POSE = "{X 900,Y 0.0,Z 800,A 0,B 90,C 0}"
-
-
-def moved(T: np.ndarray, rng: np.random.Generator, size: float = 1e-3) -> np.ndarray:
-    out = T.copy()
-    out[:3, :3] = rotation(*rng.normal(scale=np.degrees(size), size=3)) @ T[:3, :3]
-    out[:3, 3] += rng.normal(scale=size, size=3)
-    return out
-
-
-def waypoint(move: Move, rng: np.random.Generator, size: float = 1e-3) -> Waypoint:
-    """Near a motion's end; its joint positions are any, since they decide status and turn only."""
-    if move.end.T is None:
-        return Waypoint(kind=move.kind, q=move.end.q + rng.normal(scale=size, size=6), T=None)
-    via = None if move.via is None else Waypoint(kind=move.kind, q=Q, T=moved(move.via.T, rng, size))
-    return Waypoint(kind=move.kind, q=Q, T=moved(move.end.T, rng, size), via=via)
 
 
 def check(move: Move, wanted: Waypoint) -> None:
@@ -69,12 +55,13 @@ def line(program: KrlProgram, ways: dict[int, tuple[Waypoint, ...]], number: int
     return program.rewrite(KR16, ways)[file].text.splitlines()[number - 1]
 
 
-@given(programs())
-def test_rewriting_nothing_or_motions_that_stay_gives_every_byte_back(written):
-    program = read_krl(written.sources)
+@given(generators)
+def test_rewriting_nothing_or_motions_that_stay_gives_every_byte_back(rng):
+    sources = generate(rng).sources
+    program = read_krl(sources)
     stays = {i: (here(move),) for i, move in enumerate(program.moves) if states_no_more(program, i)}
     for ways in ({}, stays):
-        for before, after in zip(written.sources, program.rewrite(KR16, ways), strict=True):
+        for before, after in zip(sources, program.rewrite(KR16, ways), strict=True):
             assert after.encode() == before.encode()
 
 
@@ -91,29 +78,27 @@ def states_no_more(program: KrlProgram, number: int) -> bool:
     return all(len(w.aggregates) == 1 and w.aggregates[0].field("S") is None for w in written)
 
 
-@given(programs(), generators, st.data())
-def test_rewritten_programs_read_as_what_was_wanted_and_the_rest_as_before(written, rng, data):
-    program = read_krl(written.sources)
-    numbers = range(len(program.moves))
-    chosen = data.draw(st.sets(st.sampled_from(numbers))) if numbers else set()
-    ways = {i: tuple(waypoint(program.moves[i], rng) for _ in range(int(rng.integers(1, 4)))) for i in chosen}
+@given(generators)
+def test_rewritten_programs_read_as_what_was_wanted_and_the_rest_as_before(rng):
+    sources = generate(rng).sources
+    program = read_krl(sources)
+    ways = nearby_ways(rng, program, most=3)
     after = program.rewrite(KR16, ways)
     again = program.reread(after)
     assert len(again.moves) == len(program.moves) + sum(len(way) - 1 for way in ways.values())
     moves = iter(again.moves)
     for i, old in enumerate(program.moves):
-        way = ways.get(i)
-        if way is None:
+        if i not in ways:
             unchanged(next(moves), old)
             continue
-        for j, wanted in enumerate(way):
+        for j, wanted in enumerate(ways[i]):
             new = next(moves)
             check(new, wanted)
-            assert new.stops == (old.stops and j == len(way) - 1)
+            assert new.stops == (old.stops and j == len(ways[i]) - 1)
             assert (new.speed, new.routine) == (old.speed, old.routine)
             np.testing.assert_allclose(new.tool.T, old.tool.T)
             np.testing.assert_allclose(new.part.T, old.part.T)
-    for before, now in zip(written.sources, after, strict=True):
+    for before, now in zip(sources, after, strict=True):
         assert now.encoding == before.encoding
         assert now.newline == before.newline
 
@@ -131,7 +116,7 @@ def test_only_the_numbers_of_points_change(sources):
     rng = np.random.default_rng(0)
     program = read_krl(sources)
     alone = [i for i, m in enumerate(program.moves) if m.end.name in ("", "XP4", "XP5") and m.kind != "axes"]
-    after = program.rewrite(KR16, {i: (waypoint(program.moves[i], rng),) for i in alone})
+    after = program.rewrite(KR16, {i: (nearby(rng, program.moves[i]),) for i in alone})
     for before, now in zip(sources, after, strict=True):
         assert _NUMBER.sub("#", now.text) == _NUMBER.sub("#", before.text)
 
@@ -257,19 +242,6 @@ def test_letters_of_any_encoding_survive(encoding, newline, tmp_path):
     assert after.encode() == text.replace("X 900,", "X 901.00000,").encode(encoding)
 
 
-@given(programs(), st.data())
-def test_damaged_files_are_read_or_refused_and_can_be_rewritten(written, data):
-    rng = np.random.default_rng(0)
-    sources = [Source.of(s.path, data.draw(damaged(s.encode()))) for s in written.sources]
-    try:
-        program = read_krl(sources)
-    except FileError:
-        return
-    for before, after in zip(sources, program.rewrite(KR16, {}), strict=True):
-        assert after.encode() == before.encode()
-    ways = {i: (waypoint(m, rng), waypoint(m, rng)) for i, m in enumerate(program.moves)}
-    again = program.reread(program.rewrite(KR16, ways))
-    assert len(again.moves) == 2 * len(program.moves)
-    for i in ways:
-        for j in (0, 1):
-            check(again.moves[2 * i + j], ways[i][j])
+@given(st.integers(0, 2**32 - 1))
+def test_damaged_programs_are_read_or_refused(seed):
+    assert check_case(LANGUAGE, seed) in ("refused", "read", "rewritten")

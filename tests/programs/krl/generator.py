@@ -1,0 +1,93 @@
+"""Random KRL programs: declarations, frames and motions in any spelling that KRL allows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from taskcal.programs.source import Source
+
+BLANKS = ("", " ", "  ", "\t")
+COMMENTS = ("", "", "", " ; to the part", ";FOLD x;%{PE}", " ; \u00fcber den Tisch \u2013 lang", '; "{X 1" C_DIS')
+PASSIVE = (
+    "WAIT SEC 0.5", "$OUT[3]=TRUE", "BAS(#VEL_PTP,50)", "", "; nothing", "HALT", "I=I+1", "$ADVANCE=3", "DECL INT I2",
+    "IF $IN[1] THEN", "ENDIF", "FOR I=1 TO 3", "ENDFOR",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Generated:
+    """A random program."""
+
+    sources: tuple[Source, ...]
+    motions: int
+    """All of which can be resolved."""
+
+
+def generate(rng: np.random.Generator) -> Generated:
+    """A ``.src`` and its ``.dat``, with tool and base set before the first motion."""
+    points = [f"XP{i + 1}" for i in range(int(rng.integers(5)))]
+    dat = ["&ACCESS RVP", "DEFDAT  PART PUBLIC", "EXT  BAS (BAS_COMMAND  :IN,REAL  :IN )"]
+    dat += [f"DECL{_one(rng, BLANKS[1:])}E6POS {point}={_pose(rng)}{_one(rng, COMMENTS)}" for point in points]
+    frames = [f"$TOOL={_pose(rng, status=False)}", f"$BASE = {_pose(rng, status=False)}"]
+    src = ["&ACCESS RVP", "&REL 3", "DEF PART( )", "BAS (#INITMOV,0 )", *frames, "$VEL.CP=0.1"]
+    motions = 0
+    for _ in range(int(rng.integers(1, 9))):
+        moves = rng.random() < 0.6
+        motions += moves
+        src.append(_one(rng, BLANKS) + (_motion(rng, points) if moves else _one(rng, PASSIVE)) + _one(rng, COMMENTS))
+    newline, encoding = _one(rng, ("\r\n", "\n")), _one(rng, ("utf-8", "cp1252"))
+    last = _one(rng, ("", newline))
+    return Generated(
+        sources=tuple(
+            Source.of(Path(name), (newline.join(lines) + last).encode(encoding))
+            for name, lines in (("part.src", [*src, "END"]), ("PART.DAT", [*dat, "ENDDAT"]))
+        ),
+        motions=motions,
+    )
+
+
+def _one(rng: np.random.Generator, choices: Sequence[str]) -> str:
+    return choices[int(rng.integers(len(choices)))]
+
+
+def _number(rng: np.random.Generator, low: float, high: float) -> str:
+    places = int(rng.integers(7))
+    value = rng.uniform(low, high)
+    return _one(rng, (f"{value:.{places}f}", f"{value:.{places}f}", f"{value:.3E}", "0.0"))
+
+
+def _pose(rng: np.random.Generator, *, status: bool = True) -> str:
+    """A complete position in braces."""
+    fields = [f"{name} {_number(rng, -900, 900)}" for name in "XYZ"]
+    fields += [f"{name} {_number(rng, -180, 180)}" for name in "ABC"]
+    if status and rng.random() < 0.8:
+        fields += [f"S {rng.integers(8)}", _one(rng, (f"T {rng.integers(64)}", f"T 'B{rng.integers(64):06b}'"))]
+    if rng.random() < 0.5:
+        fields += [f"E{i} 0.0" for i in range(1, 7)]
+    if rng.random() < 0.2:
+        rng.shuffle(fields)
+    kind = "E6POS: " if status and rng.random() < 0.3 else ""
+    return f"{{{kind}{_one(rng, (',', ', ', ' ,')).join(fields)}}}"
+
+
+def _motion(rng: np.random.Generator, points: list[str]) -> str:
+    word = _one(rng, ("PTP", "LIN", "CIRC", "SPTP", "SLIN", "SCIRC"))
+    joint = word.endswith("PTP")
+    target = _operand(rng, points, axes=joint)
+    if word.endswith("CIRC"):
+        target = f"{_operand(rng, points)}{_one(rng, (',', ', '))}{target}"
+    passing = _one(rng, ("", "", " C_PTP" if joint else " C_DIS"))
+    return f"{_one(rng, (word, word.lower(), word.capitalize()))} {target}{passing}"
+
+
+def _operand(rng: np.random.Generator, points: list[str], *, axes: bool = False) -> str:
+    choice = rng.random()
+    if axes and choice < 0.2:
+        return "{" + ",".join(f"A{i} {_number(rng, -120, 30)}" for i in range(1, 7)) + "}"
+    if points and choice < 0.5:
+        return _one(rng, points)
+    if points and choice < 0.7:
+        return f"{_one(rng, points)}:{{X 1,Y 0,Z -2.5,A 0,B 0,C 3}}"
+    return _pose(rng)
