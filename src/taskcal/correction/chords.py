@@ -91,16 +91,15 @@ def cut(wish: Wish) -> Chords:
     deviation = np.zeros(m)
     todo = np.flatnonzero(open_)
     for _ in range(ROUNDS):
-        found = _deviations(wish, nodes, todo, pieces)
-        deviation[todo] = found
-        more = todo[(found > wish.tolerance) & (pieces[todo] < MOST)]
-        if not len(more):
+        if len(todo):
+            deviation[todo] = _deviations(wish, nodes, todo, pieces)
+            todo = todo[(deviation[todo] > wish.tolerance) & (pieces[todo] < MOST)]
+        if not len(todo):
             break
         # the deviation of a chord goes with the square of its length
-        factor = np.minimum(np.sqrt(deviation[more] / wish.tolerance) * 1.1, 16.0)
-        pieces[more] = np.minimum(np.maximum(np.ceil(pieces[more] * factor), pieces[more] + 1), MOST)
-        nodes = _replaced(nodes, _nodes(wish, more, pieces), more)
-        todo = more
+        factor = np.minimum(np.sqrt(deviation[todo] / wish.tolerance) * 1.1, 16.0)
+        pieces[todo] = np.minimum(np.maximum(np.ceil(pieces[todo] * factor), pieces[todo] + 1), MOST)
+        nodes = _replaced(nodes, _nodes(wish, todo, pieces), todo)
     return Chords(pieces=pieces, nodes=nodes, deviation=deviation)
 
 

@@ -24,9 +24,9 @@ class Ways:
 
     @cached_property
     def turn(self) -> Float[np.ndarray, "m 3"]:
-        """Rotation from start to end in the start's axes, radians; NaN where the start is not known."""
+        """Rotation from start to end in the start's axes, radians; NaN where an end is not known."""
         out = np.full((len(self.start), 3), np.nan)
-        known = np.isfinite(self.start[:, 0, 0])
+        known = np.isfinite(self.start[:, 0, 0] + self.end[:, 0, 0])
         if known.any():
             R = np.swapaxes(self.start[known, :3, :3], 1, 2) @ self.end[known, :3, :3]
             out[known] = se3.log(R)

@@ -130,7 +130,7 @@ class FourBarDrive:
 
         return Shift(
             value=(closure.angle - kappa)[:, None] * self.output,
-            factor=(closure.by_length[:, :3, None] * self.output[self.moved]).reshape(len(q), -1),
+            factor=(closure.by_length[:, :3, None] * self.output[self.moved]).reshape(len(q), 3 * len(self.moved)),
             slope=slope,
         )
 

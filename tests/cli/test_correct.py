@@ -1,0 +1,197 @@
+"""``taskcal correct``: files, tables, and what happens to bad input."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taskcal.correction.milling import milling_program
+from taskcal.geometry import se3
+from taskcal.identification.calibration import load_calibration
+from taskcal.identification.identify import identify
+from taskcal.measurement.virtual_cell import simulate
+from taskcal.programs.rapid.configuration import Configuration
+from taskcal.programs.reading import read_program
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from taskcal.task.task import load_task, reach_task
+from tests.cli.conftest import IRB6660, Run
+
+SPINDLE = "[TRUE,[[250,30,120],[0.70710678,0,0.70710678,0]],[18,[120,0,60],[1,0,0,0],0,0,0]]"
+
+
+def module(robot, *lines):
+    """A module with a tool and a work object, and two targets at ordinary poses."""
+    model = ErrorModel(robot)
+    q = np.radians([[0.0, 10.0, 20.0, 5.0, -40.0, 10.0], [3.0, 12.0, 22.0, 6.0, -42.0, 12.0]])
+    targets = []
+    for name, at, T in zip(("pA", "pB"), q, model.poses(q), strict=True):
+        x, y, z = (f"{v:.3f}" for v in T[:3, 3] * 1e3 - [1500.0, 0.0, 1200.0])
+        i, j, k, w = se3.to_quaternion(T[:3, :3])
+        rotation = ",".join(f"{v:.8f}" for v in (w, i, j, k))
+        targets.append(
+            f"  CONST robtarget {name}:=[[{x},{y},{z}],[{rotation}],{Configuration.of(robot, at)},[9E9,9E9,9E9,9E9,9E9,9E9]];"
+        )
+    head = [
+        "MODULE Part ! Werkstück ä",
+        f"  PERS tooldata tSpindle:={SPINDLE};",
+        '  PERS wobjdata wPart:=[FALSE,TRUE,"",[[1500,0,1200],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];',
+        *targets,
+        "  PROC main()",
+    ]
+    return "\r\n".join([*head, *(f"    {line}" for line in lines), "  ENDPROC", "ENDMODULE", ""])
+
+
+GOOD = ("MoveJ pA,v200,z5,tSpindle\\WObj:=wPart;", "MoveL pB,v50,fine,tSpindle\\WObj:=wPart; ! cut")
+
+
+@pytest.fixture(scope="session")
+def robot():
+    return load_robot(IRB6660)
+
+
+@pytest.fixture
+def part(tmp_path, robot):
+    path = tmp_path / "part.mod"
+    path.write_bytes(module(robot, *GOOD).encode("latin-1"))
+    return path
+
+
+def test_a_program_is_corrected_and_nothing_but_its_targets_changes(run: Run, cell: Path, part: Path, tmp_path: Path):
+    ended = run("correct", "--calibration", cell / "cal.json", part, "-o", tmp_path / "out.mod", "--json")
+    assert ended.status == 0, ended.err
+    found = ended.json
+    assert found["written"] == [str(tmp_path / "out.mod")]
+    assert (found["moves"], found["corrected"], found["refused"]) == (2, 2, [])
+    assert found["before"]["targets"]["max_mm"] > 0.1 > 0.001 > found["after"]["targets"]["max_mm"]
+    old, new = part.read_bytes().split(b"\r\n"), (tmp_path / "out.mod").read_bytes().split(b"\r\n")
+    changed = [i for i, (a, b) in enumerate(zip(old, new, strict=True)) if a != b]
+    assert changed == [3, 4]
+    assert new[0] == "MODULE Part ! Werkstück ä".encode("latin-1")
+    # the true tool, at the joints of the nominal robot for the new targets
+    known = load_calibration(cell / "cal.json")
+    moved = [np.linalg.norm(row["shift_mm"]) for row in found["targets"]]
+    assert all(0.1 < value < 5.0 for value in moved)
+    assert [row["line"] for row in found["targets"]] == [7, 8]
+    assert known.model.robot.name == IRB6660
+
+
+def test_a_dry_run_writes_nothing_and_prints_the_tables(run: Run, cell: Path, part: Path, tmp_path: Path):
+    ended = run("correct", "-c", cell / "cal.json", part, "--dry-run", "--report", tmp_path / "page.html")
+    assert ended.status == 0
+    for words in ("Predicted error of the true tool", "at targets, after", "relative to", "joint speed", "part.mod:7"):
+        assert words in ended.out
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["page.html", "part.mod"]
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "Correction of part.mod" in page
+    assert "Where the program goes" in page
+
+
+def test_an_identity_calibration_changes_no_byte_of_a_milling_program(run: Run, tmp_path: Path, cell: Path, robot):
+    model = ErrorModel(robot)
+    task = load_task(cell / "task.toml")
+    q = reach_task(model, task, 30, seed=1).q
+    campaign, _ = simulate(model, q, rng=np.random.default_rng(0), x=np.zeros(len(model)))
+    identify(model, campaign, keep=[]).save(tmp_path / "nothing.json")
+    program = milling_program(robot, task)
+    (tmp_path / "mill.mod").write_bytes(program.source.encode())
+    ended = run("correct", "-c", tmp_path / "nothing.json", tmp_path / "mill.mod", "-o", tmp_path / "o.mod", "--json")
+    assert ended.status == 0
+    assert ended.json["corrected"] == 0
+    assert (tmp_path / "o.mod").read_bytes() == (tmp_path / "mill.mod").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("MoveL Offs(pB,3000,0,0),v50,fine,tSpindle\\WObj:=wPart;", "of the way there"),
+        (
+            "MoveAbsJ [[0,99,20,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,tSpindle;",
+            "J2 = 99.000° is outside -42 to 85°",
+        ),
+    ],
+)
+def test_what_cannot_be_reached_is_named_by_file_and_line(line, words, run: Run, cell, robot, tmp_path):
+    path = tmp_path / "far.mod"
+    path.write_text(module(robot, *GOOD, line), newline="")
+    ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.mod", "--json")
+    assert ended.status == 1
+    (refused,) = ended.json["refused"]
+    assert (refused["file"], refused["line"]) == (str(path), 9)
+    assert words in refused["reason"]
+    assert line in (tmp_path / "out.mod").read_text()
+
+
+def test_an_unknown_frame_is_named_by_file_and_line_and_left(run: Run, cell, robot, tmp_path):
+    path = tmp_path / "unknown.mod"
+    line = "MoveL pB,v50,fine,tSpindle\\WObj:=wFixture;"
+    path.write_text(module(robot, GOOD[0], line), newline="")
+    ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.mod")
+    assert f"{path}:8" in ended.err
+    assert "wFixture" in ended.err
+    assert line in (tmp_path / "out.mod").read_text()
+
+
+def test_a_target_that_others_need_as_it_was_is_cloned(run: Run, cell, robot, tmp_path):
+    path = tmp_path / "twice.mod"
+    path.write_text(module(robot, *GOOD, "MoveL pB,v50,fine,tool0\\WObj:=wFixture;"), newline="")
+    run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.mod")
+    old, new = path.read_text(), (tmp_path / "out.mod").read_text()
+    declared = next(line for line in old.splitlines() if "robtarget pB" in line)
+    assert declared in new  # the motion in the unknown frame still goes there
+    assert read_program(tmp_path / "out.mod").moves[1].end.name != "pB"
+
+
+def test_bounds_are_kept(run: Run, cell, part, tmp_path):
+    out = tmp_path / "out.mod"
+    ended = run("correct", "-c", cell / "cal.json", part, "-o", out, "--max-shift-mm", "0.01")
+    assert ended.status == 1
+    assert "0.01 mm are allowed" in ended.err
+    assert out.read_bytes() == part.read_bytes()
+
+
+def test_the_program_itself_is_never_overwritten(run: Run, cell, part):
+    before = part.read_bytes()
+    ended = run("correct", "-c", cell / "cal.json", part, "-o", part)
+    assert ended.status == 1
+    assert "never overwritten" in ended.err
+    assert part.read_bytes() == before
+
+
+def test_several_files_go_into_a_folder(run: Run, cell, robot, tmp_path):
+    text = module(robot, *GOOD)
+    lines = text.split("\r\n")
+    frames = "\r\n".join(["MODULE Frames(SYSMODULE)", *lines[1:3], "ENDMODULE", ""])
+    main = "\r\n".join([lines[0], *lines[3:]])
+    (tmp_path / "part.mod").write_text(main, newline="")
+    (tmp_path / "frames.sys").write_text(frames, newline="")
+    files = [tmp_path / "part.mod", tmp_path / "frames.sys"]
+    ended = run("correct", "-c", cell / "cal.json", *files, "-o", tmp_path / "new.mod")
+    assert ended.status == 1
+    assert "written into a folder" in ended.err
+    (tmp_path / "out").mkdir()
+    ended = run("correct", "-c", cell / "cal.json", *files, "-o", tmp_path / "out", "--json")
+    assert ended.status == 0
+    assert (tmp_path / "out" / "frames.sys").read_text() == (tmp_path / "frames.sys").read_text()
+    assert (tmp_path / "out" / "part.mod").read_text() != (tmp_path / "part.mod").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (["{part}"], 2, "--dry-run"),
+        (["{part}", "-o", "{out}", "--tolerance-mm", "0"], 2, "not above zero"),
+        (["{part}", "-o", "{out}", "--tool", "cutter"], 2, "--cell"),
+        (["{part}", "-o", "{out}", "--cell", "{part}"], 1, "no TOML"),
+        (["{part}", "{part}", "-o", "{out}"], 1, "given twice"),
+        (["missing.mod", "-o", "{out}"], 1, "missing.mod: cannot be read"),
+        (["part.docx", "-o", "{out}"], 1, "no suffix of a robot program"),
+        (["{part}", "-o", "/nowhere/out.mod"], 1, "folder"),
+    ],
+)
+def test_wrong_usage_is_explained(arguments, status, words, run: Run, cell, part, tmp_path):
+    place = {"part": str(part), "out": str(tmp_path / "out.mod")}
+    ended = run("correct", "-c", cell / "cal.json", *(argument.format(**place) for argument in arguments))
+    assert ended.status == status
+    assert words in ended.err
+    assert not (tmp_path / "out.mod").exists()
