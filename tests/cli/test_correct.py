@@ -93,7 +93,7 @@ def test_an_identity_calibration_changes_no_byte_of_a_milling_program(run: Run, 
     q = reach_task(model, task, 30, seed=1).q
     campaign, _ = simulate(model, q, rng=np.random.default_rng(0), x=np.zeros(len(model)))
     identify(model, campaign, keep=[]).save(tmp_path / "nothing.json")
-    program = milling_program(robot, task)
+    program = milling_program(robot, task, rows=2)
     (tmp_path / "mill.mod").write_bytes(program.source.encode())
     ended = run("correct", "-c", tmp_path / "nothing.json", tmp_path / "mill.mod", "-o", tmp_path / "o.mod", "--json")
     assert ended.status == 0

@@ -24,7 +24,7 @@ CLEAR = 0.03
 """Height of the ways over the part, metres."""
 
 ROWS, COLUMNS = 46, 45
-"""Of the surface; its targets are their product."""
+"""Rows that the surface is cut in, and targets of each."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,12 +49,13 @@ class _Cut:
     zone: str = "z0"
 
 
-def milling_program(robot: Robot, task: Task) -> Milling:
+def milling_program(robot: Robot, task: Task, rows: int = ROWS) -> Milling:
     """A program in the middle of a task's workspace.
 
     Args:
         robot: whose own tool is the roughing cutter, its z along the cutter's axis into the part.
         task: with a workspace, in whose first orientation is cut.
+        rows: that the surface is cut in.
 
     Raises:
         ReachError: the robot does not reach the workspace.
@@ -75,7 +76,7 @@ def milling_program(robot: Robot, task: Task) -> Milling:
     }
     writer = _Writer(robot, tools, parts, R)
     pocket = writer.routine("MillPocket", _pocket(), "tMill10", "wobjPocket")
-    form = writer.routine("MillForm", _form(), "tBall6", "wobjForm")
+    form = writer.routine("MillForm", _form(rows), "tBall6", "wobjForm")
     lines = [
         "MODULE Milling",
         "  ! Roughing of a pocket and finishing of a surface",
@@ -136,9 +137,9 @@ def _pocket() -> list[_Cut]:
     return cuts
 
 
-def _form() -> list[_Cut]:
+def _form(rows: int) -> list[_Cut]:
     """A waved surface of 180 × 140 mm, cut row by row with the cutter along its normal."""
-    x, y = np.linspace(-90.0, 90.0, COLUMNS), np.linspace(-70.0, 70.0, ROWS)
+    x, y = np.linspace(-90.0, 90.0, COLUMNS), np.linspace(-70.0, 70.0, rows)
 
     def at(u: float, v: float) -> Float[np.ndarray, "4 4"]:
         a, b = u / 70.0, v / 55.0

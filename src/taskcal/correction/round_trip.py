@@ -18,7 +18,7 @@ from taskcal.correction.cell import Cell, Measured
 from taskcal.correction.controller import drive
 from taskcal.correction.correct import correct, piece_origins, wanted_ways
 from taskcal.correction.correction import Correction
-from taskcal.correction.milling import Milling, milling_program
+from taskcal.correction.milling import ROWS, Milling, milling_program
 from taskcal.correction.placement import Placed, Placement
 from taskcal.correction.relation import fit_points
 from taskcal.geometry import se3
@@ -79,13 +79,19 @@ class Shop:
 
 
 def furnish(
-    robot: Robot, *, poses: int = POSES, seed: int = 0, progress: Callable[[str], None] = lambda _: None
+    robot: Robot,
+    *,
+    poses: int = POSES,
+    rows: int = ROWS,
+    seed: int = 0,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Shop:
     """Plan the measuring poses and write the milling program, for the reference task.
 
     Args:
         robot: an IRB 6660-205/1.9, whose reference workspace it is.
         poses: to measure.
+        rows: that the milled surface is cut in.
         seed: of the plan.
         progress: told what is being done.
     """
@@ -100,8 +106,8 @@ def furnish(
         keep_out=(),
     )
     progress("the milling program")
-    milling = milling_program(robot, task)
-    chosen = plan(_known_model(robot), task, poses, seed=seed, station=station, candidates=1000, progress=progress)
+    milling = milling_program(robot, task, rows)
+    chosen = plan(_known_model(robot), task, poses, seed=seed, station=station, candidates=500, progress=progress)
     return Shop(robot=robot, milling=milling, program=read_rapid((milling.source,)), q=chosen.q, station=station)
 
 
