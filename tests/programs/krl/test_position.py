@@ -115,6 +115,19 @@ def test_new_numbers_are_within_what_krl_can_hold(xyz, abc):
     np.testing.assert_allclose(again[:3, :3], T[:3, :3], atol=3e-8)
 
 
+def test_a_number_stays_apart_from_its_name():
+    assert with_edits("{X-1.5,Y+2,Z 3}", {"X": 1.25, "Y": 2.0, "Z": 4.0}) == "{X 1.25000,Y+2,Z 4.00000}"
+
+
+def test_what_is_no_number_stays():
+    assert with_edits("{X 1,T turn,S 'B2'}", {"X": 1.0, "T": 5.0, "S": 2.0}) == "{X 1,T turn,S 'B2'}"
+
+
+@given(*[st.floats(-180.0, 180.0)] * 6)
+def test_angles_stay_within_half_a_turn(A, B, C, a, b, c):
+    assert max(map(abs, angles(rotation(A, B, C), (a, b, c)))) <= 180.0 + 1e-9
+
+
 def test_only_the_digits_change():
     text = "{E6POS: X 1.5, y 2.000 ,Z 3, A 0,B 0,C 0,S 'B010',T 'H23', E1 0.0}"
     values = {"X": 1.5, "Y": 2.1, "Z": -3.25, "A": 0.0, "B": 0.0, "C": 0.0, "S": 6.0, "T": 3.0}

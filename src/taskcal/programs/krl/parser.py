@@ -307,13 +307,21 @@ class _Cursor:
             return None
         name = self.take()
         self.skip_brackets()
+        before = self._words[self._next - 1].end
         start = self._next
         self.skip_to(",", "}")
         words = self._words[start : self._next]
         if self.done or not words:
             return None
         text = "".join(word.text for word in words)
-        return Field(name=name.upper, text=text, value=_number(words), start=words[0].start, end=words[-1].end)
+        return Field(
+            name=name.upper,
+            text=text,
+            value=_number(words),
+            start=words[0].start,
+            end=words[-1].end,
+            touches=before == words[0].start,
+        )
 
 
 def _number(words: Sequence[Word]) -> float | None:

@@ -1,13 +1,13 @@
 """Positions in KRL: X Y Z in millimetres, A B C or A1 … A6 in degrees, S and T; from text to numbers and back."""
 
 from collections.abc import Mapping
-from math import atan2, cos, degrees, hypot, radians, sin
+from math import atan2, copysign, cos, degrees, hypot, radians, sin
 
 import numpy as np
 from jaxtyping import Float
 
 from taskcal.geometry import se3
-from taskcal.programs.krl.syntax import Aggregate, Field
+from taskcal.programs.krl.syntax import Aggregate
 from taskcal.programs.numeral import renumbered
 from taskcal.programs.source import Edit
 
@@ -42,20 +42,33 @@ def rotation(A: float, B: float, C: float) -> Float[np.ndarray, "3 3"]:
 def angles(
     R: Float[np.ndarray, "3 3"], near: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> tuple[float, float, float]:
-    """A, B and C of a rotation, degrees: of the triples that describe it, the one nearest to some angles."""
+    """A, B and C of a rotation, degrees: of the triples that describe it, the one nearest to some angles.
+
+    They stay within half a turn, as controllers write them, where those angles do.
+    """
     B = degrees(atan2(-R[2, 0], hypot(R[0, 0], R[1, 0])))
     if hypot(R[0, 0], R[1, 0]) < LOCKED:
         # R = Rz(A)·Ry(±90°)·Rx(C) depends on A ∓ C only: keep A
         rest = rotation(near[0], B, 0.0).T @ R
-        return _near((near[0], B, degrees(atan2(rest[2, 1], rest[1, 1]))), near)
+        return _within(_near((near[0], B, degrees(atan2(rest[2, 1], rest[1, 1]))), near), near)
     A, C = degrees(atan2(R[1, 0], R[0, 0])), degrees(atan2(R[2, 1], R[2, 2]))
     both = [_near((A, B, C), near), _near((A + 180.0, 180.0 - B, C + 180.0), near)]
-    return min(both, key=lambda triple: sum(abs(angle - old) for angle, old in zip(triple, near, strict=True)))
+    best = min(both, key=lambda triple: sum(abs(angle - old) for angle, old in zip(triple, near, strict=True)))
+    return _within(best, near)
 
 
 def _near(triple: tuple[float, float, float], near: tuple[float, float, float]) -> tuple[float, float, float]:
     """The same angles but for whole turns."""
     A, B, C = (angle + 360.0 * round((old - angle) / 360.0) for angle, old in zip(triple, near, strict=True))
+    return A, B, C
+
+
+def _within(triple: tuple[float, float, float], near: tuple[float, float, float]) -> tuple[float, float, float]:
+    """The same angles, within half a turn where others are."""
+    A, B, C = (
+        angle - copysign(360.0, angle) if abs(angle) > 180.0 >= abs(old) else angle
+        for angle, old in zip(triple, near, strict=True)
+    )
     return A, B, C
 
 
@@ -129,11 +142,11 @@ def axis_values(q: Float[np.ndarray, " joints"]) -> dict[str, float]:
     return dict(zip(AXES, np.degrees(q).tolist(), strict=False))
 
 
-def field_text(field: Field, value: float) -> str:
+def _field_text(name: str, text: str, was: float, value: float) -> str:
     """A component's text with a value: as it is where that is its value already, to the digits that KRL holds."""
-    if field.name in ("S", "T"):
-        return field.text if field.value == value else _integer(field.text, int(value))
-    return renumbered(field.text, np.inf if field.value is None else field.value, value, DECIMALS[field.name])
+    if name in ("S", "T"):
+        return text if was == value else _integer(text, int(value))
+    return renumbered(text, was, value, DECIMALS[name])
 
 
 def _integer(old: str, value: int) -> str:
@@ -145,11 +158,12 @@ def _integer(old: str, value: int) -> str:
 
 
 def edits_for(aggregate: Aggregate, values: Mapping[str, float]) -> list[Edit]:
-    """The edits that give a position's components other values; components that are not stated stay so."""
+    """The edits that give a position's components other values; those without a number of their own stay as they are."""
     out: list[Edit] = []
     for field in aggregate.fields:
-        if field.name in values:
-            text = field_text(field, values[field.name])
+        if field.name in values and field.value is not None:
+            text = _field_text(field.name, field.text, field.value, values[field.name])
             if text != field.text:
-                out.append(Edit(start=field.start, end=field.end, text=text))
+                blank = " " if field.touches else ""
+                out.append(Edit(start=field.start, end=field.end, text=blank + text))
     return out

@@ -18,6 +18,8 @@ class Field(NamedTuple):
     start: int
     """First character of the value."""
     end: int
+    touches: bool
+    """No blank stands before the value."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
