@@ -54,7 +54,7 @@ class Source:
         """The bytes of the file."""
         return self.text.encode(self.encoding)
 
-    @property
+    @cached_property
     def newline(self) -> str:
         """How the file ends its lines."""
         return "\r\n" if "\r\n" in self.text else "\n"

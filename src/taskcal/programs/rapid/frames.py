@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
@@ -79,6 +80,7 @@ def pose_of(xyz_mm: tuple[float, ...], wxyz: tuple[float, ...]) -> Float[np.ndar
     return se3.pose(se3.from_quaternion(np.array([*wxyz[1:], wxyz[0]])), np.array(xyz_mm) / 1e3)
 
 
+@lru_cache(maxsize=256)
 def frames_of(tool: tuple[str, Value], work_object: tuple[str, Value]) -> Frames:
     """The frames of a motion, from names and values of its tooldata and wobjdata.
 
