@@ -48,6 +48,25 @@ def test_a_calibration_along_a_path_and_without_a_task(run: Run, cell: Path, pat
     assert figures(page) == 2
 
 
+def test_what_the_remainder_goes_with(run: Run, cell: Path, tmp_path: Path) -> None:
+    page, cal = tmp_path / "report.html", cell / "cal.json"
+    ended = run("report", cal, "--campaign", cell / "one.csv", "-o", page, "--json")
+    assert (ended.status, ended.err) == (0, "")
+    remainder = ended.json["remainder"]
+    assert 0.01 < remainder["tracker_mm"] < 0.1
+    assert remainder["rms_mm"] < 2 * remainder["tracker_mm"]
+    assert "position of J2" in {e["quantity"] for e in remainder["explained"]}
+    assert all(e["share"] < 0.2 for e in remainder["explained"])
+    assert figures(page) >= 3
+    assert "What is left, and what it goes with" in page.read_text(encoding="utf-8")
+    assert "What the remainder of" in run("report", cal, "--campaign", cell / "one.csv", "-o", page).out
+    other = run("report", cal, "--campaign", cell / "three.csv", "-o", page)
+    assert (other.status, other.out) == (1, "")
+    assert f"{cell / 'three.csv'}: the campaign's targets are" in other.err
+    assert run("report", cal, "--campaign", cell / "nowhere.csv", "-o", page).status == 1
+    assert run("report", cal, "--campaign", page, "-o", page).status == 1
+
+
 def test_a_calibration_of_frames_alone(run: Run, cell: Path, tmp_path: Path) -> None:
     frames = ["--robot", IRB6660, cell / "one.csv", "--keep", "none", "-o", tmp_path / "cal.json"]
     found = run("identify", *frames, "--json").json

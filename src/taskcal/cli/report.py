@@ -5,11 +5,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskcal.cli.drift import DriftChoice, DriftOption, settle
 from taskcal.cli.options import JsonOption, SeedOption
 from taskcal.cli.output import announce_compilation, check_destination, working, write_json
 
 if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
+    from taskcal.identification.remainder import Remainder
     from taskcal.presentation.calibration_report import Uncertainty
     from taskcal.task.task import Task
 
@@ -24,14 +26,24 @@ def command(
             "--task", "-t", metavar="TASK.toml", readable=False, help="Show the uncertainty of the tool over this task."
         ),
     ] = None,
+    campaign: Annotated[
+        Path | None,
+        typer.Option(
+            "--campaign",
+            metavar="CAMPAIGN.csv",
+            readable=False,
+            help="Show what the residuals on this campaign go with: joints, gravity, approach, order, temperature.",
+        ),
+    ] = None,
+    drift: DriftOption = DriftChoice.follow,
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="REPORT.html", readable=False, help="Page to write.")
     ] = Path("report.html"),
     seed: SeedOption = 0,
     as_json: JsonOption = False,
 ) -> None:
-    """Make a page of a calibration: parameters, residuals, outliers, uncertainty over a task."""
-    check_destination(output, [path for path in (calibration, task) if path is not None])
+    """Make a page of a calibration: parameters, residuals, outliers, uncertainty over a task, what the remainder goes with."""
+    check_destination(output, [path for path in (calibration, task, campaign) if path is not None])
     from taskcal.files import write_whole
     from taskcal.identification.calibration import load_calibration, package_version
     from taskcal.presentation.calibration_report import calibration_html
@@ -42,7 +54,8 @@ def command(
     announce_compilation()
     with working("uncertainty and page"):
         over = None if asked is None else uncertainty_over(known, asked, seed)
-        write_whole(output, calibration_html(known, over, version=package_version()))
+        left = None if campaign is None else _examine(known, campaign, drift, seed)
+        write_whole(output, calibration_html(known, over, version=package_version(), remainder=left))
     result: dict[str, Any] = {"report": output, "robot": known.model.robot.name, "rows": len(known.residuals)}
     result["outliers"] = len(known.outliers)
     if over is not None:
@@ -52,6 +65,8 @@ def command(
             "after_mm": over.after * 1e3,
             "target_mm": over.target * 1e3,
         }
+    if left is not None:
+        result["remainder"] = left.to_json()
     if as_json:
         write_json(result)
         return
@@ -60,7 +75,45 @@ def command(
             f"over '{over.task}', standard deviation in space, rms: target {over.target * 1e3:.4f} mm; tool "
             f"{over.after * 1e3:.4f} mm, {over.before * 1e3:.4f} mm by the tolerances alone"
         )
+    if left is not None:
+        show_remainder(left)
     print(f"wrote {output}")
+
+
+def show_remainder(left: "Remainder") -> None:
+    """Print what the remainder goes with, as far as chance does not give as much."""
+    from taskcal.cli.output import show_table
+
+    rows = [
+        (e.regressor.name, e.regressor.moves, f"{100 * e.share:.1f}", f"{e.p_value:.2g}")
+        for e in left.explained
+        if e.p_value is not None and e.p_value <= 0.05
+    ]
+    size = f"{left.rms * 1e3:.4f} mm (rms in space; {left.tracker * 1e3:.4f} mm by the tracker alone)"
+    title = f"What the remainder of {size} goes with"
+    if rows:
+        show_table(title, ("quantity", "moves", "share % of variance", "p"), rows, left=(0, 1))
+    else:
+        print(f"{title}: nothing that was tried")
+
+
+def _examine(calibration: "Calibration", campaign: Path, drift: DriftChoice, seed: int) -> "Remainder":
+    """What the residuals on a campaign go with.
+
+    Raises:
+        FileError: the campaign has other targets or too few poses.
+    """
+    from taskcal.errors import CampaignError, FileError
+    from taskcal.identification.remainder import examine_remainder
+    from taskcal.measurement.reader import read_campaign
+
+    wanted = None if calibration.targets == ("tool",) else calibration.targets
+    measured = read_campaign(campaign, calibration.model.robot, targets=wanted)
+    measured, _ = settle(measured, drift)
+    try:
+        return examine_remainder(calibration, measured, seed=seed)
+    except CampaignError as error:
+        raise FileError(campaign, str(error)) from error
 
 
 def uncertainty_over(calibration: "Calibration", task: "Task", seed: int) -> "Uncertainty":

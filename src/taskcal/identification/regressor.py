@@ -37,9 +37,9 @@ def list_regressors(calibration: Calibration, campaign: Campaign) -> tuple[Regre
     """All quantities that a campaign tells and that vary in it.
 
     The turn of a joint may go with its own angle (gears, encoders), with gravity's lever about its axis (what the drive
-    yields, beyond a straight line too), and with the side it was approached from (lost motion). The tool may move with the
-    order of measurement and the temperature (drift), with its own tilt (bending), and along the beam with the distance
-    from the tracker (the tracker's scale).
+    yields, beyond a straight line too), with the side it was approached from (lost motion) and with its last move (a rest
+    of it). The tool may move with the order of measurement and the temperature (drift), with its own tilt (bending), and
+    along the beam with the distance from the tracker (the tracker's scale).
 
     Args:
         calibration: whose remainder it is.
@@ -66,7 +66,7 @@ def list_regressors(calibration: Calibration, campaign: Campaign) -> tuple[Regre
 
 
 def _of_joints(calibration: Calibration, campaign: Campaign, arm: Float[np.ndarray, "n 3"]) -> Iterator[Regressor]:
-    """Position, gravity's lever and approach of every joint, each of which would turn it."""
+    """Position, gravity's lever, approach and last move of every joint, each of which would turn it."""
     robot, q = calibration.model.robot, campaign.q
     J = calibration.model.joint_jacobian(q, calibration.estimate)
     columns = J[:, :3] + np.cross(np.swapaxes(J[:, 3:], 1, 2), arm[:, None]).swapaxes(1, 2)
@@ -99,6 +99,15 @@ def _of_joints(calibration: Calibration, campaign: Campaign, arm: Float[np.ndarr
                 unit="side",
                 scale=1.0,
                 smooth=False,
+            )
+        if campaign.move is not None:
+            yield Regressor(
+                name=f"last move of {joint}",
+                moves=moves,
+                values=campaign.move[:, j : j + 1],
+                carrier=carrier,
+                unit="mm" if slides else "°",
+                scale=1e3 if slides else 180.0 / np.pi,
             )
 
 

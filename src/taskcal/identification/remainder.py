@@ -115,8 +115,10 @@ def examine_remainder(
 def fit_smooth(regressor: Regressor, residual: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n directions"]:
     """The smooth function of a quantity, at the poses: along each of its directions, metres or radians."""
     basis, features = _features(regressor)
-    fitted = _ridge(features, residual).fit(_stacked(features), residual.ravel())
-    return basis @ np.asarray(fitted.coef_).reshape(basis.shape[1], -1) / _size(regressor)
+    X = _stacked(features)
+    square = X.T @ X + _strength(features, residual) * np.eye(X.shape[1])
+    weights = np.linalg.solve(square, X.T @ residual.ravel()).reshape(basis.shape[1], -1)
+    return basis @ weights / _size(regressor)
 
 
 def _explain(
@@ -127,11 +129,13 @@ def _explain(
     rng: np.random.Generator,
 ) -> Explained:
     basis, features = _features(regressor)
-    share = _share(features, residual, part)
+    strength = _strength(features, residual)
+    share = _share(features, residual, part, strength)
     if share <= 0.0:
         return Explained(regressor=regressor, share=share, p_value=None)
     by_chance = [
-        _share(_carried(basis[rng.permutation(len(basis))], regressor), residual, part) for _ in range(permutations)
+        _share(_carried(basis[rng.permutation(len(basis))], regressor), residual, part, strength)
+        for _ in range(permutations)
     ]
     p_value = (1 + sum(chance >= share for chance in by_chance)) / (1 + permutations)
     return Explained(regressor=regressor, share=share, p_value=p_value)
@@ -166,24 +170,29 @@ def _stacked(features: Float[np.ndarray, "n 3 features"]) -> Float[np.ndarray, "
     return features.reshape(-1, features.shape[2])
 
 
-def _ridge(features: Float[np.ndarray, "n 3 features"], residual: Float[np.ndarray, "n 3"]) -> Any:
-    """A ridge as strong as these residuals ask for."""
-    from sklearn.linear_model import Ridge, RidgeCV
+def _strength(features: Float[np.ndarray, "n 3 features"], residual: Float[np.ndarray, "n 3"]) -> float:
+    """Of the ridge that these residuals ask for."""
+    from sklearn.linear_model import RidgeCV
 
     found: Any = RidgeCV(alphas=np.logspace(-2, 4, 7), fit_intercept=False).fit(_stacked(features), residual.ravel())
-    return Ridge(alpha=found.alpha_, fit_intercept=False)
+    return float(found.alpha_)
 
 
 def _share(
-    features: Float[np.ndarray, "n 3 features"], residual: Float[np.ndarray, "n 3"], part: Int[np.ndarray, " n"]
+    features: Float[np.ndarray, "n 3 features"],
+    residual: Float[np.ndarray, "n 3"],
+    part: Int[np.ndarray, " n"],
+    strength: float,
 ) -> float:
-    """Share of the residuals' variance that the features predict on parts left out."""
-    left, ridge = np.empty_like(residual), _ridge(features, residual)
-    for k in np.unique(part):
-        out = part == k
-        fitted = ridge.fit(_stacked(features[~out]), residual[~out].ravel())
-        left[out] = residual[out] - fitted.predict(_stacked(features[out])).reshape(-1, 3)
-    return float(1.0 - (left**2).sum() / (residual**2).sum())
+    """Share of the residuals' variance that the features predict on parts left out, by ridge regression."""
+    parts = [(_stacked(features[part == k]), residual[part == k].ravel()) for k in np.unique(part)]
+    squares, products = [X.T @ X for X, _ in parts], [X.T @ y for X, y in parts]
+    square, product = sum(squares) + strength * np.eye(features.shape[2]), sum(products)
+    left = sum(
+        float(np.sum((y - X @ np.linalg.solve(square - own, product - by)) ** 2))
+        for (X, y), own, by in zip(parts, squares, products, strict=True)
+    )
+    return 1.0 - left / float((residual**2).sum())
 
 
 def _parts(q: Float[np.ndarray, "n joints"], folds: int, seed: int) -> Int[np.ndarray, " n"]:

@@ -8,9 +8,11 @@ from jaxtyping import Float
 
 from taskcal.adaptation.task_map import Slice
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.remainder import Remainder
 from taskcal.presentation.content import Block, Chart, Numbers, Section, Table, Text
 from taskcal.presentation.fit_figures import draw_parameters, draw_residuals
 from taskcal.presentation.procedure_tables import label_of
+from taskcal.presentation.remainder_section import remainder_section
 from taskcal.presentation.report import report_html
 from taskcal.presentation.seen import seen_parameters
 from taskcal.presentation.task_figures import Maps, draw_bands, draw_maps
@@ -37,16 +39,21 @@ class Uncertainty:
     """Standard deviations in space over the slices."""
 
 
-def calibration_html(calibration: Calibration, over: Uncertainty | None, *, version: str) -> str:
+def calibration_html(
+    calibration: Calibration, over: Uncertainty | None, *, version: str, remainder: Remainder | None = None
+) -> str:
     """The page of a calibration.
 
     Args:
         calibration: the calibration.
         over: uncertainty over a task, if one was named.
         version: of the package that makes the page.
+        remainder: what is left on a campaign, if one was named.
     """
     model, source = calibration.model, calibration.provenance
     sections = [_summary(calibration, over), _residuals(calibration)]
+    if remainder is not None:
+        sections.append(remainder_section(remainder, f"{len(remainder.residual)} poses"))
     if over is not None:
         sections.append(_uncertainty(over))
     sections += [_parameters(calibration), _provenance(calibration)]

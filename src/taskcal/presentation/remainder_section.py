@@ -1,0 +1,85 @@
+"""What a calibration leaves, as a section of its page."""
+
+from taskcal.identification.remainder import Remainder
+from taskcal.presentation.content import Block, Chart, Numbers, Points, Section, Table, Text
+from taskcal.presentation.remainder_figures import draw_against, draw_shares
+
+PROVEN = 0.01
+"""p-value up to which a share is called proven."""
+
+
+def remainder_section(found: Remainder, rows: str) -> Section:
+    """The section.
+
+    Args:
+        found: the remainder.
+        rows: which poses they are, in words.
+    """
+    numbers = [
+        (f"{found.rms * 1e3:.4f}", "mm", "is left in space (rms, mean of the targets)"),
+        (f"{found.tracker * 1e3:.4f}", "mm", "of it would be left by the tracker's noise alone"),
+    ]
+    if found.apart is not None and found.together is not None:
+        numbers += [
+            (f"{found.together * 1e3:.4f}", "mm", "per coordinate is motion of all targets as one body (rms)"),
+            (f"{found.apart * 1e3:.4f}", "mm", "per coordinate is motion of targets against each other (rms)"),
+        ]
+    blocks: list[Block] = [Numbers(tuple(numbers)), Points(_said(found))]
+    if any(e.p_value is not None for e in found.explained):
+        blocks.append(
+            Chart(
+                title="What the remainder goes with",
+                figure=draw_shares(found),
+                note="Each quantity by itself; quantities that go together share what they explain. Grey: chance gives as much "
+                f"more often than once in {1 / PROVEN:.0f}.",
+            )
+        )
+    if found.explained:
+        blocks.append(
+            Chart(
+                title="The remainder against each quantity",
+                figure=draw_against(found),
+                note="Turns are those that the measured points ask of the joint; poses in which they hardly tell are left out.",
+            )
+        )
+    table = [
+        (
+            e.regressor.name,
+            e.regressor.moves,
+            f"{100 * e.share:.1f}",
+            "" if e.p_value is None else f"{e.p_value:.2g}",
+        )
+        for e in found.explained
+    ]
+    blocks.append(
+        Table.of_rows(
+            f"All {len(table)} quantities",
+            ("quantity", "moves", "share %", "p"),
+            table,
+            text_columns=(0, 1),
+            note="Share of the variance on poses left out; below nil, the quantity predicts worse than nothing.",
+            folded=True,
+        )
+    )
+    method = Text(
+        (
+            f"A smooth function of each quantity is fitted to the residuals of {rows} and predicts those of poses left out. p is "
+            "the chance of such a share where the quantity does not matter, from shuffling it among the poses.",
+        )
+    )
+    return Section(title="What is left, and what it goes with", blocks=(method, *blocks))
+
+
+def _said(found: Remainder) -> tuple[str, ...]:
+    """The evidence in sentences."""
+    proven = [e for e in found.explained if e.p_value is not None and e.p_value <= PROVEN and e.share >= 0.01]
+    out = [
+        f"{e.regressor.name}, by the {e.regressor.moves}: {100 * e.share:.0f} % of the variance." for e in proven[:5]
+    ]
+    if not proven:
+        out = ["Nothing that was tried explains one per cent of it."]
+    if found.apart is not None and found.together is not None and found.together > 3.0 * found.apart:
+        out.append(
+            "The targets move as one body: what is left is the motion of the robot or of its stand, not of single measurements."
+        )
+    return tuple(out)
