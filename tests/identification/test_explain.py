@@ -5,7 +5,7 @@ import pytest
 
 from taskcal.adaptation.procedure import SPREAD, reference_task
 from taskcal.identification.calibration import load_calibration
-from taskcal.identification.explain import CANDIDATES, PROOF, explain, with_field
+from taskcal.identification.explain import CANDIDATES, PROOF, SOFT, explain, with_field
 from taskcal.identification.field import learn_field
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import draw_defects, simulate
@@ -115,6 +115,20 @@ def test_candidates_suit_what_is_known_of_a_robot():
     assert {"Spring", "MotorHarmonics"} <= suited(
         robot_from({**description, "joint": joints, "spring": {"joint": "J2", **spring}})
     )
+
+
+def test_a_model_has_each_effect_once(robot):
+    model, rng = ErrorModel(robot), np.random.default_rng(2)
+    campaign, truth = simulate(model + SOFT, poses(robot, rng, 60), rng=rng)
+    found = explain(model + Harmonics(orders=(1,)), campaign, candidates=CHEAP, folds=3)
+    assert found.effects[0] == SOFT  # the narrow one would not stretch so far
+    assert not {Compliance(), Harmonics(orders=(1,))} & set(found.effects)
+    unseen = poses(robot, rng, 100)
+    error, plain = (
+        np.linalg.norm(fit.predict(unseen) - truth.points(unseen), axis=2).mean()
+        for fit in (found.calibration, identify(model, campaign))
+    )
+    assert error < 0.3 * plain
 
 
 def test_every_step_says_what_it_was_worth(robot):

@@ -32,16 +32,21 @@ from taskcal.robot.effects import (
     Settling,
     Spring,
 )
+from taskcal.robot.effects.effect import DEFLECTION
 from taskcal.robot.error_model import ErrorModel
 
 PERIODIC = Harmonics(orders=tuple(range(3, 31)), tolerance=2e-5)
 """Errors of gears and encoders that recur several times in a turn; each is small, the right ones are not known before."""
+
+SOFT = Compliance(tolerance=3e-3)
+"""Drives of 10⁶ Nm/rad under some hundred kilograms, or of 10⁴ under some kilograms: milliradians per metre of lever."""
 
 CANDIDATES: tuple[Effect, ...] = (
     EncoderGain(),
     Harmonics(orders=(1,)),
     Harmonics(orders=(2,)),
     Compliance(),
+    SOFT,
     PERIODIC,
     Backlash(),
     Settling(),
@@ -49,7 +54,8 @@ CANDIDATES: tuple[Effect, ...] = (
     Spring(),
     MotorHarmonics(),
 )
-"""Those that suit a robot compete on it (`Effect.suits`): a spring where one is stated, for example."""
+"""Those that suit a robot compete on it (`Effect.suits`): a spring where one is stated, for example. Of two that have
+parameters in common, such as a compliance of two tolerances, the model gets one."""
 
 PROOF = 5.0
 """Gain of log evidence that an effect must show beyond the logarithm of the number of candidates: odds of 150 to 1."""
@@ -119,7 +125,7 @@ def explain(
     """Identify geometry, then the effects that the data prove, then a residual field if it proves itself.
 
     Args:
-        model: the geometric model, possibly with effects that are certain.
+        model: the geometric model, possibly with effects that are certain, or expected whatever the data say.
         campaign: the measurements.
         effects: those to add without proof; by default the candidates are tried.
         field: try a residual field.
@@ -161,7 +167,7 @@ def explain(
         suitable = [c for c in CANDIDATES if c.suits(model.robot)] if candidates is None else candidates
         ways: dict[type[Effect], np.ndarray | None] = {Backlash: campaign.approach, Settling: campaign.move}
         able = [c for c in suitable if type(c) not in ways or ways[type(c)] is not None]
-        found = _search(model, campaign, able, parts, best, left, options, progress)
+        found = _search(model, campaign, _beside(model, able), parts, best, left, options, progress)
         best, left, model, options, added, tried = found
         stages += tried
     if field:
@@ -247,9 +253,15 @@ def _search(
         if accepted:
             model, options, best, left = more, kept, trials[k], errors
             added.append(effect)
+            candidates = _beside(model, candidates)
         elif not likelier:
             break
     return best, left, model, options, added, stages
+
+
+def _beside(model: ErrorModel, candidates: Sequence[Effect]) -> list[Effect]:
+    """Candidates that have no parameter of the model's."""
+    return [effect for effect in candidates if not set(effect.term(model.robot).names) & set(model.names)]
 
 
 def _with(model: ErrorModel, effect: Effect, options: dict[str, Any]) -> tuple[ErrorModel, dict[str, Any]]:
@@ -279,6 +291,8 @@ def _label(effect: Effect) -> str:
     if isinstance(effect, Harmonics):
         first, last = effect.orders[0], effect.orders[-1]
         label += f" of order {first}" if first == last else f" of orders {first} to {last}"
+    if isinstance(effect, Compliance) and effect.tolerance != DEFLECTION:
+        label += f" (±{effect.tolerance * 1e3:g} mrad)"
     return label if effect.joints is None else f"{label} of {', '.join(effect.joints)}"
 
 
