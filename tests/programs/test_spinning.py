@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from taskcal.errors import ReachError
+from taskcal.errors import ReachError, TaskcalError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture
 from taskcal.kinematics.tracing import trace
 from taskcal.programs.apt.read import read_apt
 from taskcal.programs.program import Frame
 from taskcal.programs.source import Source
-from taskcal.programs.spinning import with_spins
+from taskcal.programs.spinning import spun_alike, with_spins
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 
@@ -47,6 +47,18 @@ def test_every_run_of_motions_can_be_followed_by_the_robots_joints():
     for run in (slice(0, 40), slice(40, 45)):
         assert trace(model, T[run], find_posture(model, T[run][0])).reached.all()
     assert spun.rewrite(ROBOT, {}) == given.sources
+    again = spun.reread(given.sources)
+    np.testing.assert_allclose([move.end.T for move in again.moves], new, atol=1e-9)
+
+
+def test_spins_are_those_of_the_other_program_where_points_were_added():
+    spun = with_spins(program(circle(41)), ROBOT)
+    again = spun_alike(program(circle(81)), spun)
+    np.testing.assert_allclose(
+        [move.end.T for move in again.moves[::2]], [move.end.T for move in spun.moves], atol=2e-3
+    )
+    with pytest.raises(TaskcalError, match=r"path\.apt has 2 runs of motions instead of 1"):
+        spun_alike(program(circle(41) + "GOHOME\n" + circle(41)), spun)
 
 
 def test_arcs_get_spins_too_and_a_path_out_of_reach_is_named_by_its_line():

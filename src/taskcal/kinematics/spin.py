@@ -81,7 +81,7 @@ class _Guide:
 
     def at(self, k: int, turn: Int[np.ndarray, " m"]) -> Float[np.ndarray, "m 4 4"]:
         """Guide pose k with spins in steps of the grid."""
-        return self.T[k] @ _about_z(turn * (2.0 * np.pi / ANGLES))
+        return self.T[k] @ about_z(turn * (2.0 * np.pi / ANGLES))
 
 
 def choose_spin(
@@ -110,8 +110,8 @@ def choose_spin(
         ReachError: no spin lets the robot follow the path; names the pose where the best one ends.
     """
     tip = np.eye(4) if tip is None else tip
-    carried = _carried(T)
-    way = _way(carried)
+    carried = carried_along(T)
+    way = tool_way(carried)
     guide = _guide(model, x, tip, carried, way)
     layers = [_first(guide)]
     held = _search(guide, layers[0], steps=(0,))
@@ -132,7 +132,8 @@ def choose_spin(
     return _followed(guide, carried, way, turns, start)
 
 
-def _about_z(angle: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 4 4"]:
+def about_z(angle: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 4 4"]:
+    """Pure rotations about z, radians."""
     out = np.zeros((*angle.shape, 4, 4))
     out[..., 0, 0] = out[..., 1, 1] = np.cos(angle)
     out[..., 1, 0] = np.sin(angle)
@@ -141,8 +142,12 @@ def _about_z(angle: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 4 4"]:
     return out
 
 
-def _carried(T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
-    """The poses with a spin of their own: that of the first by a rule, the others carried along by the shortest rotations."""
+def carried_along(T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
+    """Poses of a path with a spin of their own: of the first by a rule, carried along by the shortest rotations of z.
+
+    Args:
+        T: the poses, whose rotation about z does not matter.
+    """
     z = T[:, :3, 2]
     near = np.eye(3)[np.argmin(np.abs(z[0]))]
     out = T.copy()
@@ -161,7 +166,7 @@ def _carried(T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
     return out
 
 
-def _way(T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, " n"]:
+def tool_way(T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, " n"]:
     """How far the tool has moved at each pose, radians and half metres, its spin aside."""
     shift = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1)
     tilt = 2.0 * np.arcsin(np.minimum(0.5 * np.linalg.norm(np.diff(T[:, :3, 2], axis=0), axis=1), 1.0))
@@ -283,7 +288,7 @@ def _followed(
     reason = ""
     for angles in (smooth, turns) if np.ptp(turns) else (turns,):
         spin = np.interp(way, guide.way, angles)
-        T = carried @ _about_z(spin)
+        T = carried @ about_z(spin)
         traced = trace(guide.model, T, start, guide.x, tip=guide.tip)
         if traced.reached.all():
             return Spun(T=T, q=traced.q, spin=spin)

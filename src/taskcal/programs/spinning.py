@@ -2,19 +2,22 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.errors import ReachError
+from taskcal.errors import ReachError, TaskcalError
 from taskcal.geometry import se3
-from taskcal.kinematics.spin import choose_spin
-from taskcal.programs.program import Move, Program, Target
+from taskcal.kinematics.spin import about_z, carried_along, choose_spin, tool_way
+from taskcal.programs.program import Move, Program
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
+P = TypeVar("P", bound=Program)
 
-def with_spins(program: Program, robot: Robot) -> Program:
+
+def with_spins(program: P, robot: Robot) -> P:
     """The program with the rotation about the tool's axis chosen wherever it leaves that open.
 
     Motions that follow each other get spins that the robot can go through without jumps, inside its limits; see
@@ -25,18 +28,34 @@ def with_spins(program: Program, robot: Robot) -> Program:
     """
     moves = list(program.moves)
     for run in _runs(moves):
-        targets = [target for k in run for target in _targets(moves[k])]
         first = moves[run[0]]
-        T = np.stack([_pose(target) for target in targets])
+        tip = se3.inverse(robot.T_flange_tool) @ first.tool.T
         try:
-            spun = choose_spin(ErrorModel(robot), first.part.T @ T, tip=se3.inverse(robot.T_flange_tool) @ first.tool.T)
+            spun = choose_spin(ErrorModel(robot), first.part.T @ _poses(moves, run), tip=tip)
         except ReachError as error:
             raise ReachError(f"{first.place}: of the motions from this line on: {error}") from error
-        chosen = iter(se3.inverse(first.part.T) @ spun.T)
-        for k in run:
-            via = moves[k].via
-            via = None if via is None else replace(via, T=next(chosen))
-            moves[k] = replace(moves[k], via=via, end=replace(moves[k].end, T=next(chosen)))
+        _place(moves, run, se3.inverse(first.part.T) @ spun.T)
+    return replace(program, moves=tuple(moves))
+
+
+def spun_alike(program: P, other: Program) -> P:
+    """The program with the spins of another one that goes the same ways, if not by the same points.
+
+    Raises:
+        TaskcalError: their motions do not follow each other in the same runs.
+    """
+    moves = list(program.moves)
+    runs, others = _runs(moves), _runs(other.moves)
+    if len(runs) != len(others):
+        raise TaskcalError(f"{program.sources[0].path} has {len(runs)} runs of motions instead of {len(others)}")
+    for run, alike in zip(runs, others, strict=True):
+        given, T = _poses(other.moves, alike), carried_along(_poses(moves, run))
+        carried = carried_along(given)
+        x = (np.swapaxes(carried[:, :3, :3], 1, 2) @ given[:, :3, :1])[:, :, 0]
+        spin = np.unwrap(np.arctan2(x[:, 1], x[:, 0]))
+        way, known = tool_way(T), tool_way(given)
+        scale = known[-1] / way[-1] if way[-1] > 0.0 else 1.0
+        _place(moves, run, T @ about_z(np.interp(way * scale, known, spin)))
     return replace(program, moves=tuple(moves))
 
 
@@ -55,11 +74,16 @@ def _runs(moves: Sequence[Move]) -> list[list[int]]:
     return runs
 
 
-def _targets(move: Move) -> list[Target]:
-    return [move.end] if move.via is None else [move.via, move.end]
+def _poses(moves: Sequence[Move], run: Sequence[int]) -> Float[np.ndarray, "n 4 4"]:
+    """Poses of the points on the way and the ends of some motions, in their order."""
+    targets = [t for k in run for t in (moves[k].via, moves[k].end) if t is not None]
+    return np.stack([target.T for target in targets if target.T is not None])
 
 
-def _pose(target: Target) -> Float[np.ndarray, "4 4"]:
-    if target.T is None:
-        raise ValueError("joint positions leave no spin open")
-    return target.T
+def _place(moves: list[Move], run: Sequence[int], T: Float[np.ndarray, "n 4 4"]) -> None:
+    """Give some motions other poses, in the order of `_poses`."""
+    poses = iter(T)
+    for k in run:
+        via = moves[k].via
+        via = None if via is None else replace(via, T=next(poses))
+        moves[k] = replace(moves[k], via=via, end=replace(moves[k].end, T=next(poses)))

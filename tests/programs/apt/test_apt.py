@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError, TaskcalError
-from taskcal.programs.apt.read import read_apt
-from taskcal.programs.apt.rewriting import AptProgram
+from taskcal.programs.apt.read import AptProgram, read_apt
 from taskcal.programs.program import Frame, Move, Waypoint
 from taskcal.programs.source import Source
 from taskcal.robot.catalogue import load_robot

@@ -11,9 +11,8 @@ from taskcal.programs.apt.circle import Arc, arc_through
 from taskcal.programs.apt.instruction import Instruction
 from taskcal.programs.apt.statement import Token
 from taskcal.programs.numeral import numeral, renumbered
-from taskcal.programs.program import Move, Program, Waypoint
+from taskcal.programs.program import Move, Waypoint
 from taskcal.programs.source import Edit, Place, Source
-from taskcal.robot.robot import Robot
 
 MM, INCHES, AXIS = 5, 6, 7
 """Decimals written of lengths and of directions."""
@@ -22,43 +21,46 @@ _SAME = 1e-9
 """Points nearer to each other than this are one, metres."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class AptProgram(Program):
-    """Tool paths read from APT."""
+def rewritten(
+    sources: Sequence[Source],
+    moves: Sequence[Move],
+    instructions: Sequence[Instruction],
+    ways: Mapping[int, tuple[Waypoint, ...]],
+) -> tuple[Source, ...]:
+    """The files of a program with some motions rewritten.
 
-    instructions: tuple[Instruction, ...]
-    """Where each motion stands."""
+    Args:
+        sources: the files.
+        moves: all motions.
+        instructions: where they stand.
+        ways: waypoints, by number of the motion.
 
-    def rewrite(self, robot: Robot, ways: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
-        """The files with some motions rewritten; see `Program.rewrite`.
+    Raises:
+        TaskcalError: APT cannot say it.
+    """
+    edits: list[list[Edit]] = [[] for _ in sources]
+    for number, move in enumerate(moves):
+        instruction = instructions[number]
+        begin = _begin(move, instruction, ways)
+        way = ways.get(number)
+        if way is None:
+            leans = instruction.relative or instruction.circle is not None
+            if not leans or _same(begin, instruction.begin):
+                continue
+            way = (_waypoint(move),)
+        writing = _Writing(source=sources[instruction.source], instruction=instruction, move=move)
+        edits[instruction.source] += writing.edits(begin, way)
+    return tuple(source.edited(e) for source, e in zip(sources, edits, strict=True))
 
-        A point without a tool axis keeps being one: its position changes, its axis stays. What counts from the end of a
-        motion that moved, an incremental motion or an arc, is written anew with its own end.
 
-        Raises:
-            TaskcalError: a motion is to become one to joint positions, which APT does not know.
-        """
-        edits: list[list[Edit]] = [[] for _ in self.sources]
-        for number, move in enumerate(self.moves):
-            instruction = self.instructions[number]
-            way = ways.get(number)
-            begin = self._begin(number, ways)
-            if way is None:
-                leans = instruction.relative or instruction.circle is not None
-                if not leans or _same(begin, instruction.begin):
-                    continue
-                way = (_waypoint(move),)
-            writing = _Writing(source=self.sources[instruction.source], instruction=instruction, move=move)
-            edits[instruction.source] += writing.edits(begin, way)
-        return tuple(source.edited(e) for source, e in zip(self.sources, edits, strict=True))
-
-    def _begin(self, number: int, ways: Mapping[int, tuple[Waypoint, ...]]) -> Float[np.ndarray, " 3"] | None:
-        """Where a motion begins in the rewritten program."""
-        follows = self.moves[number].follows
-        if follows is None or follows not in ways:
-            return self.instructions[number].begin
-        T = ways[follows][-1].T
-        return None if T is None else T[:3, 3]
+def _begin(
+    move: Move, instruction: Instruction, ways: Mapping[int, tuple[Waypoint, ...]]
+) -> Float[np.ndarray, " 3"] | None:
+    """Where a motion begins in the rewritten program."""
+    if move.follows is None or move.follows not in ways:
+        return instruction.begin
+    T = ways[move.follows][-1].T
+    return None if T is None else T[:3, 3]
 
 
 def _waypoint(move: Move) -> Waypoint:

@@ -10,6 +10,7 @@ from taskcal.programs.csv_path.rewriting import Written, rewritten
 from taskcal.programs.csv_path.sheet import Sheet, read_sheet
 from taskcal.programs.program import Frame, Move, Program, Remark, Target, Waypoint
 from taskcal.programs.source import Edit, Source
+from taskcal.programs.spinning import spun_alike
 from taskcal.robot.robot import Robot
 
 _YES, _NO = ("1", "yes", "true"), ("", "0", "no", "false")
@@ -39,8 +40,8 @@ class CsvProgram(Program):
         return tuple(sheet.source.edited(e) for sheet, e in zip(self.sheets, edits, strict=True))
 
     def reread(self, sources: tuple[Source, ...]) -> "CsvProgram":
-        """The program of other texts of the same files; see `Program.reread`."""
-        return read_csv_path(sources, robot=self.robot, tool=self.tool, part=self.part)
+        """The program of other texts of the same files, with this one's spins along the way; see `Program.reread`."""
+        return spun_alike(read_csv_path(sources, robot=self.robot, tool=self.tool, part=self.part), self)
 
 
 def read_csv_path(

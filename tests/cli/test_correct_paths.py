@@ -1,0 +1,53 @@
+"""``taskcal correct`` on tool paths of CAM systems, which leave the rotation about the tool's axis open."""
+
+from pathlib import Path
+
+import numpy as np
+
+from taskcal.programs.reading import read_program
+from taskcal.robot.catalogue import load_robot
+from tests.cli.conftest import IRB6660, Run
+
+APT = """PARTNO POCKET
+FEDRAT/ 600.0,MMPM
+GOTO/ 1700.00000,   30.00000, 1450.00000, -0.565000, 0.000000, 0.825000
+GOTO/ 1750.00000,   30.00000, 1450.00000
+INDIRV/ 0.00000, 1.00000, 0.00000
+TLON,GOFWD/ (CIRCLE/ 1700.00000, 30.00000, 1450.00000,$
+ 50.00000),ON,(LINE/ 1700.00000, 30.00000, 1450.00000,$
+ 1700.00000, 80.00000, 1450.00000)
+FINI
+"""
+
+
+def test_an_apt_path_is_corrected_by_its_points_and_arcs(run: Run, cell: Path, tmp_path: Path) -> None:
+    path = tmp_path / "pocket.apt"
+    path.write_text(APT.replace("0.565000", "0.565044").replace("0.825000", "0.825059"))
+    ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.apt", "--tolerance-mm", "1", "--json")
+    assert ended.status == 0, ended.err
+    assert (ended.json["moves"], ended.json["corrected"], ended.json["refused"]) == (3, 3, [])
+    assert ended.json["before"]["targets"]["max_mm"] > 0.1
+    robot = load_robot(IRB6660)
+    old, new = (read_program(p, robot=robot) for p in (path, tmp_path / "out.apt"))
+    assert not new.remarks
+    assert [move.kind for move in new.moves] == ["linear", "linear", "circular"]
+    shifts = [np.linalg.norm(b.end.T[:3, 3] - a.end.T[:3, 3]) for a, b in zip(old.moves, new.moves, strict=True)]
+    assert all(1e-4 < shift < 5e-3 for shift in shifts)
+
+
+def test_a_path_that_no_spin_can_reach_names_its_line(run: Run, cell: Path, tmp_path: Path) -> None:
+    (tmp_path / "far.apt").write_text("PARTNO FAR\nGOTO/9000,0,0\n")
+    ended = run("correct", "-c", cell / "cal.json", tmp_path / "far.apt", "-o", tmp_path / "out.apt", "--json")
+    assert (ended.status, ended.out) == (1, "")
+    assert "far.apt:2: of the motions from this line on" in ended.err
+    assert not (tmp_path / "out.apt").exists()
+
+
+def test_a_joint_path_in_csv_is_corrected_in_its_joints(run: Run, cell: Path, tmp_path: Path) -> None:
+    path = tmp_path / "path.csv"
+    path.write_text("id,J1_deg,J2_deg,J3_deg,J4_deg,J5_deg,J6_deg\na,0,10,20,5,-40,10\nb,3,12,22,6,-42,12\n")
+    ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.csv", "--json")
+    assert ended.status == 0, ended.err
+    old, new = (read_program(p).moves for p in (path, tmp_path / "out.csv"))
+    change = np.degrees([b.end.q - a.end.q for a, b in zip(old, new, strict=True)])
+    assert 1e-3 < np.abs(change).max() < 0.5
