@@ -54,7 +54,7 @@ def test_a_program_of_inline_forms(newline):
         np.testing.assert_allclose(move.part.T, BASE2)
         assert not move.part_in_hand
     assert (program.moves[1].tool.name, program.moves[1].part.name) == ("TOOL_DATA[1]", "BASE_DATA[2]")
-    assert program.moves[1].end.posture == Status(S=2, T=35)
+    assert program.moves[1].end.posture == Status(S=2, T=3)
     assert program.moves[2].end.posture is None
     P2 = frame(812.512573, -120.25, 140, 178.5, 2.25, -179.125)
     np.testing.assert_allclose(program.moves[2].end.T, P2)
@@ -74,10 +74,10 @@ def test_a_program_of_a_postprocessor():
     first = program.moves[0].end
     assert first.q is not None
     np.testing.assert_allclose(np.degrees(first.q), [5, -80, 100, 0, 45, 0])
-    assert program.moves[1].end.posture == Status(S=2, T=35)
+    assert program.moves[1].end.posture == Status(S=6, T=50)
     arc = program.moves[4]
     assert arc.via is not None
-    np.testing.assert_allclose(arc.via.T, frame(175, -25, 100, 0, 90, 0), atol=1e-15)
+    np.testing.assert_allclose(arc.via.T, frame(175, -25, 100, 180, 0, 180), atol=1e-15)
     assert [m.follows for m in program.moves] == [None, 0, 1, 2, 3, None]
     assert texts(program) == [
         "MILLING.SRC:13: CIRC stays as it is: the arc ends at the angle CA, not in the point",

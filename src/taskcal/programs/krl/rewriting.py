@@ -161,11 +161,11 @@ class _Rewriting:
         return {**values, "S": float(status.S or 0), "T": float(status.T or 0)}
 
     def _aggregate(self, written: Written, waypoint: Waypoint) -> str:
-        """A waypoint in braces: as the point is written, if it states the same kind of position completely."""
+        """A waypoint in braces: as the point is written, if it states the same kind of position completely, in numbers."""
         first = written.aggregates[0]
         values = self._values(written, waypoint)
         names = [name for name in values if name not in ("S", "T")]
-        if all(first.field(name) for name in names):
+        if all(first.field(name) for name in names) and all(part.value is not None for part in first.fields):
             return _applied(written.template, edits_for(first, values), first.start)
         parts = [f"{name} {numeral(values[name], 5 if name in 'XYZ' else 6)}" for name in names]
         parts += [f"{name} {int(values[name])}" for name in ("S", "T") if name in values]
