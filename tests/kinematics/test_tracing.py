@@ -215,9 +215,11 @@ def test_far_apart_a_seed_that_leads_elsewhere_is_replaced_by_the_straight_way()
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = np.radians([[0.0, 10.0, 40.0, 10.0, 45.0, 20.0], [15.0, 15.0, 40.0, 10.0, 45.0, 20.0]])
     near = q.copy()
-    near[1] += [0.0, 0.0, 0.0, 2.0, 0.0, 0.0]
-    elsewhere = solve_near(model, model.poses(q), near).q
-    assert np.abs(elsewhere - near).max() > JUMP
+    near[1] += [0.0, 0.0, 0.0, 2.0, -1.5, 0.0]
+    elsewhere = solve_near(model, model.poses(q), near)
+    assert elsewhere.reached.all()  # with the wrist turned over
+    assert np.abs(elsewhere.q - near).max() > JUMP
+    assert np.abs(elsewhere.q - q).max() > 3.0
     traced = retrace(model, model.poses(q), near)
     assert traced.reached.all()
     np.testing.assert_allclose(traced.q, q, atol=1e-7)

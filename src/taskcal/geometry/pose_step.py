@@ -141,7 +141,7 @@ def _steps(kind, index, fixed, s, e, by_joint, joint, tip, target, free_spin, we
             y[4] = T[0, 1] * w[0] + T[1, 1] * w[1] + T[2, 1] * w[2]
         else:
             _turn(T, target[i], w)
-            y[3:] = w
+            y[3], y[4], y[5] = w[0], w[1], w[2]
         for a in range(3):
             y[a] = target[i, a, 3] - T[a, 3]
         off[i, 0] = np.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
