@@ -43,7 +43,8 @@ def command(
             "-o",
             metavar="OUT",
             readable=False,
-            help="File to write, or folder: the corrected files keep their names in it.",
+            help="File to write, or folder: the corrected files keep their names in it. A file of another language (.mod, .src, "
+            ".csv) is written afresh.",
         ),
     ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the table, write no program.")] = False,
@@ -116,7 +117,7 @@ def command(
     program = with_spins(program, known.model.robot)
     bounds = Bounds(tolerance=tolerance_mm * 1e-3, shift=max_shift_mm * 1e-3, turn=float(np.radians(max_turn_deg)))
     with working("reading the program") as say:
-        found = correct(known, program, cell=around, bounds=bounds, progress=say)
+        found = correct(known, program, cell=around, bounds=bounds, into=_afresh(programs[0], output), progress=say)
     written: tuple[Path, ...] = ()
     if output is not None and not dry_run:
         written = found.write(output)
@@ -132,6 +133,16 @@ def command(
         _show(found, written, report)
     if found.refused:
         raise typer.Exit(1)
+
+
+def _afresh(program: Path, output: Path | None) -> Path | None:
+    """The file to write afresh, where it is named in another language than the program's."""
+    from taskcal.programs.reading import SUFFIXES, language_of
+
+    known = {suffix for suffixes in SUFFIXES.values() for suffix in suffixes}
+    if output is None or output.is_dir() or output.suffix.lower() not in known:
+        return None
+    return None if language_of(output) == language_of(program) else output
 
 
 def _frame(cell: "Cell", name: str | None, kind: str) -> "Frame | None":

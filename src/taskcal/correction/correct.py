@@ -1,6 +1,8 @@
 """Correcting a program: every target becomes the pose that makes a nominal controller drive the joints the true robot needs."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -17,7 +19,11 @@ from taskcal.correction.way import Ways
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
+from taskcal.programs.composing import compose_program
 from taskcal.programs.program import Move, Program, Remark, Waypoint
+from taskcal.programs.reading import parse_program
+from taskcal.programs.source import Source
+from taskcal.robot.robot import Robot
 
 UNMOVED, UNTURNED = 1e-7, 1e-7
 """A target that moves and turns by less, metres and radians, keeps its text."""
@@ -29,6 +35,7 @@ def correct(
     *,
     cell: Cell | None = None,
     bounds: Bounds | None = None,
+    into: str | Path | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Correction:
     """Correct a robot program by a calibration.
@@ -38,6 +45,8 @@ def correct(
         program: as it was written for the nominal robot.
         cell: what was measured of its tools and parts; by default all are where the controller has them.
         bounds: how far targets may be moved, and how well the tool keeps to its way between them.
+        into: file in the language of whose suffix the corrected motions are written afresh, RAPID, KRL or CSV; by default
+            the program's own files are rewritten.
         progress: told what is being done.
 
     Raises:
@@ -74,8 +83,12 @@ def correct(
     refused.update(_refuse(chords, shift, turn, bounds, wish, refused))
     ways = _waypoints(moves, chords, wanted, shift, turn, refused)
     progress("the corrected program")
-    sources = program.rewrite(robot, ways)
-    again = program.reread(sources)
+    if into is None:
+        sources = program.rewrite(robot, ways)
+        again = program.reread(sources)
+    else:
+        sources = (_composed(Path(into), robot, moves, ways, driven),)
+        again = parse_program(sources, robot=robot, tool=moves[0].tool, part=moves[0].part)
     pieces = np.array([len(ways[i]) if i in ways else 1 for i in range(len(moves))], dtype=np.int64)
     origin = piece_origins(pieces)
     if len(origin) != len(again.moves):
@@ -232,6 +245,31 @@ def _waypoints(
             for k in rows[1::2]
         )
     return out
+
+
+def _composed(
+    into: Path, robot: Robot, moves: Sequence[Move], ways: Mapping[int, tuple[Waypoint, ...]], driven: Driven
+) -> Source:
+    """A fresh program of the corrected motions.
+
+    Raises:
+        TaskcalError: a motion cannot be driven, so that nothing can be written for it; or its language cannot say it.
+    """
+    written: list[Move] = []
+    q: list[np.ndarray] = []
+    for i, move in enumerate(moves):
+        if i not in ways:
+            if i in driven.refused:
+                raise TaskcalError(f"{move.place}: {driven.refused[i]}; a program written afresh has no place for it")
+            written.append(move)
+            q.append(driven.end[i])
+            continue
+        for waypoint in ways[i]:
+            end = replace(move.end, name="", T=waypoint.T, q=waypoint.q if waypoint.T is None else None, posture=None)
+            via = None if waypoint.via is None else replace(end, T=waypoint.via.T)
+            written.append(replace(move, kind=waypoint.kind, end=end, via=via))
+            q.append(waypoint.q)
+    return compose_program(into, robot, written, q=np.array(q))
 
 
 def piece_origins(pieces: Int[np.ndarray, " m"]) -> list[tuple[int, float, float]]:

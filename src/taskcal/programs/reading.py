@@ -5,7 +5,7 @@ from pathlib import Path
 
 from taskcal.errors import FileError, TaskcalError
 from taskcal.programs.program import Frame, Program
-from taskcal.programs.source import read_source
+from taskcal.programs.source import Source, read_source
 from taskcal.robot.robot import Robot
 
 SUFFIXES: Mapping[str, tuple[str, ...]] = {
@@ -58,8 +58,18 @@ def read_program(
     (language,) = languages
     if language in ("RAPID", "KRL") and (tool is not None or part is not None):
         raise TaskcalError(f"{files[0]} is {language}, which says its own tools and frames; leave out tool and part")
-    sources = tuple(read_source(path) for path in files)
-    match language:
+    return parse_program(tuple(read_source(path) for path in files), robot=robot, tool=tool, part=part)
+
+
+def parse_program(
+    sources: tuple[Source, ...], *, robot: Robot | None = None, tool: Frame | None = None, part: Frame | None = None
+) -> Program:
+    """The program of texts of one language; see `read_program`.
+
+    Raises:
+        FileError: a text is no program.
+    """
+    match language_of(sources[0].path):
         case "RAPID":
             from taskcal.programs.rapid.read import read_rapid
 

@@ -97,7 +97,8 @@ def compose_rapid(
         if notes:
             body += _comment(notes[i])
         at = None if q is None else q[i]
-        points = [_point(move.via, None, i, robot, declared)] if move.via is not None else []
+        # the posture at the point on the way is that of the end, unless it says its own
+        points = [_point(move.via, _posture_at(move.via, at), i, robot, declared)] if move.via is not None else []
         points.append(_point(move.end, at, i, robot, declared))
         stop = "fine" if move.stops else zone
         arguments = [
@@ -133,6 +134,10 @@ def _broken(line: str) -> Iterator[str]:
         yield line[:at]
         line = f"    {line[at:]}"
     yield line
+
+
+def _posture_at(via: Target, end: Float[np.ndarray, " joints"] | None) -> Float[np.ndarray, " joints"] | None:
+    return None if via.posture is not None else end
 
 
 def _point(
