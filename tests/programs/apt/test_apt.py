@@ -15,10 +15,12 @@ from taskcal.programs.program import Frame, Move, Waypoint
 from taskcal.programs.source import Source
 from taskcal.robot.catalogue import load_robot
 from tests.laws.robots import generators
-from tests.programs.apt.strategies import programs
+from tests.programs.apt.generator import generate
 
 TOOL = Frame(name="mill", T=np.eye(4))
 ROBOT = load_robot("abb-irb120")
+
+programs = generators.map(generate)
 
 
 def read(text: str | bytes) -> AptProgram:
@@ -198,7 +200,7 @@ def test_a_file_is_refused_without_a_tool_or_where_it_is_no_text():
         read(b"GOTO/\0")
 
 
-@given(programs(trouble=False), generators)
+@given(generators.map(lambda rng: generate(rng, trouble=False)), generators)
 def test_rewritten_motions_are_read_back_and_all_others_stay_where_they_were(data, rng):
     program = read(data)
     chosen = [n for n in range(len(program.moves)) if rng.random() < 0.5]
@@ -222,7 +224,7 @@ def test_rewritten_motions_are_read_back_and_all_others_stay_where_they_were(dat
         assert wipe(source.text) == wipe(program.sources[0].text)
 
 
-@given(programs(), generators)
+@given(programs, generators)
 def test_nothing_changes_where_nothing_is_to_change(data, rng):
     program = read(data)
     assert program.sources[0].encode() == data
@@ -231,7 +233,7 @@ def test_nothing_changes_where_nothing_is_to_change(data, rng):
     assert program.rewrite(ROBOT, same)[0].encode() == data
 
 
-@given(programs(), generators)
+@given(programs, generators)
 def test_more_waypoints_are_more_statements(data, rng):
     program = read(data)
     if not program.moves:
@@ -284,7 +286,7 @@ def test_joint_positions_and_arcs_for_lines_are_refused():
 damages = st.lists(st.tuples(st.integers(0, 800), st.binary(max_size=3), st.integers(0, 6)), min_size=1, max_size=4)
 
 
-@given(programs(), damages)
+@given(programs, damages)
 def test_damaged_programs_are_read_with_remarks_or_refused_but_never_changed(data, damages):
     for position, inserted, removed in damages:
         position = min(position, len(data))

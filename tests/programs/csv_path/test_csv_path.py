@@ -15,9 +15,12 @@ from taskcal.programs.program import Frame, Waypoint
 from taskcal.programs.source import Source
 from taskcal.robot.catalogue import load_robot
 from tests.laws.robots import generators
+from tests.programs.csv_path.generator import generate
 
 TOOL = Frame(name="mill", T=np.eye(4))
 ROBOT = load_robot("abb-irb120")
+
+paths = generators.map(generate)
 
 
 def read(text: str | bytes, **given_: object) -> CsvProgram:
@@ -187,40 +190,7 @@ def test_what_the_columns_cannot_hold_is_refused():
             program.rewrite(ROBOT, {0: (waypoint,)})
 
 
-@st.composite
-def paths(draw: st.DrawFn) -> bytes:
-    """Paths as programs and spreadsheets write them."""
-    delimiter = draw(st.sampled_from([",", ";", "\t"]))
-    rotation = draw(st.sampled_from(["quaternion", "axis", "joints"]))
-    rng = draw(generators)
-    n = draw(st.integers(1, 5))
-    digits = draw(st.integers(0, 8))
-    header = {
-        "quaternion": ["x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw"],
-        "axis": ["x_mm", "y_mm", "z_mm", "i", "j", "k"],
-        "joints": [f"J{i}_deg" for i in range(1, 7)],
-    }[rotation]
-    if rotation == "joints":
-        values = rng.uniform(-180, 180, (n, 6))
-    else:
-        direction = rng.normal(size=(n, len(header) - 3))
-        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        values = np.concatenate([rng.uniform(-2000, 2000, (n, 3)), direction], axis=1)
-    exact = [[f"{v:.{digits if c < 3 else max(digits, 4)}f}" for c, v in enumerate(row)] for row in values]
-    if draw(st.booleans()):
-        header, exact = ["name", *header], [[f"p{i} é", *row] for i, row in enumerate(exact)]
-    order = draw(st.permutations(range(len(header))))
-    space, quote = draw(st.sampled_from(["", " "])), draw(st.sampled_from(["", '"']))
-    lines = [delimiter.join(quote + space + row[i] + space + quote for i in order) for row in [header, *exact]]
-    for _ in range(draw(st.integers(0, 2))):
-        lines.insert(draw(st.integers(0, len(lines))), draw(st.sampled_from(["", "# note, with 1;2 numbers"])))
-    newline = draw(st.sampled_from(["\n", "\r\n"]))
-    text = newline.join(lines) + draw(st.sampled_from(["", newline]))
-    encoding = draw(st.sampled_from(["utf-8", "utf-8-sig", "latin-1"]))
-    return text.encode(encoding)
-
-
-@given(paths(), generators)
+@given(paths, generators)
 def test_rewriting_changes_only_the_numbers_of_the_motions_named(data, rng):
     program = read(data)
     assert program.sources[0].encode() == data
@@ -252,7 +222,7 @@ def test_rewriting_changes_only_the_numbers_of_the_motions_named(data, rng):
 
 
 @given(
-    paths(), st.lists(st.tuples(st.integers(0, 400), st.binary(max_size=3), st.integers(0, 3)), min_size=1, max_size=4)
+    paths, st.lists(st.tuples(st.integers(0, 400), st.binary(max_size=3), st.integers(0, 3)), min_size=1, max_size=4)
 )
 def test_damaged_files_are_read_or_refused_but_never_changed(data, damages):
     for position, inserted, removed in damages:

@@ -1,9 +1,11 @@
 """Random programs in APT, as CAM systems write them."""
 
-import numpy as np
-from hypothesis import strategies as st
+from dataclasses import replace
 
-from tests.laws.robots import generators
+import numpy as np
+
+from taskcal.geometry import se3
+from taskcal.programs.program import Move, Program, Waypoint
 
 _NOISE = [
     "$$ a note, with / and $ 1,2,3",
@@ -63,24 +65,45 @@ def _arc(rng: np.random.Generator) -> str:
     )
 
 
-@st.composite
-def programs(draw: st.DrawFn, trouble: bool = True) -> bytes:
-    """Programs with points, increments, arcs and, where wanted, what makes motions uncertain."""
-    rng = draw(generators)
-    digits = draw(st.integers(0, 6))
-    kinds = st.sampled_from(
-        ["GOTO", "GOTO", "GOTO", "GODLTA", "FROM", "arc", "noise", "noise", *(["trouble"] if trouble else [])]
-    )
+def generate(rng: np.random.Generator, trouble: bool = True) -> bytes:
+    """A program with points, increments, arcs and, where wanted, what makes motions uncertain."""
+    digits = int(rng.integers(7))
+    kinds = ["GOTO", "GOTO", "GOTO", "GODLTA", "FROM", "arc", "noise", "noise", *(["trouble"] if trouble else [])]
     lines = ["PARTNO TEST", "UNITS/MM"]
-    for kind in draw(st.lists(kinds, min_size=1, max_size=12)):
+    for kind in rng.choice(kinds, int(rng.integers(1, 13))):
         if kind == "arc":
             lines.append(_arc(rng))
         elif kind in ("noise", "trouble"):
-            lines.append(draw(st.sampled_from(_NOISE if kind == "noise" else _TROUBLE)))
+            lines.append(str(rng.choice(_NOISE if kind == "noise" else _TROUBLE)))
         else:
-            lines.append(_point(rng, digits, draw(st.booleans()), kind))
-    text = "\n".join(lines) + draw(st.sampled_from(["", "\n", "\nFINI\n"]))
-    if draw(st.booleans()):
+            lines.append(_point(rng, digits, bool(rng.random() < 0.5), str(kind)))
+    text = "\n".join(lines) + str(rng.choice(["", "\n", "\nFINI\n"]))
+    if rng.random() < 0.3:
         text = text.lower()
-    text = text.replace("\n", draw(st.sampled_from(["\n", "\r\n"])))
-    return text.encode(draw(st.sampled_from(["utf-8", "utf-8-sig"])))
+    text = text.replace("\n", str(rng.choice(["\n", "\r\n"])))
+    return text.encode(str(rng.choice(["utf-8", "utf-8-sig"])))
+
+
+def nearby_ways(rng: np.random.Generator, program: Program, most: int) -> dict[int, tuple[Waypoint, ...]]:
+    """New waypoints near the ends of some motions; arcs move as a whole, or become lines."""
+    shift = rng.uniform(1e-5, 1e-3, 3)
+    curved = any(move.kind == "circular" for move in program.moves)
+    ways: dict[int, tuple[Waypoint, ...]] = {}
+    for number, move in enumerate(program.moves):
+        if not curved and rng.random() < 0.5:
+            continue
+        if move.via is not None and rng.random() < 0.5:
+            ways[number] = (_waypoint(move, shift),)
+            continue
+        count = int(rng.integers(1, most + 1))
+        ways[number] = tuple(_waypoint(replace(move, kind="linear", via=None), shift) for _ in range(count))
+    return ways
+
+
+def _waypoint(move: Move, shift: np.ndarray) -> Waypoint:
+    def moved(T: np.ndarray | None) -> np.ndarray:
+        assert T is not None
+        return se3.translation(*shift) @ T
+
+    via = None if move.via is None else Waypoint(kind="circular", q=np.zeros(6), T=moved(move.via.T))
+    return Waypoint(kind=move.kind, q=np.zeros(6), T=moved(move.end.T), via=via)
