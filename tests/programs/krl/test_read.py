@@ -29,7 +29,7 @@ def texts(program: KrlProgram) -> list[str]:
 
 def frame(x: float, y: float, z: float, A: float, B: float, C: float) -> np.ndarray:
     T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotation(A, B, C), np.array([x, y, z]) / 1e3
+    T[:3, :3], T[:3, 3] = rotation(float(A), float(B), float(C)), np.array([x, y, z]) / 1e3
     return T
 
 

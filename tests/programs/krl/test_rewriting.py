@@ -47,7 +47,7 @@ def body(text: str, dat: str = "", newline: str = "\n") -> KrlProgram:
 
 def to(x: float, kind: str = "linear", via: Waypoint | None = None, q: np.ndarray = Q) -> Waypoint:
     T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotation(0, 90, 0), [x, 0.0, 0.8]
+    T[:3, :3], T[:3, 3] = rotation(0.0, 90.0, 0.0), [x, 0.0, 0.8]
     return Waypoint(kind=kind, q=q, T=T, via=via)
 
 
