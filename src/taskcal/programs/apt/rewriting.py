@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import TaskcalError
-from taskcal.programs.apt.circle import Arc, arc_through
+from taskcal.programs.apt.circle import arc_through
 from taskcal.programs.apt.instruction import Instruction
 from taskcal.programs.apt.statement import Token
 from taskcal.programs.numeral import numeral, renumbered
@@ -153,34 +153,32 @@ class _Writing:
         own = self.instruction
         if own.circle is None:
             raise TaskcalError(f"{self.place}: a line cannot become an arc here; write the program in another language")
+        via, end = waypoint.via, self._end(waypoint)
         assert self.move.via is not None
-        was = self._arc(own.begin, self.move.via.T, self.move.end.T)
-        assert waypoint.via is not None
-        now = self._arc(begin, waypoint.via.T, waypoint.T)
-        out: list[Edit] = []
-        for a in range(3):
-            out.append(self._edit(own.numbers[a], was.direction[a], now.direction[a], AXIS))
-            for token in (own.circle.circle[a], own.circle.line[a]):
-                out.append(self._edit(token, was.center[a] / own.unit, now.center[a] / own.unit, self.decimals))
-            out.append(self._edit(own.circle.line[3 + a], was.end[a] / own.unit, now.end[a] / own.unit, self.decimals))
-        out.append(self._edit(own.circle.circle[3], was.radius / own.unit, now.radius / own.unit, self.decimals))
-        start, end = own.circle.second
-        if now.second != (start < end) and now.second != was.second:
-            out.append(Edit(start=start, end=end, text=",2,INTOF" if now.second else ""))
-        return out
-
-    def _arc(
-        self,
-        begin: Float[np.ndarray, " 3"] | None,
-        via: Float[np.ndarray, "4 4"] | None,
-        end: Float[np.ndarray, "4 4"] | None,
-    ) -> Arc:
-        if begin is None or via is None or end is None:
-            raise TaskcalError(f"{self.place}: the arc begins, passes or ends at a place that is not known")
-        arc = arc_through(begin, via[:3, 3], end[:3, 3])
+        assert self.move.via.T is not None
+        assert self.move.end.T is not None
+        if begin is None or via is None or via.T is None:
+            raise TaskcalError(f"{self.place}: the arc begins or passes at a place that is not known")
+        was = self.move.via.T[:3, 3], self.move.end.T[:3, 3]
+        if _same(begin, own.begin) and _same(via.T[:3, 3], was[0]) and _same(end, was[1]):
+            return []
+        arc = arc_through(begin, via.T[:3, 3], end)
         if isinstance(arc, str):
-            raise TaskcalError(f"{self.place}: {arc}; the tolerance of the arc's pieces is too fine")
-        return arc
+            raise TaskcalError(f"{self.place}: {arc}; cut it into fewer pieces")
+        # all anew: a centre and a radius that were rounded apart from these would miss the arc's ends
+        lengths = np.concatenate([arc.center, [arc.radius], arc.center, arc.end]) / own.unit
+        out = [
+            Edit(start=token.start, end=token.end, text=numeral(float(value), decimals))
+            for tokens, values, decimals in (
+                (own.numbers, arc.direction, AXIS),
+                (own.circle.circle + own.circle.line, lengths, self.decimals),
+            )
+            for token, value in zip(tokens, values, strict=True)
+        ]
+        start, behind = own.circle.second
+        if arc.second != (start < behind):
+            out.append(Edit(start=start, end=behind, text=",2,INTOF" if arc.second else ""))
+        return out
 
     def _edit(self, token: Token, was: float, now: float, decimals: int) -> Edit:
         text = renumbered(token.text, float(was), float(now), decimals)
