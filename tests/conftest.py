@@ -21,7 +21,7 @@ csv_table files geometry.chain geometry.polyline geometry.se3 estimation measure
 robot.approach robot.catalogue robot.conditions robot.dh_table robot.effects robot.error_model robot.expression robot.joint_side
 robot.coil_spring robot.mechanism robot.robot robot.statics
 task programs.apt programs.composing programs.csv_path programs.program programs.krl programs.spinning programs.tool_axis
-programs.rapid.aims programs.rapid.compose programs.rapid.configuration programs.rapid.frames programs.rapid.numbers
+programs.rapid.compose programs.rapid.configuration programs.rapid.numbers
 correction.assessment correction.cell correction.chords correction.controller correction.correct correction.correction
 correction.inverse correction.motion correction.placement correction.relation correction.way
 """

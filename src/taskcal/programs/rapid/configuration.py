@@ -64,11 +64,13 @@ class Configuration:
         """
         if not _has_configuration(robot):
             return like or cls(cf1=0, cf4=0, cf6=0, cfx=0)
-        stated = (like.cf1, like.cf4, like.cf6) if like else (None,) * 3
-        quadrants: list[int] = []
-        for angle, old in zip(q[list(QUADRANT_JOINTS)], stated, strict=True):
-            low, high = int(_quadrant(angle - EDGE)), int(_quadrant(angle + EDGE))
-            quadrants.append(old if old is not None and low <= old <= high else high)
+        turned = q[list(QUADRANT_JOINTS)]
+        low, high = _quadrant(turned - EDGE), _quadrant(turned + EDGE)
+        if like is None:
+            quadrants = high
+        else:
+            stated = np.array([like.cf1, like.cf4, like.cf6])
+            quadrants = np.where((low <= stated) & (stated <= high), stated, high)
         sides = _sides(robot, q[None])
         if sides is None:
             cfx = like.cfx if like else 0
@@ -76,11 +78,11 @@ class Configuration:
             old_bits = (like.cfx & 4, like.cfx & 2, like.cfx & 1) if like else (0, 0, 0)
             bits = zip(sides[0], (4, 2, 1), old_bits, strict=True)
             cfx = sum(old if abs(side) < EDGE else bit * (side < 0.0) for side, bit, old in bits)
-        return cls(cf1=quadrants[0], cf4=quadrants[1], cf6=quadrants[2], cfx=int(cfx))
+        return cls(cf1=int(quadrants[0]), cf4=int(quadrants[1]), cf6=int(quadrants[2]), cfx=int(cfx))
 
 
-def _quadrant(angle: Float[np.ndarray, "*n"] | float) -> Int[np.ndarray, "*n"]:
-    return np.floor(np.asarray(angle) / (np.pi / 2)).astype(np.int64)
+def _quadrant(angle: Float[np.ndarray, "*n"]) -> Int[np.ndarray, "*n"]:
+    return np.floor(angle / (np.pi / 2)).astype(np.int64)
 
 
 def _has_configuration(robot: Robot) -> bool:
