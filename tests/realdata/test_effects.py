@@ -10,11 +10,12 @@ import pytest
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.explain import PERIODIC, with_field
 from taskcal.identification.identify import identify
+from taskcal.identification.remainder import examine_remainder
 from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import Compliance, Effect, EncoderGain, Harmonics
+from taskcal.robot.effects import Backlash, Compliance, Effect, EncoderGain, Harmonics, Settling
 from taskcal.robot.error_model import ErrorModel
 
 pytestmark = pytest.mark.realdata
@@ -24,6 +25,7 @@ FOLDERS = {
     "ur10": "ur10_tmac",
     "abb-irb120": "irb120_faro",
     "fanuc-r2000ic-165f": "fanuc_r2000_tracker",
+    "barrett-wam": "wam_tracker",
 }
 
 
@@ -99,3 +101,39 @@ def test_each_pose_of_the_coupled_robot_is_predicted_from_all_others(data_folder
         fitted = identify(model, campaign.take(np.setdiff1d(np.arange(len(campaign)), [row])))
         errors.append(validate(fitted, campaign.take([row])).errors)
     assert np.concatenate(errors).mean() * 1e3 <= 0.26
+
+
+@pytest.mark.parametrize(
+    ("name", "effects", "rows", "low_mm", "high_mm"),
+    [
+        pytest.param("abb-irb120", (), 430, 0.43, 0.455, id="irb120, geometry"),
+        pytest.param("abb-irb120", (EncoderGain(), Compliance()), 430, 0.34, 0.36, id="irb120, gain and compliance"),
+        pytest.param("abb-irb120", (EncoderGain(), Compliance(), Settling()), 430, 0.295, 0.312, id="irb120, settling"),
+        pytest.param("barrett-wam", (), 0.7, 2.2, 2.3, id="wam, geometry"),
+        pytest.param("barrett-wam", (Backlash(),), 0.7, 1.78, 1.88, id="wam, backlash"),
+    ],
+)
+def test_medians_of_ten_splits_are_those_of_the_documentation(data_folder, name, effects, rows, low_mm, high_mm):
+    assert low_mm <= held_out_mm(data_folder, name, effects, rows, field=False, splits=10) <= high_mm
+
+
+def test_what_remains_on_the_irb120_is_the_robot_and_goes_with_nothing_more(data_folder):
+    name = "abb-irb120"
+    campaign = read_campaign(data_folder / FOLDERS[name] / "measurements.csv", load_robot(name))
+    plain = examine_remainder(identify(model_of(name, ()), campaign), campaign, permutations=19)
+    assert {"approach of J1", "last move of J1"} == {e.regressor.name for e in plain.explained[:2]}
+    effects = (EncoderGain(), Compliance(), Settling())
+    found = examine_remainder(identify(model_of(name, effects), campaign), campaign, permutations=19)
+    assert found.apart < 5e-6
+    assert 0.2e-3 < found.together < 0.24e-3
+    assert found.rms < 0.72 * plain.rms
+    assert found.explained[0].share < 0.01
+
+
+def test_what_remains_on_the_wam_without_effects_goes_with_the_approach_of_its_first_joint(data_folder):
+    campaign = campaign_of(data_folder, "barrett-wam")
+    found = examine_remainder(identify(model_of("barrett-wam", ()), campaign), campaign, permutations=19)
+    first = found.explained[0]
+    assert first.regressor.name == "approach of J1"
+    assert first.share > 0.15
+    assert first.p_value == pytest.approx(0.05)
