@@ -51,3 +51,21 @@ def test_a_joint_path_in_csv_is_corrected_in_its_joints(run: Run, cell: Path, tm
     old, new = (read_program(p).moves for p in (path, tmp_path / "out.csv"))
     change = np.degrees([b.end.q - a.end.q for a, b in zip(old, new, strict=True)])
     assert 1e-3 < np.abs(change).max() < 0.5
+
+
+def test_an_apt_path_becomes_a_rapid_or_krl_program_of_the_corrected_motions(
+    run: Run, cell: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "pocket.apt"
+    path.write_text(APT.replace("0.565000", "0.565044").replace("0.825000", "0.825059"))
+    ends = {}
+    for name in ("out.mod", "out.src", "out.csv"):
+        ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / name, "--json")
+        assert ended.status == 0, ended.err
+        assert ended.json["after"]["targets"]["max_mm"] < 1e-3
+        moves = read_program(tmp_path / name, robot=load_robot(IRB6660)).moves
+        assert [move.kind for move in moves] == ["linear", "linear", "circular"]
+        ends[name] = np.array([move.flange(move.end.T) for move in moves])
+    for name in ("out.src", "out.csv"):
+        np.testing.assert_allclose(ends[name][:, :3, 3], ends["out.mod"][:, :3, 3], atol=2e-7)
+        np.testing.assert_allclose(ends[name][:, :3, :3], ends["out.mod"][:, :3, :3], atol=2e-7)

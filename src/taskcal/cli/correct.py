@@ -103,7 +103,6 @@ def command(
     from taskcal.correction.correction import Bounds
     from taskcal.identification.calibration import load_calibration
     from taskcal.programs.reading import read_program
-    from taskcal.programs.spinning import with_spins
 
     known = load_calibration(calibration)
     around = Cell() if cell is None else load_cell(cell)
@@ -114,7 +113,6 @@ def command(
         part=_frame(around, part, "part"),
     )
     announce_compilation()
-    program = with_spins(program, known.model.robot)
     bounds = Bounds(tolerance=tolerance_mm * 1e-3, shift=max_shift_mm * 1e-3, turn=float(np.radians(max_turn_deg)))
     with working("reading the program") as say:
         found = correct(known, program, cell=around, bounds=bounds, into=_afresh(programs[0], output), progress=say)

@@ -23,6 +23,7 @@ from taskcal.programs.composing import compose_program
 from taskcal.programs.program import Move, Program, Remark, Waypoint
 from taskcal.programs.reading import parse_program
 from taskcal.programs.source import Source
+from taskcal.programs.spinning import with_spins
 from taskcal.robot.robot import Robot
 
 UNMOVED, UNTURNED = 1e-7, 1e-7
@@ -42,7 +43,8 @@ def correct(
 
     Args:
         calibration: the robot that will run it.
-        program: as it was written for the nominal robot.
+        program: as it was written for the nominal robot. Where it leaves the rotation about the tool's axis open, one is
+            chosen that the robot can follow.
         cell: what was measured of its tools and parts; by default all are where the controller has them.
         bounds: how far targets may be moved, and how well the tool keeps to its way between them.
         into: file in the language of whose suffix the corrected motions are written afresh, RAPID, KRL or CSV; by default
@@ -50,14 +52,16 @@ def correct(
         progress: told what is being done.
 
     Raises:
-        TaskcalError: the program has no motion that is known; or what was measured does not fit.
+        TaskcalError: the program has no motion that is known; no rotation about the tool's axis lets the robot follow it; or
+            what was measured does not fit.
     """
     cell, bounds, robot = cell or Cell(), bounds or Bounds(), calibration.model.robot
-    moves = program.moves
-    if not moves:
+    if not program.moves:
         first = f"; {program.remarks[0]}" if program.remarks else ""
         raise TaskcalError(f"{program.sources[0].path} has no motion that could be resolved{first}")
     progress("the joints of the nominal robot")
+    program = with_spins(program, robot)
+    moves = program.moves
     driven = drive(robot, moves)
     relations, number = _relate(calibration, moves, cell)
     placed = Placed(
