@@ -228,7 +228,7 @@ class Walk:
         return Target(name=name, T=T, q=None, posture=Status(S=S, T=turn) if stated else None, place=place)
 
     def _via(self, written: Written, end: Float[np.ndarray, "4 4"]) -> Target:
-        """The auxiliary point of an arc, of which only the position matters."""
+        """The auxiliary point of an arc, which need not state an orientation."""
         place = self.routine.file.source.place(written.operand.start) if written.datum is None else written.datum.place
         first = written.aggregates[0]
         oriented = any(first.field(name) for name in "ABC")
