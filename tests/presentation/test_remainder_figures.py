@@ -1,0 +1,79 @@
+"""Figures of effects and of what is left: numbers in the units of their axes."""
+
+import numpy as np
+import pytest
+
+from taskcal.analysis.sensitivity import sensitivity
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.identify import identify
+from taskcal.identification.remainder import Remainder, examine_remainder
+from taskcal.measurement.virtual_cell import simulate
+from taskcal.presentation.content import Chart, Table
+from taskcal.presentation.effect_tables import tabulate_effects
+from taskcal.presentation.fit_figures import draw_parameters
+from taskcal.presentation.remainder_figures import draw_against, draw_shares
+from taskcal.presentation.remainder_section import remainder_section
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.effects import Compliance, EncoderGain, Harmonics
+from taskcal.robot.error_model import ErrorModel
+
+TARGETS = {"a": np.zeros(3), "b": np.array([0.1, 0.0, 0.0]), "c": np.array([0.0, 0.12, 0.05])}
+
+
+@pytest.fixture(scope="module")
+def fitted() -> tuple[Calibration, Remainder]:
+    """A robot whose third joint errs three times in a turn, which the model does not have."""
+    model, rng = ErrorModel(load_robot("ur5")), np.random.default_rng(0)
+    true = model + Harmonics(orders=(3,), joints=("J3",))
+    q = rng.uniform(-1.2, 1.2, (80, 6))
+    x = np.zeros(len(true))
+    x[-2] = 1e-3
+    campaign, _ = simulate(true, q, rng=rng, x=x, targets=TARGETS)
+    calibration = identify(model + Compliance() + EncoderGain(), campaign)
+    return calibration, examine_remainder(calibration, campaign, permutations=99)
+
+
+def test_effects_are_drawn_in_panels_of_their_units(fitted: tuple[Calibration, Remainder]) -> None:
+    calibration, _ = fitted
+    figure = draw_parameters({"fit": calibration})
+    titles = [figure.layout[f"yaxis{k}"].title.text for k in ("", 2, 3, 4)]
+    assert titles == ["defect (mm)", "defect (mrad)", "effect (mrad/m)", "effect (mrad/rad)"]
+    drawn = np.concatenate([np.asarray(trace.y, dtype=float) for trace in figure.data])
+    np.testing.assert_allclose(np.sort(drawn), np.sort(calibration.estimate * 1e3))
+
+
+def test_tables_of_effects_name_their_units(fitted: tuple[Calibration, Remainder]) -> None:
+    model = fitted[0].model
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (10, 6))
+    rows = {row[0]: row for _, group in tabulate_effects(sensitivity(model, q)).groups for row in group}
+    assert rows["J2.gain"][1] == "mm/(mrad/rad)"
+    assert rows["J2.sag_tool"][1] == "mm/(mrad/m)"
+    assert rows["J2.gain"][10] == "0.3 mrad/rad"
+
+
+def test_shares_and_the_first_quantity(fitted: tuple[Calibration, Remainder]) -> None:
+    _, found = fitted
+    first = found.explained[0]
+    assert first.regressor.name == "position of J3"
+    bars = draw_shares(found).data[0]
+    assert bars.y[-1] == "position of J3: turn of J3"
+    assert bars.x[-1] == pytest.approx(100 * first.share)
+    figure = draw_against(found)
+    assert figure.layout.yaxis.title.text == "remainder (mrad)"
+    assert figure.layout.xaxis.title.text == "position of J3 (°)"
+    points, line = figure.data[:2]
+    assert np.all(np.diff(line.x) >= 0.0)
+    near = np.interp(points.x, line.x, line.y)
+    assert np.corrcoef(near, points.y)[0, 1] > 0.9
+    assert 0.5 < np.ptp(line.y) < 3.0  # a milliradian to both sides, less what geometry takes up
+
+
+def test_the_section_says_what_is_proven(fitted: tuple[Calibration, Remainder]) -> None:
+    _, found = fitted
+    section = remainder_section(found, "80 poses")
+    words = str([getattr(block, "items", ()) for block in section.blocks])
+    assert "position of J3, by the turn of J3" in words
+    assert "move as one body" in words
+    assert sum(isinstance(block, Chart) for block in section.blocks) == 2
+    table = next(block for block in section.blocks if isinstance(block, Table))
+    assert len(table) == len(found.explained)
