@@ -65,7 +65,7 @@ def compose_rapid(
     notes: Sequence[str] = (),
     wait_s: float = 0.0,
     speed: float = 0.25,
-    zone: str = "z10",
+    zone: str = "z1",
 ) -> Source:
     """A module of its own, ``name.mod``, that declares its targets, tools and work objects and a procedure ``name_run``.
 
