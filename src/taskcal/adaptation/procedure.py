@@ -139,9 +139,9 @@ def run_procedure(
                     model=name,
                     parameters=len(calibration.kept),
                     calibration=calibration,
-                    residual=_errors(calibration.residuals[:, 0], calibration),
-                    inside=_errors(inside.error, calibration),
-                    outside=_errors(outside.error, calibration),
+                    residual=errors_in_base(calibration.residuals[:, 0], calibration),
+                    inside=errors_in_base(inside.error, calibration),
+                    outside=errors_in_base(outside.error, calibration),
                 )
             )
     return Procedure(
@@ -190,7 +190,13 @@ def _predict(
     )
 
 
-def _errors(in_tracker: Float[np.ndarray, "n 3"], calibration: Calibration) -> Errors:
+def errors_in_base(in_tracker: Float[np.ndarray, "n 3"], calibration: Calibration) -> Errors:
+    """The size of errors, along the robot's base axes.
+
+    Args:
+        in_tracker: errors of the tool point in the tracker frame, metres.
+        calibration: says how the base lies in it.
+    """
     in_base = in_tracker @ calibration.T_tracker_base[:3, :3]
     length = np.linalg.norm(in_base, axis=1)
     x, y, z = np.abs(in_base).max(axis=0)
