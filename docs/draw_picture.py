@@ -1,6 +1,6 @@
-"""Draw the picture of the README anew, from a figure of the demonstration: ``python docs/draw_picture.py``.
+"""Draw the pictures of README and documentation anew: ``python docs/draw_picture.py [error-over-angle|closed-loop]``.
 
-Needs Chromium or Chrome, which photographs the figure.
+Needs Chromium or Chrome, which photographs the figures.
 """
 
 import shutil
@@ -9,32 +9,49 @@ import sys
 import tempfile
 from pathlib import Path
 
+import plotly.graph_objects as go
+
 from taskcal.adaptation.procedure import ONE, run_procedure
 from taskcal.cli.demo import ROBOT
+from taskcal.cli.round_trip import run_round_trips
+from taskcal.correction.round_trip import largest
 from taskcal.presentation.prediction_figures import draw_error_over_angle
+from taskcal.presentation.round_trip_report import draw_round_trips
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 
-PICTURE = Path(__file__).parent / "_static" / "error-over-angle.png"
+STATIC = Path(__file__).parent / "_static"
 WIDTH, HEIGHT = 1000, 440
 BROWSERS = "chromium", "chromium-browser", "google-chrome", "chrome"
 
 
-def main() -> None:
-    """Run the procedure, draw, photograph."""
-    browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
-    if browser is None:
-        sys.exit(f"no browser found to photograph the figure; install one of {', '.join(BROWSERS)}")
+def error_over_angle() -> go.Figure:
+    """Errors as the tool turns away from the orientation that was measured."""
     predictions = run_procedure(ErrorModel(load_robot(ROBOT))).predictions
     shown = [p for p in predictions if p.model.startswith("all")]
     shown += [p for p in predictions if p.campaign == ONE and p.model.endswith("damped, no prior")]
-    figure = draw_error_over_angle(shown)
+    return draw_error_over_angle(shown)
+
+
+def closed_loop() -> go.Figure:
+    """Errors of the true cutter before and after the correction, on 20 virtual robots."""
+    return draw_round_trips(largest(run_round_trips(load_robot(ROBOT), 20, 0, print)[1]))
+
+
+PICTURES = {"error-over-angle": error_over_angle, "closed-loop": closed_loop}
+
+
+def photograph(figure: go.Figure, picture: Path) -> None:
+    """Write a figure as a PNG."""
+    browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    if browser is None:
+        sys.exit(f"no browser found to photograph the figure; install one of {', '.join(BROWSERS)}")
     figure.update_layout(width=WIDTH, height=HEIGHT, title=None)
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "figure.html"
         html = figure.to_html(include_plotlyjs=True, config={"displayModeBar": False})
         page.write_text(html.replace("<body>", '<body style="margin: 0">'), encoding="utf-8")
-        PICTURE.parent.mkdir(exist_ok=True)
+        picture.parent.mkdir(exist_ok=True)
         command = [
             browser,
             "--headless",
@@ -48,11 +65,17 @@ def main() -> None:
             f"--user-data-dir={folder}/profile",
             f"--window-size={WIDTH},{HEIGHT}",
             "--virtual-time-budget=8000",
-            f"--screenshot={PICTURE}",
+            f"--screenshot={picture}",
             page.as_uri(),
         ]
         subprocess.run(command, check=True, capture_output=True, timeout=120)
-    print(f"{PICTURE}: {PICTURE.stat().st_size / 1000:.0f} kB")
+    print(f"{picture}: {picture.stat().st_size / 1000:.0f} kB")
+
+
+def main() -> None:
+    """Draw what was asked for, or all."""
+    for name in sys.argv[1:] or PICTURES:
+        photograph(PICTURES[name](), STATIC / f"{name}.png")
 
 
 if __name__ == "__main__":

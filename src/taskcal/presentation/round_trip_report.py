@@ -1,15 +1,16 @@
 """The closed loop on virtual robots: how far the true cutter is from its way, before the correction and after it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import plotly.graph_objects as go
+from jaxtyping import Float
 
 from taskcal.correction.round_trip import RoundTrip, Shop, largest
 from taskcal.presentation.content import Chart, Commands, Numbers, Section, Table, Text
 from taskcal.presentation.correction_figures import draw_errors, with_decades
 from taskcal.presentation.report import report_html
-from taskcal.presentation.theme import BLUE, VERMILION, styled
+from taskcal.presentation.theme import BLUE, GREY, VERMILION, styled
 
 
 def tabulate_round_trips(trips: Sequence[RoundTrip]) -> Table:
@@ -42,15 +43,14 @@ def _stated(trip: RoundTrip) -> float:
     return float(trip.correction.uncertainty[cutting].max())
 
 
-def draw_round_trips(trips: Sequence[RoundTrip]) -> go.Figure:
-    """Largest error of every robot before and after, on a logarithmic scale, sorted by the error before."""
-    found = largest(trips)
+def draw_round_trips(found: Mapping[str, Float[np.ndarray, " trips"]]) -> go.Figure:
+    """Largest error of every robot, metres, ``before`` and ``after``, on a logarithmic scale, by the error before."""
     order = np.argsort(found["before"], kind="stable")
     figure = go.Figure()
     for label, colour, shape in (("before", VERMILION, "circle"), ("after", BLUE, "diamond")):
         figure.add_trace(
             go.Scatter(
-                x=np.arange(1, len(trips) + 1),
+                x=np.arange(1, len(order) + 1),
                 y=found[label][order] * 1e3,
                 mode="markers",
                 name=label,
@@ -58,13 +58,8 @@ def draw_round_trips(trips: Sequence[RoundTrip]) -> go.Figure:
                 hovertemplate="%{y:.3f} mm<extra>" + label + "</extra>",
             )
         )
-    figure.add_hline(
-        y=0.1,
-        line={"color": "#7A7A7A", "dash": "dot", "width": 1},
-        annotation_text="0.10 mm",
-        annotation_position="top left",
-    )
-    figure.update_xaxes(title_text="virtual robot, by its error before", dtick=max(1, len(trips) // 10))
+    figure.add_hline(y=0.1, line={"color": GREY, "dash": "dot", "width": 1})
+    figure.update_xaxes(title_text="virtual robot, by its error before", dtick=max(1, len(order) // 10))
     return with_decades(styled(figure, height=400), "largest error on the part (mm)")
 
 
@@ -99,7 +94,9 @@ def round_trip_html(shop: Shop, trips: Sequence[RoundTrip], *, next_steps: str, 
             blocks=(
                 tabulate_round_trips(trips),
                 Chart(
-                    title="Before and after", figure=draw_round_trips(trips), note="Each robot is one pair of marks."
+                    title="Before and after",
+                    figure=draw_round_trips(found),
+                    note="Each robot is one pair of marks; the dotted line is at 0.1 mm.",
                 ),
             ),
         ),
