@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from taskcal.robot.effects import MotorHarmonics as MotorHarmonics
     from taskcal.robot.effects import Settling as Settling
     from taskcal.robot.effects import Spring as Spring
+    from taskcal.robot.effects import Thermal as Thermal
     from taskcal.robot.error_model import ErrorModel as ErrorModel
     from taskcal.robot.load import Load as Load
     from taskcal.robot.robot import Robot as Robot
@@ -102,6 +103,7 @@ _HOME = {
     "Study": "adaptation.study",
     "Task": "task.task",
     "TaskcalError": "errors",
+    "Thermal": "robot.effects",
     "TrackerNoise": "measurement.tracker",
     "Validation": "identification.validation",
     "assess_distance": "measurement.distance_performance",

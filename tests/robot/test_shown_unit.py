@@ -19,6 +19,7 @@ from taskcal.robot.shown_unit import ShownUnit
         ("rad/m", "mrad/m", 1e3, "mrad_per_m", "mm/(mrad/m)"),
         ("rad/Nm", "µrad/Nm", 1e6, "urad_per_nm", "mm/(µrad/Nm)"),
         ("m/N", "µm/N", 1e6, "um_per_n", "mm/(µm/N)"),
+        ("m/m/K", "µm/m/K", 1e6, "um_per_m_per_k", "mm/(µm/m/K)"),
     ],
 )
 def test_units(si, name, factor, key, influence):

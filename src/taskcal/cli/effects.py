@@ -4,6 +4,7 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import typer
@@ -11,6 +12,7 @@ import typer
 from taskcal.cli.options import split_names
 from taskcal.cli.output import show_facts, show_table
 from taskcal.identification.explain import PERIODIC, Explanation
+from taskcal.measurement.campaign import Campaign
 from taskcal.robot.effects import (
     Backlash,
     Compliance,
@@ -21,6 +23,7 @@ from taskcal.robot.effects import (
     MotorHarmonics,
     Settling,
     Spring,
+    Thermal,
 )
 
 STRONGEST = 12
@@ -33,7 +36,7 @@ _HARMONICS = re.compile(r"harmonics:(\d+)(?:-(\d+))?$")
 _HIGHEST = 200
 _KNOWN = (
     "backlash, compliance, coupling, gain, harmonics (orders 1 and 2), harmonics:1-4, motor, periodic (orders 3 to 30), "
-    "settling, spring"
+    "settling, spring, thermal"
 )
 
 
@@ -49,6 +52,17 @@ def read_effects(text: str) -> list[Effect] | None:
     return [] if names == ["none"] else [_effect(name) for name in names]
 
 
+def about_mean_temperature(effects: list[Effect] | None, campaign: Campaign) -> list[Effect] | None:
+    """The effects, those of the temperature with the campaign's mean as reference.
+
+    Raises:
+        CampaignError: there is one of the temperature, and a row without.
+    """
+    if effects is None:
+        return None
+    return [replace(e, reference=campaign.mean_temperature) if isinstance(e, Thermal) else e for e in effects]
+
+
 def _effect(name: str) -> Effect:
     known: Mapping[str, Effect] = {
         "backlash": Backlash(),
@@ -60,6 +74,7 @@ def _effect(name: str) -> Effect:
         "periodic": PERIODIC,
         "settling": Settling(),
         "spring": Spring(),
+        "thermal": Thermal(),
     }
     if name in known:
         return known[name]

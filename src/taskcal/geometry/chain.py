@@ -23,6 +23,8 @@ class Joint:
     """A joint about, or along, the local z axis."""
 
     kind: Literal["revolute", "prismatic"] = "revolute"
+    number: int | None = None
+    """Chain coordinate that moves it; joints without a number are counted in the order they are met."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ Step = Fixed | Joint | ErrorFrame
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """The steps of a walk from base to tool. Joints and error frames are numbered in the order they are met."""
+    """The steps of a walk from base to tool. Error frames, and joints without a number, are counted in the order they are met."""
 
     kind: Int[np.ndarray, " steps"]
     """FIXED, REVOLUTE, PRISMATIC or ERROR_FRAME."""
@@ -54,7 +56,7 @@ class Chain:
         kinds: list[int] = []
         indices: list[int] = []
         fixed: list[np.ndarray] = []
-        joints = frames = 0
+        joints = counted = frames = 0
         pending = np.eye(4)
 
         def flush() -> None:
@@ -69,10 +71,11 @@ class Chain:
             match step:
                 case Fixed(transform):
                     pending = pending @ transform
-                case Joint(kind):
+                case Joint(kind, number):
                     flush()
                     kinds.append(REVOLUTE if kind == "revolute" else PRISMATIC)
-                    indices.append(joints)
+                    indices.append(counted if number is None else number)
+                    counted += number is None
                     joints += 1
                 case ErrorFrame():
                     flush()

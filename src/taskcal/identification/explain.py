@@ -31,6 +31,7 @@ from taskcal.robot.effects import (
     MotorHarmonics,
     Settling,
     Spring,
+    Thermal,
 )
 from taskcal.robot.effects.effect import DEFLECTION
 from taskcal.robot.error_model import ErrorModel
@@ -56,6 +57,10 @@ CANDIDATES: tuple[Effect, ...] = (
 )
 """Those that suit a robot compete on it (`Effect.suits`): a spring where one is stated, for example. Of two that have
 parameters in common, such as a compliance of two tolerances, the model gets one."""
+
+WARMER = 1.0
+"""Between the coldest and the warmest row, kelvin, from which on an effect of the temperature competes: a metre grows by a
+hundredth of a millimetre."""
 
 PROOF = 5.0
 """Gain of log evidence that an effect must show beyond the logarithm of the number of candidates: odds of 150 to 1."""
@@ -129,8 +134,9 @@ def explain(
         campaign: the measurements.
         effects: those to add without proof; by default the candidates are tried.
         field: try a residual field.
-        candidates: effects that compete; by default those of `CANDIDATES` that suit the robot. Backlash and settling
-            compete only where the campaign has the ways to its rows.
+        candidates: effects that compete; by default those of `CANDIDATES` that suit the robot, and growth and drift about
+            the campaign's mean temperature. Backlash and settling compete only where the campaign has the ways to its
+            rows, an effect of the temperature only where its rows have temperatures that differ by `WARMER`.
         folds: of the cross-validation.
         seed: of its folds.
         progress: told what is being done.
@@ -164,9 +170,13 @@ def explain(
             )
             best, left = trial, errors
     else:
-        suitable = [c for c in CANDIDATES if c.suits(model.robot)] if candidates is None else candidates
-        ways: dict[type[Effect], np.ndarray | None] = {Backlash: campaign.approach, Settling: campaign.move}
-        able = [c for c in suitable if type(c) not in ways or ways[type(c)] is not None]
+        suitable = _default_candidates(model, campaign) if candidates is None else candidates
+        told: dict[type[Effect], bool] = {
+            Backlash: campaign.approach is not None,
+            Settling: campaign.move is not None,
+            Thermal: _warms(campaign),
+        }
+        able = [c for c in suitable if told.get(type(c), True)]
         found = _search(model, campaign, _beside(model, able), parts, best, left, options, progress)
         best, left, model, options, added, tried = found
         stages += tried
@@ -190,6 +200,17 @@ def explain(
         tracker=tracker,
         alike=_repeated_by_geometry(best, campaign),
     )
+
+
+def _default_candidates(model: ErrorModel, campaign: Campaign) -> list[Effect]:
+    own = [c for c in CANDIDATES if c.suits(model.robot)]
+    return [*own, Thermal(reference=campaign.mean_temperature)] if _warms(campaign) else own
+
+
+def _warms(campaign: Campaign) -> bool:
+    """Whether the temperatures of all rows are known, and differ."""
+    warmth = campaign.temperature
+    return warmth is not None and bool(np.isfinite(warmth).all()) and float(np.ptp(warmth)) >= WARMER
 
 
 def _repeated_by_geometry(calibration: Calibration, campaign: Campaign) -> tuple[NearDependence, ...]:
@@ -286,6 +307,7 @@ def _label(effect: Effect) -> str:
         "Compliance": "compliance",
         "Coupling": "coupling",
         "Spring": "spring",
+        "Thermal": "growth and drift with the temperature",
     }
     label = named.get(type(effect).__name__, type(effect).__name__)
     if isinstance(effect, Harmonics):

@@ -149,10 +149,7 @@ def _slope(model: ErrorModel, at: Walk) -> Float[np.ndarray, "m coordinates join
     The slopes of effects are left out: they are thousandths, so that a Newton step without them gains three digits, and
     cost a dozen evaluations each.
     """
-    slope = model.robot.joint_map.matrix[None]
-    for shift in at.shifts[: len(at.shifts) - len(model.effects)]:
-        slope = slope + shift.by_joint
-    return np.ascontiguousarray(slope)
+    return model.slope(at.shifts[: len(at.shifts) - len(model.effects)])
 
 
 def closes(

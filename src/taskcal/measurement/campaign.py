@@ -32,7 +32,7 @@ class Campaign:
     nests: Mapping[str, Float[np.ndarray, "n 3"]] = field(default_factory=dict[str, np.ndarray])
     """Fixed points measured beside each pose, in the tracker frame, metres."""
     temperature: Float[np.ndarray, " n"] | None = None
-    """Degrees Celsius; NaN where unknown."""
+    """Of the robot, °C; NaN where unknown."""
     approach: Float[np.ndarray, "n joints"] | None = None
     """Way in which each joint's drive turned last before the row: 1 where its value grew, −1 where it fell, 0 unknown."""
     move: Float[np.ndarray, "n joints"] | None = None
@@ -73,8 +73,36 @@ class Campaign:
 
     @property
     def conditions(self) -> Conditions:
-        """What is known of the way to each row."""
-        return Conditions(approach=self.approach, move=self.move)
+        """What is known of the way to each row, and of its temperature."""
+        return Conditions(approach=self.approach, move=self.move, temperature=self.temperature)
+
+    @property
+    def known_temperature(self) -> Float[np.ndarray, " n"]:
+        """Temperature of every row, °C.
+
+        Raises:
+            CampaignError: there is none, or a row is without.
+        """
+        if self.temperature is None:
+            raise CampaignError(
+                f"{self.source or 'the campaign'} has no temperatures, which the effect 'thermal' needs; add a column temp_C"
+            )
+        unknown = np.flatnonzero(~np.isfinite(self.temperature))
+        if len(unknown):
+            raise CampaignError(
+                f"{self.source or 'the campaign'}: {self.row(int(unknown[0]))} has no temperature, which the effect 'thermal' "
+                f"needs ({len(unknown)} of {len(self)} rows have none); fill in temp_C, or leave the row out"
+            )
+        return self.temperature
+
+    @property
+    def mean_temperature(self) -> float:
+        """Mean over the rows, to a tenth of a degree, °C.
+
+        Raises:
+            CampaignError: a row has no temperature.
+        """
+        return round(float(self.known_temperature.mean()), 1)
 
     @cached_property
     def digest(self) -> str:

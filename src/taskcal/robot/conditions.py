@@ -1,4 +1,4 @@
-"""How poses were reached: what their joint positions do not tell."""
+"""Under what conditions poses were reached: what their joint positions do not tell."""
 
 from dataclasses import dataclass
 
@@ -8,16 +8,19 @@ from jaxtyping import Float, Int
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Conditions:
-    """What is known of the way to each pose."""
+    """What is known of the way to each pose, and of how warm the robot was there."""
 
     approach: Float[np.ndarray, "n joints"] | None = None
     """Way in which each joint's drive turned last: 1 where the joint's value grew, −1 where it fell, 0 where unknown."""
     move: Float[np.ndarray, "n joints"] | None = None
     """How far each joint's drive turned on the last way to the pose, radians (metres where it slides); 0 where unknown."""
+    temperature: Float[np.ndarray, " n"] | None = None
+    """Of the robot, °C; NaN where unknown, which counts as the reference of a `Thermal` effect."""
 
     def take(self, rows: Int[np.ndarray, " k"] | slice) -> "Conditions":
         """The conditions of some of the poses."""
         return Conditions(
             approach=None if self.approach is None else self.approach[rows],
             move=None if self.move is None else self.move[rows],
+            temperature=None if self.temperature is None else self.temperature[rows],
         )

@@ -85,6 +85,8 @@ class ErrorModel:
         self.effect_names = tuple(name for term in added for name in term.names)
         self.terms = (*_terms(robot), *added)
         steps, slots = _length_steps(robot) if lengths_only else _defect_steps(robot)
+        for effect in self.effects:
+            steps = effect.extend(robot, steps)
         self.steps = tuple(steps)
         named = [(f, c, name) for f, frame in enumerate(slots) for c, name in enumerate(frame) if name]
         units = ["m" if c < 3 else "rad" for _, c, _ in named]
@@ -247,7 +249,8 @@ class ErrorModel:
                 f"x has shape {x.shape}; {self!r} needs ({len(self.parameters)},), in the order of its names"
             )
         e = self.error_frames(x)
-        s = self.robot.joint_map(q)
+        s = np.zeros((len(q), self.chain.joints))
+        s[:, :joints] = self.robot.joint_map(q)
         factors = [np.empty((len(q), 0))]
         shifts: list[Shift] = []
         first = self._frame_count
@@ -256,7 +259,7 @@ class ErrorModel:
             xi = x[first : first + len(term.names)] if estimated else np.zeros(len(term.names))
             shift = term.shift(q, xi, None if prepared is None else prepared[i])
             shifts.append(shift)
-            s += shift.value
+            s[:, : shift.value.shape[1]] += shift.value
             if estimated:
                 factors.append(shift.factor)
                 first += len(term.names)
@@ -323,10 +326,17 @@ class ErrorModel:
         layout = walk.Columns.of_joints(self.chain)
         ones = np.ones((len(at.s), self.chain.joints))
         by_coordinate = walk.columns(self.chain, at.s, at.e, layout, ones, angular=True)
-        by_joint: np.ndarray = self.robot.joint_map.matrix
-        for shift in at.shifts:
-            by_joint = by_joint + shift.by_joint
-        return by_coordinate @ by_joint
+        return by_coordinate @ self.slope(at.shifts)
+
+    def slope(self, shifts: Sequence[Shift]) -> Float[np.ndarray, "m coordinates joints"]:
+        """∂s/∂q of the joint map and of some joint-side terms; m is 1 where none changes it from pose to pose."""
+        joints = len(self.robot.joints)
+        own: np.ndarray = self.robot.joint_map.matrix[None]
+        for shift in shifts:
+            own = own + shift.by_joint[:, :joints]
+        out = np.zeros((len(own), self.chain.joints, joints))  # what effects add to the chain stands still
+        out[:, :joints] = own
+        return out
 
 
 def _terms(robot: Robot) -> tuple[JointTerm, ...]:

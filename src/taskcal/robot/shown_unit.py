@@ -14,8 +14,8 @@ class ShownUnit:
 
     @classmethod
     def of(cls, unit: str) -> "ShownUnit":
-        """The shown unit of a SI unit: thousandths, or millionths per newton or newton metre, of which drives carry many."""
-        if unit.endswith(("/N", "/Nm")):
+        """The shown unit of a SI unit: thousandths, or millionths per newton, newton metre or kelvin, of which there are many."""
+        if unit.endswith(("/N", "/Nm", "/K")):
             return cls(f"µ{unit}", 1e6)
         return cls(f"m{unit}", 1e3)
 

@@ -15,3 +15,4 @@ from taskcal.robot.effects.linear_term import LinearTerm as LinearTerm
 from taskcal.robot.effects.motor_harmonics import MotorHarmonics as MotorHarmonics
 from taskcal.robot.effects.settling import Settling as Settling
 from taskcal.robot.effects.spring import Spring as Spring
+from taskcal.robot.effects.thermal import Thermal as Thermal

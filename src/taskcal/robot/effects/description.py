@@ -13,10 +13,11 @@ from taskcal.robot.effects.harmonics import Harmonics
 from taskcal.robot.effects.motor_harmonics import MotorHarmonics
 from taskcal.robot.effects.settling import Settling
 from taskcal.robot.effects.spring import Spring
+from taskcal.robot.effects.thermal import Thermal
 
 EFFECTS: Mapping[str, type[Effect]] = {
     kind.__name__: kind
-    for kind in (Harmonics, MotorHarmonics, EncoderGain, Coupling, Compliance, Spring, Backlash, Settling)
+    for kind in (Harmonics, MotorHarmonics, EncoderGain, Coupling, Compliance, Spring, Backlash, Settling, Thermal)
 }
 
 

@@ -1,10 +1,11 @@
 """What all effects share: the joints that have them, how large they are, how they are described."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from taskcal.errors import TaskcalError, UnknownName
+from taskcal.geometry.chain import Step
 from taskcal.robot.effects.linear_term import LinearTerm
 from taskcal.robot.robot import Robot
 
@@ -36,6 +37,10 @@ class Effect:
     def suits(self, robot: Robot) -> bool:
         """Whether what is known of a robot gives reason to look for the effect."""
         return bool(self.chosen(robot))
+
+    def extend(self, robot: Robot, steps: Sequence[Step]) -> tuple[Step, ...]:
+        """The chain with the joints that the effect adds to the robot's own, which its term then moves; by default none."""
+        return tuple(steps)
 
     def to_json(self) -> dict[str, Any]:
         """Its kind and options."""

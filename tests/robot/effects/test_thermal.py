@@ -1,0 +1,120 @@
+import numpy as np
+import pytest
+from hypothesis import given
+
+from taskcal.errors import TaskcalError, UnknownName
+from taskcal.geometry import se3, walk
+from taskcal.kinematics.inverse import solve_near
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.conditions import Conditions
+from taskcal.robot.effects import Compliance, Thermal, effect_from
+from taskcal.robot.error_model import ErrorModel
+from tests.laws.robots import Case, cases
+
+WARMTH = 25.0
+"""How much warmer than the reference, K."""
+
+
+def thermal(model: ErrorModel, joints: tuple[str, ...] | None = None) -> ErrorModel:
+    return model + Thermal(joints=joints, reference=21.0)
+
+
+def warm(q: np.ndarray) -> Conditions:
+    return Conditions(temperature=np.full(len(q), 21.0 + WARMTH))
+
+
+def with_value(model: ErrorModel, **values: float) -> np.ndarray:
+    x = np.zeros(len(model))
+    for name, value in values.items():
+        x[model.names.index(name.replace("__", "."))] = value
+    return x
+
+
+REVOLUTE = ["ur5", "fanuc-r2000ic-165f", "barrett-wam", "abb-irb6660-205-1.9"]
+
+
+def positions(model: ErrorModel, count: int = 6) -> np.ndarray:
+    limits = np.clip(model.robot.limits, -0.4, 0.4)
+    return np.random.default_rng(0).uniform(limits[:, 0], limits[:, 1], (count, len(limits)))
+
+
+@pytest.mark.parametrize("name", REVOLUTE)
+def test_a_robot_whose_lengths_all_grow_is_the_same_robot_enlarged(name):
+    """Angles do not change, a parallelogram's neither."""
+    plain = ErrorModel(load_robot(name))
+    model, q = thermal(plain), positions(plain)
+    larger = plain.poses(q)
+    larger[:, :3, 3] *= 1.0 + 2e-5 * WARMTH
+    np.testing.assert_allclose(model.poses(q, with_value(model, thermal__growth=2e-5), warm(q)), larger, atol=1e-12)
+
+
+def test_a_link_that_grows_by_itself_is_one_that_was_built_longer():
+    plain = ErrorModel(load_robot("ur5"))
+    model, q = thermal(plain, ("J2",)), positions(plain)
+    assert model.effect_names[0] == "J2.growth"
+    longer = with_value(plain, J2__tx=-0.425 * 3e-5 * WARMTH)  # the lower arm points along −x of its frame
+    warmed = model.poses(q, with_value(model, J2__growth=3e-5), warm(q))
+    np.testing.assert_allclose(warmed, plain.poses(q, longer), atol=1e-12)
+
+
+def test_the_base_drifts_in_its_own_axes():
+    plain = ErrorModel(load_robot("ur5"))
+    model, q = thermal(plain), positions(plain)
+    drift = np.array([1e-5, -2e-5, 3e-5, 2e-5, -1e-5, 3e-5])
+    x = with_value(
+        model, **{f"thermal__{c}": v for c, v in zip(("tx", "ty", "tz", "rx", "ry", "rz"), drift, strict=True)}
+    )
+    np.testing.assert_allclose(
+        model.poses(q, x, warm(q)), se3.error_transform(drift * WARMTH) @ plain.poses(q), atol=1e-12
+    )
+
+
+@given(cases())
+def test_columns_are_the_derivative_of_the_poses(case: Case):
+    """Of every parameter, on robots of any structure, against central differences."""
+    model = thermal(case.model)
+    x = np.concatenate([case.x, np.random.default_rng(0).normal(size=7) * 2e-5])
+    warmth = warm(case.q)
+    at = model.walk(case.q, x, prepared=model.prepare(case.q, warmth))
+    found = walk.columns(model.chain, at.s, at.e, model.layout(), at.factor, angular=True)
+    for k in range(len(case.x), len(x)):
+        step = np.eye(len(x))[k] * 1e-6
+        ahead, behind = (model.poses(case.q, x + s, warmth) for s in (step, -step))
+        moved = (ahead[:, :3, 3] - behind[:, :3, 3]) / 2e-6
+        turned = se3.log(ahead[:, :3, :3] @ np.swapaxes(behind[:, :3, :3], 1, 2)) / 2e-6
+        expected = np.concatenate([moved, turned], axis=1)
+        np.testing.assert_allclose(found[:, :, k], expected, atol=1e-6 * max(1.0, np.abs(expected).max()))
+
+
+@given(cases())
+def test_at_the_reference_temperature_and_without_one_the_robot_is_as_it_was(case: Case):
+    model = thermal(case.model)
+    x = np.concatenate([case.x, np.full(7, 1e-4)])
+    plain = case.model.poses(case.q, case.x)
+    unknown = np.full(len(case.q), np.nan)
+    for conditions in (None, Conditions(), *(Conditions(temperature=t) for t in (unknown, np.full(len(case.q), 21.0)))):
+        np.testing.assert_allclose(model.poses(case.q, x, conditions), plain, atol=1e-12)
+    by_joint = case.model.joint_jacobian(case.q, case.x)
+    np.testing.assert_allclose(model.joint_jacobian(case.q, x), by_joint, atol=1e-9)
+
+
+def test_inverse_kinematics_leads_back_beside_other_effects():
+    model = thermal(ErrorModel(load_robot("abb-irb6660-205-1.9")) + Compliance())
+    q = positions(model)
+    x = np.random.default_rng(1).normal(size=len(model)) * model.tolerances
+    found = solve_near(model, model.poses(q, x), q + 0.01, x)
+    assert found.reached.all()
+    np.testing.assert_allclose(model.poses(found.q, x), model.poses(q, x), atol=1e-6)
+
+
+def test_joints_that_cannot_be_meant_are_refused():
+    robot = load_robot("abb-irb120")
+    with pytest.raises(UnknownName, match="J9"):
+        ErrorModel(robot) + Thermal(joints=("J9",))
+    with pytest.raises(TaskcalError, match="behind J4 of abb-irb120 there is no length that could grow"):
+        ErrorModel(robot) + Thermal(joints=("J2", "J4"))
+
+
+def test_it_survives_its_description():
+    effect = Thermal(joints=("J2", "J3"), tolerance=1e-5, reference=23.4)
+    assert effect_from(effect.to_json()) == effect
