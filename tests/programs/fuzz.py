@@ -10,6 +10,7 @@ import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 
@@ -34,8 +35,8 @@ class Language:
     robot: Robot
 
 
-LANGUAGES = ("rapid", "krl", "apt", "csv_path")
-"""Each has a module ``tests.programs.LANGUAGE.fuzzing`` with its `LANGUAGE`."""
+LANGUAGES = tuple(sorted(path.parent.name for path in Path(__file__).parent.glob("*/fuzzing.py")))
+"""Each has a module ``fuzzing`` in its folder with its `LANGUAGE`."""
 
 
 def mutated(rng: np.random.Generator, data: bytes, marks: bytes = b"[](){}\\;:=\"'!,<>%$&*/+-. \n\r\t09eE") -> bytes:
@@ -84,14 +85,19 @@ def check_case(language: Language, seed: int) -> str:
     return "rewritten"
 
 
+def language(name: str) -> Language:
+    """What a language's folder says of it."""
+    return import_module(f"tests.programs.{name}.fuzzing").LANGUAGE
+
+
 def fuzz(name: str, count: int, first: int = 0) -> int:
     """Check many cases, print those that fail, and say how many did."""
-    language = import_module(f"tests.programs.{name}.fuzzing").LANGUAGE
+    tested = language(name)
     outcomes: dict[str, int] = {}
     begin = time.perf_counter()
     for seed in range(first, first + count):
         try:
-            outcome = check_case(language, seed)
+            outcome = check_case(tested, seed)
         except Exception:
             outcome = "failed"
             print(f"seed {seed}:", traceback.format_exc(limit=-3), file=sys.stderr)

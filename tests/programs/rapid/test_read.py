@@ -5,6 +5,8 @@ from pytransform3d.rotations import matrix_from_quaternion
 from taskcal.errors import FileError
 from taskcal.geometry import se3
 from taskcal.programs.rapid.read import read_rapid
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
 from tests.programs.rapid.samples import IRC5, IRC5_FRAMES, POINTS, S4C, module, source
 
 
@@ -89,6 +91,17 @@ def test_offs_goes_along_the_work_object_and_reltool_along_the_tool():
     for axis, angle in zip("xyz", (10, -20, 30), strict=True):
         turned = turned @ se3.rotation(axis, np.radians(angle))
     np.testing.assert_allclose(b.end.T, turned, atol=1e-12)
+
+
+def test_the_zero_position_of_an_irb_120():
+    """ABB's product specification: the flange is 374 mm in front of and 630 mm above the base, its z forward."""
+    nine = "[9E9,9E9,9E9,9E9,9E9,9E9]"
+    body = f"MoveAbsJ [[0,0,0,0,0,0],{nine}],v5,fine,tool0;MoveJ [[374,0,630],[0.7071068,0,0.7071068,0],[0,0,0,0],{nine}],v5,fine,tool0;"
+    axes, pose_ = read_rapid([module(body)]).moves
+    robot = load_robot("abb-irb120")
+    flange = ErrorModel(robot).poses(axes.end.q[None])[0] @ se3.inverse(robot.T_flange_tool)
+    np.testing.assert_allclose(flange, pose_.flange(pose_.end.T), atol=1e-7)
+    assert pose_.end.posture.agrees(robot, axes.end.q[None])[0]
 
 
 NINE = "[9E9,9E9,9E9,9E9,9E9,9E9]"

@@ -178,6 +178,12 @@ def test_names_of_clones_are_free_and_not_too_long():
     assert f"CONST robtarget {'p' * 30}_3:=" in after
 
 
+def test_names_stay_short_enough_for_old_controllers():
+    text = POINTS.replace("p1:", "pApproachLeft_1:")
+    after = rewritten(module("MoveL pApproachLeft_1,v5,fine,tool0;MoveL pApproachLeft_1,v5,fine,tool0;", text), 0)
+    assert "CONST robtarget pApproachLeft__2:=" in after
+
+
 def test_local_data_of_a_routine_are_cloned_where_they_are():
     body = f"VAR {POINTS.splitlines()[0][6:]}\n  MoveL p1,v100,fine,tool0;\nMoveL Offs(p1,0,0,1),v5,fine,tool0;"
     after = rewritten(module(body), 1)

@@ -19,13 +19,13 @@ Texts = tuple[str | None, ...]
 
 def new_texts(aim: Aim, waypoint: Waypoint, robot: Robot) -> Texts:
     """What to write for a waypoint where a target stood."""
-    if waypoint.T is None:
+    if aim.type == "jointtarget":
         degrees = np.degrees(waypoint.q)
         return tuple(
             None if abs(new - old) <= SAME_DEG else real(float(new), DEG_DECIMALS)
             for new, old in zip(degrees, aim.meant, strict=True)
         )
-    pose = pose_numbers(waypoint.T)
+    pose = _pose(waypoint)
     texts: list[str | None] = [
         None if abs(new - old) <= SAME_MM else real(new, MM_DECIMALS)
         for new, old in zip(pose[:3], aim.meant[:3], strict=True)
@@ -53,9 +53,7 @@ def fresh_text(type_: AimType, waypoint: Waypoint, robot: Robot, like: Aim) -> s
     if type_ == "jointtarget":
         numbers = [real(float(v), DEG_DECIMALS) for v in np.degrees(waypoint.q)]
         return _aggregate([numbers, external_texts(like)])
-    if waypoint.T is None:
-        raise ValueError("a motion to a pose needs one")
-    pose = pose_numbers(waypoint.T)
+    pose = _pose(waypoint)
     stated = like.meant[3:] if like.type == "robtarget" else None
     sign = 1.0 if stated is None or np.dot(pose[3:], stated[:4]) >= 0.0 else -1.0
     cf = Configuration.of(robot, waypoint.q, configuration(stated[4:]) if stated else None)
@@ -67,6 +65,12 @@ def fresh_text(type_: AimType, waypoint: Waypoint, robot: Robot, like: Aim) -> s
             external_texts(like),
         ]
     )
+
+
+def _pose(waypoint: Waypoint) -> tuple[float, ...]:
+    if waypoint.T is None:
+        raise ValueError("a motion to a pose needs one")
+    return pose_numbers(waypoint.T)
 
 
 def meant_text(aim: Aim, texts: Texts) -> str:

@@ -66,12 +66,13 @@ _STILL = """
     motionsup triggio triggequip triggint triggcheckio triggspeed triggrampao open close write writebin writestrbin
     writeanybin rewind clearrawbytes packrawbytes load unload startload cancelload eoffson eoffsoff eoffsset pdispoff
     tunereset tuneservo pathresol actunit deactunit spystart spystop connect
+    socketcreate socketbind socketlisten socketaccept socketconnect socketsend socketreceive socketclose
     tpreadfk tpreadnum tpreaddnum incr decr add clear gettime settime bitset bitclear getsysdata
 """
 STILL = frozenset(_STILL.split())
 """Instructions that move nothing."""
 
-_CHANGING = "tpreadfk tpreadnum tpreaddnum incr decr add clear bitset bitclear getsysdata packrawbytes"
+_CHANGING = "tpreadfk tpreadnum tpreaddnum incr decr add clear bitset bitclear getsysdata packrawbytes socketreceive socketaccept"
 CHANGING = frozenset(_CHANGING.split())
 """Of these, instructions that change what they are given."""
 

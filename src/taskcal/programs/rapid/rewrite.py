@@ -21,6 +21,9 @@ from taskcal.robot.robot import Robot
 LONGEST_NAME = 32
 """Characters of a name in RAPID."""
 
+SAFE_NAME = 16
+"""Characters of a name on S4 controllers; longer ones are made only for programs that have such."""
+
 FLY_BY = "z0"
 """The finest zone without a stop."""
 
@@ -263,16 +266,18 @@ class _FreshNames:
     def __init__(self, sources: Sequence[Source]):
         self.sources = sources
         self.taken: set[str] = set()
+        self.longest = SAFE_NAME
 
     def like(self, symbol: Symbol) -> str:
         """A name that begins like that of a symbol."""
         if not self.taken:
             words = {token.key for source in self.sources for token in tokenize(source.text) if token.kind == "name"}
             self.taken = words | RESERVED | set(DATA)
+            self.longest = min(LONGEST_NAME, max(SAFE_NAME, *map(len, words)))
         k = 2
         while True:
             ending = f"_{k}"
-            name = f"{symbol.name[: LONGEST_NAME - len(ending)]}{ending}"
+            name = f"{symbol.name[: self.longest - len(ending)]}{ending}"
             if name.lower() not in self.taken:
                 self.taken.add(name.lower())
                 return name
