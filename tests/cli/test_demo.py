@@ -78,3 +78,18 @@ def test_a_file_where_the_folder_should_be_is_1(run: Run, tmp_path: Path) -> Non
 def test_too_few_poses_are_wrong_usage(run: Run, folder: Path) -> None:
     assert run("demo", "--count", "2", "-o", str(folder)).status == 2
     assert not folder.exists()
+
+
+def test_the_closed_loop_leaves_a_corrected_program_that_can_be_made_again(run: Run, folder: Path) -> None:
+    ended = run("demo", "--full", "--robots", "1", "--count", "10", "--json", "-o", str(folder))
+    assert ended.status == 0
+    (robot,) = ended.json["closed_loop"]
+    assert robot["before_max_mm"] > 0.5 > 0.1 > robot["after_max_mm"]
+    files = {label: Path(path) for label, path in ended.json["files"].items()}
+    again = run(
+        "correct", "-c", files["calibration for milling"], "--cell", files["cell"], files["program"], "-o",
+        folder / "again.mod", "--json",
+    )  # fmt: skip
+    assert again.status == 0
+    assert (folder / "again.mod").read_bytes() == files["corrected program"].read_bytes()
+    assert "From measurement to a corrected program" in files["page of the closed loop"].read_text(encoding="utf-8")
