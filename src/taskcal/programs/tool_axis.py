@@ -19,4 +19,5 @@ def with_axis(axis: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
     near = np.where(np.abs(z[..., :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
     x = near - (near * z).sum(axis=-1, keepdims=True) * z
     x /= np.linalg.norm(x, axis=-1, keepdims=True)
-    return np.stack([x, np.cross(z, x), z], axis=-1)
+    y = z[..., [1, 2, 0]] * x[..., [2, 0, 1]] - z[..., [2, 0, 1]] * x[..., [1, 2, 0]]
+    return np.stack([x, y, z], axis=-1)

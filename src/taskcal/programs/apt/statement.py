@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 _SEPARATORS = "/,()="
+_TOKEN = re.compile(r"[/,()=]|[^/,()=]+")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _LARGEST = 1e9
 
@@ -122,17 +123,9 @@ def _lines(text: str) -> Iterator[tuple[int, int]]:
 
 def _tokens(text: str, start: int, end: int) -> list[Token]:
     out: list[Token] = []
-    position = start
-    while position < end:
-        if text[position] in _SEPARATORS:
-            out.append(Token(text=text[position], start=position, end=position + 1))
-            position += 1
-            continue
-        begin = position
-        while position < end and text[position] not in _SEPARATORS:
-            position += 1
-        word = text[begin:position]
-        if word.strip():
-            left = begin + len(word) - len(word.lstrip())
-            out.append(Token(text=word.strip(), start=left, end=left + len(word.strip())))
+    for match in _TOKEN.finditer(text, start, end):
+        word = match[0].strip()
+        if word:
+            begin = match.start() + match[0].index(word)
+            out.append(Token(text=word, start=begin, end=begin + len(word)))
     return out
