@@ -381,6 +381,8 @@ def test_a_fit_that_does_not_converge_says_what_to_try(monkeypatch):
     monkeypatch.setattr(module, "fit", impatient)
     with pytest.raises(FitError, match=r"did not converge: no convergence in 1 iterations .*robust loss"):
         identify(model, campaign, model_error=1e-4, prior_scale=1.0)
+    with pytest.raises(FitError, match="keep the prior"):
+        identify(model, campaign, model_error=1e-4, prior=None)
 
 
 def test_a_robot_far_from_its_tolerances_is_remarked():

@@ -304,9 +304,10 @@ def _fit_once(
         problem.equations(white, loss.code, loss.threshold), z, belief.mean(start), precision, scale, stopping, damping
     )
     if not solution.converged:
+        remedy = "keep the prior, or fewer parameters" if belief.prior is None else "keep fewer parameters"
         raise FitError(
             f"the fit did not converge: {solution.reason} ({solution.iterations} iterations, objective {solution.objective:.6g}); "
-            "check the campaign with a robust loss (loss=Cauchy()), or keep fewer parameters"
+            f"check the campaign with a robust loss (loss=Cauchy()), or {remedy}"
         )
     posterior = _invert(solution.information + precision)
     residual, spread = normal_equations.spread(problem.walked(solution.z), problem.seen, posterior)
