@@ -124,6 +124,24 @@ def test_targets_out_of_reach_are_refused_and_the_rest_is_corrected(tmp_path, sh
     assert found.targets()[2]["refused"]
 
 
+def test_an_arc_that_stays_whole_keeps_its_point_on_the_way(pocket, calibration, robot):
+    program = read_program(pocket, robot=robot)
+    found = correct(calibration, program, bounds=Bounds(tolerance=1.0))
+    moved = found.moves[-1].via.T[:3, 3] - program.moves[-1].via.T[:3, 3]
+    assert np.linalg.norm(moved) < 1.2 * found.shift[-1]
+
+
+def test_joint_positions_can_be_kept(tmp_path, calibration, robot):
+    path = tmp_path / "joints.csv"
+    path.write_text("J1_deg,J2_deg,J3_deg,J4_deg,J5_deg,J6_deg\n0,10,20,5,-40,10\n3,12,22,6,-42,12\n")
+    program = read_program(path, robot=robot)
+    assert len(correct(calibration, program).corrected) == 2
+    kept = correct(calibration, program, keep_joints=True)
+    assert kept.sources[0].encode() == path.read_bytes()
+    assert not kept.refused
+    np.testing.assert_array_equal(kept.after.error, kept.before.error)
+
+
 def test_files_are_written_beside_and_never_over_the_program(pocket, calibration, robot, tmp_path):
     found = correct(calibration, read_program(pocket, robot=robot))
     before = pocket.read_bytes()

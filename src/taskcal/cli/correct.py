@@ -74,6 +74,12 @@ def command(
     max_turn_deg: Annotated[
         float, typer.Option("--max-turn-deg", metavar="DEG", help="No target is turned farther.")
     ] = 1.0,
+    keep_joints: Annotated[
+        bool,
+        typer.Option(
+            "--keep-joints", help="Leave motions to joint positions as they are, such as those to a home position."
+        ),
+    ] = False,
     report: ReportOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -115,7 +121,15 @@ def command(
     announce_compilation()
     bounds = Bounds(tolerance=tolerance_mm * 1e-3, shift=max_shift_mm * 1e-3, turn=float(np.radians(max_turn_deg)))
     with working("reading the program") as say:
-        found = correct(known, program, cell=around, bounds=bounds, into=_afresh(programs[0], output), progress=say)
+        found = correct(
+            known,
+            program,
+            cell=around,
+            bounds=bounds,
+            into=_afresh(programs[0], output),
+            keep_joints=keep_joints,
+            progress=say,
+        )
     written: tuple[Path, ...] = ()
     if output is not None and not dry_run:
         written = found.write(output)

@@ -25,7 +25,7 @@ ROUNDS = 12
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Nodes:
-    """Ends of the pieces of corrected motions, and for arcs their middles too; sorted by motion and share."""
+    """Ends of the pieces of corrected motions, and a point on the way of each arc; sorted by motion and share."""
 
     move: Int[np.ndarray, " k"]
     share: Float[np.ndarray, " k"]
@@ -110,6 +110,9 @@ def _nodes(wish: Wish, rows: Int[np.ndarray, " r"], pieces: Int[np.ndarray, " m"
     move = np.repeat(rows, count)
     number = np.arange(len(move)) - np.repeat(np.cumsum(count) - count, count) + 1
     share = number / np.repeat(count, count)
+    # an arc that stays whole keeps its own point on the way
+    whole = (pieces[move] == 1) & wish.wanted.is_arc[move] & (number == 1)
+    share[whole] = wish.wanted.via_share[move[whole]]
     at_end = number == np.repeat(count, count)
     T = np.where(at_end[:, None, None], wish.wanted.end[move], wish.wanted.at(move, share))
     found = solve_calibrated(wish.calibration, wish.placed.robot_tool(move, T), wish.seeds(move, share))

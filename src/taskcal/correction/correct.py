@@ -1,6 +1,6 @@
 """Correcting a program: every target becomes the pose that makes a nominal controller drive the joints the true robot needs."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,6 +37,7 @@ def correct(
     cell: Cell | None = None,
     bounds: Bounds | None = None,
     into: str | Path | None = None,
+    keep_joints: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Correction:
     """Correct a robot program by a calibration.
@@ -49,6 +50,7 @@ def correct(
         bounds: how far targets may be moved, and how well the tool keeps to its way between them.
         into: file in the language of whose suffix the corrected motions are written afresh, RAPID, KRL or CSV; by default
             the program's own files are rewritten.
+        keep_joints: leave motions to joint positions as they are, such as those to a home position that a cell checks.
         progress: told what is being done.
 
     Raises:
@@ -85,7 +87,8 @@ def correct(
     shift, turn = _changes(wanted, chords, len(moves))
     refused = dict(driven.refused)
     refused.update(_refuse(chords, shift, turn, bounds, wish, refused))
-    ways = _waypoints(moves, chords, wanted, shift, turn, refused)
+    left = {i for i, move in enumerate(moves) if keep_joints and move.kind == "axes"}
+    ways = _waypoints(moves, chords, wanted, shift, turn, left | refused.keys())
     progress("the corrected program")
     if into is None:
         sources = program.rewrite(robot, ways)
@@ -221,7 +224,7 @@ def _waypoints(
     wanted: Ways,
     shift: Float[np.ndarray, " m"],
     turn: Float[np.ndarray, " m"],
-    refused: Mapping[int, str],
+    left: Set[int],
 ) -> dict[int, tuple[Waypoint, ...]]:
     """What is written for every motion that changes."""
     nodes = chords.nodes
@@ -230,7 +233,7 @@ def _waypoints(
     for i, move in enumerate(moves):
         rows = range(first[i], first[i + 1])
         unchanged = chords.pieces[i] == 1 and shift[i] < UNMOVED and turn[i] < UNTURNED
-        if i in refused or not rows or unchanged:
+        if i in left or not rows or unchanged:
             continue
         if move.kind == "axes":
             out[i] = (Waypoint(kind="axes", q=nodes.q[rows[-1]], T=None),)

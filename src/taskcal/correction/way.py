@@ -54,6 +54,12 @@ class Ways:
         """Whether each way is an arc."""
         return self._arc[0]
 
+    @property
+    def via_share(self) -> Float[np.ndarray, " m"]:
+        """Share of an arc's length at which its point on the way lies; NaN for a line."""
+        is_arc, _, _, angles = self._arc
+        return np.where(is_arc, angles[:, 0] / np.where(is_arc, angles[:, 1], 1.0), np.nan)
+
     @cached_property
     def length(self) -> Float[np.ndarray, " m"]:
         """Of the way of the tool point, metres."""
