@@ -10,7 +10,7 @@ from tests.cli.conftest import IRB6660, Run
 
 APT = """PARTNO POCKET
 FEDRAT/ 600.0,MMPM
-GOTO/ 1700.00000,   30.00000, 1450.00000, -0.565000, 0.000000, 0.825000
+GOTO/ 1700.00000,   30.00000, 1450.00000, -0.565044, 0.000000, 0.825059
 GOTO/ 1750.00000,   30.00000, 1450.00000
 INDIRV/ 0.00000, 1.00000, 0.00000
 TLON,GOFWD/ (CIRCLE/ 1700.00000, 30.00000, 1450.00000,$
@@ -22,7 +22,7 @@ FINI
 
 def test_an_apt_path_is_corrected_by_its_points_and_arcs(run: Run, cell: Path, tmp_path: Path) -> None:
     path = tmp_path / "pocket.apt"
-    path.write_text(APT.replace("0.565000", "0.565044").replace("0.825000", "0.825059"))
+    path.write_text(APT)
     ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.apt", "--tolerance-mm", "1", "--json")
     assert ended.status == 0, ended.err
     assert (ended.json["moves"], ended.json["corrected"], ended.json["refused"]) == (3, 3, [])
@@ -57,7 +57,7 @@ def test_an_apt_path_becomes_a_rapid_or_krl_program_of_the_corrected_motions(
     run: Run, cell: Path, tmp_path: Path
 ) -> None:
     path = tmp_path / "pocket.apt"
-    path.write_text(APT.replace("0.565000", "0.565044").replace("0.825000", "0.825059"))
+    path.write_text(APT)
     ends = {}
     for name in ("out.mod", "out.src", "out.csv"):
         ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / name, "--json")
