@@ -7,10 +7,12 @@ from hypothesis import strategies as st
 
 from taskcal.programs.rapid.expressions import DEPTH
 from taskcal.programs.rapid.parse import parse
+from taskcal.programs.rapid.read import read_rapid
 from taskcal.programs.rapid.syntax import Branches, Instruction, Loop
 from taskcal.programs.rapid.tokens import tokenize
 from tests.laws.robots import generators
 from tests.programs.rapid.generator import generate
+from tests.programs.rapid.samples import module
 
 
 @given(st.text(max_size=300) | generators.map(lambda rng: generate(rng).sources[0].text))
@@ -56,12 +58,33 @@ def test_the_tree_of_a_routine():
 
 
 @pytest.mark.parametrize(
-    "body", ["x:=" + "(" * 5000, "x:=" + "-" * 5000 + "1;", "IF a THEN " * 5000, "x:=" + "[" * 5000 + "]" * 5000 + ";",
-             "IF a " * 5000 + "Stop;", "x:=a{" + "a{" * 5000],
-)  # fmt: skip
+    "body",
+    [
+        "x:=" + "(" * 5000,
+        "x:=" + "-" * 5000 + "1;",
+        "x:=1" + "+1" * 5000 + ";",
+        "x:=" + "(" * 9 + "1" + ("+1" * 50 + ")") * 9 + ";",
+        "x:=" + "[" * 5000 + "]" * 5000 + ";",
+        "x:=a{" + "a{" * 5000,
+        "x:=f(" + "f(" * 5000,
+        "Set " + "f(\\a:=" * 5000,
+        "IF a THEN " * 5000,
+        "IF a " * 5000 + "Stop;",
+    ],
+)
 def test_deep_nesting_is_reported(body):
-    _, problems = parse(f"MODULE m PROC main() {body} ENDPROC ENDMODULE")
-    assert any(f"nested deeper than {DEPTH}" in problem.text for problem in problems)
+    program = read_rapid([module(body)])
+    assert any(f"nested deeper than {DEPTH}" in remark.text for remark in program.remarks)
+
+
+def test_data_that_refer_to_each_other_deeply():
+    chain = "".join(f"CONST num a{k}:={'(' * 20}a{k + 1}+1{')' * 20};" for k in range(90)) + "CONST num a90:=1;"
+    body = "MoveL [[a0,0,0],[1,0,0,0],[0,0,0,0],[9,9,9,9,9,9]],v5,fine,tool0;"
+    assert "in a circle, or too deeply" in read_rapid([module(body, chain)]).remarks[0].text
+    doubled = "".join(f"CONST num a{k}:=a{k + 1}+a{k + 1};" for k in range(40)) + "CONST num a40:=1;"
+    move = "MoveL [[a30,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v5,fine,tool0;"
+    (found,) = read_rapid([module(move, doubled)]).moves
+    assert found.end.T[0, 3] == pytest.approx(1.024)
 
 
 @pytest.mark.parametrize(

@@ -96,7 +96,8 @@ def test_offs_goes_along_the_work_object_and_reltool_along_the_tool():
 def test_the_zero_position_of_an_irb_120():
     """ABB's product specification: the flange is 374 mm in front of and 630 mm above the base, its z forward."""
     nine = "[9E9,9E9,9E9,9E9,9E9,9E9]"
-    body = f"MoveAbsJ [[0,0,0,0,0,0],{nine}],v5,fine,tool0;MoveJ [[374,0,630],[0.7071068,0,0.7071068,0],[0,0,0,0],{nine}],v5,fine,tool0;"
+    home = f"[[374,0,630],[0.7071068,0,0.7071068,0],[0,0,0,0],{nine}]"
+    body = f"MoveAbsJ [[0,0,0,0,0,0],{nine}],v5,fine,tool0;MoveJ {home},v5,fine,tool0;"
     axes, pose_ = read_rapid([module(body)]).moves
     robot = load_robot("abb-irb120")
     flange = ErrorModel(robot).poses(axes.end.q[None])[0] @ se3.inverse(robot.T_flange_tool)

@@ -51,6 +51,9 @@ class ExpressionParser:
         self.tokens = tokens
         self.at = 0
         self.depth = 0
+        """Brackets and blocks that are open."""
+        self.height = 0
+        """Values inside values of the expression read last."""
 
     @property
     def next(self) -> Token:
@@ -100,6 +103,12 @@ class ExpressionParser:
         if self.depth > DEPTH:
             raise self.problem(f"brackets or blocks are nested deeper than {DEPTH} at")
 
+    def grow(self, height: int) -> None:
+        """Note that the expression read last contains others of some height."""
+        self.height = height + 1
+        if self.height > DEPTH:
+            raise self.problem(f"an expression is nested deeper than {DEPTH} at")
+
     def expression(self) -> Expression:
         """Read an expression."""
         self.enter()
@@ -111,10 +120,13 @@ class ExpressionParser:
     def _operation(self, weakest: int) -> Expression:
         """Operands joined by operators that bind tighter than the weakest (precedence climbing)."""
         left = self._unary()
+        height = self.height
         while self.next.kind in ("name", "symbol") and _BINDING.get(self.next.key, 0) > weakest:
             operator = self.take().key
             right = self._operation(_BINDING[operator])
             left = Operation(start=left.start, end=right.end, operator=operator, operands=(left, right))
+            self.grow(max(height, self.height))
+            height = self.height
         return left
 
     def _unary(self) -> Expression:
@@ -129,10 +141,12 @@ class ExpressionParser:
         if isinstance(operand, Number) and token.key in "+-":
             value = -operand.value if token.key == "-" else operand.value
             return Number(start=token.start, end=operand.end, value=value)
+        self.grow(self.height)
         return Operation(start=token.start, end=operand.end, operator=token.key, operands=(operand,))
 
     def _primary(self) -> Expression:
         token = self.next
+        self.height = 0
         match token.kind:
             case "number":
                 self.at += 1
@@ -150,10 +164,12 @@ class ExpressionParser:
             case _:
                 if self.skip("["):
                     items = self._list("]")
+                    self.grow(self.height)
                     return Aggregate(start=token.start, end=self.end, items=items)
                 if self.skip("("):
                     inner = self.expression()
                     self.expect(")")
+                    self.grow(self.height)
                     return Operation(start=token.start, end=self.end, operator="()", operands=(inner,))
                 raise self.problem("a value is missing before")
 
@@ -161,9 +177,12 @@ class ExpressionParser:
         if self.skip(closing):
             return ()
         items = [self.expression()]
+        height = self.height
         while self.skip(","):
             items.append(self.expression())
+            height = max(height, self.height)
         self.expect(closing)
+        self.height = height
         return tuple(items)
 
     def _named(self) -> Expression:
@@ -171,12 +190,14 @@ class ExpressionParser:
         if self.skip("("):
             arguments = self.arguments(")")
             self.expect(")")
+            self.grow(self.height)
             return Call(start=name.start, end=self.end, name=name, arguments=arguments)
         return self.selected(name)
 
     def selected(self, name: Token) -> Reference:
         """Read the components and indices behind a name."""
         selectors: list[Component | Index] = []
+        height = 0
         while True:
             if self.skip("."):
                 if self.next.kind != "name":
@@ -184,12 +205,16 @@ class ExpressionParser:
                 selectors.append(Component(key=self.take().key))
             elif self.skip("{"):
                 selectors.append(Index(items=self._list("}")))
+                self.grow(self.height)
+                height = max(height, self.height)
             else:
+                self.height = height
                 return Reference(start=name.start, end=self.end, name=name, selectors=tuple(selectors))
 
     def arguments(self, closing: str) -> tuple[Argument, ...]:
         """Read arguments up to a closing symbol, which is left."""
         found: list[Argument] = []
+        height = 0
         while not (self.next.kind == "symbol" and self.next.key == closing):
             if found and not self.skip(",") and self.next.key != "\\":
                 raise self.problem("a comma is missing before")
@@ -201,6 +226,8 @@ class ExpressionParser:
             else:
                 value = self.expression()
                 found.append(Argument(start=start, end=self.end, option="", value=value))
+            height = max(height, self.height)
+        self.height = height
         return tuple(found)
 
     def _option(self, start: int) -> Argument:

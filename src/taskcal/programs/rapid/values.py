@@ -17,8 +17,8 @@ from taskcal.programs.rapid.syntax import (
     Truth,
 )
 
-CHAIN = 40
-"""Data that refer to data that refer … deeper than this refer to themselves."""
+CHAIN = 100
+"""Values that lead to others through more steps than this probably lead to themselves."""
 
 MOST_ELEMENTS = 1e7
 """No array has more."""
@@ -52,7 +52,7 @@ class Values:
             Unresolved: the text does not give it.
         """
         if depth > CHAIN:
-            raise Unresolved("data refer to each other in a circle")
+            raise Unresolved("data refer to each other in a circle, or too deeply")
         match expression:
             case Number() | Text() | Truth():
                 return expression.value
