@@ -11,7 +11,7 @@ from taskcal.adaptation.procedure import reference_task
 from taskcal.analysis.elimination_table import published_kept
 from taskcal.identification.explain import PERIODIC, SOFT
 
-ROBOTS, EXPLAINED = 20, 5
+ROBOTS, EXPLAINED = 20, 3
 robot = tc.load_robot("abb-irb6660-205-1.9")
 geometry = tc.ErrorModel(robot)
 
