@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 
-from taskcal.programs.rapid.names import Place, Scope, Unresolved
+from taskcal.programs.rapid.names import Context, Scope, Unresolved
 from taskcal.programs.rapid.predefined import FUNCTIONS, MOVING, STILL
 from taskcal.programs.rapid.syntax import (
     Aggregate,
@@ -48,17 +48,17 @@ def instructions(block: Iterable[Statement]) -> Iterator[Instruction]:
                 pass
 
 
-def follow_routine(place: Place, resolve: Resolve) -> None:
+def follow_routine(context: Context, resolve: Resolve) -> None:
     """Resolve the motions of a routine in the order of its text."""
-    routine = place.routine
+    routine = context.routine
     if routine is None:
         return
     # an error handler may move the robot and then resume anywhere
-    resumes = any(_moves(handler, place.scope) for handler in routine.handlers)
+    resumes = any(_moves(handler, context.scope) for handler in routine.handlers)
     walker = _Walker(resolve, ANY if resumes else frozenset())
-    walker.block(routine.body, place.scope, ANY)
+    walker.block(routine.body, context.scope, ANY)
     for handler in routine.handlers:
-        walker.block(handler, place.scope, ANY)
+        walker.block(handler, context.scope, ANY)
 
 
 class _Walker:

@@ -30,7 +30,6 @@ _REFUSED = {
 class Layout:
     """The arguments of a motion by their meaning."""
 
-    conc: Argument | None
     via: Argument | None
     to: Argument
     speed: Argument
@@ -97,7 +96,7 @@ def layout(instruction: Instruction) -> Layout:
         raise Unresolved(f"it has {len(required)} arguments instead of {4 + circular}")
     via = required.pop(0) if circular else None
     to, speed, zone, tool = required
-    return Layout(conc=options.get("conc"), via=via, to=to, speed=speed, zone=zone, tool=tool, options=options)
+    return Layout(via=via, to=to, speed=speed, zone=zone, tool=tool, options=options)
 
 
 def resolve(
@@ -113,7 +112,7 @@ def resolve(
     where = layout(instruction)
     if kind != "axes" and settings.shift:
         raise Unresolved(settings.shift)
-    frames = _frames(where, scope, values)
+    frames = _frames(where, scope, file, values)
     type_ = "jointtarget" if kind == "axes" else "robtarget"
     end = aim(where.to, type_, scope, values, file)
     via = aim(where.via, type_, scope, values, file) if where.via else None
@@ -131,15 +130,17 @@ def resolve(
     return Motion(move=move, file=file, instruction=instruction, layout=where, end=end, via=via)
 
 
-def _frames(where: Layout, scope: Scope, values: Values) -> Frames:
-    tool = _data(where.tool.value, "tool", "tooldata", scope, values)
+def _frames(where: Layout, scope: Scope, file: File, values: Values) -> Frames:
+    tool = _data(where.tool.value, "tool", "tooldata", scope, file, values)
     given = where.options.get("wobj")
     if given is None:
         return frames_of(tool, ("wobj0", DATA["wobj0"][1]))
-    return frames_of(tool, _data(given.value, "work object", "wobjdata", scope, values))
+    return frames_of(tool, _data(given.value, "work object", "wobjdata", scope, file, values))
 
 
-def _data(node: Expression | None, what: str, type_: str, scope: Scope, values: Values) -> tuple[str, Value]:
+def _data(
+    node: Expression | None, what: str, type_: str, scope: Scope, file: File, values: Values
+) -> tuple[str, Value]:
     """Name and value of a tool or a work object."""
     match node:
         case Reference():
@@ -148,7 +149,7 @@ def _data(node: Expression | None, what: str, type_: str, scope: Scope, values: 
             origin = values.origin(node, scope)
             if origin.type != type_:
                 raise Unresolved(f"'{node.name.text}' is {origin.type}, not {type_}")
-            return node.name.text, values.of(node, scope)
+            return file.source.text[node.start : node.end], values.of(node, scope)
         case Call():
             raise Unresolved(f"the value of {node.name.text}() is known only at run time")
         case None:

@@ -82,7 +82,7 @@ class Scope:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Place:
+class Context:
     """A module or routine with the scope that holds in it."""
 
     file: File
@@ -93,7 +93,7 @@ class Place:
     """Data declared right here."""
 
 
-def places(files: Iterable[File]) -> Iterator[Place]:
+def contexts(files: Iterable[File]) -> Iterator[Context]:
     """Every module and every routine of the files, in the order of the text, with its names."""
     files = tuple(files)
     shared: dict[str, list[Symbol]] = {}
@@ -117,12 +117,12 @@ def places(files: Iterable[File]) -> Iterator[Place]:
         for module in file.modules:
             scope = scopes[id(module)]
             declared = tuple(symbol for symbols in scope.module.values() for symbol in symbols)
-            yield Place(file=file, module=module, routine=None, scope=scope, declared=declared)
+            yield Context(file=file, module=module, routine=None, scope=scope, declared=declared)
             for routine in module.routines:
                 yield _inside(routine, file, module, scope)
 
 
-def _inside(routine: Routine, file: File, module: Module, outer: Scope) -> Place:
+def _inside(routine: Routine, file: File, module: Module, outer: Scope) -> Context:
     own: dict[str, list[Symbol]] = {}
     scope = Scope(module=outer.module, shared=outer.shared, own=own, types=outer.types, routines=outer.routines)
     for parameter in routine.parameters:
@@ -133,7 +133,7 @@ def _inside(routine: Routine, file: File, module: Module, outer: Scope) -> Place
     declared = tuple(_declared(routine.declarations, file, scope))
     for symbol in declared:
         own.setdefault(symbol.name.lower(), []).append(symbol)
-    return Place(file=file, module=module, routine=routine, scope=scope, declared=declared)
+    return Context(file=file, module=module, routine=routine, scope=scope, declared=declared)
 
 
 def _declared(declarations: Iterable[Declaration], file: File, scope: Scope) -> Iterator[Symbol]:

@@ -7,7 +7,7 @@ from taskcal.errors import FileError
 from taskcal.programs.program import Program, Remark, Waypoint
 from taskcal.programs.rapid.flow import follow_routine, gets_target, instructions, is_motion
 from taskcal.programs.rapid.motions import KINDS, Motion, Settings, resolve
-from taskcal.programs.rapid.names import File, Place, Scope, Symbol, Unresolved, places
+from taskcal.programs.rapid.names import Context, File, Scope, Symbol, Unresolved, contexts
 from taskcal.programs.rapid.parse import parse
 from taskcal.programs.rapid.predefined import MOVING, SHIFTING, STILL
 from taskcal.programs.rapid.rewrite import rewrite_files
@@ -59,13 +59,13 @@ def read_rapid(sources: Sequence[Source]) -> RapidProgram:
         modules, problems = _parsed(source)
         files.append(File(source=source, modules=modules))
         remarks += [Remark(place=source.place(p.position), text=p.text) for p in problems]
-    everywhere = tuple(places(files))
+    everywhere = tuple(contexts(files))
     values = Values(assigned=assigned(everywhere))
     settings = _settings(everywhere, values)
     motions: list[Motion] = []
-    for place in everywhere:
-        follow_routine(place, _Resolver(place, settings, motions, remarks))
-        remarks += _lost_motions(place)
+    for context in everywhere:
+        follow_routine(context, _Resolver(context, settings, motions, remarks))
+        remarks += _lost_motions(context)
     remarks += [Remark(place=file.source.place(at), text=text) for text, (file, at) in settings.notes.items()]
     order = {source.path: i for i, source in enumerate(sources)}
     remarks.sort(key=lambda remark: (order[remark.place.path], remark.place.line))
@@ -87,12 +87,12 @@ def _parsed(source: Source) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:
 class _Resolver:
     """Resolves the motions of a routine; keeps them, and remarks on those that cannot be resolved."""
 
-    def __init__(self, place: Place, settings: Settings, motions: list[Motion], remarks: list[Remark]):
-        self.place, self.settings, self.motions, self.remarks = place, settings, motions, remarks
+    def __init__(self, context: Context, settings: Settings, motions: list[Motion], remarks: list[Remark]):
+        self.context, self.settings, self.motions, self.remarks = context, settings, motions, remarks
 
     def __call__(self, instruction: Instruction, scope: Scope, follows: int | None) -> int | None:
-        file = self.place.file
-        name = self.place.routine.name.text if self.place.routine else ""
+        file = self.context.file
+        name = self.context.routine.name.text if self.context.routine else ""
         try:
             if instruction.name.key not in KINDS:
                 raise Unresolved("it is not among the motions that are read: MoveJ, MoveL, MoveC and MoveAbsJ")
@@ -105,14 +105,14 @@ class _Resolver:
         return len(self.motions) - 1
 
 
-def _settings(everywhere: Iterable[Place], values: Values) -> Settings:
+def _settings(everywhere: Iterable[Context], values: Values) -> Settings:
     """What the instructions of the program set for all of it: where they do so sometimes, they may do so always."""
     off: set[str] = set()
     shift = ""
-    for place in everywhere:
-        if place.routine is None:
+    for context in everywhere:
+        if context.routine is None:
             continue
-        for block in (place.routine.body, *place.routine.handlers):
+        for block in (context.routine.body, *context.routine.handlers):
             for instruction in instructions(block):
                 key = instruction.name.key
                 if key == "confj" and any(a.option == "off" for a in instruction.arguments):
@@ -120,41 +120,41 @@ def _settings(everywhere: Iterable[Place], values: Values) -> Settings:
                 elif key == "confl" and any(a.option == "off" for a in instruction.arguments):
                     off |= {"linear", "circular"}
                 elif key in SHIFTING and not shift:
-                    where = place.file.source.place(instruction.start)
+                    where = context.file.source.place(instruction.start)
                     shift = f"{instruction.name.text} in {where} may shift it"
     return Settings(values=values, postures_off=frozenset(off), shift=shift)
 
 
-def _lost_motions(place: Place) -> Iterable[Remark]:
+def _lost_motions(context: Context) -> Iterable[Remark]:
     """Motions in text that was not understood, and targets that are handed to a routine."""
-    if place.routine is None:
-        for odd in place.module.odd:
-            yield from _motions_in(odd, place)
+    if context.routine is None:
+        for odd in context.module.odd:
+            yield from _motions_in(odd, context)
         return
-    for block in (place.routine.body, *place.routine.handlers):
-        yield from _lost_in(block, place, place.scope)
+    for block in (context.routine.body, *context.routine.handlers):
+        yield from _lost_in(block, context, context.scope)
 
 
-def _lost_in(block: Iterable[Statement], place: Place, scope: Scope) -> Iterable[Remark]:
+def _lost_in(block: Iterable[Statement], context: Context, scope: Scope) -> Iterable[Remark]:
     for statement in block:
         match statement:
             case Odd():
-                yield from _motions_in(statement, place)
+                yield from _motions_in(statement, context)
             case Branches():
                 for way in statement.ways:
-                    yield from _lost_in(way, place, scope)
+                    yield from _lost_in(way, context, scope)
             case Loop():
-                yield from _lost_in(statement.body, place, scope.with_counter(statement.counter))
+                yield from _lost_in(statement.body, context, scope.with_counter(statement.counter))
             case Instruction() if statement.name.key not in MOVES and not is_motion(statement, scope):
                 if statement.name.key in scope.routines and gets_target(statement, scope):
                     text = f"the target that '{statement.name.text}' is given stays as it is: motions to a routine's parameter"
-                    yield Remark(place=place.file.source.place(statement.start), text=f"{text} are not read")
+                    yield Remark(place=context.file.source.place(statement.start), text=f"{text} are not read")
             case _:
                 pass
 
 
-def _motions_in(odd: Odd, place: Place) -> Iterable[Remark]:
+def _motions_in(odd: Odd, context: Context) -> Iterable[Remark]:
     for token in odd.tokens:
         if token.kind == "name" and token.key.startswith(MOVING) and token.key not in STILL:
             text = f"{token.text} stays as it is: the text around it is not understood"
-            yield Remark(place=place.file.source.place(token.start), text=text)
+            yield Remark(place=context.file.source.place(token.start), text=text)

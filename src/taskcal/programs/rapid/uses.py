@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from taskcal.programs.rapid.names import File, Place, Scope, Symbol, Unresolved
+from taskcal.programs.rapid.names import Context, File, Scope, Symbol, Unresolved
 from taskcal.programs.rapid.predefined import CHANGING, FUNCTIONS, STILL
 from taskcal.programs.rapid.syntax import (
     Aggregate,
@@ -55,7 +55,7 @@ class Use:
         return self.path is None or all(a == b for a, b in zip(self.path, path, strict=False))
 
 
-def assigned(everywhere: Iterable[Place]) -> dict[Symbol, str]:
+def assigned(everywhere: Iterable[Context]) -> dict[Symbol, str]:
     """Where each variable is assigned to first; variables that keep their value are missing."""
     everywhere = tuple(everywhere)
     found: dict[Symbol, str] = {}
@@ -75,7 +75,7 @@ def assigned(everywhere: Iterable[Place]) -> dict[Symbol, str]:
         parameters |= more  # what is handed to these changes too
 
 
-def uses(everywhere: Iterable[Place], values: Values) -> Mapping[Symbol, tuple[Use, ...]]:
+def uses(everywhere: Iterable[Context], values: Values) -> Mapping[Symbol, tuple[Use, ...]]:
     """All references to each piece of data."""
     found: dict[Symbol, list[Use]] = {}
     for mention in mentions(everywhere):
@@ -98,24 +98,24 @@ def _symbol(mention: Mention) -> Symbol | None:
         return None
 
 
-def mentions(everywhere: Iterable[Place], changed: frozenset[tuple[str, str]] = frozenset()) -> Iterator[Mention]:
+def mentions(everywhere: Iterable[Context], changed: frozenset[tuple[str, str]] = frozenset()) -> Iterator[Mention]:
     """Every reference to data in modules and routines.
 
     Args:
         everywhere: modules and routines.
         changed: keys of routines and of those of their parameters that they change.
     """
-    for place in everywhere:
-        walker = _Walker(place.file, changed)
-        for symbol in place.declared:
+    for context in everywhere:
+        walker = _Walker(context.file, changed)
+        for symbol in context.declared:
             if symbol.declaration is not None and symbol.declaration.value is not None:
-                yield from walker.read(symbol.declaration.value, place.scope)
-        if place.routine is None:
-            for odd in place.module.odd:
-                yield from walker.odd(odd, place.scope)
+                yield from walker.read(symbol.declaration.value, context.scope)
+        if context.routine is None:
+            for odd in context.module.odd:
+                yield from walker.odd(odd, context.scope)
         else:
-            for block in (place.routine.body, *place.routine.handlers):
-                yield from walker.statements(block, place.scope)
+            for block in (context.routine.body, *context.routine.handlers):
+                yield from walker.statements(block, context.scope)
 
 
 class _Walker:
