@@ -12,7 +12,7 @@ from taskcal.correction.cell import Cell
 from taskcal.correction.chords import Chords, Wish, cut
 from taskcal.correction.controller import Driven, drive
 from taskcal.correction.correction import Bounds, Correction
-from taskcal.correction.motion import SINGULAR, move_joints
+from taskcal.correction.motion import SINGULAR, JointMotion, move_joints
 from taskcal.correction.placement import Placed
 from taskcal.correction.relation import Relation, relate
 from taskcal.correction.way import Ways
@@ -21,7 +21,7 @@ from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.programs.composing import compose_program
 from taskcal.programs.program import Move, Program, Remark, Waypoint
-from taskcal.programs.reading import parse_program
+from taskcal.programs.reading import language_of, parse_program
 from taskcal.programs.source import Source
 from taskcal.programs.spinning import with_spins
 from taskcal.robot.robot import Robot
@@ -72,30 +72,24 @@ def correct(
         number=number,
     )
     wanted = wanted_ways(driven, placed, moves)
-    before = assess(placed, wanted, driven)
     progress("the joints of the calibrated robot")
-    wish = Wish(
-        robot=robot,
-        moves=moves,
-        calibration=calibration,
-        placed=placed,
-        wanted=wanted,
-        driven=driven,
-        tolerance=bounds.tolerance,
+    chords = cut(
+        Wish(
+            robot=robot,
+            moves=moves,
+            calibration=calibration,
+            placed=placed,
+            wanted=wanted,
+            driven=driven,
+            tolerance=bounds.tolerance,
+        )
     )
-    chords = cut(wish)
     shift, turn = _changes(wanted, chords, len(moves))
-    refused = dict(driven.refused)
-    refused.update(_refuse(chords, shift, turn, bounds, wish, refused))
+    refused = driven.refused | _refuse(chords, shift, turn, bounds, driven.refused)
     left = {i for i, move in enumerate(moves) if keep_joints and move.kind == "axes"}
     ways = _waypoints(moves, chords, wanted, shift, turn, left | refused.keys())
     progress("the corrected program")
-    if into is None:
-        sources = program.rewrite(robot, ways)
-        again = program.reread(sources)
-    else:
-        sources = (_composed(Path(into), robot, moves, ways, driven),)
-        again = parse_program(sources, robot=robot, tool=moves[0].tool, part=moves[0].part)
+    sources, again = _rewritten(program, robot, ways, driven, into)
     pieces = np.array([len(ways[i]) if i in ways else 1 for i in range(len(moves))], dtype=np.int64)
     origin = piece_origins(pieces)
     if len(origin) != len(again.moves):
@@ -103,34 +97,54 @@ def correct(
             f"the corrected program reads as {len(again.moves)} motions instead of {len(origin)}; nothing was written"
         )
     redriven = drive(robot, again.moves)
-    change = np.full(len(moves), np.nan)
-    ends = chords.nodes.share == 1.0
-    at = chords.nodes.move[ends]
-    change[at] = np.abs(chords.nodes.q[ends] - driven.end[at]).max(axis=1)
-    for array in (shift, turn, change):
-        array[[i for i in range(len(moves)) if i not in ways]] = 0.0
     motion = move_joints(robot, again.moves, redriven)
+    written = np.isin(np.arange(len(moves)), list(ways))
     return Correction(
         program=program,
         sources=sources,
         moves=again.moves,
         bounds=bounds,
         wanted=wanted,
-        before=before,
+        before=assess(placed, wanted, driven),
         after=assess(placed, wanted, redriven, origin),
-        corrected=np.array(sorted(ways), dtype=np.int64),
+        corrected=np.flatnonzero(written),
         pieces=pieces,
-        shift=shift,
-        turn=turn,
+        shift=np.where(written, shift, 0.0),
+        turn=np.where(written, turn, 0.0),
         uncertainty=_uncertainty(relations, number, driven),
-        joint_change=change,
+        joint_change=np.where(written, _joint_changes(robot, chords, driven), 0.0),
         refused=refused,
-        remarks=_remarks(
-            program, driven, redriven, origin, chords, bounds, motion.conditioning, motion.nearest_singular
-        ),
+        remarks=_remarks(program, driven, redriven, origin, chords, bounds, motion),
         statements=tuple(dict.fromkeys(relation.statement for relation in relations)),
         motion=motion,
     )
+
+
+def _rewritten(
+    program: Program,
+    robot: Robot,
+    ways: Mapping[int, tuple[Waypoint, ...]],
+    driven: Driven,
+    into: str | Path | None,
+) -> tuple[tuple[Source, ...], Program]:
+    """The corrected files, and the program that reads from them."""
+    if into is None:
+        sources = program.rewrite(robot, ways)
+        return sources, program.reread(sources)
+    first = program.moves[0]
+    sources = (_composed(Path(into), robot, program.moves, ways, driven),)
+    tools = {} if language_of(Path(into)) in ("RAPID", "KRL") else {"tool": first.tool, "part": first.part}
+    return sources, parse_program(sources, robot=robot, **tools)
+
+
+def _joint_changes(robot: Robot, chords: Chords, driven: Driven) -> Float[np.ndarray, " m"]:
+    """Largest change of a revolute joint at every target, radians; NaN where it is not known."""
+    out = np.full(len(driven.end), np.nan)
+    ends = chords.nodes.share == 1.0
+    move = chords.nodes.move[ends]
+    turning = [j for j, slides in enumerate(robot.prismatic) if not slides]
+    out[move] = np.abs(chords.nodes.q[ends] - driven.end[move])[:, turning].max(axis=1, initial=0.0)
+    return out
 
 
 def _relate(
@@ -192,7 +206,6 @@ def _refuse(
     shift: Float[np.ndarray, " m"],
     turn: Float[np.ndarray, " m"],
     bounds: Bounds,
-    wish: Wish,
     already: Mapping[int, str],
 ) -> dict[int, str]:
     """Motions that are not corrected, and why."""
@@ -291,8 +304,7 @@ def _remarks(
     origin: Sequence[tuple[int, float, float]],
     chords: Chords,
     bounds: Bounds,
-    conditioning: float,
-    nearest: int | None,
+    motion: JointMotion,
 ) -> tuple[Remark, ...]:
     """What the user should know, by file and line."""
     moves = program.moves
@@ -307,11 +319,12 @@ def _remarks(
             f"leaves its way by {chords.deviation[i] * 1e3:.3f} mm between corrected targets, however finely it is cut"
         )
         out.append(Remark(place=moves[int(i)].place, text=text))
-    if nearest is not None and conditioning < SINGULAR:
+    if motion.nearest_singular is not None and motion.conditioning < SINGULAR:
         out.append(
             Remark(
-                place=moves[origin[nearest][0]].place,
-                text=f"passes near a singular posture (ratio {conditioning:.3f}); small corrections take large joint motions there",
+                place=moves[origin[motion.nearest_singular][0]].place,
+                text=f"passes near a singular posture (ratio {motion.conditioning:.3f}), where small corrections take large joint "
+                "motions",
             )
         )
     return tuple(out)

@@ -57,7 +57,7 @@ class Correction:
     uncertainty: Float[np.ndarray, " m"]
     """Root mean square of the error in space that the calibration must expect at each target, metres; NaN where refused."""
     joint_change: Float[np.ndarray, " m"]
-    """Largest change of a joint position at each target, radians."""
+    """Largest change of a revolute joint at each target, radians."""
     refused: Mapping[int, str]
     """Motions left as they were, and why."""
     remarks: tuple[Remark, ...]
