@@ -159,6 +159,7 @@ WRONG = {
     "J1_deg,speed_mm_s\n1,-5\n": r"path\.csv:2: column 'speed_mm_s': -5 is no speed",
     "J1_deg,stop\n1,maybe\n": r"path\.csv:2: column 'stop': 'maybe' is neither yes nor no",
     'J1_deg,name\n1,"a ""b"""\n': r"path\.csv: has quotes inside cells",
+    'J1_deg,J2_deg\n1,2\n1,"2': r"path\.csv:3: has a quote that does not end",
 }
 
 

@@ -25,12 +25,17 @@ def locate_rows(source: Source, table: CsvTable) -> tuple[Row, ...]:
     """The rows of a table in its source, without the header.
 
     Raises:
-        FileError: quotes stand inside a cell, so that its text is not what it means.
+        FileError: quotes stand inside a cell, so that its text is not what it means, or one does not end.
     """
     text = source.text
     rows = [row for row in _scan(text, table.delimiter) if _counts(text, row)][1:]
     if [_texts(text, row) for row in rows] != [list(cells) for cells in table.rows]:
         raise FileError(source.path, "has quotes inside cells; write numbers and names without them")
+    for row in rows:
+        if text.count('"', row.start, row.end) % 2:
+            raise FileError(
+                source.path, "has a quote that does not end; write the cell without it", line=source.line(row.start)
+            )
     return tuple(rows)
 
 
