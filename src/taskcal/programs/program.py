@@ -133,10 +133,10 @@ class Program(ABC):
             ways: by number of the motion.
         """
 
+    @abstractmethod
     def reread(self, sources: tuple[Source, ...]) -> "Program":
         """The program of other texts of the same files, such as `rewrite` gives.
 
         Raises:
             TaskcalError: they cannot be read.
         """
-        raise NotImplementedError
