@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from taskcal.robot.effects import Settling as Settling
     from taskcal.robot.effects import Spring as Spring
     from taskcal.robot.effects import Thermal as Thermal
+    from taskcal.robot.effects import WarmUp as WarmUp
     from taskcal.robot.error_model import ErrorModel as ErrorModel
     from taskcal.robot.load import Load as Load
     from taskcal.robot.robot import Robot as Robot
@@ -106,6 +107,7 @@ _HOME = {
     "Thermal": "robot.effects",
     "TrackerNoise": "measurement.tracker",
     "Validation": "identification.validation",
+    "WarmUp": "robot.effects",
     "assess_distance": "measurement.distance_performance",
     "assess_path": "measurement.path_performance",
     "assess_pose": "measurement.pose_performance",

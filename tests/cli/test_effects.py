@@ -11,7 +11,8 @@ from taskcal.identification.explain import PERIODIC
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.measurement.writer import write_campaign
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import Compliance, Coupling, EncoderGain, Harmonics, MotorHarmonics, Spring
+from taskcal.robot.conditions import Conditions
+from taskcal.robot.effects import Compliance, Coupling, EncoderGain, Harmonics, MotorHarmonics, Spring, Thermal, WarmUp
 from taskcal.robot.error_model import ErrorModel
 from tests.cli.conftest import Ended, Run
 
@@ -120,6 +121,7 @@ def test_kept_parameters_leave_the_effects_in(run: Run, campaign: Path, tmp_path
         (["--effects", "gain,gain"], "'gain' stands twice"),
         (["--effects", "harmonics:3-1"], "write harmonics:1-4"),
         (["--effects", "harmonics:0"], "write harmonics:1-4"),
+        (["--effects", "warmup:0"], "'warmup:0' is no effect"),
         (["--effects", "auto", "--prior", "none"], "needs a prior"),
     ],
 )
@@ -137,6 +139,11 @@ def test_wrong_usage_is_told_before_anything_is_computed(
     [
         (["--field", "--rows", "0:24"], "24 rows are too few to prove a residual field"),
         (["--effects", "periodic,harmonics:4-5"], "add each effect once"),
+        (
+            ["--effects", "thermal"],
+            "campaign.csv has no temperatures, which the effect 'thermal' needs; add a column temp_C",
+        ),
+        (["--effects", "warmup"], "campaign.csv has no times, which the effect 'warmup' needs; add a column time_s"),
     ],
 )
 def test_what_the_data_cannot_give_is_told(
@@ -149,12 +156,37 @@ def test_what_the_data_cannot_give_is_told(
     assert not (tmp_path / "cal.json").exists()
 
 
+def test_growth_is_told_from_temperatures_and_used_at_others(run: Run, tmp_path: Path) -> None:
+    """The reference is the campaign's mean temperature; another campaign is predicted at its own."""
+    robot = load_robot(ROBOT)
+    rng = np.random.default_rng(3)
+    limits = np.clip(robot.limits, -0.9, 0.9)
+    model = ErrorModel(robot) + Thermal(reference=24.0)
+    x = np.zeros(len(model))
+    x[len(model) - 7] = 2e-5  # thermal.growth
+    paths: list[Path] = []
+    for name, warmth in (("mild", np.linspace(19.0, 29.0, 60)), ("hot", np.full(30, 44.0))):
+        q = rng.uniform(limits[:, 0], limits[:, 1], (len(warmth), len(limits)))
+        measured, _ = simulate(model, q, rng=rng, x=x, conditions=Conditions(temperature=warmth))
+        paths.append(tmp_path / f"{name}.csv")
+        write_campaign(paths[-1], measured, robot)
+    result = identify(run, paths[0], tmp_path / "cal.json", "--effects", "thermal", "--json").json
+    assert result["effects"][0]["reference"] == 24.0
+    growth = next(p for p in result["parameters"] if p["name"] == "thermal.growth")
+    assert growth["unit"] == "µm/m/K"
+    assert abs(growth["estimate_um_per_m_per_k"] - 20.0) < 3.0 * growth["standard_error_um_per_m_per_k"] < 20.0
+    identify(run, paths[0], tmp_path / "plain.json")
+    told, plain = (run("validate", tmp_path / f"{name}.json", paths[1], "--json").json for name in ("cal", "plain"))
+    assert told["mean_mm"] < 0.3 * plain["mean_mm"]
+
+
 def test_names_of_effects() -> None:
     assert read_effects("auto") is None
     assert read_effects("none") == []
     named = read_effects("compliance, gain,harmonics,harmonics:3,harmonics:5-7,periodic")
     orders = Harmonics(orders=(3,)), Harmonics(orders=(5, 6, 7))
     assert named == [Compliance(), EncoderGain(), Harmonics(), *orders, PERIODIC]
+    assert read_effects("thermal,warmup,warmup:20") == [Thermal(), WarmUp(), WarmUp(time_constant=1200.0)]
     assert read_effects("coupling,spring,motor") == [Coupling(), Spring(), MotorHarmonics()]
 
 

@@ -1,4 +1,4 @@
-"""A robot that grows with the temperature: found, predicted at other temperatures, and refused without any."""
+"""A robot that grows with the temperature, or by warming up: found, predicted at other temperatures, and refused without any."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.virtual_cell import Truth, draw_defects, simulate
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects import EncoderGain, Thermal
+from taskcal.robot.effects import EncoderGain, Thermal, WarmUp
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from tests.laws.robots import industrial, industrial_positions
@@ -120,3 +120,44 @@ def test_temperatures_compete_where_they_are_known_and_vary():
     for temperature in (None, np.full(60, 23.0), np.where(np.arange(60) == 5, np.nan, campaign.temperature)):
         quiet = explain(plain, replace(campaign, temperature=temperature), candidates=candidates, folds=3)
         assert [stage.name for stage in quiet.stages] == ["geometry", "encoder gain"]
+
+
+def warming(seed: int, count: int = 100) -> tuple[ErrorModel, Campaign, Truth]:
+    """A robot drawn with its growth, measured in its first two hours at work."""
+    rng = np.random.default_rng(seed)
+    model = ErrorModel(robot_from(industrial(rng))) + WarmUp(time_constant=2400.0, reference=7200.0)
+    x = draw_defects(model, rng)
+    targets = {name: np.array(centre) for name, centre in TARGETS.items()}
+    conditions = Conditions(time=np.linspace(0.0, 7200.0, count))
+    campaign, truth = simulate(
+        model, industrial_positions(rng, count), rng=rng, x=x, targets=targets, conditions=conditions
+    )
+    return model, campaign, truth
+
+
+def test_a_robot_that_warms_up_is_found_from_the_time_at_work(tmp_path):
+    scaled: list[np.ndarray] = []
+    for seed in range(5):
+        model, campaign, truth = warming(seed)
+        fit = identify(model, campaign)
+        scaled.append((fit.estimate[-7:] - truth.x[-7:]) / fit.standard_errors[-7:])
+    assert np.abs(scaled).max() < 4.0
+    assert (np.abs(scaled) < 3.0).sum() >= 34
+    fit.save(tmp_path / "cal.json")
+    again = load_calibration(tmp_path / "cal.json")
+    cold = Conditions(time=np.zeros(len(campaign)))
+    np.testing.assert_array_equal(again.predict(campaign.q, cold), fit.predict(campaign.q, cold))
+    assert np.linalg.norm(fit.predict(campaign.q, cold) - fit.predict(campaign.q), axis=2).mean() > 5e-5
+
+
+def test_warming_up_is_proven_with_one_of_its_time_constants():
+    model, campaign, _ = warming(2, count=60)
+    candidates = (EncoderGain(), *(WarmUp(time_constant=c, reference=7200.0) for c in (1200.0, 10800.0)))
+    found = explain(ErrorModel(model.robot), campaign, candidates=candidates, folds=3)
+    assert [type(effect) for effect in found.effects] == [WarmUp]
+    assert found.stages[1].name.startswith("warming up in ")
+    assert "best of 3" in found.stages[1].reason
+    with pytest.raises(
+        CampaignError, match="virtual cell has no times, which the effect 'warmup' needs; add a column time_s"
+    ):
+        identify(model, replace(campaign, time=None))

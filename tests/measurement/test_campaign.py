@@ -21,6 +21,7 @@ def campaign(n=12, targets=3, poses=False, seed=0):
         uncertainty=rng.uniform(1e-5, 1e-4, (n, targets)),
         nests={"base": rng.normal(size=(n, 3))},
         temperature=rng.normal(size=n),
+        time=rng.uniform(0.0, 1e4, n),
         approach=rng.choice([-1.0, 0.0, 1.0], (n, 6)),
         move=rng.normal(size=(n, 6)),
     )
@@ -32,7 +33,7 @@ def test_taking_rows_takes_them_from_every_array(rows):
     some = whole.take(rows)
     index = np.arange(12)[rows]
     assert some.ids == tuple(f"row {i}" for i in index)
-    for name in ("q", "points", "uncertainty", "temperature", "approach", "move"):
+    for name in ("q", "points", "uncertainty", "temperature", "time", "approach", "move"):
         np.testing.assert_array_equal(getattr(some, name), getattr(whole, name)[index])
     np.testing.assert_array_equal(some.nests["base"], whole.nests["base"][index])
     assert some.targets == whole.targets

@@ -137,6 +137,17 @@ def test_uncertainty_is_stated_for_all_targets_or_each(tmp_path):
     np.testing.assert_allclose(campaign.uncertainty, [[1e-5, 5e-5]])
 
 
+def test_time_counts_from_when_the_robot_began_to_work(tmp_path):
+    header = HEADER + ",time_s"
+    campaign = read_campaign(write(tmp_path, header, [ROWS[0] + ",60.5", ROWS[1] + ","]), ROBOT)
+    np.testing.assert_array_equal(campaign.time, [60.5, np.nan])
+    np.testing.assert_array_equal(campaign.take([0]).conditions.time, [60.5])
+    for wrong in ("-5", "1763700000"):
+        with pytest.raises(FileError, match=r"s is no time since the robot began to work.*subtract") as caught:
+            read_campaign(write(tmp_path, header, [ROWS[0] + ",0", f"{ROWS[1]},{wrong}"]), ROBOT)
+        assert (caught.value.line, caught.value.column) == (3, "time_s")
+
+
 def test_temperature_may_be_missing_here_and_there(tmp_path):
     campaign = read_campaign(write(tmp_path, HEADER + ",temp_C", [ROWS[0] + ",21.5", ROWS[1] + ","]), ROBOT)
     np.testing.assert_array_equal(campaign.temperature, [21.5, np.nan])

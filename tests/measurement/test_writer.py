@@ -26,6 +26,7 @@ def test_a_written_campaign_reads_back_to_a_nanometre(tmp_path, kind):
         uncertainty=rng.uniform(1e-5, 1e-4, (6, len(targets))),
         nests={"base1": rng.normal(size=(6, 3))},
         temperature=rng.uniform(18, 25, 6),
+        time=np.sort(rng.uniform(0.0, 9e3, 6)),
         approach=rng.choice([-1.0, 0.0, 1.0], (6, 2)),
         move=rng.normal(size=(6, 2)),
     )
@@ -38,6 +39,7 @@ def test_a_written_campaign_reads_back_to_a_nanometre(tmp_path, kind):
     np.testing.assert_allclose(again.uncertainty, campaign.uncertainty, atol=1e-9)
     np.testing.assert_allclose(again.nests["base1"], campaign.nests["base1"], atol=1e-9)
     np.testing.assert_allclose(again.temperature, campaign.temperature, atol=1e-3)
+    np.testing.assert_allclose(again.time, campaign.time, atol=1e-3)
     np.testing.assert_array_equal(again.approach, campaign.approach)
     np.testing.assert_allclose(again.move, campaign.move, atol=1e-9)
     if rotations is not None:

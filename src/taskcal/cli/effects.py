@@ -24,6 +24,7 @@ from taskcal.robot.effects import (
     Settling,
     Spring,
     Thermal,
+    WarmUp,
 )
 
 STRONGEST = 12
@@ -33,10 +34,11 @@ REPEATED = 4
 """How many parameters that geometry nearly repeats are named."""
 
 _HARMONICS = re.compile(r"harmonics:(\d+)(?:-(\d+))?$")
+_WARM_UP = re.compile(r"warmup:([1-9]\d{0,3})$")
 _HIGHEST = 200
 _KNOWN = (
     "backlash, compliance, coupling, gain, harmonics (orders 1 and 2), harmonics:1-4, motor, periodic (orders 3 to 30), "
-    "settling, spring, thermal"
+    "settling, spring, thermal, warmup (in an hour), warmup:20 (minutes)"
 )
 
 
@@ -52,15 +54,23 @@ def read_effects(text: str) -> list[Effect] | None:
     return [] if names == ["none"] else [_effect(name) for name in names]
 
 
-def about_mean_temperature(effects: list[Effect] | None, campaign: Campaign) -> list[Effect] | None:
-    """The effects, those of the temperature with the campaign's mean as reference.
+def refer_to(campaign: Campaign, effects: list[Effect] | None) -> list[Effect] | None:
+    """The effects, those of growth with the campaign's mean temperature, or its end, as reference.
 
     Raises:
-        CampaignError: there is one of the temperature, and a row without.
+        CampaignError: there is one, and a row has no temperature, or no time.
     """
-    if effects is None:
-        return None
-    return [replace(e, reference=campaign.mean_temperature) if isinstance(e, Thermal) else e for e in effects]
+    return None if effects is None else [_referred(effect, campaign) for effect in effects]
+
+
+def _referred(effect: Effect, campaign: Campaign) -> Effect:
+    match effect:
+        case Thermal():
+            return replace(effect, reference=campaign.mean_temperature)
+        case WarmUp():
+            return replace(effect, reference=float(campaign.known_time.max()))
+        case _:
+            return effect
 
 
 def _effect(name: str) -> Effect:
@@ -75,9 +85,13 @@ def _effect(name: str) -> Effect:
         "settling": Settling(),
         "spring": Spring(),
         "thermal": Thermal(),
+        "warmup": WarmUp(),
     }
     if name in known:
         return known[name]
+    warming = _WARM_UP.match(name)
+    if warming is not None:
+        return WarmUp(time_constant=60.0 * int(warming[1]))
     match = _HARMONICS.match(name)
     if match is None:
         alone = " stands alone" if name in ("auto", "none") else " is no effect"

@@ -94,7 +94,7 @@ def command(
             metavar="auto|none|LIST",
             help="What the joints do beside the geometry: 'auto' takes what the data prove; or add, unproven, backlash, "
             "compliance, coupling, gain, harmonics (orders 1 and 2), harmonics:1-4, motor, periodic (orders 3 to 30), "
-            "settling, spring, thermal. None by default.",
+            "settling, spring, thermal, warmup (in an hour), warmup:20 (minutes). None by default.",
         ),
     ] = "none",
     field: Annotated[
@@ -163,10 +163,10 @@ def command(
     }
     explanation = None
     if field or effects != "none":
-        from taskcal.cli.effects import about_mean_temperature
+        from taskcal.cli.effects import refer_to
         from taskcal.identification.explain import explain
 
-        asked = about_mean_temperature(asked, measured)
+        asked = refer_to(measured, asked)
         with working("geometry") as say:
             explanation = explain(
                 model, measured.take(chosen), effects=asked, field=field, seed=seed, progress=say, **options

@@ -32,6 +32,7 @@ from taskcal.robot.effects import (
     Settling,
     Spring,
     Thermal,
+    WarmUp,
 )
 from taskcal.robot.effects.effect import DEFLECTION
 from taskcal.robot.error_model import ErrorModel
@@ -61,6 +62,12 @@ parameters in common, such as a compliance of two tolerances, the model gets one
 WARMER = 1.0
 """Between the coldest and the warmest row, kelvin, from which on an effect of the temperature competes: a metre grows by a
 hundredth of a millimetre."""
+
+LONGER = 600.0
+"""Between the first and the last row, seconds, from which on warming up competes."""
+
+TIME_CONSTANTS = 1200.0, 3600.0, 10800.0
+"""Of warming up, that compete, seconds: drives take minutes, castings hours."""
 
 PROOF = 5.0
 """Gain of log evidence that an effect must show beyond the logarithm of the number of candidates: odds of 150 to 1."""
@@ -134,9 +141,9 @@ def explain(
         campaign: the measurements.
         effects: those to add without proof; by default the candidates are tried.
         field: try a residual field.
-        candidates: effects that compete; by default those of `CANDIDATES` that suit the robot, and growth and drift about
-            the campaign's mean temperature. Backlash and settling compete only where the campaign has the ways to its
-            rows, an effect of the temperature only where its rows have temperatures that differ by `WARMER`.
+        candidates: effects that compete; by default those of `CANDIDATES` that suit the robot, and growth with the
+            temperature, or by warming up. Backlash and settling compete only where the campaign has the ways to its rows,
+            growth only where all rows have temperatures, or times, that differ by `WARMER` or `LONGER`.
         folds: of the cross-validation.
         seed: of its folds.
         progress: told what is being done.
@@ -174,7 +181,8 @@ def explain(
         told: dict[type[Effect], bool] = {
             Backlash: campaign.approach is not None,
             Settling: campaign.move is not None,
-            Thermal: _warms(campaign),
+            Thermal: _differ(campaign.temperature, WARMER),
+            WarmUp: _differ(campaign.time, LONGER),
         }
         able = [c for c in suitable if told.get(type(c), True)]
         found = _search(model, campaign, _beside(model, able), parts, best, left, options, progress)
@@ -203,14 +211,18 @@ def explain(
 
 
 def _default_candidates(model: ErrorModel, campaign: Campaign) -> list[Effect]:
-    own = [c for c in CANDIDATES if c.suits(model.robot)]
-    return [*own, Thermal(reference=campaign.mean_temperature)] if _warms(campaign) else own
+    found = [c for c in CANDIDATES if c.suits(model.robot)]
+    if _differ(campaign.temperature, WARMER):
+        found.append(Thermal(reference=campaign.mean_temperature))
+    if _differ(campaign.time, LONGER):
+        end = float(campaign.known_time.max())
+        found += [WarmUp(time_constant=constant, reference=end) for constant in TIME_CONSTANTS]
+    return found
 
 
-def _warms(campaign: Campaign) -> bool:
-    """Whether the temperatures of all rows are known, and differ."""
-    warmth = campaign.temperature
-    return warmth is not None and bool(np.isfinite(warmth).all()) and float(np.ptp(warmth)) >= WARMER
+def _differ(values: Float[np.ndarray, " n"] | None, least: float) -> bool:
+    """Whether the values of all rows are known, and differ by so much."""
+    return values is not None and bool(np.isfinite(values).all()) and float(np.ptp(values)) >= least
 
 
 def _repeated_by_geometry(calibration: Calibration, campaign: Campaign) -> tuple[NearDependence, ...]:
@@ -307,7 +319,8 @@ def _label(effect: Effect) -> str:
         "Compliance": "compliance",
         "Coupling": "coupling",
         "Spring": "spring",
-        "Thermal": "growth and drift with the temperature",
+        "Thermal": "growth with the temperature",
+        "WarmUp": "warming up",
     }
     label = named.get(type(effect).__name__, type(effect).__name__)
     if isinstance(effect, Harmonics):
@@ -315,6 +328,8 @@ def _label(effect: Effect) -> str:
         label += f" of order {first}" if first == last else f" of orders {first} to {last}"
     if isinstance(effect, Compliance) and effect.tolerance != DEFLECTION:
         label += f" (±{effect.tolerance * 1e3:g} mrad)"
+    if isinstance(effect, WarmUp):
+        label += f" in {effect.time_constant / 60.0:g} min"
     return label if effect.joints is None else f"{label} of {', '.join(effect.joints)}"
 
 

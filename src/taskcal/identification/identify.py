@@ -22,7 +22,7 @@ from taskcal.identification.problem import FrameLayout, Problem, observe, whiten
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration, check_plausible, check_rows, register
 from taskcal.measurement.tracker import TrackerNoise
-from taskcal.robot.effects import Thermal
+from taskcal.robot.effects import Thermal, WarmUp
 from taskcal.robot.error_model import ErrorModel
 
 BASE_PRIOR, TARGET_PRIOR = 10.0, 1.0
@@ -93,8 +93,8 @@ def identify(
         the calibration: estimate, covariance, residuals, and predictions with their uncertainty.
 
     Raises:
-        CampaignError: too few rows, joints and points that do not belong together, or a model that depends on the
-            temperature and a row without.
+        CampaignError: too few rows, joints and points that do not belong together, or a model that depends on
+            temperature or time and a row without.
         UnknownName: a name in `keep` that the model does not have.
         FitError: the fit did not converge.
     """
@@ -104,6 +104,8 @@ def identify(
     check_rows(campaign)
     if any(isinstance(effect, Thermal) for effect in model.effects):
         _ = campaign.known_temperature
+    if any(isinstance(effect, WarmUp) for effect in model.effects):
+        _ = campaign.known_time
     if registration is None:
         registration = register(model, campaign)
         check_plausible(registration, model, campaign)

@@ -33,6 +33,8 @@ class Campaign:
     """Fixed points measured beside each pose, in the tracker frame, metres."""
     temperature: Float[np.ndarray, " n"] | None = None
     """Of the robot, °C; NaN where unknown."""
+    time: Float[np.ndarray, " n"] | None = None
+    """Since the robot began to work, seconds; NaN where unknown."""
     approach: Float[np.ndarray, "n joints"] | None = None
     """Way in which each joint's drive turned last before the row: 1 where its value grew, −1 where it fell, 0 unknown."""
     move: Float[np.ndarray, "n joints"] | None = None
@@ -48,6 +50,7 @@ class Campaign:
             "rotations": (self.rotations, (n, 3, 3)),
             "uncertainty": (self.uncertainty, (n, targets)),
             "temperature": (self.temperature, (n,)),
+            "time": (self.time, (n,)),
             "approach": (self.approach, self.q.shape),
             "move": (self.move, self.q.shape),
             **{f"nest {name}": (points, (n, 3)) for name, points in self.nests.items()},
@@ -73,8 +76,8 @@ class Campaign:
 
     @property
     def conditions(self) -> Conditions:
-        """What is known of the way to each row, and of its temperature."""
-        return Conditions(approach=self.approach, move=self.move, temperature=self.temperature)
+        """What is known of the way to each row, and of how warm the robot was."""
+        return Conditions(approach=self.approach, move=self.move, temperature=self.temperature, time=self.time)
 
     @property
     def known_temperature(self) -> Float[np.ndarray, " n"]:
@@ -83,17 +86,30 @@ class Campaign:
         Raises:
             CampaignError: there is none, or a row is without.
         """
-        if self.temperature is None:
-            raise CampaignError(
-                f"{self.source or 'the campaign'} has no temperatures, which the effect 'thermal' needs; add a column temp_C"
-            )
-        unknown = np.flatnonzero(~np.isfinite(self.temperature))
+        return self._known(self.temperature, "temperature", "thermal", "temp_C")
+
+    @property
+    def known_time(self) -> Float[np.ndarray, " n"]:
+        """Time of every row since the robot began to work, seconds.
+
+        Raises:
+            CampaignError: there is none, or a row is without.
+        """
+        return self._known(self.time, "time", "warmup", "time_s")
+
+    def _known(
+        self, values: Float[np.ndarray, " n"] | None, quantity: str, effect: str, column: str
+    ) -> Float[np.ndarray, " n"]:
+        name = self.source or "the campaign"
+        if values is None:
+            raise CampaignError(f"{name} has no {quantity}s, which the effect '{effect}' needs; add a column {column}")
+        unknown = np.flatnonzero(~np.isfinite(values))
         if len(unknown):
             raise CampaignError(
-                f"{self.source or 'the campaign'}: {self.row(int(unknown[0]))} has no temperature, which the effect 'thermal' "
-                f"needs ({len(unknown)} of {len(self)} rows have none); fill in temp_C, or leave the row out"
+                f"{name}: {self.row(int(unknown[0]))} has no {quantity}, which the effect '{effect}' needs ({len(unknown)} of "
+                f"{len(self)} rows have none); fill in {column}, or leave the row out"
             )
-        return self.temperature
+        return values
 
     @property
     def mean_temperature(self) -> float:

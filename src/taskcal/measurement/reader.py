@@ -21,6 +21,9 @@ _JOINT_UNITS = {"deg": np.pi / 180, "rad": 1.0, "mm": 1e-3, "m": 1.0}
 LEAVE_OUT = "give a number, or leave out the row"
 LEAVE_EMPTY = "give a number, or leave all the target's cells empty"
 
+LONGEST = 1e7
+"""No robot works so many seconds before it is measured; clocks count more."""
+
 _UNIT_QUATERNION = 1e-3
 """How far a quaternion's length may be from one: files round to a few digits."""
 
@@ -32,9 +35,9 @@ def read_campaign(
 
     Columns: ``id``; joints as ``J1_deg``, ``q1_deg``, ``q1_rad`` or the robot's own joint names with ``_deg`` or
     ``_rad`` (``_mm`` where a joint slides); one target as ``x_mm y_mm z_mm``, several as ``NAME_x_mm …``, or a pose with
-    ``qx qy qz qw``; optionally ``u_mm`` or ``NAME_u_mm`` (standard uncertainty per axis), ``temp_C``, and for each joint
-    ``J1_approach``, the way its drive turned last (1 up, −1 down, 0 unknown), and ``J1_move_deg``, how far. Letter case
-    does not matter. A target whose three cells are all empty or all zero is a lost beam.
+    ``qx qy qz qw``; optionally ``u_mm`` or ``NAME_u_mm`` (standard uncertainty per axis), ``temp_C``, ``time_s`` (since
+    the robot began to work), and for each joint ``J1_approach``, the way its drive turned last (1 up, −1 down, 0 unknown),
+    and ``J1_move_deg``, how far. Letter case does not matter. A target whose three cells are all empty or all zero is a lost beam.
 
     Without such columns the rows are taken in the order of measurement. Where their ids are rising whole numbers, a step
     larger than the usual one says that rows were left out, and the way is unknown there.
@@ -74,13 +77,14 @@ def read_campaign(
     if "temp_c" in names:
         used.add("temp_c")
         temperature = table.numbers(names["temp_c"], empty=True)
+    time = _time(table, names, used)
     conditions = _conditions(table, names, robot, used, q, ids)
     unknown = [name for lower, name in names.items() if lower not in used]
     if unknown:
         raise FileError(
             table.path,
             f"unknown column{'s' if len(unknown) > 1 else ''} {', '.join(repr(n) for n in unknown)}; a campaign has id, joints "
-            f"({robot.joint_names[0]}_deg …), targets (x_mm … or NAME_x_mm …), qx qy qz qw, u_mm, temp_C, "
+            f"({robot.joint_names[0]}_deg …), targets (x_mm … or NAME_x_mm …), qx qy qz qw, u_mm, temp_C, time_s, "
             f"{robot.joint_names[0]}_approach …",
             line=1,
         )
@@ -104,6 +108,7 @@ def read_campaign(
         uncertainty=uncertainty,
         nests={name: found[name] for name in nest_names},
         temperature=temperature,
+        time=time,
         approach=conditions.approach,
         move=conditions.move,
         source=Path(path).name,
@@ -159,6 +164,19 @@ def _joints(table: CsvTable, names: dict[str, str], robot: Robot, used: set[str]
             line=1,
         )
     return np.stack(columns, axis=1)
+
+
+def _time(table: CsvTable, names: dict[str, str], used: set[str]) -> Float[np.ndarray, " n"] | None:
+    """Seconds since the robot began to work."""
+    if "time_s" not in names:
+        return None
+    used.add("time_s")
+    time = table.numbers(names["time_s"], empty=True)
+    wrong = np.flatnonzero((time < 0.0) | (time > LONGEST))
+    if len(wrong):
+        message = f"{time[wrong[0]]:g} s is no time since the robot began to work; subtract the time when it did"
+        raise table.error(message, int(wrong[0]), names["time_s"])
+    return time
 
 
 def _conditions(

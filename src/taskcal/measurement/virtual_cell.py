@@ -72,7 +72,7 @@ def simulate(
         T_tracker_base: where the tracker sees the base.
         lost: share of beams that are lost.
         conditions: how the poses were reached; one after another in the order of the rows by default, where an effect of
-            the model depends on it, and at its reference temperature.
+            the model depends on it, and at its reference where it grows.
 
     Returns:
         the campaign, and the truth it was made from.
@@ -112,6 +112,7 @@ def simulate(
         approach=None if conditions is None else conditions.approach,
         move=None if conditions is None else conditions.move,
         temperature=None if conditions is None else conditions.temperature,
+        time=None if conditions is None else conditions.time,
         source="virtual cell",
     )
     return campaign, truth

@@ -40,6 +40,9 @@ def write_campaign(path: str | Path, campaign: Campaign, robot: Robot) -> None:
     if campaign.temperature is not None:
         header.append("temp_C")
         columns.append(_texts(campaign.temperature, 3))
+    if campaign.time is not None:
+        header.append("time_s")
+        columns.append(_texts(campaign.time, 3))
     if campaign.approach is not None:
         header += [f"{name}_approach" for name in robot.joint_names]
         columns += [_texts(campaign.approach[:, j], 0) for j in range(len(robot.joints))]

@@ -16,6 +16,8 @@ class Conditions:
     """How far each joint's drive turned on the last way to the pose, radians (metres where it slides); 0 where unknown."""
     temperature: Float[np.ndarray, " n"] | None = None
     """Of the robot, °C; NaN where unknown, which counts as the reference of a `Thermal` effect."""
+    time: Float[np.ndarray, " n"] | None = None
+    """Since the robot began to work, seconds; NaN where unknown, which counts as the reference of a `WarmUp` effect."""
 
     def take(self, rows: Int[np.ndarray, " k"] | slice) -> "Conditions":
         """The conditions of some of the poses."""
@@ -23,4 +25,5 @@ class Conditions:
             approach=None if self.approach is None else self.approach[rows],
             move=None if self.move is None else self.move[rows],
             temperature=None if self.temperature is None else self.temperature[rows],
+            time=None if self.time is None else self.time[rows],
         )

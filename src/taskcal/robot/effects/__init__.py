@@ -16,3 +16,4 @@ from taskcal.robot.effects.motor_harmonics import MotorHarmonics as MotorHarmoni
 from taskcal.robot.effects.settling import Settling as Settling
 from taskcal.robot.effects.spring import Spring as Spring
 from taskcal.robot.effects.thermal import Thermal as Thermal
+from taskcal.robot.effects.warm_up import WarmUp as WarmUp

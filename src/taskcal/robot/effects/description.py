@@ -14,10 +14,22 @@ from taskcal.robot.effects.motor_harmonics import MotorHarmonics
 from taskcal.robot.effects.settling import Settling
 from taskcal.robot.effects.spring import Spring
 from taskcal.robot.effects.thermal import Thermal
+from taskcal.robot.effects.warm_up import WarmUp
 
 EFFECTS: Mapping[str, type[Effect]] = {
     kind.__name__: kind
-    for kind in (Harmonics, MotorHarmonics, EncoderGain, Coupling, Compliance, Spring, Backlash, Settling, Thermal)
+    for kind in (
+        Harmonics,
+        MotorHarmonics,
+        EncoderGain,
+        Coupling,
+        Compliance,
+        Spring,
+        Backlash,
+        Settling,
+        Thermal,
+        WarmUp,
+    )
 }
 
 

@@ -1,3 +1,7 @@
+"""Growth with the temperature, and by warming up."""
+
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +11,7 @@ from taskcal.geometry import se3, walk
 from taskcal.kinematics.inverse import solve_near
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects import Compliance, Thermal, effect_from
+from taskcal.robot.effects import Compliance, Thermal, WarmUp, effect_from
 from taskcal.robot.error_model import ErrorModel
 from tests.laws.robots import Case, cases
 
@@ -115,6 +119,34 @@ def test_joints_that_cannot_be_meant_are_refused():
         ErrorModel(robot) + Thermal(joints=("J2", "J4"))
 
 
-def test_it_survives_its_description():
-    effect = Thermal(joints=("J2", "J3"), tolerance=1e-5, reference=23.4)
-    assert effect_from(effect.to_json()) == effect
+@pytest.mark.parametrize(("reference", "cold"), [(None, -1.0), (1800.0, np.exp(-1.0) - 1.0), (0.0, 0.0)])
+def test_a_robot_warms_up_by_an_exponential_of_its_time_at_work(reference, cold):
+    """Parameters are what a robot grows from cold to warm; at the reference, and without a time, they are nil."""
+    plain = ErrorModel(load_robot("ur5"))
+    model, q = plain + WarmUp(time_constant=1800.0, reference=reference), positions(plain)
+    x = with_value(model, thermal__growth=3e-4)
+    time = np.array([0.0, 600.0, 1800.0, 7200.0, 1e6, np.nan])
+    rise = np.append(cold + 1.0 - np.exp(-time[:5] / 1800.0), 0.0)
+    expected = plain.poses(q)
+    expected[:, :3, 3] *= (1.0 + 3e-4 * rise)[:, None]
+    np.testing.assert_allclose(model.poses(q, x, Conditions(time=time)), expected, atol=1e-12)
+    for conditions in (None, Conditions(temperature=np.full(6, 80.0))):
+        np.testing.assert_array_equal(model.poses(q, x, conditions), model.poses(q))
+
+
+def test_a_model_grows_with_the_temperature_or_the_time_but_not_with_both():
+    with pytest.raises(TaskcalError, match=r"two effects have a parameter 'thermal\.growth'"):
+        ErrorModel(load_robot("ur5")) + Thermal() + WarmUp()
+
+
+def test_units_say_what_growth_is_counted_by():
+    robot = ErrorModel(load_robot("ur5"))
+    for effect, units in ((Thermal(), ("µm/m/K", "µm/K", "µrad/K")), (WarmUp(), ("mm/m", "mm", "mrad"))):
+        shown = {p.name: p.shown.name for p in (robot + effect).parameters}
+        assert tuple(shown[f"thermal.{c}"] for c in ("growth", "tx", "rx")) == units
+
+
+def test_both_survive_their_description():
+    grown = Thermal(joints=("J2", "J3"), tolerance=1e-5, reference=23.4)
+    for effect in (grown, WarmUp(), WarmUp(time_constant=600.0, reference=5e3)):
+        assert effect_from(json.loads(json.dumps(effect.to_json(), allow_nan=False))) == effect
