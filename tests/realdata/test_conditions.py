@@ -1,4 +1,4 @@
-"""What the order of measurement and nests tell on measured robots: mean error on held-out rows, in millimetres."""
+"""What the order of measurement, nests and time tell on measured robots: mean error on held-out rows, in millimetres."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taskcal.identification.explain import PERIODIC
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.drift import follow_nests
 from taskcal.measurement.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import Backlash, Compliance, Effect, EncoderGain, Harmonics, Settling
+from taskcal.robot.effects import Backlash, Compliance, Effect, EncoderGain, Harmonics, Settling, WarmUp
 from taskcal.robot.error_model import ErrorModel
 
 pytestmark = pytest.mark.realdata
@@ -94,3 +95,28 @@ def test_nests_of_the_irb120_move_with_the_arm_and_are_followed(data_folder):
     effects = (EncoderGain(), Compliance(), Settling())
     ignored, followed = (held_out_mm(c, "abb-irb120", effects, 430) for c in (campaign, found.campaign))
     assert followed < ignored + 1e-3
+
+
+def test_lengths_of_the_ur5_change_while_it_is_measured(data_folder):
+    """In the order of the rows, taken as evenly paced; with the times of other rows nothing is gained."""
+    campaign = read_campaign(data_folder / "ur5_tracker" / "measurements.csv", load_robot("ur5"))
+    count = len(campaign)
+    model = ErrorModel(load_robot("ur5")) + Compliance() + PERIODIC + Backlash()
+    warm_up = WarmUp(time_constant=0.1 * count, reference=float(count))
+    order = np.random.default_rng(0).permutation(count)
+
+    def fit(effects: ErrorModel, time: np.ndarray):
+        timed = replace(campaign, time=time)
+        found = identify(effects, timed.take(order[:700]))
+        return found, validate(found, timed.take(order[700:])).mean * 1e3
+
+    rows = np.arange(count, dtype=float)
+    (without, before), (found, after) = fit(model, rows), fit(model + warm_up, rows)
+    assert found.log_evidence > without.log_evidence + 100.0
+    assert after < 0.96 * before
+    assert after <= 0.048
+    growth = found.names.index("thermal.growth")
+    assert found.estimate[growth] == pytest.approx(-2.4e-4, abs=1e-4)
+    assert found.estimate[growth] < -5.0 * found.standard_errors[growth]
+    _, mixed = fit(model + warm_up, np.random.default_rng(9).permutation(rows))
+    assert mixed > 0.99 * before
