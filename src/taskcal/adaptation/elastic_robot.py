@@ -1,7 +1,7 @@
 """An IRB 6660 that bends: weights, drives that yield, a spring on axis 2, and gears that err.
 
-Nobody has published these of the machine that was measured. They are assumed here, in the bounds that follow, and none of
-them was fitted to a residual:
+Nobody has published these of the machine that was measured. They are assumed here, in the bounds that follow; none of them
+was tuned until a residual came out as published:
 
 - Weights: 850 kg that move, about half of a machine of 1.7 t, with a spindle of 120 kg where 205 kg may hang.
 - Stiffness: gears of this size have 300 to 1200 Nm per arc minute by their makers' catalogues, 1 to 4·10⁶ Nm/rad, and those
