@@ -245,3 +245,21 @@ def test_campaigns_that_cannot_be_extended(run: Run, ask: list[object], cell: Pa
     assert other.status == 1
     assert "smr1, smr2; name them alike" in other.err
     assert run(*ask, "--extend", cell / "nowhere.csv").status == 1
+
+
+def test_effects_are_planned_for_when_asked(run: Run, cell: Path, tmp_path: Path) -> None:
+    common = ["--robot", IRB6660, "--task", cell / "list.toml", "--count", "20", "--candidates", "40", "--json"]
+    plain = run("plan", *common, "-o", tmp_path / "plain.csv")
+    more = run("plan", *common, "-o", tmp_path / "more.csv", "--effects", "compliance,gain")
+    assert plain.status == more.status == 0
+    # more to find out with as many poses, and more that may go wrong beforehand
+    assert more.json["expected_error_mm"] > plain.json["expected_error_mm"]
+    for arguments, words in (
+        (["--robot", IRB6660, "--effects", "auto"], "could prove them"),
+        (["--robot", IRB6660, "--effects", "slack"], "slack"),
+        (["--calibration", cell / "cal.json", "--effects", "gain"], "the calibration brings its own"),
+    ):
+        ended = run("plan", *arguments, "--task", cell / "list.toml", "-o", tmp_path / "no.csv")
+        assert ended.status == 2
+        assert words in ended.err
+    assert not (tmp_path / "no.csv").exists()

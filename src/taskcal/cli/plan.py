@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskcal.cli.measuring_program import JointSpeedOption, ProgramsOption, SpeedOption, WaitOption, compose_measuring
+from taskcal.cli.model import EffectsOption, model_of
 from taskcal.cli.options import (
     CalibrationOption,
     JsonOption,
@@ -50,6 +51,7 @@ def command(
     ],
     robot: OptionalRobotOption = None,
     calibration: CalibrationOption = None,
+    effects: EffectsOption = None,
     count: Annotated[int, typer.Option("--count", "-n", min=1, metavar="N", help="Poses to measure.")] = 60,
     seed: SeedOption = 0,
     station: Annotated[
@@ -122,12 +124,10 @@ def command(
     from taskcal.measurement.reader import read_campaign
     from taskcal.measurement.station import load_station
     from taskcal.measurement.writer import write_joints
-    from taskcal.robot.catalogue import load_robot
-    from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import load_task
 
     known = None if calibration is None else load_calibration(calibration)
-    model = ErrorModel(load_robot(robot or "")) if known is None else known.model
+    model = model_of(robot, known, effects)
     asked = load_task(task)
     stands = None if station is None else load_station(station)
     measured = None if extend is None else read_campaign(extend, model.robot)

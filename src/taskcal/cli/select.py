@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskcal.cli.model import EffectsOption, model_of
 from taskcal.cli.options import (
     CalibrationOption,
     JsonOption,
@@ -36,6 +37,7 @@ def command(
     task: TaskOption,
     robot: OptionalRobotOption = None,
     calibration: CalibrationOption = None,
+    effects: EffectsOption = None,
     campaign: Annotated[
         Path | None,
         typer.Option(
@@ -70,12 +72,10 @@ def command(
     from taskcal.files import write_whole
     from taskcal.identification.calibration import load_calibration
     from taskcal.measurement.reader import read_campaign
-    from taskcal.robot.catalogue import load_robot
-    from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import load_task
 
     known = None if calibration is None else load_calibration(calibration)
-    model = ErrorModel(load_robot(robot or "")) if known is None else known.model
+    model = model_of(robot, known, effects)
     asked, scales = load_task(task), None if known is None else Scales.of(known)
     measured = None if campaign is None else read_campaign(campaign, model.robot)
     announce_compilation()
