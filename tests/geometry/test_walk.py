@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import assume, given
 from pytransform3d import transformations as pt
@@ -49,6 +51,19 @@ def test_poses_agree_with_pytransform3d(rng):
     slid = pt.transform_from_exponential_coordinates(s[0, 1] * np.eye(6)[5])
     expected = pt.concat(slid, pt.concat(B, pt.concat(turned, A)))
     np.testing.assert_allclose(walk.poses(chain, s, np.zeros((0, 6)))[0], expected, atol=1e-12)
+
+
+@given(chains(), generators)
+def test_a_joint_with_a_number_moves_with_that_coordinate(case, rng):
+    """Joints that are numbered in any order are those that are counted, with their coordinates in that order."""
+    number = rng.permutation(case.s.shape[1])
+    numbered = [
+        replace(step, number=int(number[k])) for k, step in enumerate(s for s in case.steps if isinstance(s, Joint))
+    ]
+    steps = [numbered.pop(0) if isinstance(step, Joint) else step for step in case.steps]
+    s = np.empty_like(case.s)
+    s[:, number] = case.s
+    np.testing.assert_array_equal(walk.poses(Chain.of(steps), s, case.e), walk.poses(case.chain, case.s, case.e))
 
 
 @given(chains())

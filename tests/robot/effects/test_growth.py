@@ -52,6 +52,14 @@ def test_a_robot_whose_lengths_all_grow_is_the_same_robot_enlarged(name):
     np.testing.assert_allclose(model.poses(q, with_value(model, thermal__growth=2e-5), warm(q)), larger, atol=1e-12)
 
 
+def test_a_model_of_lengths_alone_grows_too():
+    plain = ErrorModel(load_robot("abb-irb6660-205-1.9"), lengths_only=True)
+    model, q = thermal(plain), positions(plain)
+    larger = plain.poses(q)
+    larger[:, :3, 3] *= 1.0 + 2e-5 * WARMTH
+    np.testing.assert_allclose(model.poses(q, with_value(model, thermal__growth=2e-5), warm(q)), larger, atol=1e-12)
+
+
 def test_a_link_that_grows_by_itself_is_one_that_was_built_longer():
     plain = ErrorModel(load_robot("ur5"))
     model, q = thermal(plain, ("J2",)), positions(plain)
