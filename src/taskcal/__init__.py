@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from taskcal.correction.correct import correct as correct
     from taskcal.correction.correction import Bounds as Bounds
     from taskcal.correction.correction import Correction as Correction
+    from taskcal.correction.inverse import solve_calibrated as solve_calibrated
     from taskcal.errors import TaskcalError as TaskcalError
     from taskcal.estimation.loss import Cauchy as Cauchy
     from taskcal.estimation.loss import Huber as Huber
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from taskcal.identification.identify import identify as identify
     from taskcal.identification.validation import Validation as Validation
     from taskcal.identification.validation import validate as validate
+    from taskcal.kinematics.inverse import solve_near as solve_near
     from taskcal.measurement.axis_circles import register_from_circles as register_from_circles
     from taskcal.measurement.campaign import Campaign as Campaign
     from taskcal.measurement.cycles import read_path_cycles as read_path_cycles
@@ -99,6 +101,8 @@ _HOME = {
     "Robot": "robot.robot",
     "Selection": "adaptation.selection",
     "Settling": "robot.effects",
+    "solve_calibrated": "correction.inverse",
+    "solve_near": "kinematics.inverse",
     "Spring": "robot.effects",
     "Squared": "estimation.loss",
     "Study": "adaptation.study",
