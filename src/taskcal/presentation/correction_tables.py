@@ -1,5 +1,7 @@
 """What a correction does to a program, as tables."""
 
+from pathlib import Path
+
 import numpy as np
 
 from taskcal.correction.assessment import Deviations
@@ -34,7 +36,7 @@ def tabulate_targets(correction: Correction, count: int | None = None) -> Table:
         targets = sorted(targets, key=lambda t: -(t["before_mm"] or 0.0))[:count]
     rows = [
         (
-            f"{t['file']}:{t['line']}",
+            f"{Path(t['file']).name}:{t['line']}",
             t["target"],
             t["kind"],
             t["tool"],
