@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from taskcal.robot.effects import EncoderGain as EncoderGain
     from taskcal.robot.effects import Harmonics as Harmonics
     from taskcal.robot.effects import MotorHarmonics as MotorHarmonics
+    from taskcal.robot.effects import Overrun as Overrun
     from taskcal.robot.effects import Settling as Settling
     from taskcal.robot.effects import Spring as Spring
     from taskcal.robot.effects import Thermal as Thermal
@@ -94,6 +95,7 @@ _HOME = {
     "load_cell": "correction.cell_file",
     "Load": "robot.load",
     "MotorHarmonics": "robot.effects",
+    "Overrun": "robot.effects",
     "PathPerformance": "measurement.path_performance",
     "Plan": "adaptation.plan",
     "PosePerformance": "measurement.pose_performance",

@@ -11,7 +11,7 @@ from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
 from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects import Backlash, Effect, EncoderGain, Settling
+from taskcal.robot.effects import Backlash, Effect, EncoderGain, Overrun, Settling
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from tests.laws.robots import industrial, industrial_positions
@@ -29,8 +29,8 @@ def measured(seed: int, kind: type[Effect] = Backlash, b: float = 3e-4, count: i
     return model, campaign, truth
 
 
-@pytest.mark.parametrize("kind", [Backlash, Settling])
-def test_backlash_or_settling_is_found_within_its_standard_errors(kind):
+@pytest.mark.parametrize("kind", [Backlash, Settling, Overrun])
+def test_what_is_left_of_the_way_is_found_within_its_standard_errors(kind):
     scaled = []
     for seed in range(12):
         model, campaign, truth = measured(seed, kind)
@@ -50,7 +50,7 @@ def test_seen_from_the_other_side_the_backlash_changes_its_sign():
 
 
 def test_evidence_tells_a_rest_of_the_move_from_lost_motion():
-    for kind, other in ((Backlash, Settling), (Settling, Backlash)):
+    for kind, other in ((Backlash, Settling), (Settling, Backlash), (Overrun, Settling), (Settling, Overrun)):
         model, campaign, _ = measured(3, kind)
         plain = ErrorModel(model.robot)
         assert identify(plain + kind(), campaign).log_evidence > identify(plain + other(), campaign).log_evidence + 10.0
@@ -59,11 +59,11 @@ def test_evidence_tells_a_rest_of_the_move_from_lost_motion():
 def test_ways_compete_where_the_campaign_has_them():
     model, campaign, _ = measured(4)
     plain = ErrorModel(model.robot)
-    candidates = (EncoderGain(), Backlash(), Settling())
+    candidates = (EncoderGain(), Backlash(), Settling(), Overrun())
     known = explain(plain, campaign, candidates=candidates, folds=3)
     assert known.effects == (Backlash(),)
     unknown = explain(plain, replace(campaign, approach=None, move=None), candidates=candidates, folds=3)
-    assert known.stages[1].reason.startswith("best of 3:")
+    assert known.stages[1].reason.startswith("best of 4:")
     assert [stage.name for stage in unknown.stages] == ["geometry", "encoder gain"]
 
 

@@ -14,7 +14,7 @@ from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.drift import follow_nests
 from taskcal.measurement.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import Backlash, Compliance, Effect, EncoderGain, Harmonics, Settling, WarmUp
+from taskcal.robot.effects import Backlash, Compliance, Effect, EncoderGain, Harmonics, Overrun, Settling, WarmUp
 from taskcal.robot.error_model import ErrorModel
 
 pytestmark = pytest.mark.realdata
@@ -45,6 +45,7 @@ def held_out_mm(campaign: Campaign, name: str, effects: Sequence[Effect], count:
     [
         pytest.param("abb-irb120", 430, (EncoderGain(), Compliance()), Settling(), 0.295, 0.91, id="irb120, 430 rows"),
         pytest.param("abb-irb120", 60, (EncoderGain(), Compliance()), Settling(), 0.385, 0.93, id="irb120, 60 rows"),
+        pytest.param("abb-irb120", 430, (EncoderGain(), Compliance()), Overrun(), 0.285, 0.87, id="irb120, overrun"),
         pytest.param("barrett-wam", 151, (), Backlash(), 1.90, 0.85, id="wam"),
         pytest.param(
             "barrett-wam",
@@ -74,6 +75,13 @@ def test_evidence_tells_which_robot_has_backlash_and_which_does_not_settle(data_
         model, campaign = ErrorModel(load_robot(name)) + EncoderGain() + Compliance(), campaign_of(data_folder, name)
         gain = [identify(model + way, campaign).log_evidence for way in (right, wrong)]
         assert gain[0] > gain[1] + 50.0
+
+
+@pytest.mark.parametrize("name", ["abb-irb120", "barrett-wam"])
+def test_evidence_says_that_the_rest_of_a_move_goes_with_the_speed_and_not_with_the_length(data_folder, name):
+    model, campaign = ErrorModel(load_robot(name)) + EncoderGain() + Compliance(), campaign_of(data_folder, name)
+    overrun, settling = (identify(model + way, campaign).log_evidence for way in (Overrun(), Settling()))
+    assert overrun > settling + 50.0
 
 
 def test_the_first_axes_of_the_irb120_keep_a_rest_of_each_move(data_folder):

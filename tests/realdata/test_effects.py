@@ -15,7 +15,7 @@ from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import Backlash, Compliance, Effect, EncoderGain, Harmonics, Settling
+from taskcal.robot.effects import Backlash, Compliance, Effect, EncoderGain, Harmonics, Overrun, Settling
 from taskcal.robot.error_model import ErrorModel
 
 pytestmark = pytest.mark.realdata
@@ -109,6 +109,8 @@ def test_each_pose_of_the_coupled_robot_is_predicted_from_all_others(data_folder
         pytest.param("abb-irb120", (), 430, 0.43, 0.455, id="irb120, geometry"),
         pytest.param("abb-irb120", (EncoderGain(), Compliance()), 430, 0.34, 0.36, id="irb120, gain and compliance"),
         pytest.param("abb-irb120", (EncoderGain(), Compliance(), Settling()), 430, 0.295, 0.312, id="irb120, settling"),
+        pytest.param("abb-irb120", (EncoderGain(), Compliance(), Overrun()), 430, 0.275, 0.289, id="irb120, overrun"),
+        pytest.param("abb-irb120", (EncoderGain(), Compliance(), Overrun()), 60, 0.32, 0.345, id="irb120, 60 rows"),
         pytest.param("barrett-wam", (), 0.7, 2.2, 2.3, id="wam, geometry"),
         pytest.param("barrett-wam", (Backlash(),), 0.7, 1.78, 1.88, id="wam, backlash"),
     ],

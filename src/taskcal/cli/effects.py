@@ -21,6 +21,7 @@ from taskcal.robot.effects import (
     EncoderGain,
     Harmonics,
     MotorHarmonics,
+    Overrun,
     Settling,
     Spring,
     Thermal,
@@ -37,8 +38,8 @@ _HARMONICS = re.compile(r"harmonics:(\d+)(?:-(\d+))?$")
 _WARM_UP = re.compile(r"warmup:([1-9]\d{0,3})$")
 _HIGHEST = 200
 _KNOWN = (
-    "backlash, compliance, coupling, gain, harmonics (orders 1 and 2), harmonics:1-4, motor, periodic (orders 3 to 30), "
-    "settling, spring, thermal, warmup (in an hour), warmup:20 (minutes)"
+    "backlash, compliance, coupling, gain, harmonics (orders 1 and 2), harmonics:1-4, motor, overrun, "
+    "periodic (orders 3 to 30), settling, spring, thermal, warmup (in an hour), warmup:20 (minutes)"
 )
 
 
@@ -81,6 +82,7 @@ def _effect(name: str) -> Effect:
         "gain": EncoderGain(),
         "harmonics": Harmonics(),
         "motor": MotorHarmonics(),
+        "overrun": Overrun(),
         "periodic": PERIODIC,
         "settling": Settling(),
         "spring": Spring(),

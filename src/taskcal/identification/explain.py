@@ -29,6 +29,7 @@ from taskcal.robot.effects import (
     EncoderGain,
     Harmonics,
     MotorHarmonics,
+    Overrun,
     Settling,
     Spring,
     Thermal,
@@ -52,6 +53,7 @@ CANDIDATES: tuple[Effect, ...] = (
     PERIODIC,
     Backlash(),
     Settling(),
+    Overrun(),
     Coupling(),
     Spring(),
     MotorHarmonics(),
@@ -142,8 +144,8 @@ def explain(
         effects: those to add without proof; by default the candidates are tried.
         field: try a residual field.
         candidates: effects that compete; by default those of `CANDIDATES` that suit the robot, and growth with the
-            temperature, or by warming up. Backlash and settling compete only where the campaign has the ways to its rows,
-            growth only where all rows have temperatures, or times, that differ by `WARMER` or `LONGER`.
+            temperature, or by warming up. Backlash, settling and overrun compete only where the campaign has the ways
+            to its rows, growth only where all rows have temperatures, or times, that differ by `WARMER` or `LONGER`.
         folds: of the cross-validation.
         seed: of its folds.
         progress: told what is being done.
@@ -181,6 +183,7 @@ def explain(
         told: dict[type[Effect], bool] = {
             Backlash: campaign.approach is not None,
             Settling: campaign.move is not None,
+            Overrun: campaign.move is not None,
             Thermal: _differ(campaign.temperature, WARMER),
             WarmUp: _differ(campaign.time, LONGER),
         }
@@ -314,6 +317,7 @@ def _label(effect: Effect) -> str:
         "EncoderGain": "encoder gain",
         "Backlash": "backlash",
         "Settling": "settling",
+        "Overrun": "overrun",
         "Harmonics": "gear harmonics",
         "MotorHarmonics": "motor harmonics",
         "Compliance": "compliance",

@@ -13,6 +13,7 @@ from taskcal.robot.effects.encoder_gain import EncoderGain as EncoderGain
 from taskcal.robot.effects.harmonics import Harmonics as Harmonics
 from taskcal.robot.effects.linear_term import LinearTerm as LinearTerm
 from taskcal.robot.effects.motor_harmonics import MotorHarmonics as MotorHarmonics
+from taskcal.robot.effects.overrun import Overrun as Overrun
 from taskcal.robot.effects.settling import Settling as Settling
 from taskcal.robot.effects.spring import Spring as Spring
 from taskcal.robot.effects.thermal import Thermal as Thermal

@@ -11,6 +11,7 @@ from taskcal.robot.effects.effect import Effect
 from taskcal.robot.effects.encoder_gain import EncoderGain
 from taskcal.robot.effects.harmonics import Harmonics
 from taskcal.robot.effects.motor_harmonics import MotorHarmonics
+from taskcal.robot.effects.overrun import Overrun
 from taskcal.robot.effects.settling import Settling
 from taskcal.robot.effects.spring import Spring
 from taskcal.robot.effects.thermal import Thermal
@@ -27,6 +28,7 @@ EFFECTS: Mapping[str, type[Effect]] = {
         Spring,
         Backlash,
         Settling,
+        Overrun,
         Thermal,
         WarmUp,
     )
