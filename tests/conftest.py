@@ -23,7 +23,7 @@ robot.coil_spring robot.mechanism robot.robot robot.statics
 task programs.apt programs.composing programs.csv_path programs.program programs.krl programs.spinning programs.tool_axis
 programs.rapid.compose programs.rapid.configuration programs.rapid.numbers
 correction.assessment correction.cell correction.chords correction.controller correction.correct correction.correction
-correction.inverse correction.motion correction.placement correction.relation correction.way
+correction.inverse correction.refusals correction.motion correction.placement correction.relation correction.way
 """
 install_import_hook([f"taskcal.{module}" for module in _CHECKED.split()], "beartype.beartype")
 

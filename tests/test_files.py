@@ -4,7 +4,7 @@ import pytest
 
 from taskcal import files
 from taskcal.errors import FileError
-from taskcal.files import write_whole
+from taskcal.files import write_all, write_whole
 
 
 @pytest.mark.parametrize("content", ["σ = 15 µm\n", b"\x00\xff"])
@@ -52,3 +52,15 @@ def test_a_folder_in_the_way_is_named(tmp_path):
     with pytest.raises(FileError, match=r"out: cannot be written"):
         write_whole(tmp_path / "out", "")
     assert os.listdir(tmp_path) == ["out"]
+
+
+def test_files_that_belong_together_are_written_all_or_none(tmp_path):
+    first, second = tmp_path / "a.mod", tmp_path / "folder"
+    first.write_text("old")
+    second.mkdir()
+    with pytest.raises(FileError, match="folder"):
+        write_all({first: "new", second: "new"})
+    assert first.read_text() == "old"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mod", "folder"]
+    write_all({first: "new", tmp_path / "b.mod": b"more"})
+    assert (first.read_text(), (tmp_path / "b.mod").read_bytes()) == ("new", b"more")

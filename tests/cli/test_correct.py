@@ -195,3 +195,20 @@ def test_wrong_usage_is_explained(arguments, status, words, run: Run, cell, part
     assert ended.status == status
     assert words in ended.err
     assert not (tmp_path / "out.mod").exists()
+
+
+def test_what_the_command_reads_is_never_written_over(run: Run, cell, part, tmp_path):
+    calibration = tmp_path / "cal.json"
+    calibration.write_bytes((cell / "cal.json").read_bytes())
+    for out in ([calibration], [tmp_path / "x.mod", "--report", tmp_path / "x.mod"]):
+        ended = run("correct", "-c", calibration, part, "-o", *out)
+        assert ended.status in (1, 2)
+    assert calibration.read_bytes() == (cell / "cal.json").read_bytes()
+    assert not (tmp_path / "x.mod").exists()
+
+
+def test_a_program_with_logic_keeps_its_language(run: Run, cell, part, tmp_path):
+    ended = run("correct", "-c", cell / "cal.json", part, "-o", tmp_path / "out.src")
+    assert ended.status == 1
+    assert "whose logic a program written afresh would lose" in ended.err
+    assert not (tmp_path / "out.src").exists()

@@ -1,8 +1,11 @@
 """Corrected programs: the true tool goes where the program wants it, and nothing else changes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from taskcal.correction.cell import Cell, Measured
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds
 from taskcal.errors import FileError, TaskcalError
@@ -178,3 +181,41 @@ def test_a_program_without_motions_is_an_error(tmp_path, calibration, robot):
     path.write_text(HEADER + ",tool\n1,2,3,0,0,0,1,50,joint,unknown\n")
     with pytest.raises(TaskcalError, match="unknown"):
         correct(calibration, read_program(path, robot=robot))
+
+
+def test_an_arc_whose_start_is_not_known_stays_an_arc(calibration, robot, make_moves, shifted, tmp_path):
+    """Its point on the way and its end are corrected one by one."""
+    path = write_path(
+        tmp_path / "arc.csv", [shifted(50, 50, 0), shifted(100, 0, 0), shifted(0, 0, 0)], ["via", "circular", "linear"]
+    )
+    program = read_program(path, robot=robot)
+    found = correct(calibration, program)
+    assert [move.kind for move in found.moves] == ["circular", "linear"]
+    true = true_poses(calibration, [replace(m, end=m.via) for m in found.moves[:1]] + list(found.moves), robot)
+    wanted = [program.moves[0].via.T, program.moves[0].end.T, program.moves[1].end.T]
+    np.testing.assert_allclose(true[:, :3, 3], np.array(wanted)[:, :3, 3], atol=2e-9)
+    assert "begins where the text does not tell" in str(found.remarks[0])
+
+
+def test_joints_that_would_swing_near_a_singular_posture_are_refused(tmp_path, calibration, robot):
+    path = tmp_path / "wrist.csv"
+    path.write_text("J1_deg,J2_deg,J3_deg,J4_deg,J5_deg,J6_deg\n0,10,20,0,-40,0\n0,10,20,0,0.05,0\n")
+    found = correct(calibration, read_program(path, robot=robot))
+    assert list(found.refused) == [1]
+    assert "would move a joint by" in found.refused[1] or "singular" in found.refused[1]
+    assert path.read_text().splitlines()[2] in found.sources[0].text
+    assert not correct(calibration, read_program(path, robot=robot), keep_joints=True).refused
+
+
+def test_a_program_of_which_nothing_can_be_driven_is_refused_line_by_line(tmp_path, calibration, robot, shifted):
+    path = write_path(tmp_path / "far.csv", [shifted(9000, 0, 0), shifted(9100, 0, 0)])
+    found = correct(calibration, read_program(path, robot=robot))
+    assert sorted(found.refused) == [0, 1]
+    assert found.sources[0].encode() == path.read_bytes()
+    assert not len(found.after.error)
+
+
+def test_a_name_of_the_cell_that_no_motion_has_is_remarked(pocket, calibration, robot):
+    cell = Cell(parts={"wobjx": Measured(name="wobjX", in_tracker=np.eye(4))})
+    found = correct(calibration, read_program(pocket, robot=robot), cell=cell)
+    assert "no motion has the cell's part 'wobjX'" in str(found.remarks[0])

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from taskcal.programs.program import Frame
 
 SHOWN = 12
-"""Targets of a table, refusals and remarks that are listed; the JSON result and the page have all of them."""
+"""Targets of the table; the JSON result and the page have all of them."""
 
 
 def command(
@@ -74,6 +74,9 @@ def command(
     max_turn_deg: Annotated[
         float, typer.Option("--max-turn-deg", metavar="DEG", help="No target is turned farther.")
     ] = 1.0,
+    max_joint_deg: Annotated[
+        float, typer.Option("--max-joint-deg", metavar="DEG", help="No joint is moved farther at a target.")
+    ] = 5.0,
     keep_joints: Annotated[
         bool,
         typer.Option(
@@ -87,10 +90,12 @@ def command(
 
     Every target becomes the pose that makes the controller, which takes its robot for nominal, drive the joints that the
     robot as calibrated needs; lines and arcs get more targets where they need them. Whatever else the files say stays,
-    byte for byte. Targets that cannot be corrected stay too, are named by file and line, and make the exit status 1.
+    byte for byte. Targets that are refused stay too, are named by file and line with the reason, and make the exit status 1.
+    Motions that the text does not tell, such as those to computed targets, stay and are named.
     """
     for option, value in (
-        ("--tolerance-mm", tolerance_mm), ("--max-shift-mm", max_shift_mm), ("--max-turn-deg", max_turn_deg)
+        ("--tolerance-mm", tolerance_mm), ("--max-shift-mm", max_shift_mm), ("--max-turn-deg", max_turn_deg),
+        ("--max-joint-deg", max_joint_deg),
     ):  # fmt: skip
         if not 0 < value < float("inf"):
             raise typer.BadParameter(f"{value:g} is not above zero", param_hint=option)
@@ -99,8 +104,13 @@ def command(
     for name, option in ((tool, "--tool"), (part, "--part")):
         if name is not None and cell is None:
             raise typer.BadParameter(f"'{name}' is a name of the cell file; give that with --cell", param_hint=option)
+    inputs = [path for path in (calibration, cell, *programs) if path is not None]
     if report is not None:
-        check_destination(report, [calibration, *programs])
+        check_destination(report, inputs)
+    if output is not None and not output.is_dir():
+        check_destination(output, [path for path in inputs if path not in programs])
+        if report is not None and report.resolve() == output.resolve():
+            raise typer.BadParameter("program and report cannot be one file", param_hint="--report / --output")
     import numpy as np
 
     from taskcal.correction.cell import Cell
@@ -119,7 +129,12 @@ def command(
         part=_frame(around, part, "part"),
     )
     announce_compilation()
-    bounds = Bounds(tolerance=tolerance_mm * 1e-3, shift=max_shift_mm * 1e-3, turn=float(np.radians(max_turn_deg)))
+    bounds = Bounds(
+        tolerance=tolerance_mm * 1e-3,
+        shift=max_shift_mm * 1e-3,
+        turn=float(np.radians(max_turn_deg)),
+        joint=float(np.radians(max_joint_deg)),
+    )
     with working("reading the program") as say:
         found = correct(
             known,
@@ -132,6 +147,8 @@ def command(
         )
     written: tuple[Path, ...] = ()
     if output is not None and not dry_run:
+        for path in found.destinations(output):
+            check_destination(path, [known for known in (calibration, cell, report) if known is not None])
         written = found.write(output)
     if report is not None:
         from taskcal.files import write_whole
@@ -209,10 +226,8 @@ def _show(found: "Correction", written: tuple[Path, ...], report: Path | None) -
     show_facts(tabulate_correction(found))
     problems = [f"{found.program.moves[i].place}: left as it was: {why}" for i, why in sorted(found.refused.items())]
     problems += [str(remark) for remark in found.remarks]
-    for problem in problems[:SHOWN]:
+    for problem in problems:
         note(problem)
-    if len(problems) > SHOWN:
-        note(f"… and {len(problems) - SHOWN} more; --json lists all")
     for path in written:
         note(f"written: {path}")
     if report is not None:

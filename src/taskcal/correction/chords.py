@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -13,7 +14,7 @@ from taskcal.correction.relation import nominal_flange
 from taskcal.correction.way import Ways
 from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.inverse import solve_near
-from taskcal.programs.program import Move
+from taskcal.programs.program import Move, Target
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
@@ -33,6 +34,8 @@ class Nodes:
     q: Float[np.ndarray, "k joints"]
     """Joint positions to which the controller must drive, radians."""
     reached: Bool[np.ndarray, " k"]
+    wanted: Float[np.ndarray, "k 4 4"]
+    """Pose of the tool in the part's frame that the true robot is to take there."""
     T: Float[np.ndarray, "k 4 4"]
     """Pose of the tool in the part's frame that the controller takes for these joint positions."""
 
@@ -63,9 +66,16 @@ class Wish:
     tolerance: float
     """Of the true tool's distance from its way between nodes, metres."""
 
+    @cached_property
+    def is_circular(self) -> Bool[np.ndarray, " m"]:
+        """Motions that have a point on the way, whether or not their start is known."""
+        return np.array([move.via is not None for move in self.moves], dtype=bool)
+
     def seeds(self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k joints"]:
         """Nominal joint positions along motions, between the samples that were driven."""
         driven = self.driven
+        if not len(move):
+            return np.zeros((0, driven.end.shape[1]))
         rows = np.arange(len(self.moves))
         known = np.isfinite(driven.start[:, 0])
         ended = np.isfinite(driven.end[:, 0])
@@ -105,18 +115,27 @@ def cut(wish: Wish) -> Chords:
 
 def _nodes(wish: Wish, rows: Int[np.ndarray, " r"], pieces: Int[np.ndarray, " m"]) -> Nodes:
     """Nodes of some motions."""
-    per_piece = np.where(wish.wanted.is_arc[rows], 2, 1)
+    per_piece = np.where(wish.is_circular[rows], 2, 1)
     count = pieces[rows] * per_piece
     move = np.repeat(rows, count)
     number = np.arange(len(move)) - np.repeat(np.cumsum(count) - count, count) + 1
     share = number / np.repeat(count, count)
     # an arc that stays whole keeps its own point on the way
-    whole = (pieces[move] == 1) & wish.wanted.is_arc[move] & (number == 1)
-    share[whole] = wish.wanted.via_share[move[whole]]
+    via = (pieces[move] == 1) & wish.is_circular[move] & (number == 1)
+    known = via & wish.wanted.is_arc[move]
+    share[known] = wish.wanted.via_share[move[known]]
     at_end = number == np.repeat(count, count)
     T = np.where(at_end[:, None, None], wish.wanted.end[move], wish.wanted.at(move, share))
+    for k in np.flatnonzero(via & ~known):  # where an arc begins is not known: its points are corrected one by one
+        T[k] = _pose(wish.moves[int(move[k])].via)
     found = solve_calibrated(wish.calibration, wish.placed.robot_tool(move, T), wish.seeds(move, share))
-    return Nodes(move=move, share=share, q=found.q, reached=found.reached, T=_controller(wish, move, found.q))
+    return Nodes(move=move, share=share, q=found.q, reached=found.reached, wanted=T, T=_controller(wish, move, found.q))
+
+
+def _pose(target: Target | None) -> Float[np.ndarray, "4 4"]:
+    if target is None or target.T is None:
+        raise ValueError("a point on the way of an arc is a pose")
+    return target.T
 
 
 def _controller(
@@ -140,7 +159,7 @@ def _replaced(nodes: Nodes, new: Nodes, rows: Int[np.ndarray, " r"]) -> Nodes:
     kept = ~np.isin(nodes.move, rows)
     joined = {
         name: np.concatenate([getattr(nodes, name)[kept], getattr(new, name)])
-        for name in ("move", "share", "q", "reached", "T")
+        for name in ("move", "share", "q", "reached", "wanted", "T")
     }
     order = np.lexsort((joined["share"], joined["move"]))
     return Nodes(**{name: array[order] for name, array in joined.items()})
@@ -151,7 +170,7 @@ def _deviations(
 ) -> Float[np.ndarray, " r"]:
     """Largest distance of the true tool from each of some motions, between its nodes, metres."""
     first = np.searchsorted(nodes.move, rows, side="left")
-    arc = wish.wanted.is_arc[rows]
+    arc = wish.is_circular[rows]
     stride = np.where(arc, 2, 1)
     owner = np.repeat(np.arange(len(rows)), pieces[rows])
     piece = np.arange(len(owner)) - np.repeat(np.cumsum(pieces[rows]) - pieces[rows], pieces[rows])

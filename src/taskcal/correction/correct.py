@@ -1,26 +1,27 @@
 """Correcting a program: every target becomes the pose that makes a nominal controller drive the joints the true robot needs."""
 
 from collections.abc import Callable, Mapping, Sequence, Set
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.correction.afresh import compose_afresh
 from taskcal.correction.assessment import assess
 from taskcal.correction.cell import Cell
 from taskcal.correction.chords import Chords, Wish, cut
 from taskcal.correction.controller import Driven, drive
 from taskcal.correction.correction import Bounds, Correction
-from taskcal.correction.motion import SINGULAR, JointMotion, move_joints
+from taskcal.correction.motion import move_joints
 from taskcal.correction.placement import Placed
+from taskcal.correction.refusals import refuse
 from taskcal.correction.relation import Relation, relate
+from taskcal.correction.remarks import remark, remark_unused
 from taskcal.correction.way import Ways
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
-from taskcal.programs.composing import compose_program
-from taskcal.programs.program import Move, Program, Remark, Waypoint
+from taskcal.programs.program import Move, Program, Waypoint
 from taskcal.programs.reading import language_of, parse_program
 from taskcal.programs.source import Source
 from taskcal.programs.spinning import with_spins
@@ -84,10 +85,12 @@ def correct(
             tolerance=bounds.tolerance,
         )
     )
-    shift, turn = _changes(wanted, chords, len(moves))
-    refused = driven.refused | _refuse(chords, shift, turn, bounds, driven.refused)
+    shift, turn = _changes(chords, len(moves))
+    joint_change = _joint_changes(robot, chords, driven)
     left = {i for i, move in enumerate(moves) if keep_joints and move.kind == "axes"}
-    ways = _waypoints(moves, chords, wanted, shift, turn, left | refused.keys())
+    refused = driven.refused | refuse(robot, chords, shift, turn, joint_change, bounds)
+    refused = {i: why for i, why in refused.items() if i not in left}
+    ways = _waypoints(moves, chords, shift, turn, left | refused.keys())
     progress("the corrected program")
     sources, again = _rewritten(program, robot, ways, driven, into)
     pieces = np.array([len(ways[i]) if i in ways else 1 for i in range(len(moves))], dtype=np.int64)
@@ -112,9 +115,9 @@ def correct(
         shift=np.where(written, shift, 0.0),
         turn=np.where(written, turn, 0.0),
         uncertainty=_uncertainty(relations, number, driven),
-        joint_change=np.where(written, _joint_changes(robot, chords, driven), 0.0),
+        joint_change=np.where(written, joint_change, 0.0),
         refused=refused,
-        remarks=_remarks(program, driven, redriven, origin, chords, bounds, motion),
+        remarks=(*remark_unused(cell, program), *remark(program, driven, redriven, origin, chords, bounds, motion)),
         statements=tuple(dict.fromkeys(relation.statement for relation in relations)),
         motion=motion,
     )
@@ -132,7 +135,7 @@ def _rewritten(
         sources = program.rewrite(robot, ways)
         return sources, program.reread(sources)
     first = program.moves[0]
-    sources = (_composed(Path(into), robot, program.moves, ways, driven),)
+    sources = (compose_afresh(Path(into), robot, program, ways, driven),)
     tools = {} if language_of(Path(into)) in ("RAPID", "KRL") else {"tool": first.tool, "part": first.part}
     return sources, parse_program(sources, robot=robot, **tools)
 
@@ -189,52 +192,19 @@ def _uncertainty(
     return out
 
 
-def _changes(wanted: Ways, chords: Chords, m: int) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+def _changes(chords: Chords, m: int) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
     """How far the nodes of every motion are moved and turned from where the tool is wanted."""
     nodes = chords.nodes
-    end = nodes.share == 1.0
-    T = np.where(end[:, None, None], wanted.end[nodes.move], wanted.at(nodes.move, nodes.share))
     shift, turn = np.zeros(m), np.zeros(m)
-    np.maximum.at(shift, nodes.move, np.linalg.norm(nodes.T[:, :3, 3] - T[:, :3, 3], axis=1))
-    angle = np.linalg.norm(se3.log(nodes.T[:, :3, :3] @ np.swapaxes(T[:, :3, :3], 1, 2)), axis=1)
+    np.maximum.at(shift, nodes.move, np.linalg.norm(nodes.T[:, :3, 3] - nodes.wanted[:, :3, 3], axis=1))
+    angle = np.linalg.norm(se3.log(nodes.T[:, :3, :3] @ np.swapaxes(nodes.wanted[:, :3, :3], 1, 2)), axis=1)
     np.maximum.at(turn, nodes.move, angle)
     return shift, turn
-
-
-def _refuse(
-    chords: Chords,
-    shift: Float[np.ndarray, " m"],
-    turn: Float[np.ndarray, " m"],
-    bounds: Bounds,
-    already: Mapping[int, str],
-) -> dict[int, str]:
-    """Motions that are not corrected, and why."""
-    out: dict[int, str] = {}
-    lost = chords.nodes.move[~chords.nodes.reached]
-    for i in np.unique(lost):
-        out[int(i)] = "the calibrated robot does not reach it in this posture inside the joint limits"
-    for i in np.flatnonzero(chords.pieces):
-        if i in out or i in already:
-            continue
-        if shift[i] > bounds.shift:
-            out[int(i)] = (
-                f"would move by {shift[i] * 1e3:.2f} mm, and {bounds.shift * 1e3:g} mm are allowed; widen the bound "
-                "(--max-shift-mm) if that is right"
-            )
-        elif turn[i] > bounds.turn:
-            out[int(i)] = (
-                f"would turn by {np.degrees(turn[i]):.2f}°, and {np.degrees(bounds.turn):g}° are allowed; widen the bound "
-                "(--max-turn-deg) if that is right"
-            )
-        elif not np.isfinite(chords.deviation[i]):
-            out[int(i)] = "the nominal robot cannot follow the corrected way; it passes too near to a singular posture"
-    return out
 
 
 def _waypoints(
     moves: Sequence[Move],
     chords: Chords,
-    wanted: Ways,
     shift: Float[np.ndarray, " m"],
     turn: Float[np.ndarray, " m"],
     left: Set[int],
@@ -251,9 +221,8 @@ def _waypoints(
         if move.kind == "axes":
             out[i] = (Waypoint(kind="axes", q=nodes.q[rows[-1]], T=None),)
             continue
-        if not wanted.is_arc[i]:
-            kind = "linear" if move.kind == "circular" else move.kind
-            out[i] = tuple(Waypoint(kind=kind, q=nodes.q[k], T=nodes.T[k]) for k in rows)
+        if move.via is None:
+            out[i] = tuple(Waypoint(kind=move.kind, q=nodes.q[k], T=nodes.T[k]) for k in rows)
             continue
         out[i] = tuple(
             Waypoint(
@@ -267,64 +236,6 @@ def _waypoints(
     return out
 
 
-def _composed(
-    into: Path, robot: Robot, moves: Sequence[Move], ways: Mapping[int, tuple[Waypoint, ...]], driven: Driven
-) -> Source:
-    """A fresh program of the corrected motions.
-
-    Raises:
-        TaskcalError: a motion cannot be driven, so that nothing can be written for it; or its language cannot say it.
-    """
-    written: list[Move] = []
-    q: list[np.ndarray] = []
-    for i, move in enumerate(moves):
-        if i not in ways:
-            if i in driven.refused:
-                raise TaskcalError(f"{move.place}: {driven.refused[i]}; a program written afresh has no place for it")
-            written.append(move)
-            q.append(driven.end[i])
-            continue
-        for waypoint in ways[i]:
-            end = replace(move.end, name="", T=waypoint.T, q=waypoint.q if waypoint.T is None else None, posture=None)
-            via = None if waypoint.via is None else replace(end, T=waypoint.via.T)
-            written.append(replace(move, kind=waypoint.kind, end=end, via=via))
-            q.append(waypoint.q)
-    return compose_program(into, robot, written, q=np.array(q))
-
-
 def piece_origins(pieces: Int[np.ndarray, " m"]) -> list[tuple[int, float, float]]:
     """For each motion of a rewritten program the one it comes from, and its shares, by how many each became."""
     return [(i, k / count, (k + 1) / count) for i, count in enumerate(pieces.tolist()) for k in range(count)]
-
-
-def _remarks(
-    program: Program,
-    driven: Driven,
-    redriven: Driven,
-    origin: Sequence[tuple[int, float, float]],
-    chords: Chords,
-    bounds: Bounds,
-    motion: JointMotion,
-) -> tuple[Remark, ...]:
-    """What the user should know, by file and line."""
-    moves = program.moves
-    out = list(program.remarks)
-    out += [Remark(place=moves[i].place, text=text) for i, text in sorted(driven.warnings.items())]
-    for k, text in sorted(redriven.refused.items()):
-        i = origin[k][0]
-        if i not in driven.refused:
-            out.append(Remark(place=moves[i].place, text=f"as corrected, {text}"))
-    for i in np.flatnonzero(np.isfinite(chords.deviation) & (chords.deviation > bounds.tolerance)):
-        text = (
-            f"leaves its way by {chords.deviation[i] * 1e3:.3f} mm between corrected targets, however finely it is cut"
-        )
-        out.append(Remark(place=moves[int(i)].place, text=text))
-    if motion.nearest_singular is not None and motion.conditioning < SINGULAR:
-        out.append(
-            Remark(
-                place=moves[origin[motion.nearest_singular][0]].place,
-                text=f"passes near a singular posture (ratio {motion.conditioning:.3f}), where small corrections take large joint "
-                "motions",
-            )
-        )
-    return tuple(out)

@@ -12,7 +12,7 @@ from taskcal.correction.assessment import Deviations
 from taskcal.correction.motion import JointMotion
 from taskcal.correction.way import Ways
 from taskcal.errors import FileError
-from taskcal.files import write_whole
+from taskcal.files import write_all
 from taskcal.programs.program import Move, Program, Remark
 from taskcal.programs.source import Source
 
@@ -25,6 +25,8 @@ class Bounds:
     """Farthest that a target is moved, metres."""
     turn: float = float(np.radians(1.0))
     """Farthest that it is turned, radians."""
+    joint: float = float(np.radians(5.0))
+    """Farthest that a revolute joint is moved, radians."""
     tolerance: float = 2e-5
     """Of the true tool's distance from its way between corrected targets, metres."""
 
@@ -67,29 +69,37 @@ class Correction:
     motion: JointMotion
     """How the corrected program moves the joints."""
 
-    def write(self, out: str | Path) -> tuple[Path, ...]:
-        """Write the corrected files: one to a file or into a folder, several into a folder, under their own names.
+    def destinations(self, out: str | Path) -> tuple[Path, ...]:
+        """Where the corrected files go: one to a file or into a folder, several into a folder, under their own names.
 
         Raises:
-            FileError: it would overwrite what was read, or cannot be written.
+            FileError: several files and no folder, or two files of one name.
         """
         out = Path(out)
         if len(self.sources) > 1 and not out.is_dir():
             raise FileError(
                 out, f"is no folder; a program of {len(self.sources)} files is written into a folder that exists"
             )
-        paths = [out / source.path.name if out.is_dir() else out for source in self.sources]
+        paths = tuple(out / source.path.name if out.is_dir() else out for source in self.sources)
+        if len(set(paths)) < len(paths):
+            raise FileError(out, "would get two files of one name; correct programs of different folders one by one")
+        return paths
+
+    def write(self, out: str | Path) -> tuple[Path, ...]:
+        """Write the corrected files, all or none.
+
+        Raises:
+            FileError: it would overwrite what was read, or cannot be written.
+        """
+        paths = self.destinations(out)
         for path in paths:
             for source in self.program.sources:
                 if path.resolve() == source.path.resolve():
                     raise FileError(
                         path, "is the program that was read, and is never overwritten; name another file or folder"
                     )
-        if len(set(paths)) < len(paths):
-            raise FileError(out, "would get two files of one name; correct programs of different folders one by one")
-        for path, source in zip(paths, self.sources, strict=True):
-            write_whole(path, source.encode())
-        return tuple(paths)
+        write_all({path: source.encode() for path, source in zip(paths, self.sources, strict=True)})
+        return paths
 
     def summary(self) -> dict[str, Any]:
         """The report in numbers, in millimetres and degrees."""

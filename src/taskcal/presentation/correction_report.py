@@ -42,7 +42,8 @@ def _summary(correction: Correction) -> Section:
             "largest uncertainty of a target (rms in space): what the calibration must expect beyond the prediction",
         ),
         (f"{summary['largest_shift_mm']:.3f}", "mm", "farthest that a target was moved"),
-        (str(summary["refused"]), "", "motions left as they were because they could not be corrected"),
+        (str(summary["refused"]), "", "motions refused, and left as they were"),
+        (str(summary["unresolved"]), "", "remarks on motions and texts that were not read, and were left as they were"),
     )
     facts = Table.of_rows("The correction", ("", ""), tabulate_correction(correction), text_columns=(0, 1))
     return Section(title="In short", blocks=(Numbers(items), facts))

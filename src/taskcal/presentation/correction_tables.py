@@ -83,7 +83,8 @@ def tabulate_correction(correction: Correction) -> list[tuple[str, str]]:
             "motions",
             f"{summary['moves']}, of which {summary['corrected']} corrected and written as "
             f"{int(correction.pieces[correction.corrected].sum())}, {summary['refused']} refused, "
-            f"{summary['moves'] - summary['corrected'] - summary['refused']} as they were",
+            f"{summary['moves'] - summary['corrected'] - summary['refused']} as they were; "
+            f"{summary['unresolved']} remarks on what was not read",
         )
     )
     facts.append(

@@ -1,0 +1,60 @@
+"""Corrected motions as a fresh program, for tool paths that no controller reads as they are."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from taskcal.correction.controller import Driven
+from taskcal.errors import TaskcalError
+from taskcal.programs.composing import compose_program
+from taskcal.programs.program import Move, Program, Waypoint
+from taskcal.programs.reading import language_of
+from taskcal.programs.source import Source
+from taskcal.robot.robot import Robot
+
+
+def compose_afresh(
+    into: Path, robot: Robot, program: Program, ways: Mapping[int, tuple[Waypoint, ...]], driven: Driven
+) -> Source:
+    """A fresh program of the corrected motions.
+
+    Raises:
+        TaskcalError: the program is more than its motions; a motion cannot be driven, so that nothing can be written for it;
+            or its language cannot say it.
+    """
+    _check_plain(program)
+    written: list[Move] = []
+    q: list[np.ndarray] = []
+    for i, move in enumerate(program.moves):
+        if i not in ways:
+            if i in driven.refused:
+                raise TaskcalError(f"{move.place}: {driven.refused[i]}; a program written afresh has no place for it")
+            written.append(move)
+            q.append(driven.end[i])
+            continue
+        for waypoint in ways[i]:
+            end = replace(move.end, name="", T=waypoint.T, q=waypoint.q if waypoint.T is None else None, posture=None)
+            via = None if waypoint.via is None else replace(end, T=waypoint.via.T)
+            written.append(replace(move, kind=waypoint.kind, end=end, via=via))
+            q.append(waypoint.q)
+    return compose_program(into, robot, written, q=np.array(q))
+
+
+def _check_plain(program: Program) -> None:
+    """See that nothing but motions would be lost.
+
+    Raises:
+        TaskcalError: the program has logic, or parts that were not read.
+    """
+    path = program.sources[0].path
+    language = language_of(path)
+    if language in ("RAPID", "KRL"):
+        raise TaskcalError(
+            f"{path} is {language}, whose logic a program written afresh would lose; name an output of the same language"
+        )
+    if program.remarks:
+        raise TaskcalError(
+            f"{program.remarks[0]}; a program written afresh would lose it: take it out of the path, or read it"
+        )
