@@ -49,7 +49,7 @@ def remark(
         )
     for joint, speed, limit in zip(motion.robot.joint_names, motion.speed, motion.robot.speed_limits, strict=True):
         if speed > limit:
-            text = f"{joint} would have to turn {speed / limit:.1f} times as fast as it can, at the programmed speed"
+            text = f"{joint} would have to turn {speed / limit:.2f} times as fast as it can, at the programmed speed"
             out.append(Remark(place=moves[0].place, text=text))
     return tuple(out)
 
