@@ -124,7 +124,8 @@ class Campaign:
     def digest(self) -> str:
         """Hash of the measurements, for provenance."""
         out = hashlib.sha256()
-        for array in (self.q, self.points, self.rotations, self.uncertainty):
+        measured = (self.q, self.points, self.rotations, self.uncertainty)
+        for array in (*measured, self.approach, self.move, self.temperature, self.time):
             if array is not None:
                 out.update(np.ascontiguousarray(array).tobytes())
         return out.hexdigest()[:16]
