@@ -217,7 +217,8 @@ class ExpressionParser:
         height = 0
         while not (self.next.kind == "symbol" and self.next.key == closing):
             if found and not self.skip(",") and self.next.key != "\\":
-                raise self.problem("a comma is missing before")
+                what = "a comma or a semicolon" if closing == ";" else "a comma"
+                raise self.problem(f"{what} is missing before")
             if self.next.kind == "symbol" and self.next.key == closing:
                 raise self.problem("an argument is missing before")
             start = self.next.start

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 
 from taskcal.programs.rapid.names import Context, Scope, Unresolved
-from taskcal.programs.rapid.predefined import FUNCTIONS, MOVING, STILL
+from taskcal.programs.rapid.predefined import FUNCTIONS, MOVES, MOVING, STILL
 from taskcal.programs.rapid.syntax import (
     Aggregate,
     Argument,
@@ -20,7 +20,6 @@ from taskcal.programs.rapid.syntax import (
     Reference,
     Statement,
 )
-from taskcal.programs.rapid.uses import MOVES
 
 Before = frozenset[int | None]
 """Numbers of the motions that may have been the last one, None for any; empty where control does not come."""

@@ -45,8 +45,9 @@ class _Parser(ExpressionParser):
         super().__init__(tokens)
         self.problems: list[Problem] = []
 
-    def note(self, position: int, text: str) -> None:
+    def note(self, position: int, text: str) -> Problem:
         self.problems.append(Problem(position=position, text=text))
+        return self.problems[-1]
 
     # files and modules
 
@@ -74,7 +75,7 @@ class _Parser(ExpressionParser):
         routines: list[Routine] = []
         odd: list[Odd] = []
         while self.next.kind != "end" and self.next.key not in ("module", "endmodule"):
-            first, begin = self.at, self.next
+            first = self.at
             try:
                 match self._after_scope():
                     case "const" | "pers" | "var":
@@ -89,9 +90,9 @@ class _Parser(ExpressionParser):
                         raise self.problem("a declaration or a routine is missing before")
             except NotUnderstood as problem:
                 self.depth = 0
-                self.note(problem.position, problem.text)
+                noted = self.note(problem.position, problem.text)
                 self._recover(first, ("proc", "func", "trap", "record", "local", *_STORAGE, "module", "endmodule"))
-                odd.append(Odd(start=begin.start, end=self.end, tokens=tuple(self.tokens[first : self.at])))
+                odd.append(self._odd(first, noted))
         if not self.skip("endmodule"):
             self.note(self.end, f"ENDMODULE of the module '{name.text}' is missing")
         return Module(
@@ -116,6 +117,11 @@ class _Parser(ExpressionParser):
         while self.next.kind != "end" and self.next.key not in stops:
             if self.take().key == ";":
                 return
+
+    def _odd(self, first: int, problem: Problem) -> Odd:
+        """The text since its first word, which is not understood."""
+        tokens = tuple(self.tokens[first : self.at])
+        return Odd(start=tokens[0].start, end=self.end, tokens=tokens, problem=problem)
 
     def _to_semicolon(self) -> None:
         while self.next.kind != "end" and self.take().key != ";":
@@ -198,8 +204,8 @@ class _Parser(ExpressionParser):
         found = [*self._block(declarations)]
         while self.next.key in _INNER_ENDS:
             stray = self.take()
-            self.note(stray.start, f"'{stray.text}' closes nothing")
-            found += [Odd(start=stray.start, end=stray.end, tokens=(stray,)), *self._block(declarations)]
+            noted = self.note(stray.start, f"'{stray.text}' closes nothing")
+            found += [self._odd(self.at - 1, noted), *self._block(declarations)]
         return tuple(found)
 
     def _block(self, declarations: list[Declaration]) -> tuple[Statement, ...]:
@@ -218,10 +224,9 @@ class _Parser(ExpressionParser):
                     found.append(self._statement(declarations))
             except NotUnderstood as problem:
                 self.depth = depth
-                self.note(problem.position, problem.text)
+                noted = self.note(problem.position, problem.text)
                 self._recover(first, _ROUTINE_ENDS)
-                start = self.tokens[first].start
-                found.append(Odd(start=start, end=self.end, tokens=tuple(self.tokens[first : self.at])))
+                found.append(self._odd(first, noted))
         return tuple(found)
 
     def _statement(self, declarations: list[Declaration]) -> Statement:
@@ -287,8 +292,13 @@ class _Parser(ExpressionParser):
 
     def _placeholder(self) -> Statement:
         """``<SMT>`` and the like, where a statement is still to be written."""
-        tokens = (self.take(), self.name(), self.expect(">"))
-        return Odd(start=tokens[0].start, end=self.end, tokens=tokens)
+        first = self.at
+        self.take()
+        name = self.name()
+        self.expect(">")
+        return self._odd(
+            first, Problem(position=name.start, text=f"'<{name.text}>' stands for what is still to be written")
+        )
 
     def _if(self, declarations: list[Declaration]) -> Statement:
         start = self.take().start

@@ -9,10 +9,10 @@ from taskcal.programs.rapid.flow import follow_routine, gets_target, instruction
 from taskcal.programs.rapid.motions import KINDS, Motion, Settings, resolve
 from taskcal.programs.rapid.names import Context, File, Scope, Symbol, Unresolved, contexts
 from taskcal.programs.rapid.parse import parse
-from taskcal.programs.rapid.predefined import MOVING, SHIFTING, STILL
+from taskcal.programs.rapid.predefined import MOVES, MOVING, SHIFTING, STILL
 from taskcal.programs.rapid.rewrite import rewrite_files
 from taskcal.programs.rapid.syntax import Branches, Instruction, Loop, Module, Odd, Problem, Statement
-from taskcal.programs.rapid.uses import MOVES, Use, assigned, uses
+from taskcal.programs.rapid.uses import Use, assigned, uses
 from taskcal.programs.rapid.values import Values
 from taskcal.programs.source import Source
 from taskcal.robot.robot import Robot
@@ -156,5 +156,5 @@ def _lost_in(block: Iterable[Statement], context: Context, scope: Scope) -> Iter
 def _motions_in(odd: Odd, context: Context) -> Iterable[Remark]:
     for token in odd.tokens:
         if token.kind == "name" and token.key.startswith(MOVING) and token.key not in STILL:
-            text = f"{token.text} stays as it is: the text around it is not understood"
+            text = f"{token.text} stays as it is: the text around it is not understood ({odd.trouble(context.file.source)})"
             yield Remark(place=context.file.source.place(token.start), text=text)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from taskcal.programs.rapid.tokens import Token
+from taskcal.programs.source import Source
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -180,11 +181,25 @@ class Leave(Node):
     value: Expression | None
 
 
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """Text that could not be understood."""
+
+    position: int
+    text: str
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Odd(Node):
     """Text that is no statement."""
 
     tokens: tuple[Token, ...]
+    problem: Problem
+    """Why it is not understood."""
+
+    def trouble(self, source: Source) -> str:
+        """The problem with its line."""
+        return f"line {source.place(self.problem.position).line}: {self.problem.text}"
 
 
 Statement = Instruction | Assignment | Branches | Loop | Label | Leave | Odd
@@ -215,11 +230,3 @@ class Module(Node):
     routines: tuple[Routine, ...]
     odd: tuple[Odd, ...]
     """Text between declarations and routines that is neither."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Problem:
-    """Text that could not be understood."""
-
-    position: int
-    text: str

@@ -1,10 +1,16 @@
 """Where a program names its data, and where it may change them."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
+from taskcal.programs.rapid.changes import (
+    MayChange,
+    function_may_change,
+    instruction_may_change,
+    names_in_odd_text,
+    type_of,
+)
 from taskcal.programs.rapid.names import Context, File, Scope, Symbol, Unresolved
-from taskcal.programs.rapid.predefined import CHANGING, FUNCTIONS, STILL
 from taskcal.programs.rapid.syntax import (
     Aggregate,
     Argument,
@@ -25,9 +31,6 @@ from taskcal.programs.rapid.syntax import (
 )
 from taskcal.programs.rapid.values import Values
 
-MOVES = ("movej", "movel", "movec", "moveabsj")
-"""The motions that are resolved."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Mention:
@@ -38,6 +41,8 @@ class Mention:
     file: File
     changes: bool
     """The value may change here."""
+    odd: Odd | None = None
+    """The text that was not understood, where it stands in such."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -56,7 +61,7 @@ class Use:
 
 
 def assigned(everywhere: Iterable[Context]) -> dict[Symbol, str]:
-    """Where each variable is assigned to first; variables that keep their value are missing."""
+    """How each variable is assigned to first, as "is assigned to in part.mod:4"; variables that keep their value are missing."""
     everywhere = tuple(everywhere)
     found: dict[Symbol, str] = {}
     parameters: frozenset[tuple[str, str]] = frozenset()
@@ -67,7 +72,7 @@ def assigned(everywhere: Iterable[Context]) -> dict[Symbol, str]:
             if symbol is None:
                 continue
             if symbol.declaration is not None and symbol.declaration.storage != "const":
-                found.setdefault(symbol, str(mention.file.source.place(mention.reference.start)))
+                found.setdefault(symbol, _assignment(mention))
             elif symbol.parameter_of:
                 more.add((symbol.parameter_of, symbol.name.lower()))
         if more <= parameters:
@@ -89,6 +94,14 @@ def uses(everywhere: Iterable[Context], values: Values) -> Mapping[Symbol, tuple
         use = Use(file=mention.file, start=mention.reference.start, path=path)
         found.setdefault(symbol, []).append(use)
     return {key: tuple(value) for key, value in found.items()}
+
+
+def _assignment(mention: Mention) -> str:
+    source = mention.file.source
+    place = source.place(mention.reference.start)
+    if mention.odd is None:
+        return f"is assigned to in {place}"
+    return f"may be assigned to in {place}, which is not understood ({mention.odd.trouble(source)})"
 
 
 def _symbol(mention: Mention) -> Symbol | None:
@@ -135,7 +148,7 @@ class _Walker:
         for statement in block:
             match statement:
                 case Instruction():
-                    yield from self.arguments(statement.arguments, statement.name.key, _may_change, scope)
+                    yield from self.arguments(statement.arguments, statement.name.key, instruction_may_change, scope)
                 case Assignment():
                     yield from self.mention(statement.target, scope, True)
                     yield from self.read(statement.value, scope)
@@ -156,14 +169,24 @@ class _Walker:
                     pass
 
     def odd(self, odd: Odd, scope: Scope) -> Iterator[Mention]:
-        """Every name in text that was not understood may be data that change there."""
-        for token in odd.tokens:
-            if token.kind == "name":
-                reference = Reference(start=token.start, end=token.end, name=token, selectors=())
-                yield from self.mention(reference, scope, True)
+        """Names in text that was not understood."""
+
+        def given(otherwise: MayChange) -> MayChange:
+            def may_change(key: str, type_: str) -> bool:
+                routine = _called(key, scope)
+                if routine is None:
+                    return otherwise(key, type_)
+                return any(p.changed and (key, p.name.key) in self.changed for p in routine.parameters)
+
+            return may_change
+
+        may_change = given(instruction_may_change), given(function_may_change)
+        for token, changes in names_in_odd_text(odd.tokens, scope, *may_change):
+            reference = Reference(start=token.start, end=token.end, name=token, selectors=())
+            yield Mention(reference=reference, scope=scope, file=self.file, changes=changes, odd=odd)
 
     def arguments(
-        self, arguments: Iterable[Argument], key: str, may_change: Callable[[str, str], bool], scope: Scope
+        self, arguments: Iterable[Argument], key: str, may_change: MayChange, scope: Scope
     ) -> Iterator[Mention]:
         """References in the arguments of an instruction or a function."""
         routine = _called(key, scope)
@@ -179,7 +202,7 @@ class _Walker:
                     changes = parameter.changed and (key, parameter.name.key) in self.changed
                     yield from self.mention(reference, scope, changes)
                 case Reference() as reference:
-                    yield from self.mention(reference, scope, may_change(key, _type(reference, scope)))
+                    yield from self.mention(reference, scope, may_change(key, type_of(reference.name.text, scope)))
                 case value:
                     yield from self.read(value, scope)
 
@@ -194,34 +217,9 @@ class _Walker:
                 for operand in expression.operands:
                     yield from self.read(operand, scope)
             case Call():
-                yield from self.arguments(expression.arguments, expression.name.key, _function_may_change, scope)
+                yield from self.arguments(expression.arguments, expression.name.key, function_may_change, scope)
             case _:
                 pass
-
-
-def _may_change(instruction: str, type_: str) -> bool:
-    """Whether an instruction may change data of a type that it is given.
-
-    Motion instructions and those that hand data on to them take tools and work objects as persistent data, so that these
-    could be changed, but are not; what searches or calibrates says so in its name.
-    """
-    if instruction.startswith(("mtool", "wobjcalib")):
-        return True
-    if instruction in MOVES or type_ in ("tooldata", "wobjdata"):
-        return False
-    return instruction not in STILL or instruction in CHANGING
-
-
-def _function_may_change(function: str, type_: str) -> bool:
-    return function not in FUNCTIONS and type_ not in ("tooldata", "wobjdata")
-
-
-def _type(reference: Reference, scope: Scope) -> str:
-    try:
-        symbol = scope.find(reference.name.text)
-    except Unresolved:
-        return ""
-    return symbol.type if symbol else ""
 
 
 def _called(key: str, scope: Scope) -> Routine | None:

@@ -41,7 +41,7 @@ class Values:
     """Reads values, given what is assigned to somewhere in the program."""
 
     assigned: Mapping[Symbol, str]
-    """Where, for each symbol."""
+    """How, for each symbol: "is assigned to in part.mod:4"."""
     _known: dict[Expression, Value] = field(default_factory=dict[Expression, Value])
     """Values of what is written, so that each is computed once."""
 
@@ -86,7 +86,7 @@ class Values:
         if symbol is None:
             raise Unresolved(f"'{reference.name.text}' is not declared in the files; pass the module that declares it")
         if symbol in self.assigned:
-            raise Unresolved(f"'{symbol.name}' is assigned to in {self.assigned[symbol]}, so its value is not known")
+            raise Unresolved(f"'{symbol.name}' {self.assigned[symbol]}, so its value is not known")
         if symbol.obstacle:
             raise Unresolved(symbol.obstacle)
         path, type_ = self.path(reference, symbol, scope, depth)
