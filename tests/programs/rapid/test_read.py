@@ -122,7 +122,7 @@ NINE = "[9E9,9E9,9E9,9E9,9E9,9E9]"
         (POINTS, "MoveL p1{2},v100,fine,tool0;", ""),
         (POINTS, "MoveAbsJ p1,v100,fine,tool0;", "'p1' is robtarget, not jointtarget"),
         (POINTS, "MoveL Offs(p1,0,0),v100,fine,tool0;", "Offs() is not given a target and three distances"),
-        (POINTS, "PDispSet shift;MoveL p1,v100,fine,tool0;", "PDispSet in part.mod:13 may shift it"),
+        (POINTS, "PDispSet shift;MoveL p1,v100,fine,tool0;", "a program displacement may shift it (PDispSet in part.mod:13)"),
         ("", f"MoveL [[0,0,0],[1,1,0,0],[0,0,0,0],{NINE}],v100,fine,tool0;", "is no unit quaternion: its length is 1.414"),
         ("", f"MoveL [[0,0],[1,0,0,0],[0,0,0,0],{NINE}],v100,fine,tool0;", "is not made of 3 numbers"),
         ("", f"MoveL [[0,0,9E9],[1,0,0,0],[0,0,0,0],{NINE}],v100,fine,tool0;", "is out of any range"),
@@ -138,6 +138,24 @@ def test_reasons_for_leaving_a_motion(declarations, body, reason):
     program = read_rapid([module(body, declarations)])
     assert not program.moves
     assert any(reason in text for text in reasons(program)), reasons(program)
+
+
+@pytest.mark.parametrize("odd", [False, True])
+@pytest.mark.parametrize("shift", ["PDispOn p1,tool0", "PDispOn\\Rot\\ExeP:=p2,p1,tool0", "PDispSet shift"])
+def test_a_program_displacement_is_why_motions_to_poses_stay(shift, odd):
+    home = f"MoveAbsJ [[0,0,0,0,0,0],{NINE}],v5,fine,tool0;"
+    body = f"MoveL p1,v5,fine,tool0;\n{shift}{',,' if odd else ''};\nMoveL p2,v5,fine,tool0;\n{home}"
+    program = read_rapid([module(body, POINTS)])
+    assert [move.kind for move in program.moves] == ["axes"]
+    name = shift[:7] if shift.startswith("PDispOn") else "PDispSet"
+    why = f"MoveL stays as it is: a program displacement may shift it ({name} in part.mod:14)"
+    told = [text for text in reasons(program) if "displacement" in text]
+    assert told == [
+        f"part.mod:13: {why}",
+        f"part.mod:14: {name} begins a program displacement, which may shift any motion to a pose; none is read",
+        f"part.mod:15: {why}",
+    ]
+    assert len(reasons(program)) == 3 + odd
 
 
 def test_frames_that_contradict_each_other():

@@ -32,17 +32,16 @@ Resolve = Callable[[Instruction, Scope, int | None], int | None]
 LEAVING = ("exitcycle", "systemstopaction")
 
 
-def instructions(block: Iterable[Statement]) -> Iterator[Instruction]:
-    """All instructions of some statements and what they contain."""
+def nested(block: Iterable[Statement]) -> Iterator[Statement]:
+    """Some statements and all that stand in them."""
     for statement in block:
+        yield statement
         match statement:
-            case Instruction():
-                yield statement
             case Branches():
                 for way in statement.ways:
-                    yield from instructions(way)
+                    yield from nested(way)
             case Loop():
-                yield from instructions(statement.body)
+                yield from nested(statement.body)
             case _:
                 pass
 

@@ -64,7 +64,8 @@ _STILL = """
     errraise stop break systemstopaction stopmove startmove stopmovereset clkstart clkstop clkreset isignaldi isignaldo
     isignalai isignalao isignalgi isignalgo ipers ivarvalue ierror itimer idelete ienable idisable isleep iwatch
     motionsup triggio triggequip triggint triggcheckio triggspeed triggrampao open close write writebin writestrbin
-    writeanybin rewind clearrawbytes packrawbytes load unload startload cancelload eoffson eoffsoff eoffsset pdispoff
+    writeanybin rewind clearrawbytes packrawbytes load unload startload cancelload eoffson eoffsoff eoffsset pdispon
+    pdispset pdispoff
     tunereset tuneservo pathresol actunit deactunit spystart spystop connect
     socketcreate socketbind socketlisten socketaccept socketconnect socketsend socketreceive socketclose
     tpreadfk tpreadnum tpreaddnum incr decr add clear gettime settime bitset bitclear getsysdata
@@ -80,7 +81,7 @@ MOVES = ("movej", "movel", "movec", "moveabsj")
 """The motions that are resolved."""
 
 SHIFTING = ("pdispon", "pdispset")
-"""Instructions that shift every pose behind them."""
+"""Instructions that begin a program displacement: it shifts every pose behind them."""
 
 MOVING = (
     "move", "trigg", "search", "arc", "spot", "disp", "paint", "cap", "smove", "indamove", "indcmove", "inddmove",

@@ -1,17 +1,19 @@
 """From the files of a RAPID program to its motions."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 from taskcal.errors import FileError
 from taskcal.programs.program import Program, Remark, Waypoint
-from taskcal.programs.rapid.flow import follow_routine, gets_target, instructions, is_motion
+from taskcal.programs.rapid.flow import follow_routine, gets_target, is_motion, nested
 from taskcal.programs.rapid.motions import KINDS, Motion, Settings, resolve
 from taskcal.programs.rapid.names import Context, File, Scope, Symbol, Unresolved, contexts
 from taskcal.programs.rapid.parse import parse
 from taskcal.programs.rapid.predefined import MOVES, MOVING, SHIFTING, STILL
 from taskcal.programs.rapid.rewrite import rewrite_files
 from taskcal.programs.rapid.syntax import Branches, Instruction, Loop, Module, Odd, Problem, Statement
+from taskcal.programs.rapid.tokens import Token
 from taskcal.programs.rapid.uses import Use, assigned, uses
 from taskcal.programs.rapid.values import Values
 from taskcal.programs.source import Source
@@ -66,6 +68,7 @@ def read_rapid(sources: Sequence[Source]) -> RapidProgram:
     for context in everywhere:
         follow_routine(context, _Resolver(context, settings, motions, remarks))
         remarks += _lost_motions(context)
+    remarks += _cautions(everywhere)
     remarks += [Remark(place=file.source.place(at), text=text) for text, (file, at) in settings.notes.items()]
     order = {source.path: i for i, source in enumerate(sources)}
     remarks.sort(key=lambda remark: (order[remark.place.path], remark.place.line))
@@ -109,20 +112,41 @@ def _settings(everywhere: Iterable[Context], values: Values) -> Settings:
     """What the instructions of the program set for all of it: where they do so sometimes, they may do so always."""
     off: set[str] = set()
     shift = ""
-    for context in everywhere:
-        if context.routine is None:
-            continue
-        for block in (context.routine.body, *context.routine.handlers):
-            for instruction in instructions(block):
-                key = instruction.name.key
-                if key == "confj" and any(a.option == "off" for a in instruction.arguments):
-                    off.add("joint")
-                elif key == "confl" and any(a.option == "off" for a in instruction.arguments):
-                    off |= {"linear", "circular"}
-                elif key in SHIFTING and not shift:
-                    where = context.file.source.place(instruction.start)
-                    shift = f"{instruction.name.text} in {where} may shift it"
+    for file, name, options in _words(everywhere):
+        if name.key == "confj" and "off" in options:
+            off.add("joint")
+        elif name.key == "confl" and "off" in options:
+            off |= {"linear", "circular"}
+        elif name.key in SHIFTING and not shift:
+            shift = f"a program displacement may shift it ({name.text} in {file.source.place(name.start)})"
     return Settings(values=values, postures_off=frozenset(off), shift=shift)
+
+
+def _cautions(everywhere: Iterable[Context]) -> Iterator[Remark]:
+    """What instructions do to motions elsewhere."""
+    for file, name, _ in _words(everywhere):
+        if name.key in SHIFTING:
+            text = f"{name.text} begins a program displacement, which may shift any motion to a pose; none is read"
+            yield Remark(place=file.source.place(name.start), text=text)
+
+
+def _words(everywhere: Iterable[Context]) -> Iterator[tuple[File, Token, frozenset[str]]]:
+    """Names of instructions with the options they are given; all names in text that is not understood."""
+    for context in everywhere:
+        routine = context.routine
+        blocks = (context.module.odd,) if routine is None else (routine.body, *routine.handlers)
+        for statement in chain.from_iterable(map(nested, blocks)):
+            match statement:
+                case Instruction():
+                    options = frozenset(a.option for a in statement.arguments if a.option)
+                    yield context.file, statement.name, options
+                case Odd():
+                    options = frozenset(token.key for token in statement.tokens if token.kind == "name")
+                    for token in statement.tokens:
+                        if token.kind == "name":
+                            yield context.file, token, options
+                case _:
+                    pass
 
 
 def _lost_motions(context: Context) -> Iterable[Remark]:
