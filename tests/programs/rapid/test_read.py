@@ -158,6 +158,18 @@ def test_a_program_displacement_is_why_motions_to_poses_stay(shift, odd):
     assert len(reasons(program)) == 3 + odd
 
 
+@pytest.mark.parametrize(
+    ("option", "turns"),
+    [("\\Wrist", True), ("\\LockAxis4", True), ("\\LOCKAXIS4", True), ("\\Off", False), ("", False)],
+)
+def test_a_wrist_that_follows_its_own_axes_is_pointed_out_at_each_line(option, turns):
+    body = f"MoveL p1,v5,fine,tool0;\nSingArea{option};\nMoveL p2,v5,fine,tool0;\nSingArea\\Off;\nSingArea {option};"
+    program = read_rapid([module(body, POINTS)])
+    assert [move.follows for move in program.moves] == [None, 0]
+    why = "SingArea lets the tool turn in another way along lines and arcs; its orientation between targets is not as predicted"
+    assert reasons(program) == ([f"part.mod:14: {why}", f"part.mod:17: {why}"] if turns else [])
+
+
 def test_frames_that_contradict_each_other():
     held = 'PERS wobjdata w:=[TRUE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];'
     program = read_rapid([module("MoveL p1,v100,fine,tool0\\WObj:=w;", POINTS + held)])

@@ -83,6 +83,9 @@ MOVES = ("movej", "movel", "movec", "moveabsj")
 SHIFTING = ("pdispon", "pdispset")
 """Instructions that begin a program displacement: it shifts every pose behind them."""
 
+TURNING = ("wrist", "lockaxis4")
+"""Options of SingArea with which the wrist follows its own axes along lines and arcs, not the shortest turn."""
+
 MOVING = (
     "move", "trigg", "search", "arc", "spot", "disp", "paint", "cap", "smove", "indamove", "indcmove", "inddmove",
     "indrmove", "egm", "fcpress", "restopath", "storepath", "pathrecmove", "mtool", "mpos", "stepbwdpath", "clearpath",

@@ -10,7 +10,7 @@ from taskcal.programs.rapid.flow import follow_routine, gets_target, is_motion, 
 from taskcal.programs.rapid.motions import KINDS, Motion, Settings, resolve
 from taskcal.programs.rapid.names import Context, File, Scope, Symbol, Unresolved, contexts
 from taskcal.programs.rapid.parse import parse
-from taskcal.programs.rapid.predefined import MOVES, MOVING, SHIFTING, STILL
+from taskcal.programs.rapid.predefined import MOVES, MOVING, SHIFTING, STILL, TURNING
 from taskcal.programs.rapid.rewrite import rewrite_files
 from taskcal.programs.rapid.syntax import Branches, Instruction, Loop, Module, Odd, Problem, Statement
 from taskcal.programs.rapid.tokens import Token
@@ -124,10 +124,17 @@ def _settings(everywhere: Iterable[Context], values: Values) -> Settings:
 
 def _cautions(everywhere: Iterable[Context]) -> Iterator[Remark]:
     """What instructions do to motions elsewhere."""
-    for file, name, _ in _words(everywhere):
+    for file, name, options in _words(everywhere):
         if name.key in SHIFTING:
             text = f"{name.text} begins a program displacement, which may shift any motion to a pose; none is read"
-            yield Remark(place=file.source.place(name.start), text=text)
+        elif name.key == "singarea" and any(option in TURNING for option in options):
+            text = (
+                f"{name.text} lets the tool turn in another way along lines and arcs; "
+                "its orientation between targets is not as predicted"
+            )
+        else:
+            continue
+        yield Remark(place=file.source.place(name.start), text=text)
 
 
 def _words(everywhere: Iterable[Context]) -> Iterator[tuple[File, Token, frozenset[str]]]:
