@@ -40,7 +40,7 @@ class Target:
     """Where a motion goes: a pose, or joint positions."""
 
     name: str
-    """Of its declaration; empty where it is written in the instruction itself."""
+    """Of its declaration, with the index of an element; empty where it is written in the instruction itself."""
     T: Float[np.ndarray, "4 4"] | None
     """Pose of the tool in the part's frame, offsets in the instruction included, metres; None for joint positions."""
     q: Float[np.ndarray, " joints"] | None

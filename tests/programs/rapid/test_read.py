@@ -24,7 +24,7 @@ def pose(xyz_mm, wxyz) -> np.ndarray:
 def test_the_path_of_a_postprocessor_with_its_frames():
     program = read_rapid([source(IRC5, "Path_10.mod"), source(IRC5_FRAMES, "CalibData.sys")])
     assert [move.kind for move in program.moves] == ["joint", "linear", "linear", "linear", "circular"]
-    assert [move.end.name for move in program.moves] == ["Target_10", "Line", "Line", "Line", "Arc_end"]
+    assert [move.end.name for move in program.moves] == ["Target_10", "Line{1}", "Line{2}", "Line{3}", "Arc_end"]
     assert [move.follows for move in program.moves] == [None, 0, 1, 2, 3]
     assert [move.stops for move in program.moves] == [False, True, False, False, True]
     assert [move.speed for move in program.moves] == pytest.approx([1.0, 0.1, 0.0333, 0.0333, 0.0333])
@@ -210,6 +210,15 @@ def test_each_module_has_its_own_local_data():
     ]
 
 
+def test_elements_of_a_table_are_named_by_row_and_column():
+    values = ",".join(f"[[{x},0,0],[1,0,0,0],[0,0,0,0],{NINE}]" for x in range(6))
+    rows = values.replace("]],[[", "]]|[[").split("|")
+    table = f"CONST robtarget t{{2,3}}:=[[{','.join(rows[:3])}],[{','.join(rows[3:])}]];"
+    (move,) = read_rapid([module("MoveL t{2,1},v5,fine,tool0;", table)]).moves
+    assert move.end.name == "t{2,1}"
+    assert move.end.T[0, 3] == pytest.approx(0.003)
+
+
 def test_names_of_one_scope_that_are_declared_twice_are_not_guessed():
     program = read_rapid([module("MoveL p1,v5,fine,tool0;", POINTS + POINTS)])
     assert "'p1' is declared 2 times" in reasons(program)[0]
@@ -220,7 +229,9 @@ def test_components_of_records_of_the_program():
         "RECORD station robtarget pick; num id; ENDRECORD\n"
         f"CONST station s{{2}}:=[[[[1,2,3],[1,0,0,0],[0,0,0,0],{NINE}],1],[[[4,5,6],[1,0,0,0],[0,0,0,0],{NINE}],2]];\n"
     )
-    (move,) = read_rapid([module("MoveL s{2}.pick,v5,fine,tool0;", declarations)]).moves
+    body = "MoveL s{2}.pick,v5,fine,tool0;MoveL Offs(S{last-1}.Pick,0,0,1),v5,fine,tool0;"
+    move, shifted = read_rapid([module(body, declarations + "CONST num last:=2;")]).moves
+    assert (move.end.name, shifted.end.name) == ("s{2}.pick", "s{1}.pick")
     np.testing.assert_allclose(move.end.T[:3, 3], [0.004, 0.005, 0.006])
 
 

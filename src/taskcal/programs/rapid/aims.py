@@ -47,7 +47,7 @@ class Aim:
 
     def target(self, posture_counts: bool) -> Target:
         """What a motion goes to; without its posture where the controller is told to ignore that."""
-        name, place = self.origin.symbol.name if self.origin else "", self.file.source.place(self._written)
+        name, place = self.origin.name if self.origin else "", self.file.source.place(self._written)
         if self.type == "jointtarget":
             return Target(name=name, T=None, q=np.radians(self.meant), posture=None, place=place)
         posture = configuration(self.meant[7:]) if posture_counts else None

@@ -34,6 +34,21 @@ class Origin:
     type: str
     node: Expression | None
     """What is written there; None where only a larger whole is written."""
+    selectors: tuple[Component | Index, ...]
+    """How the reference says the path."""
+
+    @property
+    def name(self) -> str:
+        """As ``p{3}`` or ``st{2}.pick``, with the value of each index."""
+        items, text = iter(self.path), self.symbol.name
+        for selector in self.selectors:
+            match selector:
+                case Index():
+                    text += "{" + ",".join(str(next(items) + 1) for _ in selector.items) + "}"
+                case Component():
+                    next(items)
+                    text += f".{selector.key}"
+        return text
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -93,9 +108,9 @@ class Values:
         node = symbol.declaration.value if symbol.declaration else None
         for item in path:
             if not isinstance(node, Aggregate) or item >= len(node.items):
-                return Origin(symbol=symbol, path=path, type=type_, node=None)
+                return Origin(symbol=symbol, path=path, type=type_, node=None, selectors=reference.selectors)
             node = node.items[item]
-        return Origin(symbol=symbol, path=path, type=type_, node=node)
+        return Origin(symbol=symbol, path=path, type=type_, node=node, selectors=reference.selectors)
 
     def path(self, reference: Reference, symbol: Symbol, scope: Scope, depth: int = 0) -> tuple[tuple[int, ...], str]:
         """Which component or element of its data a reference means, and the type of that.
