@@ -49,6 +49,7 @@ def test_motions_and_questions_that_are_not_understood_change_nothing(odd):
         "IF k=,1 THEN p1:=CRobT();",
         "Measure p1,,k;",
         "Measure *,p1;",
+        "MoveL *,v5,fine,tM\\Measure p1;",
         "%\"measure\"% p1,,k;",
         "k:=Found(p1,);",
         "VAR robtarget p1 [[0,0,0],[1,0,0,0]];",

@@ -79,7 +79,7 @@ def names_in_odd_text(
             callers = set() if begins else callers
             valued = token.kind in ("number", "text") or token.key in ("]", ")", "}")
             continue
-        if i and tokens[i - 1].key in ("\\", "."):
+        if i and tokens[i - 1].key in ("\\", ".") and not _is_value(behind):
             valued, begins = True, False
             continue
         data = _is_data(token, scope)
