@@ -27,6 +27,9 @@ from taskcal.programs.source import Source
 from taskcal.programs.spinning import with_spins
 from taskcal.robot.robot import Robot
 
+REASONS = 3
+"""Remarks that are shown where no motion could be resolved."""
+
 UNMOVED, UNTURNED = 1e-7, 1e-7
 """A target that moves and turns by less, metres and radians, keeps its text."""
 
@@ -60,8 +63,8 @@ def correct(
     """
     cell, bounds, robot = cell or Cell(), bounds or Bounds(), calibration.model.robot
     if not program.moves:
-        first = f"; {program.remarks[0]}" if program.remarks else ""
-        raise TaskcalError(f"{program.sources[0].path} has no motion that could be resolved{first}")
+        why = "".join(f"; {remark}" for remark in program.remarks[:REASONS])
+        raise TaskcalError(f"{program.sources[0].path} has no motion that could be resolved{why}")
     progress("the joints of the nominal robot")
     program = with_spins(program, robot)
     moves = program.moves
