@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Backlash, Overrun, Settling, effect_from
@@ -80,3 +81,8 @@ def test_backlash_survives_its_description():
     assert effect_from(Overrun(joints=("J2",)).to_json()) == Overrun(joints=("J2",))
     assert effect_from(Settling(joints=("J1",)).to_json()) == Settling(joints=("J1",))
     assert effect_from(Backlash(joints=("J1", "J4")).to_json()) == Backlash(joints=("J1", "J4"))
+
+
+def test_conditions_that_are_no_numbers_are_refused():
+    with pytest.raises(TaskcalError, match="approach of pose 1 is no number"):
+        Conditions(approach=np.array([[1.0, 0.0], [np.nan, 1.0]]))

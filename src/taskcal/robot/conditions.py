@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.errors import TaskcalError
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Conditions:
@@ -18,6 +20,12 @@ class Conditions:
     """Of the robot, °C; NaN where unknown, which counts as the reference of a `Thermal` effect."""
     time: Float[np.ndarray, " n"] | None = None
     """Since the robot began to work, seconds; NaN where unknown, which counts as the reference of a `WarmUp` effect."""
+
+    def __post_init__(self) -> None:
+        for name, array in (("approach", self.approach), ("move", self.move)):
+            if array is not None and not np.isfinite(array).all():
+                row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
+                raise TaskcalError(f"{name} of pose {row} is no number; give 0 where the way to it is not known")
 
     def take(self, rows: Int[np.ndarray, " k"] | slice) -> "Conditions":
         """The conditions of some of the poses."""
