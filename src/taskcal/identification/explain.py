@@ -282,12 +282,12 @@ def _search(
         k = int(np.argmax(gains))
         of, effect, (more, kept) = len(candidates), candidates.pop(k), extended[k]
         errors = _left_out(more, campaign, parts, kept)
-        gain, error = _paired(left, errors)
-        likelier, worse = gains[k] > PROOF, gain < -SIGNIFICANT * error
+        gain, _ = _paired(left, errors)
+        likelier, worse = gains[k] > PROOF, gain < 0.0
         gained = f"log evidence {gains[k]:+.1f} against {PROOF:.1f}"
         if of > 1:
             gained = f"best of {of}: {gained}"
-        reason = f"{gained}, but visibly worse where it was not fitted" if likelier and worse else gained
+        reason = f"{gained}, but worse where it was not fitted" if likelier and worse else gained
         accepted = bool(likelier and not worse)
         stages.append(_stage(_label(effect), trials[k], best, errors, left, accepted=accepted, reason=reason))
         if accepted:
