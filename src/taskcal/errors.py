@@ -2,6 +2,39 @@
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from unicodedata import category
+
+SHOWN_CHARACTERS = 80
+"""Of a value in a message; one wrong cell may be as long as a file."""
+
+
+def shown(value: object, characters: int = SHOWN_CHARACTERS) -> str:
+    """A value as a message shows it: on one line, without control characters, and shortened where it is long.
+
+    What stands between is left out, and the length is told: ``1111…111 (20000 characters)``.
+    """
+    text = str(value)
+    if len(text) <= characters:
+        return printable(text)
+    head, tail = 2 * characters // 3, characters // 4
+    return f"{printable(text[:head])}…{printable(text[-tail:])} ({len(text)} characters)"
+
+
+def printable(text: str, *, keep: str = "") -> str:
+    """Text with its control characters as visible escapes, so that none is a command to a terminal.
+
+    Args:
+        text: any text.
+        keep: control characters that may stay, such as line feeds.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c in keep or not _commands(c) else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
+def _commands(character: str) -> bool:
+    """Whether a character is a control or format one, a line or paragraph separator, or half of one that was not decoded."""
+    return category(character) in ("Cc", "Cf", "Cs", "Zl", "Zp")
 
 
 class TaskcalError(Exception):
@@ -30,13 +63,12 @@ class UnknownName(TaskcalError):
 
     def __init__(self, kind: str, name: str, known: Iterable[str], hint: str = ""):
         known = list(known)
-        near = get_close_matches(name, known, n=3, cutoff=0.5)
+        near = get_close_matches(name[:SHOWN_CHARACTERS], known, n=3, cutoff=0.5)
         if near:
-            advice = "did you mean " + " or ".join(f"'{n}'" for n in near) + "?"
+            advice = "did you mean " + " or ".join(f"'{shown(n)}'" for n in near) + "?"
         else:
-            shown = ", ".join(known[:12]) + (", …" if len(known) > 12 else "")
-            advice = f"known: {shown}"
-        super().__init__(f"no {kind} '{name}'{f' {hint}' if hint else ''}; {advice}")
+            advice = "known: " + ", ".join(shown(n) for n in known[:12]) + (", …" if len(known) > 12 else "")
+        super().__init__(f"no {kind} '{shown(name)}'{f' {hint}' if hint else ''}; {advice}")
 
 
 class ClosureError(TaskcalError):

@@ -1,0 +1,54 @@
+import time
+import unicodedata
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taskcal.errors import UnknownName, printable, shown
+
+
+@given(st.text(max_size=2000))
+def test_a_value_is_shown_on_one_short_line_without_control_characters(text):
+    line = shown(text)
+    assert not [c for c in line if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp")]
+    assert len(line) <= 80 * len("\\U0010ffff") + 30
+
+
+@given(st.text(alphabet=st.characters(categories=("L", "N", "P")), max_size=80))
+def test_a_short_value_is_shown_as_it_is(text):
+    assert shown(text) == text
+
+
+def test_a_long_value_shows_both_ends_and_its_length():
+    line = shown("start" + "x" * 200_000 + "end")
+    assert line.startswith("start")
+    assert line.endswith("end (200008 characters)")
+    assert len(line) < 120
+
+
+@pytest.mark.parametrize(
+    ("text", "seen"),
+    [
+        ("J\x1b[31m1", r"J\x1b[31m1"),
+        ("a\x07b", r"a\x07b"),
+        ("a\rb\n", r"a\rb\n"),
+        ("\x9b2J", r"\x9b2J"),
+        ("\u202eabc", r"\u202eabc"),
+        ("σ µm", "σ µm"),
+    ],
+)
+def test_control_characters_become_visible_escapes(text, seen):
+    assert printable(text) == seen
+
+
+def test_control_characters_that_are_kept_stay():
+    assert printable("a\n\tb\x1b", keep="\n\t") == "a\n\tb\\x1b"
+
+
+def test_an_unknown_name_of_any_length_is_refused_at_once():
+    start = time.perf_counter()
+    message = str(UnknownName("robot", "u" * 5_000_000 + "\x1b]0;owned\x07", ["ur5", "ur10"]))
+    assert time.perf_counter() - start < 2.0
+    assert len(message) < 300
+    assert "\x1b" not in message
