@@ -1,5 +1,8 @@
 """``python -m taskcal``, the command line."""
 
+import sys
+
 from taskcal.cli import main
 
-main()
+if __name__ == "__main__":
+    sys.exit(main())

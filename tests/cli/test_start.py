@@ -71,6 +71,14 @@ def test_blas_threads_are_set_before_numpy_is_imported() -> None:
     assert ended.stdout.splitlines()[-1] == "1 2 1"
 
 
+def test_run_as_a_module_the_status_is_that_of_the_command() -> None:
+    ended = [
+        subprocess.run([sys.executable, "-m", "taskcal", *arguments], capture_output=True, check=False).returncode
+        for arguments in (["--version"], ["robots", "no-such-robot"], ["no-such-command"])
+    ]
+    assert ended == [0, 1, 2]
+
+
 @pytest.mark.parametrize(
     "arguments", [["nothing"], ["identify"], ["robots", "--nothing"], ["simulate", "--count", "0"]]
 )
