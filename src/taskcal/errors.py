@@ -13,11 +13,14 @@ def shown(value: object, characters: int = SHOWN_CHARACTERS) -> str:
 
     What stands between is left out, and the length is told: ``1111…111 (20000 characters)``.
     """
-    text = str(value)
+    return printable(shortened(str(value), characters))
+
+
+def shortened(text: str, characters: int) -> str:
+    """Text of at most so many characters: beginning and end, and how long it is, where it is longer."""
     if len(text) <= characters:
-        return printable(text)
-    head, tail = 2 * characters // 3, characters // 4
-    return f"{printable(text[:head])}…{printable(text[-tail:])} ({len(text)} characters)"
+        return text
+    return f"{text[: 2 * characters // 3]}…{text[-(characters // 4) :]} ({len(text)} characters)"
 
 
 def printable(text: str, *, keep: str = "") -> str:

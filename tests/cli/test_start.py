@@ -121,6 +121,81 @@ def test_a_reader_that_leaves_early_is_no_error() -> None:
     assert ended.returncode == 1
 
 
+def shell(line: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        ["sh", "-c", f"{sys.executable} -m taskcal {line}"], capture_output=True, text=True, check=False
+    )
+
+
+def test_a_closed_standard_output_is_said_in_a_line() -> None:
+    ended = shell("robots >&-")
+    assert ended.returncode == 1
+    assert ended.stderr.startswith("error: standard output is closed")
+    assert ended.stderr.count("\n") == 1
+
+
+def test_a_closed_standard_error_does_not_matter() -> None:
+    ended = shell("robots --json 2>&-")
+    assert (ended.returncode, ended.stdout[0]) == (0, "{")
+    assert shell("robots none 2>&-").returncode == 1
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+@pytest.mark.parametrize("command", ["robots", "robots --json", "--version"])
+def test_a_full_standard_output_is_said_in_a_line(command: str) -> None:
+    ended = shell(f"{command} >/dev/full")
+    assert ended.returncode == 1
+    assert ended.stderr == "error: standard output: No space left on device\n"
+
+
+@pytest.mark.parametrize(
+    "arguments", [["robots", "a\0b.toml"], ["report", "a\0b.json"], ["identify", "a\0", "-o", "b\0"]]
+)
+def test_a_nul_in_a_path_is_refused_in_a_line(run: Run, arguments: list[str]) -> None:
+    ended = run(*arguments, *(["--robot", "ur5"] if arguments[0] == "identify" else []))
+    assert ended.status in (1, 2)
+    assert "\0" not in ended.err
+    assert "itself failed" not in ended.err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["robots", "ur\x1b[31m\x07"],
+        ["no\x1b[31m\x07"],
+        ["--no\x1b[31m\x07"],
+        ["report", "a\x1b[31m\x07.json"],
+        ["robots", "import", "a.csv", "--convention", "d\x1b[31m\x07h", "-o", "b.toml"],
+    ],
+)
+def test_control_characters_of_an_argument_do_not_reach_the_terminal(run: Run, arguments: list[str]) -> None:
+    ended = run(*arguments)
+    assert ended.status != 0
+    assert not set("\x1b\x07") & set(ended.out + ended.err)
+    assert "\\x1b[31m\\x07" in ended.err.replace("\n", "").replace("│", "").replace(" ", "")
+
+
+def test_control_characters_of_a_file_do_not_reach_the_terminal(run: Run, tmp_path: Path) -> None:
+    table = tmp_path / "table.csv"
+    table.write_text("joint,alpha_deg,a_mm,d_mm,theta_offset_deg\nJ1,0,500,0,0\nJ2,90,300,200,0\n")
+    assert run("robots", "import", table, "--convention", "dh", "-o", tmp_path / "r.toml").status == 0
+    described = (tmp_path / "r.toml").read_text()
+    title = 'title = "cell\\u001b[2J\\u0007\\u009b2J"\n'
+    (tmp_path / "r.toml").write_text(title + described)
+    for options in ([], ["--json"]):
+        ended = run("robots", tmp_path / "r.toml", *options)
+        assert ended.status == 0, ended.err
+        assert not set("\x1b\x07\x9b") & set(ended.out)
+        assert "2J" in ended.out
+
+
+@pytest.mark.parametrize("command", [["robots"], ["report"], ["no"], ["plan", "--count"]])
+def test_a_message_does_not_repeat_an_argument_of_any_length(run: Run, command: list[str]) -> None:
+    ended = run(*command[:-1], command[-1] + "x" * 1_000_000) if command == ["no"] else run(*command, "x" * 1_000_000)
+    assert ended.status != 0
+    assert len(ended.err) < 10_000
+
+
 def test_the_first_compilation_is_announced_beside_the_result(tmp_path: Path, cell: Path) -> None:
     code = (
         "import sys; from taskcal.geometry import compiled; compiled.is_warm = lambda: False; from taskcal.cli import main; "

@@ -2,8 +2,8 @@
 
 import os
 import sys
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager, suppress
 from typing import Annotated, Any
 
 import typer
@@ -24,8 +24,8 @@ from taskcal.cli import (
     validate,
     warm,
 )
-from taskcal.cli.output import complain
-from taskcal.errors import TaskcalError
+from taskcal.cli.output import MESSAGE_CHARACTERS, complain, for_terminal
+from taskcal.errors import TaskcalError, shortened
 
 ORDER = (
     "demo", "robots", "sensitivity", "select", "plan", "study", "simulate", "identify", "validate", "performance", "correct",
@@ -40,6 +40,27 @@ class Road(TyperGroup):
     def list_commands(self, ctx: Any) -> list[str]:
         """Names of the commands."""
         return sorted(self.commands, key=ORDER.index)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the options before the subcommand."""
+        with _fit_to_show():
+            return super().parse_args(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Read the subcommand's options and run it."""
+        with _fit_to_show():
+            return super().invoke(ctx)
+
+
+@contextmanager
+def _fit_to_show() -> Generator[None, None, None]:
+    """What is said of wrong usage repeats the argument, which may be long or command the terminal."""
+    try:
+        yield
+    except Exception as error:
+        if isinstance(message := getattr(error, "message", None), str):
+            error.message = for_terminal(shortened(message, MESSAGE_CHARACTERS))  # pyright: ignore
+        raise
 
 
 app = typer.Typer(
@@ -113,19 +134,37 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: what follows the program's name; that of this process by default.
 
     Returns:
-        the exit status: 0, 1 where the data or a file cannot give what was asked, 2 for wrong usage.
+        the exit status: 0, 1 where the data or a file cannot give what was asked or the result cannot be shown,
+        2 for wrong usage, 130 where it was interrupted.
     """
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")  # read once, when NumPy is imported; the kernels bring their own threads
+    if sys.stderr is None:  # pyright: ignore  # closed by the caller; Rich and others write to it unasked
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    if sys.stdout is None:  # pyright: ignore
+        complain("standard output is closed, and the result would be lost; send it to a file or to /dev/null")
+        return 1
     for stream in (sys.stdout, sys.stderr):
         if reconfigure := getattr(stream, "reconfigure", None):
             reconfigure(errors="replace")  # a terminal without σ or √ shows '?' instead of failing
+    status = _run(arguments)
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _drop_output()
+        return status or 1
+    except OSError as error:
+        _drop_output()
+        complain(f"standard output: {error.strerror or error}")
+        return status or 1
+    return status
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    """Run a command, and say in a line what went wrong; returns the exit status."""
     command: Any = typer.main.get_command(app)  # pyright: ignore
     try:
-        try:
-            command.main(args=arguments, prog_name="taskcal")
-        finally:
-            sys.stdout.flush()
+        command.main(args=arguments, prog_name="taskcal")
     except SystemExit as ended:
         return ended.code if isinstance(ended.code, int) else int(ended.code is not None)
     except KeyboardInterrupt:
@@ -137,18 +176,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
         complain(str(error))
         return 1
     except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        complain(f"{where}{error.strerror or error}")
+        where = "standard output: " if not error.filename and _output_is_full() else ""
+        complain(f"{f'{error.filename}: ' if error.filename else where}{error.strerror or error}")
         return 1
     except Exception as error:
         if os.environ.get("TASKCAL_TRACEBACK"):
             raise
+        if isinstance(error, ValueError) and "embedded null" in str(error):
+            complain("a file name has a NUL character (\\x00) in it, which no file can have; correct the name")
+            return 1
         complain(
             f"Taskcal itself failed, please report it: {type(error).__name__}: {error} "
             "(TASKCAL_TRACEBACK=1 in the environment shows where)"
         )
         return 1
     return 0
+
+
+def _output_is_full() -> bool:
+    """Whether standard output takes no more; a line feed after what failed finds it out."""
+    try:
+        print(flush=True)
+    except OSError:
+        return True
+    return False
 
 
 def _drop_output() -> None:

@@ -12,6 +12,7 @@ from taskcal.cli.output import (
     note,
     show_facts,
     show_table,
+    tell,
     working,
     write_json,
 )
@@ -222,7 +223,7 @@ def _show(found: "Correction", written: tuple[Path, ...], report: Path | None) -
         show_table(table.title, table.header, table.groups[0][1], left=table.text_columns)
         if table.note:
             note_text = table.note
-            print(f"{note_text}\n")
+            tell(f"{note_text}\n")
     show_facts(tabulate_correction(found))
     problems = [f"{found.program.moves[i].place}: left as it was: {why}" for i, why in sorted(found.refused.items())]
     problems += [str(remark) for remark in found.remarks]

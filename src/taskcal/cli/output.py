@@ -3,28 +3,43 @@
 import json
 import math
 import os
+import re
 import shlex
 import shutil
 import sys
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taskcal.errors import FileError
+from taskcal.errors import FileError, printable, shortened
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+MESSAGE_CHARACTERS = 4000
+"""Of one message; whatever it repeats of its input is cut."""
+
 
 def complain(message: str) -> None:
     """An error, on standard error."""
-    print(f"error: {message}", file=sys.stderr)
+    note(f"error: {message}")
 
 
 def note(message: str) -> None:
     """A message beside the result, on standard error."""
-    print(message, file=sys.stderr, flush=True)
+    with suppress(OSError):  # where that is full or closed, the exit status has to do
+        print(for_terminal(shortened(message, MESSAGE_CHARACTERS)), file=sys.stderr, flush=True)
+
+
+def tell(line: str = "") -> None:
+    """A line of the result, on standard output."""
+    print(for_terminal(line))
+
+
+def for_terminal(text: str) -> str:
+    """Text in which a name or a value from a file cannot command the terminal: only line feeds and tabs act."""
+    return printable(text, keep="\n\t")
 
 
 def started_as() -> str:
@@ -51,8 +66,8 @@ def working(step: str) -> Generator[Callable[[str], None], None, None]:
     """A line on standard error that says what is being done, where that is a terminal; yields how to change it."""
     from rich.console import Console
 
-    with Console(stderr=True).status(f"{step} …") as status:
-        yield lambda text: status.update(f"{text} …")
+    with Console(stderr=True).status(f"{for_terminal(step)} …") as status:
+        yield lambda text: status.update(f"{for_terminal(text)} …")
 
 
 def check_destination(path: Path, inputs: Iterable[Path] = ()) -> None:
@@ -75,7 +90,8 @@ def check_destination(path: Path, inputs: Iterable[Path] = ()) -> None:
 
 def write_json(result: Mapping[str, Any]) -> None:
     """The machine-readable result, alone on standard output."""
-    print(json.dumps(plain(result), indent=1, ensure_ascii=False, allow_nan=False))
+    text = json.dumps(plain(result), indent=1, ensure_ascii=False, allow_nan=False)
+    print(re.sub("[\x7f-\x9f]", lambda control: f"\\u{ord(control[0]):04x}", text))  # JSON escapes those below 0x20
 
 
 def plain(value: Any) -> Any:
@@ -95,10 +111,18 @@ def plain(value: Any) -> Any:
 
 def console() -> "Console":
     """Standard output for tables; not narrower than they need where no terminal says how wide it is."""
-    from rich.console import Console
+    from rich.console import Console, ConsoleOptions, RenderableType
+    from rich.segment import Segment
+
+    class Terminal(Console):
+        """A console whose text carries no commands but its own."""
+
+        def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+            for segment in super().render(renderable, options):
+                yield segment if segment.control else Segment(for_terminal(segment.text), segment.style)
 
     width = None if sys.stdout.isatty() else 140
-    return Console(width=width, markup=False, highlight=False, emoji=False, soft_wrap=False)
+    return Terminal(width=width, markup=False, highlight=False, emoji=False, soft_wrap=False)
 
 
 def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]], *, left: Iterable[int] = (0,)) -> None:
@@ -110,12 +134,12 @@ def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]],
     flush_left = set(left)
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     for i, name in enumerate(header):
-        table.add_column(name, justify="left" if i in flush_left else "right", overflow="fold")
+        table.add_column(for_terminal(name), justify="left" if i in flush_left else "right", overflow="fold")
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(for_terminal, row))
     out = console()
     if title:  # above the table, not in it: it may be the wider of the two
-        out.print(Text(title, style="bold"))
+        out.print(Text(for_terminal(title), style="bold"))
     out.print(table)
 
 
@@ -127,5 +151,5 @@ def show_facts(facts: Iterable[tuple[str, str]]) -> None:
     table.add_column(style="dim")
     table.add_column(overflow="fold")
     for label, text in facts:
-        table.add_row(label, text)
+        table.add_row(for_terminal(label), for_terminal(text))
     console().print(table)

@@ -7,7 +7,7 @@ import typer
 
 from taskcal.cli.drift import DriftChoice, DriftOption, settle
 from taskcal.cli.options import JsonOption, SeedOption
-from taskcal.cli.output import announce_compilation, check_destination, working, write_json
+from taskcal.cli.output import announce_compilation, check_destination, tell, working, write_json
 
 if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
@@ -71,13 +71,13 @@ def command(
         write_json(result)
         return
     if over is not None:
-        print(
+        tell(
             f"over '{over.task}', standard deviation in space, rms: target {over.target * 1e3:.4f} mm; tool "
             f"{over.after * 1e3:.4f} mm, {over.before * 1e3:.4f} mm by the tolerances alone"
         )
     if left is not None:
         show_remainder(left)
-    print(f"wrote {output}")
+    tell(f"wrote {output}")
 
 
 def show_remainder(left: "Remainder") -> None:
@@ -94,7 +94,7 @@ def show_remainder(left: "Remainder") -> None:
     if rows:
         show_table(title, ("quantity", "moves", "share % of variance", "p"), rows, left=(0, 1))
     else:
-        print(f"{title}: nothing that was tried")
+        tell(f"{title}: nothing that was tried")
 
 
 def _examine(calibration: "Calibration", campaign: Path, drift: DriftChoice, seed: int) -> "Remainder":

@@ -8,7 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from taskcal.cli.options import JsonOption
-from taskcal.cli.output import check_destination, note, show_table, write_json
+from taskcal.cli.output import check_destination, note, show_table, tell, write_json
 
 
 class ShowByDefault(TyperGroup):
@@ -112,7 +112,7 @@ def import_table(
     if as_json or context.obj:
         write_json({"robot": str(output), "name": described["name"], "joints": [j["name"] for j in described["joint"]]})
         return
-    print(f"wrote {output}: {described['name']}, {len(described['joint'])} joints")
+    tell(f"wrote {output}: {described['name']}, {len(described['joint'])} joints")
     note(
         f"use it with --robot {output}; taskcal robots {output} shows it. Add limits, tool and tolerances to the file where "
         "they are known: the tolerances are the prior of every fit"

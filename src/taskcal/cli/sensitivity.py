@@ -13,6 +13,7 @@ from taskcal.cli.output import (
     check_destination,
     show_facts,
     show_table,
+    tell,
     working,
     write_json,
 )
@@ -95,7 +96,7 @@ def command(
     _show(result)
     for written in (output, report):
         if written is not None:
-            print(f"wrote {written}")
+            tell(f"wrote {written}")
 
 
 def _page(

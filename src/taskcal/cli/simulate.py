@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from taskcal.cli.options import CountOption, JsonOption, RobotOption, SeedOption, TaskOption
-from taskcal.cli.output import announce_compilation, check_destination, write_json
+from taskcal.cli.output import announce_compilation, check_destination, tell, write_json
 
 REFLECTORS_MM = {"smr1": (60.0, 10.0, -20.0), "smr2": (-45.0, 55.0, 15.0), "smr3": (-20.0, -70.0, 35.0)}
 """Three reflectors about the tool point, in the tool frame, not on a line and no two alike."""
@@ -92,7 +92,7 @@ def command(
         }
         write_json({**result, "targets": campaign.targets, "pose": pose, "unreachable_share": share})
         return
-    print(f"wrote {output}: {len(campaign)} rows of {model.robot.name}, targets {', '.join(campaign.targets)}")
-    print(f"{share:.1%} of the task's poses are out of reach")
+    tell(f"wrote {output}: {len(campaign)} rows of {model.robot.name}, targets {', '.join(campaign.targets)}")
+    tell(f"{share:.1%} of the task's poses are out of reach")
     if truth is not None:
-        print(f"wrote {truth}: the defects, tracker frame and targets it was made from")
+        tell(f"wrote {truth}: the defects, tracker frame and targets it was made from")

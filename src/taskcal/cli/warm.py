@@ -1,7 +1,7 @@
 """``taskcal warm``: compile all kernels ahead of their first use."""
 
 from taskcal.cli.options import JsonOption
-from taskcal.cli.output import announce_compilation, write_json
+from taskcal.cli.output import announce_compilation, tell, write_json
 
 
 def command(as_json: JsonOption = False) -> None:
@@ -19,7 +19,7 @@ def command(as_json: JsonOption = False) -> None:
         write_json({"seconds": seconds, "compiled": compiled, "cache": cache_folder()})
     else:
         state = f"{compiled} kernels compiled" if compiled else "all kernels were compiled already; run"
-        print(f"{state} in {seconds:.1f} s; kept in {cache_folder()}")
+        tell(f"{state} in {seconds:.1f} s; kept in {cache_folder()}")
 
 
 def _kept_kernels() -> set[str]:
