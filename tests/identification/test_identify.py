@@ -408,3 +408,36 @@ def test_an_option_that_means_nothing_is_refused(option, message):
     identification.check_options(**sound)
     with pytest.raises(ValueError, match=re.escape(message)):
         identification.check_options(**{**sound, **option})
+
+
+def test_a_step_to_lengths_at_which_the_loop_does_not_close_is_shortened():
+    """Near its singular position the loop turns ever faster with its lengths, so that the first step goes too far."""
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    rng = np.random.default_rng(0)
+    q = irb6660_positions(rng, 30)
+    q[:, 2] = q[:, 1] + np.radians(82.0)
+    x, rod = np.zeros(len(model)), model.indices(["loop.rod"])
+    x[rod] = 15e-3
+    drive = model.robot.four_bar
+    assert drive.closes(q, x[-3:]).all()
+    assert not drive.closes(q, 1.2 * x[-3:]).any()
+    campaign, truth = measure(rng, model, q, x, sigma=3e-5)
+    frames = Registration(
+        T_tracker_base=truth.T_tracker_base,
+        T_tool_target=truth.T_tool_target,
+        rms=0.0,
+        unlocated=np.zeros((3, 3)),
+    )
+    found = identify(model, campaign, keep=["loop.rod"], registration=frames, frames="fixed", prior_scale=10.0)
+    np.testing.assert_allclose(found.estimate[rod], x[rod], atol=1e-5)
+
+
+def test_a_row_at_which_the_loop_does_not_close_is_named_though_the_frames_are_given():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    campaign, _ = measure(np.random.default_rng(0), model, irb6660_positions(np.random.default_rng(1), 30))
+    frames, q = register(model, campaign), campaign.q.copy()
+    q[7, 2] = q[7, 1] + np.radians(100.0)
+    folded = replace(campaign, q=q)
+    for registration in (None, frames):
+        with pytest.raises(CampaignError, match=r"four-bar does not close at row 7 \(id 7\): .*folded over"):
+            identify(model, folded, registration=registration, model_error=0.0)

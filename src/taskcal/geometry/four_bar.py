@@ -18,6 +18,13 @@ from taskcal.errors import ClosureError
 from taskcal.geometry.compiled import compiled
 
 
+REMEDY = (
+    "the loop is singular where rod and arm line up with the levers: keep the two angles well under 90° apart and check the "
+    "joint columns, their order and signs"
+)
+"""What errors about a loop say that does not close, or has folded over."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class FourBar:
     """Lengths in metres, angles in radians."""
@@ -36,6 +43,14 @@ class FourBar:
     """ρ, of the rocker's lever against θ."""
     assembly: Literal[1, -1] = 1
     """+1 where the rod, seen from the crank, points to the side of the rocker's lever turned by +90°; −1 for the other."""
+
+    def describe(self, arm_angle: float, crank_angle: float) -> str:
+        """The loop at one arm angle α and crank angle κ, radians, as errors name it."""
+        alpha, kappa = np.degrees((arm_angle, crank_angle))
+        return (
+            f"arm at {alpha:.3f}°, crank at {kappa:.3f}° ({kappa - alpha:+.3f}° apart), with crank {self.crank * 1e3:g}, rod "
+            f"{self.rod * 1e3:g}, rocker {self.rocker * 1e3:g} and arm {self.arm * 1e3:g} mm"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,14 +106,7 @@ def close_four_bar(bar: FourBar, arm_angle: Float[np.ndarray, " n"], crank_angle
         float(bar.assembly), out.angle, out.by_length, out.by_angle,
     )  # fmt: skip
     if fails >= 0:
-        alpha, kappa = np.degrees((arm_angle[fails], crank_angle[fails]))
-        raise ClosureError(
-            fails,
-            f"arm at {alpha:.3f}°, crank at {kappa:.3f}° ({kappa - alpha:+.3f}° apart), with crank {bar.crank * 1e3:g}, rod "
-            f"{bar.rod * 1e3:g}, rocker {bar.rocker * 1e3:g} and arm {bar.arm * 1e3:g} mm; the loop is singular where rod and "
-            "arm line up with the levers: keep the two angles well under 90° apart and check the joint columns, their order "
-            "and signs",
-        )
+        raise ClosureError(fails, f"{bar.describe(arm_angle[fails], crank_angle[fails])}; {REMEDY}")
     return out
 
 

@@ -20,7 +20,7 @@ from taskcal.geometry import normal_equations
 from taskcal.identification.calibration import Calibration, Outlier, Provenance
 from taskcal.identification.problem import FrameLayout, Problem, observe, whitener
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import Registration, check_plausible, check_rows, register
+from taskcal.measurement.registration import Registration, check_plausible, check_rows, nominal_poses, register
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.effects import Thermal, WarmUp
 from taskcal.robot.error_model import ErrorModel
@@ -93,8 +93,8 @@ def identify(
         the calibration: estimate, covariance, residuals, and predictions with their uncertainty.
 
     Raises:
-        CampaignError: too few rows, joints and points that do not belong together, or a model that depends on
-            temperature or time and a row without.
+        CampaignError: too few rows, a row at which the nominal robot's closed loop does not close, joints and points that do
+            not belong together, or a model that depends on temperature or time and a row without.
         UnknownName: a name in `keep` that the model does not have.
         FitError: the fit did not converge.
     """
@@ -106,8 +106,9 @@ def identify(
         _ = campaign.known_temperature
     if any(isinstance(effect, WarmUp) for effect in model.effects):
         _ = campaign.known_time
+    poses = nominal_poses(model, campaign)
     if registration is None:
-        registration = register(model, campaign)
+        registration = register(model, campaign, poses)
         check_plausible(registration, model, campaign)
     layout = FrameLayout(
         model=model,

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.errors import ClosureError
 from taskcal.geometry import normal_equations, se3
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
 from taskcal.geometry.normal_equations import Observations, Points, Walked
@@ -173,8 +174,19 @@ class Problem:
     def equations(
         self, whitener: Float[np.ndarray, "n targets b b"], loss: int, threshold: float
     ) -> normal_equations.WhitenedEquations:
-        """Cost, gradient and information as functions of z."""
-        return lambda z: normal_equations.normal_equations(self.walked(z), self.seen, whitener, loss, threshold)
+        """Cost, gradient and information as functions of z; the cost is infinite where a closed loop does not close.
+
+        A step may lead there on the way to lengths that do close: the fit takes a shorter one then.
+        """
+
+        def evaluate(z: Float[np.ndarray, " z"]) -> tuple[float, np.ndarray, np.ndarray]:
+            try:
+                walked = self.walked(z)
+            except ClosureError:
+                return np.inf, np.zeros(len(z)), np.zeros((len(z), len(z)))
+            return normal_equations.normal_equations(walked, self.seen, whitener, loss, threshold)
+
+        return evaluate
 
 
 def whitener(covariance: Float[np.ndarray, "n targets b b"]) -> Float[np.ndarray, "n targets b b"]:

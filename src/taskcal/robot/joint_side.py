@@ -8,7 +8,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.geometry.four_bar import FourBar, can_close, close_four_bar
+from taskcal.errors import ClosureError
+from taskcal.geometry.four_bar import REMEDY, FourBar, can_close, close_four_bar
 from taskcal.robot.conditions import Conditions
 
 
@@ -83,7 +84,11 @@ class JointMap:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FourBarDrive:
-    """A four-bar between a motor's crank and its link, which turns by θ where a parallelogram would turn it by κ."""
+    """A four-bar between a motor's crank and its link, which turns by θ where a parallelogram would turn it by κ.
+
+    It is built on the side where the rocker turns with the crank, ∂θ/∂κ > 0. The equations have solutions beyond the position
+    where rod and crank line up, too: there a parallelogram has become an antiparallelogram, which no robot is driven into.
+    """
 
     bar: FourBar
     """Nominal lengths."""
@@ -119,10 +124,17 @@ class FourBarDrive:
         """δs = output·(θ − κ), with ξ the deviations of crank, rod and rocker from nominal, metres.
 
         Raises:
-            ClosureError: the loop does not close at some pose.
+            ClosureError: the loop does not close at some pose, or only folded over.
         """
-        alpha, kappa = q @ self.arm, q @ self.crank
-        closure = close_four_bar(self._built(xi), alpha, kappa)
+        alpha, kappa, bar = q @ self.arm, q @ self.crank, self._built(xi)
+        closure = close_four_bar(bar, alpha, kappa)
+        folded = closure.by_angle[:, 1] <= 0.0
+        if folded.any():
+            first = int(np.argmax(folded))
+            raise ClosureError(
+                first,
+                f"{bar.describe(alpha[first], kappa[first])}, but folded over, its rocker turning against the crank; {REMEDY}",
+            )
 
         def slope() -> Float[np.ndarray, "n coordinates joints"]:
             turn = closure.by_angle[:, :1] * self.arm + (closure.by_angle[:, 1:] - 1.0) * self.crank
@@ -135,8 +147,16 @@ class FourBarDrive:
         )
 
     def closes(self, q: Float[np.ndarray, "n joints"], xi: Float[np.ndarray, " 3"]) -> Bool[np.ndarray, " n"]:
-        """Whether the loop closes at each pose, with ξ the deviations of crank, rod and rocker from nominal, metres."""
-        return can_close(self._built(xi), q @ self.arm, q @ self.crank)
+        """Whether the loop closes at each pose on the side it is built on.
+
+        Args:
+            q: joint positions, radians.
+            xi: deviations of crank, rod and rocker from nominal, metres.
+        """
+        alpha, kappa, bar = q @ self.arm, q @ self.crank, self._built(xi)
+        out = can_close(bar, alpha, kappa)
+        out[out] = close_four_bar(bar, alpha[out], kappa[out]).by_angle[:, 1] > 0.0
+        return out
 
     def _built(self, xi: Float[np.ndarray, " 3"]) -> FourBar:
         bar = self.bar
