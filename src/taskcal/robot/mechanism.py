@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.geometry.four_bar import close_four_bar
+from taskcal.errors import RobotError
+from taskcal.geometry.four_bar import FourBar, can_close, close_four_bar
 from taskcal.robot.joint_side import FourBarDrive
 from taskcal.robot.robot import Robot
 
@@ -83,7 +84,8 @@ def _turning(robot: Robot, coefficients: np.ndarray) -> str:
 def _loop_screws(drive: FourBarDrive) -> Float[np.ndarray, "6 5"]:
     """Unit screws (ω, −ω × r) of the loop's five joints at an ordinary position, the loop's plane being x y."""
     bar = drive.bar
-    alpha, kappa = 0.1, 0.3
+    alpha = 0.1
+    kappa = _ordinary(bar, alpha)
     theta = float(close_four_bar(bar, np.array([alpha]), np.array([kappa])).angle[0])
 
     def at(length: float, angle: float) -> np.ndarray:
@@ -99,3 +101,19 @@ def _loop_screws(drive: FourBarDrive) -> Float[np.ndarray, "6 5"]:
     ]
     axis = np.array([0.0, 0.0, 1.0])
     return np.array([np.concatenate([axis, np.cross(r, axis)]) for r in points]).T
+
+
+def _ordinary(bar: FourBar, alpha: float) -> float:
+    """A crank angle at which the loop closes, in the middle of the widest range of such.
+
+    Raises:
+        RobotError: it closes nowhere.
+    """
+    # a range may go on from half a turn to minus half a turn
+    kappa = alpha + np.linspace(-np.pi, 3.0 * np.pi, 1441)
+    closing = np.concatenate([[False], can_close(bar, np.full(len(kappa), alpha), kappa), [False]])
+    first, end = np.flatnonzero(np.diff(closing)).reshape(-1, 2).T
+    if not len(first):
+        raise RobotError(f"the four-bar closes at no angle: {bar.describe(alpha, alpha)}; check the four lengths")
+    widest = int(np.argmax(end - first))
+    return float(kappa[(first[widest] + end[widest] - 1) // 2])
