@@ -11,12 +11,12 @@ from pathlib import Path
 
 import plotly.graph_objects as go
 
-from taskcal.adaptation.procedure import ONE, run_procedure
-from taskcal.cli.demo import ROBOT
 from taskcal.cli.round_trip import run_round_trips
-from taskcal.correction.round_trip import largest
-from taskcal.presentation.prediction_figures import draw_error_over_angle
-from taskcal.presentation.round_trip_report import draw_round_trips
+from taskcal.demo.closed_loop import largest
+from taskcal.demo.closed_loop_report import draw_round_trips
+from taskcal.demo.prediction_figures import draw_error_over_angle
+from taskcal.demo.procedure import ONE, run_procedure
+from taskcal.demo.reference_task import ROBOT
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 

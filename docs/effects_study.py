@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from taskcal.adaptation.elastic_robot import GEARS, elastic_model
-from taskcal.adaptation.model_trial import try_models
-from taskcal.adaptation.procedure import reference_task
-from taskcal.cli.demo import ROBOT
+from taskcal.demo.elastic_robot import GEARS, elastic_model
+from taskcal.demo.model_trial import try_models
+from taskcal.demo.reference_task import ROBOT, reference_task
 from taskcal.estimation.blas import single_threaded
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.explain import CANDIDATES, PERIODIC, explain

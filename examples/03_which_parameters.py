@@ -1,10 +1,9 @@
 """Which parameters matter in a task, which can be told apart there, and how few of them are enough."""
 
 import taskcal as tc
-from taskcal.adaptation.procedure import reference_task
 
 model = tc.ErrorModel(tc.load_robot("abb-irb6660-205-1.9"))
-task = reference_task()  # one tool orientation
+task = tc.reference_task()  # one tool orientation
 q = tc.reach_task(model, task, count=60).q
 
 table = tc.sensitivity(model, q).to_frame().nlargest(5, "max_space_um")

@@ -3,7 +3,7 @@
 import numpy as np
 
 import taskcal as tc
-from taskcal.correction.round_trip import furnish, go_round
+from taskcal.demo.closed_loop import furnish, go_round
 
 shop = furnish(tc.load_robot("abb-irb6660-205-1.9"), poses=60)
 print(f"{len(shop.program.moves)} motions in {shop.milling.source.path}, {len(shop.q)} poses to measure")

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from taskcal.adaptation.plan import Plan as Plan
     from taskcal.adaptation.plan import plan as plan
-    from taskcal.adaptation.procedure import reference_task as reference_task
     from taskcal.adaptation.selection import Selection as Selection
     from taskcal.adaptation.selection import select as select
     from taskcal.adaptation.study import Study as Study
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
     from taskcal.correction.correction import Bounds as Bounds
     from taskcal.correction.correction import Correction as Correction
     from taskcal.correction.inverse import solve_calibrated as solve_calibrated
+    from taskcal.demo.reference_task import reference_task as reference_task
     from taskcal.errors import TaskcalError as TaskcalError
     from taskcal.estimation.loss import Cauchy as Cauchy
     from taskcal.estimation.loss import Huber as Huber
@@ -134,7 +134,7 @@ _HOME = {
     "read_path_cycles": "measurement.cycles",
     "read_pose_cycles": "measurement.cycles",
     "read_program": "programs.reading",
-    "reference_task": "adaptation.procedure",
+    "reference_task": "demo.reference_task",
     "register": "measurement.registration",
     "register_from_circles": "measurement.axis_circles",
     "select": "adaptation.selection",

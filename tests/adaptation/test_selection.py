@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.adaptation.procedure import reference_task
 from taskcal.adaptation.selection import SUFFICIENT, select
+from taskcal.demo.reference_task import reference_task
 from taskcal.errors import CampaignError, ReachError
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from taskcal.adaptation import study as studying
-from taskcal.adaptation.procedure import reference_task
 from taskcal.adaptation.selection import select
 from taskcal.adaptation.study import study
 from taskcal.analysis.elimination_table import published_kept
+from taskcal.demo.reference_task import reference_task
 from taskcal.errors import FileError, TaskcalError, UnknownName
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import simulate

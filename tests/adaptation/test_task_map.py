@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from taskcal.adaptation.expected_error import design
-from taskcal.adaptation.procedure import reference_task
 from taskcal.adaptation.task_map import (
     map_expected,
     map_sensitivity,
@@ -14,6 +13,7 @@ from taskcal.adaptation.task_map import (
     map_uncertainty,
     slice_workspace,
 )
+from taskcal.demo.reference_task import reference_task
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.correction.milling import milling_program
+from taskcal.demo.milling import milling_program
 from taskcal.geometry import se3
 from taskcal.identification.calibration import load_calibration
 from taskcal.identification.identify import identify

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taskcal.adaptation.expected_error import design
-from taskcal.adaptation.procedure import reference_task
+from taskcal.demo.reference_task import reference_task
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot

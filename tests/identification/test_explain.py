@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from taskcal.adaptation.procedure import SPREAD, reference_task
+from taskcal.demo.procedure import SPREAD
+from taskcal.demo.reference_task import reference_task
 from taskcal.identification.calibration import load_calibration
 from taskcal.identification.explain import CANDIDATES, PROOF, SOFT, explain, with_field
 from taskcal.identification.field import learn_field

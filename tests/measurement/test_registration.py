@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from taskcal.adaptation.procedure import reference_task
+from taskcal.demo.reference_task import reference_task
 from taskcal.errors import CampaignError
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import check_plausible, check_rows, register

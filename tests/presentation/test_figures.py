@@ -1,20 +1,20 @@
 """Figures show the numbers they are given, in the units their axes name."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import plotly.graph_objects as go
 import pytest
-from scipy.stats import chi2
 
-from taskcal.adaptation.predictions import Predictions
-from taskcal.adaptation.procedure import SEVERAL, Procedure
+from taskcal.analysis.elimination_table import EliminationTable, tabulate_elimination
+from taskcal.analysis.sensitivity import Sensitivity, sensitivity
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.identify import identify
+from taskcal.measurement.virtual_cell import Truth, simulate
 from taskcal.presentation.fit_figures import draw_parameters, draw_residuals
 from taskcal.presentation.model_figures import draw_sensitivities, draw_singular_values
-from taskcal.presentation.prediction_figures import (
-    draw_coverage,
-    draw_error_over_angle,
-    draw_held_out,
-    draw_workspace,
-)
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
 
 
 def axis_titles(figure: go.Figure) -> str:
@@ -24,102 +24,75 @@ def axis_titles(figure: go.Figure) -> str:
     return " ".join(axis.get("title", {}).get("text", "") for axis in axes)
 
 
-def predictions_of(covariance: np.ndarray, error: np.ndarray, where: str = "same orientations") -> Predictions:
-    n = len(error)
-    return Predictions(
-        campaign=SEVERAL,
-        model="all 45, prior",
-        where=where,
-        q=np.zeros((len(error), 6)),
-        position=np.linspace(0.0, 1.0, 3 * n).reshape(n, 3),
-        angle=np.linspace(0.0, 0.5, n),
-        error=error,
-        covariance=np.broadcast_to(covariance, (n, 3, 3)),
-    )
+@pytest.fixture(scope="module")
+def model() -> ErrorModel:
+    return ErrorModel(load_robot("abb-irb120"))
 
 
 @pytest.fixture(scope="module")
-def predictions() -> list[Predictions]:
-    rng = np.random.default_rng(1)
-    factor = 1e-5 * rng.normal(size=(3, 3))
-    return [predictions_of(factor @ factor.T, rng.normal(size=(3000, 3)) @ factor.T)]
+def poses(model: ErrorModel) -> Mapping[str, np.ndarray]:
+    """All joints move; the first three alone."""
+    q = np.random.default_rng(3).uniform(*0.5 * model.robot.limits.T, size=(30, 6))
+    return {"all": q, "arm": np.where(np.arange(6) < 3, q, 0.3)}
 
 
-def test_sensitivities_are_drawn_scaled_and_per_unit(procedure: Procedure) -> None:
-    figure = draw_sensitivities(procedure.sensitivities, procedure.elimination.eliminations)
+@pytest.fixture(scope="module")
+def sensitivities(model: ErrorModel, poses: Mapping[str, np.ndarray]) -> Mapping[str, Sensitivity]:
+    return {label: sensitivity(model, q) for label, q in poses.items()}
+
+
+@pytest.fixture(scope="module")
+def elimination(model: ErrorModel, poses: Mapping[str, np.ndarray]) -> EliminationTable:
+    return tabulate_elimination(model, dict(poses))
+
+
+@pytest.fixture(scope="module")
+def truth_and_fits(model: ErrorModel, poses: Mapping[str, np.ndarray]) -> tuple[Truth, dict[str, Calibration]]:
+    campaign, truth = simulate(model, poses["all"], rng=np.random.default_rng(4))
+    return truth, {"frames only": identify(model, campaign, keep=()), "whole": identify(model, campaign)}
+
+
+def test_sensitivities_are_drawn_scaled_and_per_unit(
+    sensitivities: Mapping[str, Sensitivity], elimination: EliminationTable
+) -> None:
+    figure = draw_sensitivities(sensitivities, elimination.eliminations)
     assert len(figure.data) == 6
-    found = procedure.sensitivities[SEVERAL]
+    found = sensitivities["arm"]
     np.testing.assert_allclose(figure.data[5].y, found.maximum(scaled=True)[2] * 1e6)
     scaled, raw = (button.args[0]["y"] for button in figure.layout.updatemenus[0].buttons)
     np.testing.assert_allclose(scaled[5], figure.data[5].y)
     np.testing.assert_allclose(raw[5], found.maximum()[2])
     pale = [opacity < 1.0 for opacity in figure.data[3].marker.opacity]
-    assert pale.count(False) == procedure.elimination.eliminations[SEVERAL].rank
+    assert pale.count(False) == elimination.eliminations["arm"].rank
     assert "µm" in axis_titles(figure)
 
 
-def test_singular_values_say_how_many_count(procedure: Procedure) -> None:
-    figure = draw_singular_values(procedure.elimination.eliminations)
-    assert [trace.name.split(": ")[1] for trace in figure.data[:2]] == ["24 of 45 count", "25 of 45 count"]
+def test_singular_values_say_how_many_count(model: ErrorModel, elimination: EliminationTable) -> None:
+    figure = draw_singular_values(elimination.eliminations)
+    ranks = [found.rank for found in elimination.eliminations.values()]
+    assert ranks[0] > ranks[1]
+    assert [trace.name.split(": ")[1] for trace in figure.data[:2]] == [f"{r} of {len(model)} count" for r in ranks]
     assert all((np.asarray(trace.y) > 0.0).all() for trace in figure.data)
 
 
-def test_one_model_of_residuals_is_shown_at_a_time(procedure: Procedure) -> None:
-    panels = {
-        label: {f.model: f.calibration for f in procedure.fits if f.campaign == label} for label in procedure.campaigns
-    }
-    figure = draw_residuals(panels, "published 33, prior")
+def test_one_model_of_residuals_is_shown_at_a_time(truth_and_fits: tuple[Truth, dict[str, Calibration]]) -> None:
+    fits = truth_and_fits[1]
+    figure = draw_residuals({"a": fits, "b": fits}, "whole")
     shown = [i for i, trace in enumerate(figure.data) if trace.visible]
     assert len(shown) == 6
     menu = figure.layout.updatemenus[0]
     assert np.flatnonzero(menu.buttons[menu.active].args[0]["visible"]).tolist() == shown
-    fit = next(f for f in procedure.fits if f.model == "published 33, prior")
     lengths = np.linalg.norm([figure.data[i].y for i in shown[:3]], axis=0)
-    np.testing.assert_allclose(lengths, 1e6 * np.linalg.norm(fit.calibration.residuals[:, 0], axis=1))
+    np.testing.assert_allclose(lengths, 1e6 * np.linalg.norm(fits["whole"].residuals[:, 0], axis=1))
     assert "µm" in axis_titles(figure)
 
 
-def test_parameters_are_drawn_in_millimetres_and_milliradians(procedure: Procedure) -> None:
-    whole = {f.campaign: f.calibration for f in procedure.fits if f.parameters == len(procedure.model)}
-    figure = draw_parameters(whole, procedure.truth.x)
-    truth = np.concatenate([trace.y for trace in figure.data if trace.name == "truth"])
-    assert sorted(truth) == pytest.approx(sorted(procedure.truth.x * 1e3))
+def test_parameters_are_drawn_in_millimetres_and_milliradians(
+    truth_and_fits: tuple[Truth, dict[str, Calibration]],
+) -> None:
+    truth, fits = truth_and_fits
+    figure = draw_parameters({"whole": fits["whole"]}, truth.x)
+    drawn = np.concatenate([trace.y for trace in figure.data if trace.name == "truth"])
+    assert sorted(drawn) == pytest.approx(sorted(truth.x * 1e3))
     assert "defect (mm)" in axis_titles(figure)
     assert "defect (mrad)" in axis_titles(figure)
-
-
-def test_held_out_errors_are_all_inside_the_axis(procedure: Procedure) -> None:
-    figure = draw_held_out(procedure.fits)
-    low, high = figure.layout.xaxis.range
-    drawn = np.concatenate([np.asarray(trace.x, dtype=float) for trace in figure.data])
-    expected = [v * 1e6 for f in procedure.fits for e in (f.inside, f.outside) for v in (e.mean, e.maximum)]
-    assert set(np.round(drawn, 6)) == set(np.round(expected, 6))
-    assert low < np.log10(drawn).min()
-    assert np.log10(drawn).max() < high
-
-
-def test_coverage_of_a_right_statement_is_the_diagonal(predictions: list[Predictions]) -> None:
-    figure = draw_coverage(predictions)
-    curve = next(trace for trace in figure.data if trace.mode == "lines")
-    np.testing.assert_allclose(curve.y, curve.x, atol=3.0)  # 3000 poses: one standard deviation is 0.9 % at most
-    assert "%" in axis_titles(figure)
-    assert predictions[0].share_inside(0.95) == pytest.approx(0.95, abs=0.02)
-
-
-def test_squared_distance_has_three_degrees_of_freedom(predictions: list[Predictions]) -> None:
-    assert predictions[0].squared_distance.mean() == pytest.approx(chi2.mean(3), rel=0.1)
-    assert predictions[0].stated[0] ** 2 == pytest.approx(np.mean(predictions[0].length ** 2), rel=0.1)
-
-
-def test_views_of_the_workspace_share_their_colours(predictions: list[Predictions]) -> None:
-    larger = predictions_of(predictions[0].covariance[0], 10.0 * predictions[0].error[:50], "turned farther")
-    figure = draw_workspace([predictions[0], larger], {SEVERAL: np.zeros((4, 3))})
-    assert len({trace.marker.cmax for trace in figure.data if trace.name == "new poses"}) == 1
-    assert [trace.visible for trace in figure.data] == [True, True, False, False]
-    assert "X (mm)" in axis_titles(figure)
-
-
-def test_errors_are_drawn_over_degrees(predictions: list[Predictions]) -> None:
-    figure = draw_error_over_angle(predictions)
-    assert max(figure.data[0].x) == pytest.approx(np.degrees(0.5))
-    assert "°" in axis_titles(figure)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from taskcal.adaptation.procedure import reference_task
 from taskcal.analysis.elimination_table import published_kept
 from taskcal.analysis.identifiability import identifiability
 from taskcal.analysis.sensitivity import sensitivity
+from taskcal.demo.reference_task import reference_task
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.mechanism import analyse_mechanism

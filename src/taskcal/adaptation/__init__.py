@@ -1,1 +1,1 @@
-"""The model adapted to the task: a publication's procedure, expected task error, the choice of parameters."""
+"""The model adapted to the task: expected task error, the choice of parameters and of measuring poses, studies."""

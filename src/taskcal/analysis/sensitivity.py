@@ -21,7 +21,7 @@ class Sensitivity:
     """Metres per metre and metres per radian."""
 
     def maximum(self, *, scaled: bool = False) -> Float[np.ndarray, "3 p"]:
-        """Largest influence of each parameter on |X|, |Y| and |Z| over the poses; the publication's figure 5.
+        """Largest influence of each parameter on |X|, |Y| and |Z| over the poses.
 
         Args:
             scaled: multiply by each parameter's tolerance: metres that the defect to be expected moves the tool.

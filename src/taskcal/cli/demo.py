@@ -9,10 +9,10 @@ from taskcal.cli.options import JsonOption, SeedOption
 from taskcal.cli.output import started_as
 
 if TYPE_CHECKING:
-    from taskcal.adaptation.procedure import Errors, Procedure
+    from taskcal.demo.procedure import Procedure
+    from taskcal.demo.tool_point_errors import Errors
     from taskcal.robot.robot import Robot
 
-ROBOT = "abb-irb6660-205-1.9"
 HELD_OUT = 400
 
 Output = Annotated[
@@ -49,12 +49,13 @@ def demo(
     effects beside the geometry, a milling program corrected, and the way of
     the true cutter before and after.
     """
-    from taskcal.adaptation.procedure import run_procedure
     from taskcal.cli.output import announce_compilation, console, working, write_json
+    from taskcal.demo.procedure import run_procedure
+    from taskcal.demo.procedure_report import procedure_html
+    from taskcal.demo.reference_task import ROBOT
     from taskcal.errors import FileError
     from taskcal.files import write_whole
     from taskcal.identification.calibration import package_version
-    from taskcal.presentation.procedure_report import procedure_html
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
 
@@ -102,7 +103,7 @@ def _close_the_loop(
 
 def _write_data(procedure: "Procedure", folder: Path) -> dict[str, Path]:
     """Campaigns, and the calibrations of the whole model."""
-    from taskcal.adaptation.procedure import ONE, SEVERAL
+    from taskcal.demo.procedure import ONE, SEVERAL
     from taskcal.measurement.writer import write_campaign
 
     names = {ONE: "one-orientation", SEVERAL: "several-orientations"}
@@ -118,7 +119,8 @@ def _write_data(procedure: "Procedure", folder: Path) -> dict[str, Path]:
 
 
 def _next_steps(folder: Path, files: dict[str, Path]) -> str:
-    from taskcal.adaptation.procedure import ONE, SEVERAL
+    from taskcal.demo.procedure import ONE, SEVERAL
+    from taskcal.demo.reference_task import ROBOT
 
     one, several = files[f"campaign {ONE}"], files[f"campaign {SEVERAL}"]
     taskcal = started_as()
@@ -137,8 +139,8 @@ def _next_steps(folder: Path, files: dict[str, Path]) -> str:
 def _show(out: Any, procedure: "Procedure") -> None:
     from rich.text import Text
 
-    from taskcal.presentation import procedure_tables as tables
-    from taskcal.presentation.procedure_report import summary_points
+    from taskcal.demo import procedure_tables as tables
+    from taskcal.demo.procedure_report import summary_points
     from taskcal.presentation.terminal import print_tables
 
     robot = procedure.model.robot

@@ -9,10 +9,10 @@ import joblib
 
 from taskcal.cli.output import started_as
 from taskcal.correction.cell_file import write_cell
-from taskcal.correction.round_trip import RoundTrip, Shop, furnish, go_round
+from taskcal.demo.closed_loop import RoundTrip, Shop, furnish, go_round
+from taskcal.demo.closed_loop_report import round_trip_html, tabulate_round_trips
 from taskcal.files import write_whole
 from taskcal.identification.calibration import package_version
-from taskcal.presentation.round_trip_report import round_trip_html, tabulate_round_trips
 from taskcal.presentation.terminal import print_tables
 from taskcal.robot.robot import Robot
 

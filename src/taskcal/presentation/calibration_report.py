@@ -11,7 +11,6 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.remainder import Remainder
 from taskcal.presentation.content import Block, Chart, Numbers, Section, Table, Text
 from taskcal.presentation.fit_figures import draw_parameters, draw_residuals
-from taskcal.presentation.procedure_tables import label_of
 from taskcal.presentation.remainder_section import remainder_section
 from taskcal.presentation.report import report_html
 from taskcal.presentation.seen import seen_parameters
@@ -198,7 +197,7 @@ def _parameters(calibration: Calibration) -> Section:
         values = calibration.estimate[i], calibration.standard_errors[i], p.tolerance
         rows.append(
             (
-                label_of(p),
+                p.label,
                 unit.name,
                 *(f"{v * unit.factor:.4f}" for v in values),
                 "not seen" if seen[p.name] is False else "",

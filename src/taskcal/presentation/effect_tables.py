@@ -2,7 +2,6 @@
 
 from taskcal.analysis.sensitivity import Sensitivity
 from taskcal.presentation.content import Table
-from taskcal.presentation.procedure_tables import label_of
 
 
 def tabulate_effects(found: Sensitivity) -> Table:
@@ -19,7 +18,7 @@ def tabulate_effects(found: Sensitivity) -> Table:
     for i, p in enumerate(found.model.parameters):
         rows.append(
             (
-                label_of(p),
+                p.label,
                 p.shown.influence,
                 *(f"{values[i] * to_shown[i]:.3f}" for values in raw),
                 f"{p.tolerance * p.shown.factor:g} {p.shown.name}",

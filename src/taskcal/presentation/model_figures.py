@@ -19,7 +19,7 @@ FLOOR = 1e-18
 def draw_sensitivities(
     sensitivities: Mapping[str, Sensitivity], eliminations: Mapping[str, Identifiability]
 ) -> go.Figure:
-    """Largest influence of each parameter on X, Y and Z, for its tolerance or per unit; the publication's figure 5.
+    """Largest influence of each parameter on X, Y and Z, for its tolerance or per unit.
 
     Args:
         sensitivities: a panel for each set of poses.

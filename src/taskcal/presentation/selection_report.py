@@ -5,7 +5,6 @@ from taskcal.analysis.sensitivity import Sensitivity
 from taskcal.presentation.content import Chart, Numbers, Points, Section, Table, Text
 from taskcal.presentation.effect_figures import draw_effects
 from taskcal.presentation.effect_tables import tabulate_effects
-from taskcal.presentation.procedure_tables import label_of
 from taskcal.presentation.report import report_html
 from taskcal.presentation.selection_figures import REFERENCES, draw_ladder
 from taskcal.presentation.task_section import TaskCurves, TaskMaps, task_section
@@ -37,7 +36,7 @@ def selection_html(
         version: of the package, for the footer.
     """
     chosen = next(rung for rung in found.ladder if rung.size == len(found.kept))
-    labels = {p.name: label_of(p) for p in model.parameters}
+    labels = {p.name: p.label for p in model.parameters}
     crossed = chosen.cross_validated is not None
     sections = [
         Section(

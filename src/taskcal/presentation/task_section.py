@@ -8,7 +8,6 @@ from jaxtyping import Float
 
 from taskcal.adaptation.task_map import Slice
 from taskcal.presentation.content import Block, Chart, Section, Text
-from taskcal.presentation.procedure_tables import label_of
 from taskcal.presentation.task_figures import Maps, draw_curves, draw_maps
 from taskcal.robot.error_model import ErrorModel
 
@@ -62,7 +61,7 @@ def task_section(model: ErrorModel, found: TaskMaps | TaskCurves, identified: st
         )
     else:
         shown = "Drawn in one tool orientation, that of the task's middle. White: out of the robot's reach there."
-        labels = {p.name: label_of(p) for p in model.parameters}
+        labels = {p.name: p.label for p in model.parameters}
         # the strongest first: it is what a reader sees before choosing
         strongest = sorted(
             found.effects, key=lambda name: -max(float(np.nanmax(m, initial=0.0)) for m in found.effects[name])

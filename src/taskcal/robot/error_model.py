@@ -32,7 +32,12 @@ class Parameter:
     tolerance: float
     """Standard deviation that manufacturing leaves, in that unit."""
     symbol: str = ""
-    """Its name in a publication."""
+    """Its name in the robot file, if it has one there."""
+
+    @property
+    def label(self) -> str:
+        """The name, with the robot file's symbol behind it."""
+        return f"{self.name} ({self.symbol})" if self.symbol else self.name
 
     @property
     def shown(self) -> ShownUnit:
@@ -56,7 +61,7 @@ class ErrorModel:
 
     The error frame of a joint follows its rotation: E = T(tx, ty, tz)·Rx·Ry·Rz in the joint's own frame; the tool's
     follows the tool's transform. With ``lengths_only`` the model has the robot's nominal dimensions as its only
-    parameters, as in the first step of Gutiérrez et al.
+    parameters.
 
     Args:
         robot: the robot.
@@ -174,7 +179,7 @@ class ErrorModel:
     def indices(self, names: Iterable[str]) -> Int[np.ndarray, " kept"]:
         """Positions of the named parameters, in the model's order.
 
-        A name may also be a publication's symbol, or a joint's or ``tool``, which stands for its six parameters.
+        A name may also be a symbol of the robot file, or a joint's or ``tool``, which stands for its six parameters.
 
         Raises:
             UnknownName: no such parameter.

@@ -238,8 +238,8 @@ class TaskFile(Section):
         workspace = Workspace(
             T_base_frame=frame,
             shape=section.shape,
-            center=np.array(section.center_mm) * 1e-3,
-            size=np.array(size) * 1e-3,
+            center=np.array(section.center_mm) / 1e3,
+            size=np.array(size) / 1e3,
             turned=_along(np.array(section.axis)) if section.shape == "cylinder" else np.eye(3),
             orientations=tuple(o.orientation() for o in section.orientation),
         )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taskcal.correction.round_trip import furnish, go_round, largest
+from taskcal.demo.closed_loop import furnish, go_round, largest
 
 
 @pytest.fixture(scope="module")

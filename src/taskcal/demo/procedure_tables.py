@@ -1,17 +1,13 @@
 """Tables of the published procedure, the same for the page and for the terminal."""
 
-from taskcal.adaptation.procedure import ONE, Errors, Procedure
 from taskcal.analysis.elimination_table import published_kept
+from taskcal.demo.procedure import ONE, Procedure
+from taskcal.demo.tool_point_errors import Errors
 from taskcal.presentation.content import Table
 from taskcal.robot.error_model import COMPONENTS, ErrorModel, Parameter
 
 PUBLISHED_RESIDUALS = "180.3", "95.7", "122.2", "91.9"
 """Largest residuals in space and on X, Y, Z of Gutiérrez et al., measured robot, 33 parameters, µm."""
-
-
-def label_of(parameter: Parameter) -> str:
-    """Our name of a parameter, with the publication's behind it."""
-    return f"{parameter.name} ({parameter.symbol})" if parameter.symbol else parameter.name
 
 
 def tabulate_model(model: ErrorModel) -> Table:
@@ -49,7 +45,7 @@ def tabulate_influences(procedure: Procedure, limit: int | None = None) -> Table
     for i in order:
         parameter = procedure.model.parameters[i]
         cells = [f"{v:.0f}" for label in sets for v in (*per_axis[label][:, i], in_space[label][i])]
-        rows.append((label_of(parameter), *((_tolerance(parameter),) if whole else ()), *cells))
+        rows.append((parameter.label, *((_tolerance(parameter),) if whole else ()), *cells))
     short = {ONE: "one"}
     columns = [f"{axis}\n{short.get(label, label)}" for label in sets for axis in ("X", "Y", "Z", "space")]
     return Table.of_rows(
@@ -188,7 +184,7 @@ def tabulate_parameters(procedure: Procedure) -> Table:
             f"{calibration.estimate[i] * unit.factor:.3f} ± {calibration.standard_errors[i] * unit.factor:.3f}"
             for calibration in whole.values()
         ]
-        rows.append((label_of(parameter), unit.name, f"{procedure.truth.x[i] * unit.factor:.3f}", *cells))
+        rows.append((parameter.label, unit.name, f"{procedure.truth.x[i] * unit.factor:.3f}", *cells))
     return Table.of_rows(
         f"All {len(procedure.model)} parameters: estimates and truth",
         ("parameter", "unit", "truth", *whole),

@@ -5,19 +5,19 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.adaptation.predictions import Predictions
-from taskcal.adaptation.procedure import ONE, SEVERAL, Fitted, Procedure
 from taskcal.analysis.elimination_table import published_kept
-from taskcal.presentation import procedure_tables as tables
-from taskcal.presentation.content import Chart, Commands, Numbers, Points, Section, Table, Text
-from taskcal.presentation.fit_figures import draw_parameters, draw_residuals
-from taskcal.presentation.model_figures import draw_sensitivities, draw_singular_values
-from taskcal.presentation.prediction_figures import (
+from taskcal.demo import procedure_tables as tables
+from taskcal.demo.prediction_figures import (
     draw_coverage,
     draw_error_over_angle,
     draw_held_out,
     draw_workspace,
 )
+from taskcal.demo.predictions import Predictions
+from taskcal.demo.procedure import ONE, SEVERAL, Fitted, Procedure
+from taskcal.presentation.content import Chart, Commands, Numbers, Points, Section, Table, Text
+from taskcal.presentation.fit_figures import draw_parameters, draw_residuals
+from taskcal.presentation.model_figures import draw_sensitivities, draw_singular_values
 from taskcal.presentation.report import report_html
 
 

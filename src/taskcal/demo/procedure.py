@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.adaptation.predictions import Predictions
 from taskcal.analysis.elimination_table import EliminationTable, published_kept, tabulate_elimination
 from taskcal.analysis.sensitivity import Sensitivity, sensitivity
+from taskcal.demo.predictions import Predictions
+from taskcal.demo.reference_task import reference_task
+from taskcal.demo.tool_point_errors import Errors, errors_in_base
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.identify import identify
@@ -23,42 +25,13 @@ from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.virtual_cell import Truth, draw_defects, simulate
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.mechanism import Mechanism, analyse_mechanism
-from taskcal.task.task import Task, TaskPoses, reach_task
-from taskcal.task.workspace import Orientation, Workspace
+from taskcal.task.task import TaskPoses, reach_task
 
 ONE, SEVERAL = "one orientation", "±20°"
 SPREAD = np.radians(20.0)
 INSIDE, OUTSIDE = "same orientations", "turned farther"
 
 Progress = Callable[[str], None]
-
-
-def reference_task(spread: float = 0.0) -> Task:
-    """The reference machining workspace of the IRB 6660-205/1.9.
-
-    Args:
-        spread: how far the tool tilts and turns about its one orientation, radians.
-    """
-    quaternion = np.array([0.0, 0.955, 0.0, 0.296])
-    orientation = Orientation(rotation=se3.from_quaternion(quaternion), cone=spread, spin=spread)
-    workspace = Workspace(
-        T_base_frame=np.eye(4),
-        shape="box",
-        center=np.array([1.711, 0.03, 1.489]),
-        size=np.array([0.5, 0.7, 0.5]),
-        turned=np.eye(3),
-        orientations=(orientation,),
-    )
-    return Task(name="reference machining workspace", workspace=workspace, accuracy=1e-4)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Errors:
-    """Errors of the predicted tool point against the true one, in the robot's base axes, metres."""
-
-    mean: float
-    maximum: float
-    per_axis: tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -188,16 +161,3 @@ def _predict(
         error=truth.points(q)[:, 0] - calibration.predict(q)[:, 0],
         covariance=calibration.predict_covariance(q)[:, 0],
     )
-
-
-def errors_in_base(in_tracker: Float[np.ndarray, "n 3"], calibration: Calibration) -> Errors:
-    """The size of errors, along the robot's base axes.
-
-    Args:
-        in_tracker: errors of the tool point in the tracker frame, metres.
-        calibration: says how the base lies in it.
-    """
-    in_base = in_tracker @ calibration.T_tracker_base[:3, :3]
-    length = np.linalg.norm(in_base, axis=1)
-    x, y, z = np.abs(in_base).max(axis=0)
-    return Errors(mean=float(length.mean()), maximum=float(length.max()), per_axis=(float(x), float(y), float(z)))

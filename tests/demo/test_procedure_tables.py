@@ -3,9 +3,9 @@ import re
 import numpy as np
 import pytest
 
-from taskcal.adaptation.procedure import ONE, SEVERAL, Procedure
 from taskcal.analysis.elimination_table import published_kept
-from taskcal.presentation import procedure_tables as tables
+from taskcal.demo import procedure_tables as tables
+from taskcal.demo.procedure import ONE, SEVERAL, Procedure
 from taskcal.presentation.content import Table
 
 

@@ -5,9 +5,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from taskcal.adaptation.elastic_robot import GEARS, STIFFNESS, WEIGHTS, elastic_model
-from taskcal.adaptation.model_trial import try_models
-from taskcal.adaptation.procedure import reference_task
+from taskcal.demo.elastic_robot import GEARS, STIFFNESS, WEIGHTS, elastic_model
+from taskcal.demo.model_trial import try_models
+from taskcal.demo.reference_task import reference_task
 from taskcal.identification.explain import SOFT, explain
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot

@@ -8,8 +8,8 @@ from jaxtyping import Float
 from plotly.subplots import make_subplots
 from scipy.stats import chi2
 
-from taskcal.adaptation.predictions import Predictions
-from taskcal.adaptation.procedure import Fitted
+from taskcal.demo.predictions import Predictions
+from taskcal.demo.procedure import Fitted
 from taskcal.presentation.theme import BLUE, GREY, INK, SERIES, VERMILION, label_panels, styled, styled_space, switch
 
 LEVELS = np.linspace(0.0, 1.0, 101)

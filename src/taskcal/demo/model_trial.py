@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.adaptation.procedure import Errors, errors_in_base
+from taskcal.demo.tool_point_errors import Errors, errors_in_base
 from taskcal.identification.calibration import Calibration
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.virtual_cell import simulate

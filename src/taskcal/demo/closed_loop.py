@@ -12,15 +12,15 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.adaptation.plan import plan
-from taskcal.adaptation.procedure import reference_task
 from taskcal.correction.assessment import Deviations, assess
 from taskcal.correction.cell import Cell, Measured
 from taskcal.correction.controller import drive
 from taskcal.correction.correct import correct, piece_origins, wanted_ways
 from taskcal.correction.correction import Correction
-from taskcal.correction.milling import ROWS, Milling, milling_program
 from taskcal.correction.placement import Placed, Placement
 from taskcal.correction.relation import fit_points
+from taskcal.demo.milling import ROWS, Milling, milling_program
+from taskcal.demo.reference_task import reference_task
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.identify import identify

@@ -1,7 +1,7 @@
 import re
 
-from taskcal.adaptation.procedure import Procedure
-from taskcal.presentation.procedure_report import procedure_html, summary_points
+from taskcal.demo.procedure import Procedure
+from taskcal.demo.procedure_report import procedure_html, summary_points
 
 
 def test_the_page_has_every_part_and_no_number_that_is_none(procedure: Procedure) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 from jaxtyping import Float
 
-from taskcal.correction.round_trip import RoundTrip, Shop, largest
+from taskcal.demo.closed_loop import RoundTrip, Shop, largest
 from taskcal.presentation.content import Chart, Commands, Numbers, Section, Table, Text
 from taskcal.presentation.correction_figures import draw_errors, with_decades
 from taskcal.presentation.report import report_html
