@@ -161,7 +161,7 @@ def command(
         write_json(_as_json(found, written, report))
     else:
         _show(found, written, report)
-    if found.refused:
+    if found.refused or any(remark.refused for remark in found.remarks):
         raise typer.Exit(1)
 
 

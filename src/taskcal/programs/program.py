@@ -106,6 +106,8 @@ class Remark:
 
     place: Place
     text: str
+    refused: bool = False
+    """A motion whose numbers were read, but not what they count from or which tool they are of."""
 
     def __str__(self) -> str:
         return f"{self.place}: {self.text}"

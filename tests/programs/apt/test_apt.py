@@ -138,6 +138,10 @@ def test_a_tool_axis_stays_until_another_one_is_stated():
     np.testing.assert_allclose(axes(program), [[0, 0, 1], [1, 0, 0], [0, 1, 0], [0, 1, 0]], atol=1e-15)
 
 
+OTHER_TOOL = "another tool is loaded than the first, the one given"
+OTHER_FRAME = "another frame is stated than the first, the part's"
+UPRIGHT = "1.,0,0,0,0,1.,0,0,0,0,1.,0"
+
 UNCERTAIN = {
     "ORIGIN/0,0,5\n{}": "ORIGIN moves the coordinates since line 1",
     "TRACUT/M1\n{}TRACUT/NOMORE\n": "TRACUT transforms the motions since line 1",
@@ -149,6 +153,14 @@ UNCERTAIN = {
     "TLAXIS/NORMPS\n{}TLAXIS/0,0,1\n": "the tool axis of line 1 is not stated by its components",
     "LOADTL/1\nLOADTL/2\n{}LOADTL/1\n": "another tool is loaded than the first, the one given (line 2)",
     "MSYS/0,0,0\nMSYS/0,0,1\n{}MSYS/0,0,0\n": "another frame is stated than the first, the part's (line 2)",
+    "LOAD/TOOL,1\nSELECT/TOOL,2\nLOAD/TOOL,2\n{}LOAD/TOOL,1\n": f"{OTHER_TOOL} (line 3)",
+    "SELECT/TOOL,1\nSELECT/TOOL,2\n{}SELECT/TOOL,1\n": f"{OTHER_TOOL} (line 2)",
+    "TOOL PATH/A,TOOL,M8\nTOOL PATH/B,TOOL,M6\n{}TOOL PATH/C,TOOL,M8\n": f"{OTHER_TOOL} (line 2)",
+    f"CSYS/{UPRIGHT}\nCSYS/1,0,0,5,0,1,0,0,0,0,1,0\n{{}}CSYS/{UPRIGHT}\n": f"{OTHER_FRAME} (line 2)",
+    "CSYS/1,0,0,0,0,1,0,0\n{}CSYS/1,0,0,0,0,1,0,0,0,0,1,0\n": "the CSYS of line 1 is not the twelve numbers of a pose",
+    "CSYS/1,0,0,0,0,1,0,0,0,0,-1,0\n{}CSYS/1,0,0,0,0,1,0,0,0,0,1,0\n": "the CSYS of line 1 is not the twelve numbers of a pose",
+    "TRNTYP/WORLD,0,0,5\n{}TRNTYP/WORLD,0,0,0\n": "TRNTYP may move the coordinates since line 1",
+    "FROBNI/1,2\n{}": "'FROBNI' of line 1 is not known, and its numbers may move the coordinates",
 }
 
 
@@ -162,6 +174,60 @@ def test_what_moves_coordinates_leaves_motions_as_they_are_until_it_is_cleared(t
     if not lasts:
         assert program.moves[0].follows is None
         np.testing.assert_allclose(points(program), [[0.004, 0.005, 0.006]])
+
+
+@pytest.mark.parametrize("text", UNCERTAIN)
+def test_motions_whose_frame_or_tool_is_not_known_are_refused(text):
+    assert all(remark.refused for remark in read(text.format("GOTO/1,2,3\nGODLTA/1,0,0\n")).remarks)
+    assert not any(remark.refused for remark in read(NX).remarks)
+
+
+@pytest.mark.parametrize("word", ["UNIT", "UNITS"])
+def test_either_word_sets_the_unit(word):
+    np.testing.assert_allclose(points(read(f"{word}/INCH\nGOTO/1,2,3\n")), [[0.0254, 0.0508, 0.0762]], atol=1e-15)
+    np.testing.assert_allclose(points(read(f"{word}/MM\nGOTO/1,2,3\n")), [[0.001, 0.002, 0.003]], atol=1e-15)
+
+
+def test_a_tool_that_waits_in_the_magazine_is_not_loaded():
+    program = read("LOAD/TOOL,1\nSELECT/TOOL,2\nGOTO/1,2,3\nLOAD/TOOL,2\nGOTO/4,5,6\n")
+    assert [move.place.line for move in program.moves] == [3]
+    assert [remark.place.line for remark in program.remarks] == [5]
+
+
+TURNED_SETUP = """TRNTYP/WORLD,0,0,0
+CSYS/1.,0,0,0,0,1.,0,0,0,0,1.,0
+GOTO/10.,20.,30.
+TRNTYP/WORLD,0,0,0
+CSYS/0,0,1.,0,0,1.,0,0,-1.,0,0,0
+GOTO/78.,35.,-12.,1.,0,0
+GOTO/78.,22.,-12.,1.,0,0
+"""
+
+
+def test_points_of_a_turned_setup_stay_in_the_first_frame_where_their_tool_axis_shows_it():
+    program = read(TURNED_SETUP)
+    assert not program.remarks
+    assert [move.follows for move in program.moves] == [None, None, 1]
+    np.testing.assert_allclose(points(program), [[0.01, 0.02, 0.03], [0.078, 0.035, -0.012], [0.078, 0.022, -0.012]])
+    np.testing.assert_allclose(axes(program)[1:], [[1, 0, 0]] * 2, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        TURNED_SETUP.replace("TRNTYP/WORLD,0,0,0\n", ""),  # nobody says that coordinates stay
+        TURNED_SETUP.replace("CSYS/0,0,1.,0,", "CSYS/0,0,1.,5.,"),  # the origin moves
+        TURNED_SETUP.replace("CSYS/0,0,1.,0,0,1.,0,0,-1.,0,0,0", "CSYS/0,-1.,0,0,1.,0,0,0,0,0,1.,0"),  # about z
+        TURNED_SETUP.replace(",1.,0,0\n", ",0,0,1.\n"),  # an axis as in the turned frame
+        TURNED_SETUP.replace(",1.,0,0\n", "\n"),
+    ],
+)
+def test_points_of_a_moved_frame_are_refused_where_their_frame_cannot_be_told(text):
+    program = read(text)
+    assert len(program.moves) == 1
+    assert len(program.remarks) == 2
+    assert all(remark.refused for remark in program.remarks)
+    assert any(word in program.remarks[0].text for word in ("another frame is stated", "the tool axis does not tell"))
 
 
 @pytest.mark.parametrize(
@@ -181,7 +247,7 @@ def test_what_moves_coordinates_leaves_motions_as_they_are_until_it_is_cleared(t
         ("GOTO/5,0,0\nINDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,5),ON,2,INTOF,(LINE/0,0,0,0,5,0)", "another meeting"),
         ("GOTO/5,0,0\nINDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,5),ON,2,INTOF,(LINE/0,0,0,5,0,0)", "a full circle"),
         ("GOTO/5,0,0\nINDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,5),TANTO,(LINE/0,0,0,5,0,0)", "only arcs between points"),
-        ("FROBNI/1\nFROBNI/2", "path.apt:1: 'FROBNI' is not known; it is taken to move nothing"),
+        ("FROBNI/ON\nFROBNI/OFF", "path.apt:1: 'FROBNI' is not known; it is taken to move nothing"),
     ],
 )
 def test_what_is_not_read_is_said_by_line(text, said):

@@ -7,6 +7,7 @@ import numpy as np
 from taskcal.geometry import se3
 from taskcal.programs.apt.circle import circle_tokens, read_arc
 from taskcal.programs.apt.instruction import Instruction
+from taskcal.programs.apt.stated_frame import StatedFrames
 from taskcal.programs.apt.statement import Statement, Token
 from taskcal.programs.apt.words import BLOCKING, CLEARING, FEEDS, HARMLESS, NIL, UNITS, UNREAD_MOTIONS
 from taskcal.programs.program import Frame, Move, MoveKind, Remark, Target
@@ -15,6 +16,10 @@ from taskcal.programs.tool_axis import with_axis
 
 _UNIT_LENGTH = 1e-3
 """How far the length of a tool axis may be from one: files round to a few digits."""
+
+
+OTHER_TOOL = "another tool is loaded than the first, the one given"
+OTHER_FRAME = "another frame is stated than the first, the part's"
 
 
 @dataclass(kw_only=True)
@@ -50,8 +55,11 @@ class Reader:
     """Of the arc that follows."""
     arc_pending: bool = False
     """The point that follows ends an arc that was not read."""
-    first: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+    first: dict[str, tuple[object, ...]] = field(default_factory=dict[str, tuple[object, ...]])
     """First tool and first frame stated, by their word; the caller's are those."""
+    frames: StatedFrames = field(default_factory=StatedFrames)
+    loads: bool = False
+    """LOAD/TOOL says which tool is loaded."""
     matrix: list[str] | None = None
     """Comments since CATIA's mark of a frame."""
     unknown: set[str] = field(default_factory=set[str])
@@ -85,14 +93,18 @@ class Reader:
                 self.rapid = True
             case "FEDRAT":
                 self._feed(statement)
-            case "UNITS":
+            case "UNITS" | "UNIT":
                 self._units(statement)
             case "TLAXIS":
                 self._tool_axis(statement)
             case "LOADTL" | "TOOLNO":
-                self._state(statement, statement.words[:1], "another tool is loaded than the first, the one given")
+                self._state(statement, statement.words[:1], OTHER_TOOL)
+            case "LOAD" | "SELECT" | "TOOL PATH":
+                self._tool(statement)
             case "MSYS":
-                self._state(statement, statement.words, "another frame is stated than the first, the part's")
+                self._state(statement, statement.numbers or statement.words, OTHER_FRAME)
+            case "CSYS" | "TRNTYP":
+                self._frame(statement)
             case "$$":
                 self._comment(statement)
                 return
@@ -101,9 +113,8 @@ class Reader:
             case _ if word in UNREAD_MOTIONS:
                 self.unresolved(statement, f"{word} is not read")
                 self.arc_pending = word == "CIRCLE"
-            case _ if word not in HARMLESS and not _defines(statement) and word not in self.unknown:
-                self.unknown.add(word)
-                self.remark(statement, f"'{word}' is not known; it is taken to move nothing")
+            case _ if word not in HARMLESS and not _defines(statement):
+                self._unknown(statement)
             case _:
                 pass
         if word != "AUTOPS":
@@ -123,8 +134,9 @@ class Reader:
                 return
             self.axis = np.array(values[3:]) / length
             self.blocked.pop("TLAXIS", None)
-        if self.blocked and not self.arc_pending:
-            self._uncertain(statement)
+        why = self._why_uncertain()
+        if why is not None and not self.arc_pending:
+            self._uncertain(statement, why)
             return
         begin = self.position
         if relative and begin is None:
@@ -139,23 +151,34 @@ class Reader:
         if self.arc_pending:
             self.arc_pending = False
             self.unresolved(statement, "it ends an arc whose sense of rotation is not certain")
-            self.position = None if self.blocked else end
+            self.position = None if why is not None else end
             return
         self._move(statement, statement, end, None, tokens, relative)
 
-    def _uncertain(self, statement: Statement) -> None:
+    def _why_uncertain(self) -> str | None:
+        """Why it is not known what points are counted from."""
+        return next(iter(self.blocked.values()), None) or self.frames.why_uncertain(self.axis)
+
+    def _uncertain(self, statement: Statement, why: str) -> None:
         """A point or an arc among motions that are uncertain."""
         if statement.word == "FROM":
             self.position = self.previous = None
         else:
-            self.unresolved(statement, next(iter(self.blocked.values())))
+            self._refuse(statement, why)
+
+    def _refuse(self, statement: Statement, why: str) -> None:
+        """A motion whose numbers could be corrected if it were known what they count from."""
+        place = self.place(statement)
+        self.reading.remarks.append(Remark(place=place, text=f"{why}; the motion stays as it is", refused=True))
+        self.position = self.previous = None
+        self.rapid = False
 
     def _arc(self, statement: Statement, direction: Statement) -> None:
         tokens, towards = circle_tokens(statement), direction.numbers
         if tokens is None or towards is None or len(towards) != 3:
             self.unresolved(statement, "only arcs between points on one circle are read")
-        elif self.blocked:
-            self._uncertain(statement)
+        elif (why := self._why_uncertain()) is not None:
+            self._uncertain(statement, why)
         elif self.position is None:
             self.unresolved(statement, "the arc begins at a place that is not known")
         else:
@@ -236,9 +259,44 @@ class Reader:
                 f"the tool axis of line {self.place(statement).line} is not stated by its components"
             )
 
-    def _state(self, statement: Statement, stated: tuple[str, ...], why: str) -> None:
+    def _tool(self, statement: Statement) -> None:
+        """A tool that is loaded. One that is selected waits in the magazine, unless nothing says which one is loaded."""
+        words = statement.words
+        if statement.word == "TOOL PATH":  # NX: the operation, TOOL, the tool
+            self._state(statement, words[2:3] if words[1:2] == ("TOOL",) else words[1:], OTHER_TOOL)
+        elif words[:1] != ("TOOL",):
+            self._unknown(statement)
+        elif statement.word == "LOAD":
+            self.loads = True
+            self._state(statement, words[1:2], OTHER_TOOL)
+        elif not self.loads:
+            self._state(statement, words[1:2], OTHER_TOOL)
+
+    def _frame(self, statement: Statement) -> None:
+        """A frame by CSYS or TRNTYP."""
+        word, line, before = statement.word, self.place(statement).line, self.frames.moved_since
+        why = (self.frames.read_csys if word == "CSYS" else self.frames.read_trntyp)(statement, line)
+        self.blocked.pop(word, None)
+        if why is not None:
+            self.blocked[word] = why
+        if why is not None or before != self.frames.moved_since:
+            self.position = self.previous = None
+
+    def _unknown(self, statement: Statement) -> None:
+        """A word that is not known: with numbers it may move a frame or the tool."""
+        word, line = statement.word, self.place(statement).line
+        if any(token.number is not None for token in statement.tokens[1:]):
+            self.blocked.setdefault(
+                word, f"'{word}' of line {line} is not known, and its numbers may move the coordinates"
+            )
+            self.position = self.previous = None
+        elif word not in self.unknown:
+            self.unknown.add(word)
+            self.remark(statement, f"'{word}' is not known; it is taken to move nothing")
+
+    def _state(self, statement: Statement, stated: tuple[object, ...], why: str) -> None:
         """A tool or a frame: the first one is the caller's, another one is not known."""
-        word = statement.word
+        word = {"SELECT": "LOAD"}.get(statement.word, statement.word)
         if self.first.setdefault(word, stated) == stated:
             self.blocked.pop(word, None)
         else:
@@ -252,7 +310,7 @@ class Reader:
             self.matrix.append(statement.text)
             if len(self.matrix) == 4:
                 stated = tuple(word for row in self.matrix[1:] for word in row.split())
-                self._state(statement, stated, "another frame is stated than the first, the part's")
+                self._state(statement, stated, OTHER_FRAME)
                 self.matrix = None
 
     def _block(self, statement: Statement) -> None:
