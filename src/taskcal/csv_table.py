@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import FileError
+from taskcal.text_file import read_text
 
 _SEPARATOR_LINE = re.compile(r"\Asep=.[ \t]*(?=\r?\n)", re.IGNORECASE)
 """What a spreadsheet writes first to say how it separates; the header says the same."""
@@ -88,12 +89,7 @@ def read_csv(path: str | Path) -> CsvTable:
         FileError: the file is missing, is no text, has no rows, or a line has more or fewer fields than the header.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
-    except UnicodeDecodeError as error:
-        raise FileError(path, "is no UTF-8 text; save it as CSV in UTF-8") from error
+    text = read_text(path, encoding="utf-8-sig", otherwise="is no UTF-8 text; save it as CSV in UTF-8")
     return parse_csv(path, text)
 
 

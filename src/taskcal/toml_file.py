@@ -1,6 +1,7 @@
 """TOML files with a schema: read, validated, and explained where they are wrong."""
 
 import math
+import re
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -8,6 +9,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from taskcal.errors import FileError
+from taskcal.text_file import read_text
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -32,6 +34,14 @@ class Section(BaseModel):
 
 SHOWN = 3
 
+LARGEST_MB = 2.0
+"""A robot, task, station or cell with a thousand joints, reflectors or touched points is smaller."""
+
+LONGEST_KEY = 100
+"""Parts of a dotted key; Taskcal's own have three."""
+
+_BETWEEN_DOTS = re.compile(r"[,=\[\]{}\n]")
+
 Schema = TypeVar("Schema", bound=Section)
 
 
@@ -41,12 +51,17 @@ def read_toml(path: Path, schema: type[Schema]) -> Schema:
     Raises:
         FileError: it is missing, no TOML, or not as the schema wants it; the message names the place and the value.
     """
+    text = read_text(path, LARGEST_MB, otherwise="is no TOML: it is not UTF-8 text")
+    if any(chunk.count(".") > LONGEST_KEY for chunk in _BETWEEN_DOTS.split(text)):
+        # the parser takes a time that grows with the square of the parts, and Python cannot free what it makes of 10⁵
+        raise FileError(path, f"is no TOML that Taskcal reads: a key has more than {LONGEST_KEY} parts")
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FileError(path, f"is no TOML: {error}") from error
+        data = tomllib.loads(text)
+    except RecursionError as error:
+        raise FileError(path, "is no TOML that Taskcal reads: its brackets are nested too deeply") from error
+    except ValueError as error:  # of the parser, and of Python for an integer of thousands of digits
+        trouble = str(error) if isinstance(error, tomllib.TOMLDecodeError) else "a number has too many digits"
+        raise FileError(path, f"is no TOML: {trouble}") from error
     try:
         return schema.model_validate(data)
     except ValidationError as error:

@@ -291,10 +291,14 @@ def test_a_folder_that_is_closed_to_us(run: Run, cell: Path, tmp_path: Path, mon
 
 
 def test_a_file_that_is_closed_to_us(run: Run, cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(path: Path, **_: object) -> str:
-        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+    opened = os.open
 
-    monkeypatch.setattr(Path, "read_text", refuse)
+    def refuse(path: Path, flags: int, *rest: int, **others: int) -> int:
+        if Path(path).name == "one.csv":
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return opened(path, flags, *rest, **others)
+
+    monkeypatch.setattr("os.open", refuse)
     monkeypatch.setattr("os.access", lambda _, mode: mode != os.R_OK)
     ended = identify(run, cell / "one.csv", tmp_path / "a.json", robot="ur5")
     assert ended.status == 1

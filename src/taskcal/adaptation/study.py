@@ -25,6 +25,7 @@ from taskcal.measurement.tracker import TrackerNoise
 from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, reach_task
+from taskcal.text_file import read_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -243,10 +244,10 @@ def _read(resume: str | Path | None, setting: _Setting) -> dict[int, list[dict[s
     if resume is None or not Path(resume).exists():
         return {}
     try:
-        data = json.loads(Path(resume).read_text(encoding="utf-8"))
+        data = json.loads(read_text(resume))
         done = {int(index): [_row(row) for row in rows] for index, rows in data["robots"].items()}
         fingerprint = data["study"]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise FileError(resume, "does not hold a study; name another file, or remove it") from error
     if fingerprint != _fingerprint(setting):
         raise FileError(resume, "holds a study of other settings; name another file, or remove it to start afresh")

@@ -6,6 +6,7 @@ from pathlib import Path
 import typer
 
 from taskcal.errors import CampaignError, FileError
+from taskcal.text_file import read_text
 
 _RANGE = re.compile(r"(\d*):(\d*)$")
 
@@ -47,14 +48,9 @@ def _looks_like_range(text: str) -> bool:
 
 
 def _from_file(path: Path, count: int, source: Path) -> list[int]:
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise FileError(
-            path, f"cannot be read: {error.strerror or error}; --rows takes a:b or a file of row numbers"
-        ) from error
-    except UnicodeDecodeError as error:
-        raise FileError(path, "is no text; write one row number per line, counted from 0") from error
+    if not path.exists():
+        raise FileError(path, "cannot be read: there is no such file; --rows takes a:b or a file of row numbers")
+    lines = read_text(path, otherwise="is no text; write one row number per line, counted from 0").splitlines()
     found: dict[int, int] = {}
     for number, line in enumerate(lines, start=1):
         text = line.split("#", 1)[0].strip()

@@ -13,6 +13,7 @@ from taskcal.errors import FileError
 from taskcal.files import write_whole
 from taskcal.measurement.virtual_cell import Truth
 from taskcal.robot.error_model import ErrorModel
+from taskcal.text_file import read_text
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,9 +50,7 @@ def read_truth(path: Path, model: ErrorModel) -> KnownTruth:
         FileError: it is missing, no truth, or that of another robot.
     """
     try:
-        data: Any = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
+        data: Any = json.loads(read_text(path, otherwise="is no JSON; write one with taskcal simulate --truth"))
     except (ValueError, RecursionError) as error:
         raise FileError(path, f"is no JSON: {error}; write one with taskcal simulate --truth") from error
     try:

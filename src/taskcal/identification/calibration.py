@@ -26,6 +26,7 @@ from taskcal.robot.effects import effect_from
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from taskcal.robot.load import Load
+from taskcal.text_file import read_text
 
 FORMAT = "taskcal-calibration"
 FORMAT_VERSION = 1
@@ -366,12 +367,7 @@ def load_calibration(path: str | Path) -> Calibration:
         FileError: the file is missing, truncated, of another format or version, or inconsistent in itself.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
-    except UnicodeDecodeError as error:
-        raise FileError(path, "is no calibration: it is no UTF-8 text") from error
+    text = read_text(path, otherwise="is no calibration: it is no UTF-8 text")
     try:
         data = json.loads(text)
     except RecursionError as error:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from taskcal.errors import FileError
+from taskcal.text_file import read_bytes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,10 +99,7 @@ def read_source(path: str | Path) -> Source:
     """Read a program file.
 
     Raises:
-        FileError: it is missing or cannot be read.
+        FileError: it is missing, cannot be read, or is too large.
     """
     path = Path(path)
-    try:
-        return Source.of(path, path.read_bytes())
-    except OSError as error:
-        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
+    return Source.of(path, read_bytes(path))

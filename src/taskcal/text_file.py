@@ -1,0 +1,76 @@
+"""Reading a file whole: an ordinary one, and no larger than a bound that its reader can lift."""
+
+import os
+import stat
+from pathlib import Path
+
+from taskcal.errors import FileError
+
+MAX_FILE_MB = 50.0
+"""A campaign of 100 000 rows and 30 columns, or a milling program of a million points, is smaller."""
+
+VARIABLE = "TASKCAL_MAX_FILE_MB"
+"""Environment variable that takes the place of every bound."""
+
+
+def read_bytes(path: str | Path, largest_mb: float = MAX_FILE_MB) -> bytes:
+    """The bytes of a file.
+
+    Args:
+        path: the file.
+        largest_mb: how large it may be, 10⁶ bytes, unless the environment says otherwise.
+
+    Raises:
+        FileError: it is missing, cannot be read, is a folder, a pipe or a device, or is too large.
+    """
+    bound = _bound(path, largest_mb)
+    try:
+        # a pipe nobody writes to would hold up an ordinary open
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        with os.fdopen(handle, "rb") as stream:
+            if not stat.S_ISREG(os.fstat(handle).st_mode):
+                raise FileError(path, "cannot be read: it is a pipe or a device; write what it gives into a file first")
+            # one byte more than allowed tells that there is more, even of a file that grows
+            content = stream.read(int(bound * 1e6) + 1)
+    except OSError as error:
+        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
+    except ValueError as error:
+        raise FileError(repr(str(path)), f"cannot be read: {error}; name a file") from error
+    if len(content) > bound * 1e6:
+        message = f"is larger than {bound:g} MB; is it the right file? If so, set {VARIABLE} to more megabytes"
+        raise FileError(path, message)
+    return content
+
+
+def read_text(
+    path: str | Path, largest_mb: float = MAX_FILE_MB, *, encoding: str = "utf-8", otherwise: str = "is not UTF-8 text"
+) -> str:
+    """The text of a file, line ends as Python has them.
+
+    Args:
+        path: the file.
+        largest_mb: as of `read_bytes`.
+        encoding: of the text; ``utf-8-sig`` for UTF-8 with or without a byte order mark.
+        otherwise: what to say of a file in another encoding.
+
+    Raises:
+        FileError: as of `read_bytes`, or it is not in this encoding.
+    """
+    try:
+        text = read_bytes(path, largest_mb).decode(encoding)
+    except UnicodeDecodeError as error:
+        raise FileError(path, otherwise) from error
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _bound(path: str | Path, largest_mb: float) -> float:
+    stated = os.environ.get(VARIABLE)
+    if stated is None:
+        return largest_mb
+    try:
+        bound = float(stated)
+    except ValueError:
+        bound = 0.0
+    if not 0.0 < bound <= 1e6:
+        raise FileError(path, f"{VARIABLE} is {stated[:40]!r}; give megabytes above 0 and up to 1e6, such as 200")
+    return bound

@@ -1,0 +1,73 @@
+import os
+
+import pytest
+
+from taskcal.correction.cell_file import load_cell
+from taskcal.csv_table import read_csv
+from taskcal.errors import FileError
+from taskcal.identification.calibration import load_calibration
+from taskcal.measurement.station import load_station
+from taskcal.programs.source import read_source
+from taskcal.robot.file import read_robot
+from taskcal.task.task import load_task
+from taskcal.text_file import VARIABLE, read_bytes, read_text
+
+READERS = {
+    "csv": read_csv,
+    "robot": read_robot,
+    "task": load_task,
+    "station": load_station,
+    "cell": load_cell,
+    "calibration": load_calibration,
+    "program": read_source,
+}
+
+
+@pytest.fixture
+def line_of_200_mb(tmp_path):
+    """A file that is as long as 200 MB and takes no room on the disk."""
+    path = tmp_path / "long"
+    with path.open("wb") as stream:
+        stream.truncate(200_000_000)
+    return path
+
+
+@pytest.mark.parametrize("kind", READERS)
+def test_every_reader_bounds_what_it_reads(kind, line_of_200_mb):
+    with pytest.raises(FileError, match=rf"long: is larger than [\d.]+ MB; .*{VARIABLE}"):
+        READERS[kind](line_of_200_mb)
+
+
+@pytest.mark.parametrize("kind", READERS)
+def test_every_reader_refuses_what_is_not_an_ordinary_file(kind, tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for path in (pipe, "/dev/zero"):
+        with pytest.raises(FileError, match="cannot be read: it is a pipe or a device"):
+            READERS[kind](path)
+    with pytest.raises(FileError, match="cannot be read: Is a directory"):
+        READERS[kind](tmp_path)
+    with pytest.raises(FileError, match="cannot be read: No such file"):
+        READERS[kind](tmp_path / "none")
+    with pytest.raises(FileError, match="cannot be read: embedded null byte"):
+        READERS[kind]("a\0b")
+
+
+def test_the_environment_moves_the_bound(tmp_path, monkeypatch):
+    path = tmp_path / "file"
+    path.write_bytes(b"12345")
+    monkeypatch.setenv(VARIABLE, "4e-6")
+    with pytest.raises(FileError, match="is larger than 4e-06 MB"):
+        read_bytes(path)
+    monkeypatch.setenv(VARIABLE, "5e-6")
+    assert read_bytes(path) == b"12345"
+    for wrong in ("much", "0", "-1", "nan", "inf"):
+        monkeypatch.setenv(VARIABLE, wrong)
+        with pytest.raises(FileError, match=rf"{VARIABLE} is '{wrong}'; give megabytes"):
+            read_bytes(path)
+
+
+def test_line_ends_are_one_character(tmp_path):
+    path = tmp_path / "file"
+    path.write_bytes(b"a\r\nb\rc\n")
+    assert read_text(path) == "a\nb\nc\n"
