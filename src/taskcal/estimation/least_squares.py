@@ -19,7 +19,7 @@ class Stopping:
     """Newton decrement: half the squared length of the step, in units of the posterior's own standard deviations. Unlike
     the step itself it is meaningful where some direction is hardly determined."""
     decrease: float = 0.0
-    """Decrease of the objective relative to itself, below which the fit stops; MATLAB's lsqnonlin has 1e-6."""
+    """Decrease of the objective relative to itself, below which the fit stops."""
     iterations: int = 100
 
 

@@ -79,8 +79,9 @@ def identify(
         model: the model.
         campaign: the measurements.
         keep: names of the parameters to estimate, the others staying nil; all by default.
-        prior: ``tolerances`` for the robot's own; a prior over the kept parameters; or None, when only
-            Levenberg–Marquardt damping holds undetermined directions, stopped as in MATLAB's lsqnonlin.
+        prior: ``tolerances`` for the robot's own; a prior over the kept parameters; or None, when only Levenberg's
+            damping holds undetermined directions, and the fit ends as soon as the objective falls by less than 10⁻⁶ of
+            itself or the Newton decrement is below 10⁻².
         loss: `Squared` (default), `Huber` or `Cauchy`.
         noise: the tracker's, where the campaign does not state uncertainties.
         registration: tracker frame and targets to start from, or to hold; found from the data by default.
