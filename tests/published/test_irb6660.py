@@ -1,5 +1,8 @@
 """What is published of the IRB 6660's parameters, and what its model says under the same placement."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -11,6 +14,8 @@ from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.mechanism import analyse_mechanism
 from taskcal.task.task import reach_task
+
+ELIMINATION = Path(__file__).parents[2] / "docs/theory/elimination.md"
 
 # Gutiérrez, Chanal, Durieux, Duc: sections 2, 3 and 4
 REDUNDANT = ["t2z", "t3z", "t4z", "t5z", "t6z", "tbx", "tby", "tbz", "psi5"]
@@ -64,6 +69,25 @@ def test_full_elimination_finds_seventeen_dependent_and_three_without_effect(mod
     assert (len(found.dependent), len(found.zero), len(found.kept)) == (17, 3, 25)
     assert found.gap > 1e6
     assert symbols(model, found.zero) == {"tib", "psib", "alfb"}
+
+
+@pytest.mark.parametrize("poses", ["one", "several"])
+def test_exact_repeats_are_the_publication_s_nine_and_two_more(model, poses, request):
+    """psi5 and alf6 repeat each other: the publication names the one, elimination the other."""
+    found = identifiability(model, request.getfixturevalue(poses))
+    listed = (set(REDUNDANT) - {"psi5"}) | {"alf6"}
+    assert symbols(model, found.repeats) == listed | {"alf5", "L3"}
+    assert (len(found.repeats), len(REDUNDANT)) == (11, 9)
+
+
+@pytest.mark.parametrize(("poses", "smallest"), [("one", 2.3e-4), ("several", 2.0e-3)])
+def test_the_singular_values_about_the_cut_are_those_that_the_theory_page_quotes(model, poses, smallest, request):
+    found = identifiability(model, request.getfixturevalue(poses))
+    s = found.singular_values / found.singular_values[0]
+    assert f"{s[found.rank - 1]:.1e}" == f"{smallest:.1e}"
+    assert s[found.rank] < 1e-12
+    quoted = re.findall(r"\$([\d.]+)\\cdot10\^\{(-\d)\}\$", ELIMINATION.read_text(encoding="utf-8"))
+    assert smallest in [float(f"{digits}e{power}") for digits, power in quoted]
 
 
 def test_exact_repeats_that_the_publication_does_not_list(model, several):
