@@ -175,3 +175,21 @@ def test_parameters_of_another_number_are_refused():
     model = ErrorModel(load_robot("ur5"))
     with pytest.raises(ValueError, match=r"x has shape \(41,\).*needs \(42,\)"):
         model.poses(np.zeros((1, 6)), np.zeros(41))
+
+
+@pytest.mark.parametrize("name", catalogue_names())
+def test_no_defect_moves_the_first_axis_in_the_base_and_those_of_a_joint_move_the_next(name):
+    """The defects of a joint follow its motion: joint 1 turns the tool about its nominal axis, whatever they are."""
+    model, rng = ErrorModel(load_robot(name)), np.random.default_rng(0)
+    q, x = (
+        rng.uniform(*0.2 * model.robot.limits.T, (3, len(model.robot.joint_names))),
+        rng.normal(size=len(model)) * 0.005,
+    )
+
+    def turned(joint, defects):
+        step = 0.01 * np.eye(q.shape[1])[joint]
+        return model.poses(q + step, defects) @ np.linalg.inv(model.poses(q, defects))
+
+    close(turned(0, x), turned(0, 0.0 * x), 1e-9)
+    for joint in range(1, q.shape[1]):
+        assert np.abs(turned(joint, x) - turned(joint, 0.0 * x)).max() > 1e-6
