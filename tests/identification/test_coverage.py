@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 from taskcal.adaptation.expected_error import design
+from taskcal.adaptation.selection import select
+from taskcal.analysis.elimination_table import published_kept
+from taskcal.analysis.identifiability import identifiability
 from taskcal.demo.reference_task import reference_task
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import simulate
@@ -32,3 +35,35 @@ def test_intervals_cover_the_truth_as_often_as_they_say_and_the_error_is_near_th
     bound = design(model, campaign, unseen).expected_error(np.arange(len(model)))
     assert np.all((coverage > 0.93) & (coverage < 0.97)), coverage
     assert 0.95 < rms / bound < 1.05, (rms, bound)
+
+
+@pytest.mark.slow
+def test_away_from_the_measured_orientation_only_the_full_model_knows_what_it_does_not_know():
+    """The documentation's figures, over fewer robots: what was not kept is missing from the covariance."""
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    q = reach_task(model, reference_task(), 60).q
+    places = {
+        "measured": reach_task(model, reference_task(), 50, seed=1).q,
+        "turned": reach_task(model, reference_task(np.radians(40.0)), 50, seed=1).q,
+    }
+    kept = {
+        "all": None,
+        "published": published_kept(model),
+        "identifiable": identifiability(model, q).kept,
+        "selected": select(model, reference_task()).kept,
+    }
+    assert [len(kept[name] or model.names) for name in kept] == [45, 33, 24, 18]
+    covered = {(name, place): [] for name in kept for place in places}
+    for seed in range(12):
+        campaign, truth = simulate(model, q, rng=np.random.default_rng(seed))
+        for name, names in kept.items():
+            calibration = identify(model, campaign, keep=names)
+            for place, there in places.items():
+                error = (truth.points(there) - calibration.predict(there))[:, 0]
+                deviation = np.sqrt(np.einsum("ntii->nti", calibration.predict_covariance(there)))[:, 0]
+                covered[name, place].append((np.abs(error) < 1.959964 * deviation).mean())
+    share = {key: np.mean(values) for key, values in covered.items()}
+    assert all(0.9 < share[name, "measured"] < 0.99 for name in kept), share
+    assert share["all", "turned"] > 0.82
+    assert share["all", "turned"] > share["published", "turned"] > share["identifiable", "turned"] + 0.05
+    assert share["selected", "turned"] < 0.5
