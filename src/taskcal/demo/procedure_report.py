@@ -213,8 +213,8 @@ def _identification(procedure: Procedure) -> Section:
             Text(
                 (
                     "The tracker frame and the target are fitted together with the parameters; nothing has to be registered "
-                    "beforehand. “Damped, no prior” is after the published way, Levenberg–Marquardt without a prior; it ends early, "
-                    "once the objective falls by less than a millionth of itself or the next step is small beside the "
+                    "beforehand. “Damped, no prior” is after the published way, Levenberg–Marquardt without a prior; it ends "
+                    "early, once the objective falls by less than a millionth of itself or the next step is small beside the "
                     "standard errors.",
                     "All calibrated models leave nearly the same residuals, close to the tracker's noise. Residuals therefore "
                     "cannot say which model is better; new poses can. The published residuals are those of a real robot, with "
