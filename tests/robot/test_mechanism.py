@@ -30,7 +30,7 @@ def test_a_loop_of_any_lengths_has_one_degree_of_freedom_or_is_refused(lengths):
     assume(abs(2.0 * longest - sum(lengths)) > 1.0)
     robot = with_loop(*lengths)
     if 2.0 * longest > sum(lengths):
-        with pytest.raises(RobotError, match="closes at no angle.*check the four lengths"):
+        with pytest.raises(RobotError, match=r"closes at no angle.*check the four lengths"):
             analyse_mechanism(robot)
     else:
         assert analyse_mechanism(robot).mobility == 6

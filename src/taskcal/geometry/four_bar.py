@@ -17,7 +17,6 @@ from jaxtyping import Bool, Float
 from taskcal.errors import ClosureError
 from taskcal.geometry.compiled import compiled
 
-
 REMEDY = (
     "the loop is singular where rod and arm line up with the levers: keep the two angles well under 90° apart and check the "
     "joint columns, their order and signs"
