@@ -93,6 +93,20 @@ def test_the_published_choice(run: Run, cell: Path, tmp_path: Path) -> None:
     assert result["prior_scale"] is None
 
 
+@pytest.mark.parametrize("campaign", ["one.csv", "poses.csv"])
+def test_the_nominal_robot_in_its_registered_frame(run: Run, cell: Path, tmp_path: Path, campaign: str) -> None:
+    """Nothing is estimated at all: the residuals of the registration."""
+    result = identify(run, cell / campaign, tmp_path / "cal.json", "--keep", "none", "--frames", "fixed", "--json").json
+    assert (result["reason"], result["correlations"]) == ("nothing was to be estimated", [])
+    assert all(
+        parameter["estimate_mm" if parameter["unit"] == "mm" else "estimate_mrad"] == 0.0
+        for parameter in result["parameters"]
+    )
+    fitted = identify(run, cell / campaign, tmp_path / "all.json", "--json").json["fitted"]["rms_mm"]
+    assert result["fitted"]["rms_mm"] > 2.0 * fitted
+    assert identify(run, cell / campaign, tmp_path / "cal.json", "--keep", "none", "--frames", "fixed").status == 0
+
+
 def test_options_reach_the_fit(run: Run, cell: Path, tmp_path: Path) -> None:
     options = [
         "--model-error",

@@ -10,6 +10,7 @@ from taskcal.errors import CampaignError, FitError, UnknownName
 from taskcal.estimation.loss import Cauchy, Huber, Squared
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.identification import identify as identification
+from taskcal.identification.calibration import load_calibration
 from taskcal.identification.identify import BASE_PRIOR, TARGET_PRIOR, identify
 from taskcal.measurement.registration import Registration, register
 from taskcal.measurement.tracker import TrackerNoise
@@ -441,3 +442,23 @@ def test_a_row_at_which_the_loop_does_not_close_is_named_though_the_frames_are_g
     for registration in (None, frames):
         with pytest.raises(CampaignError, match=r"four-bar does not close at row 7 \(id 7\): .*folded over"):
             identify(model, folded, registration=registration, model_error=0.0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("prior", ["tolerances", None])
+def test_with_nothing_to_estimate_the_residuals_are_those_of_the_registration(kind, prior, tmp_path):
+    rng, model = arm(6)
+    q = industrial_positions(rng, 30)
+    campaign, _ = measure(rng, model, q, defects(rng, model), sigma=3e-5, **KINDS[kind])
+    found = identify(model, campaign, keep=[], frames="fixed", prior=prior)
+    frames = register(model, campaign)
+    ends = (frames.T_tracker_base @ model.poses(q))[:, None] @ frames.T_tool_target
+    np.testing.assert_allclose(found.residuals[..., :3], campaign.points - ends[..., :3, 3], atol=1e-12)
+    off = found.residuals[campaign.valid][:, :3]
+    assert np.sqrt((off**2).sum(axis=1).mean()) == pytest.approx(frames.rms)
+    # nothing was fitted, so that their mean square is the model error's variance, but for the tracker's noise
+    assert found.model_error[0] ** 2 == pytest.approx(np.mean(off**2), rel=0.1)
+    assert (found.all_names, found.reason) == ((), "nothing was to be estimated")
+    np.testing.assert_array_equal(found.predict_covariance(q, model_error=False), 0.0)
+    found.save(tmp_path / "nothing.json")
+    np.testing.assert_array_equal(load_calibration(tmp_path / "nothing.json").predict(q), found.predict(q))

@@ -45,6 +45,8 @@ def solve_scaled(A: Float[np.ndarray, "p p"], b: Float[np.ndarray, "..."]) -> Fl
     Raises:
         scipy.linalg.LinAlgError: A is not positive definite.
     """
+    if not len(A):  # which LAPACK refuses
+        return b.copy()
     scale = 1.0 / np.sqrt(np.maximum(np.diag(A), 1e-300))
     right = scale * b if b.ndim == 1 else scale[:, None] * b
     _, x, info = dposv(A * scale * scale[:, None], right, lower=True)
@@ -83,7 +85,9 @@ def fit(
     reason = f"no convergence in {stopping.iterations} iterations"
     converged = False
     iteration = 0
-    while iteration < stopping.iterations:
+    if not len(z):
+        converged, reason = True, "nothing was to be estimated"
+    while not converged and iteration < stopping.iterations:
         iteration += 1
         b = g - precision @ (z - mean)
         A = H + precision

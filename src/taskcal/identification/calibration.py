@@ -441,6 +441,8 @@ def _from_json(data: Mapping[str, Any]) -> Calibration:
 
 def _array(data: Mapping[str, Any], key: str, shape: tuple[int, ...], *, gaps: bool = False) -> np.ndarray:
     array = np.array(data[key], dtype=float)  # None becomes NaN
+    if not array.size and not np.prod(shape):  # lists do not tell the shape of nothing
+        array = array.reshape(shape)
     if array.shape != shape:
         raise ValueError(f"'{key}' has shape {array.shape}, not {shape}")
     if not gaps and not np.isfinite(array).all():
