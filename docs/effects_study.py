@@ -16,10 +16,12 @@ from taskcal.demo.model_trial import try_models
 from taskcal.demo.reference_task import ROBOT, reference_task
 from taskcal.estimation.blas import single_threaded
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.explain import CANDIDATES, PERIODIC, explain
+from taskcal.identification.explain import explain
 from taskcal.identification.identify import identify
 from taskcal.measurement.campaign import Campaign
 from taskcal.robot.catalogue import load_robot
+from taskcal.robot.conditions import Conditions
+from taskcal.robot.effects import PERIODIC, candidates
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
 
@@ -30,7 +32,7 @@ AS_GOOD = 1.25
 GEOMETRY = ErrorModel(load_robot(ROBOT))
 TRUTHS = {"nothing": GEOMETRY, "gears": GEOMETRY + GEARS, "all": elastic_model(GEOMETRY.robot)}
 EXPECTED = GEOMETRY + GEARS
-SEARCHED = [c for c in CANDIDATES if c.suits(GEOMETRY.robot) and c is not PERIODIC]
+SEARCHED = [c for c in candidates(GEOMETRY.robot, Conditions()) if c is not PERIODIC]
 """Orders 3 to 30, which no truth has here, would take ten times as long as all others together."""
 
 

@@ -8,7 +8,7 @@ import taskcal as tc
 from taskcal.analysis.elimination_table import published_kept
 from taskcal.demo.elastic_robot import GEARS, RIPPLE, elastic_model
 from taskcal.demo.model_trial import try_models
-from taskcal.identification.explain import PERIODIC, SOFT
+from taskcal.robot.effects import PERIODIC, SOFT
 
 ROBOTS, EXPLAINED = 20, 3
 robot = tc.load_robot("abb-irb6660-205-1.9")

@@ -7,12 +7,21 @@ import pytest
 
 from taskcal.cli.effects import read_effects, strongest_harmonics
 from taskcal.identification.calibration import load_calibration
-from taskcal.identification.explain import PERIODIC
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.measurement.writer import write_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects import Compliance, Coupling, EncoderGain, Harmonics, MotorHarmonics, Spring, Thermal, WarmUp
+from taskcal.robot.effects import (
+    PERIODIC,
+    Compliance,
+    Coupling,
+    EncoderGain,
+    Harmonics,
+    MotorHarmonics,
+    Spring,
+    Thermal,
+    WarmUp,
+)
 from taskcal.robot.error_model import ErrorModel
 from tests.cli.conftest import Ended, Run
 
@@ -116,12 +125,12 @@ def test_kept_parameters_leave_the_effects_in(run: Run, campaign: Path, tmp_path
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--effects", "friction"], "'friction' is no effect; known: backlash, compliance, coupling, gain"),
+        (["--effects", "friction"], "'friction' is not an effect; known: backlash, compliance, coupling, gain"),
         (["--effects", "auto,gain"], "'auto' stands alone"),
         (["--effects", "gain,gain"], "'gain' stands twice"),
         (["--effects", "harmonics:3-1"], "write harmonics:1-4"),
         (["--effects", "harmonics:0"], "write harmonics:1-4"),
-        (["--effects", "warmup:0"], "'warmup:0' is no effect"),
+        (["--effects", "warmup:0"], "'warmup:0' is not an effect"),
         (["--effects", "auto", "--prior", "none"], "needs a prior"),
     ],
 )

@@ -8,10 +8,10 @@ import pytest
 from taskcal.demo.elastic_robot import GEARS, STIFFNESS, WEIGHTS, elastic_model
 from taskcal.demo.model_trial import try_models
 from taskcal.demo.reference_task import reference_task
-from taskcal.identification.explain import SOFT, explain
+from taskcal.identification.explain import explain
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import EncoderGain
+from taskcal.robot.effects import SOFT, EncoderGain
 from taskcal.robot.effects.load_path import LoadPath
 from taskcal.robot.effects.motor_torque import motor_torque
 from taskcal.robot.error_model import ErrorModel

@@ -1,7 +1,5 @@
 """Effects of how a pose was reached: found where they are, and predicted under the same conditions."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -14,6 +12,7 @@ from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Backlash, Effect, EncoderGain, Overrun, Settling
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
+from tests.laws.campaigns import with_conditions
 from tests.laws.robots import industrial, industrial_positions
 
 
@@ -44,7 +43,7 @@ def test_what_is_left_of_the_way_is_found_within_its_standard_errors(kind):
 def test_seen_from_the_other_side_the_backlash_changes_its_sign():
     model, campaign, _ = measured(0)
     there = identify(model, campaign)
-    back = identify(model, replace(campaign, approach=-campaign.approach))
+    back = identify(model, with_conditions(campaign, approach=-campaign.approach))
     np.testing.assert_allclose(back.estimate[-3:], -there.estimate[-3:], atol=1e-9)
     np.testing.assert_allclose(back.estimate[:-3], there.estimate[:-3], atol=1e-9)
 
@@ -62,14 +61,19 @@ def test_ways_compete_where_the_campaign_has_them():
     candidates = (EncoderGain(), Backlash(), Settling(), Overrun())
     known = explain(plain, campaign, candidates=candidates, folds=3)
     assert known.effects == (Backlash(),)
-    unknown = explain(plain, replace(campaign, approach=None, move=None), candidates=candidates, folds=3)
+    unknown = explain(
+        plain,
+        with_conditions(campaign, approach=None, move=None),
+        candidates=candidates,
+        folds=3,
+    )
     assert known.stages[1].reason.startswith("best of 4:")
     assert [stage.name for stage in unknown.stages] == ["geometry", "encoder gain"]
 
 
 def test_without_conditions_a_model_with_backlash_is_the_model_without():
     model, campaign, _ = measured(0)
-    blind = identify(model, replace(campaign, approach=None))
+    blind = identify(model, with_conditions(campaign, approach=None))
     plain = identify(ErrorModel(model.robot), campaign)
     np.testing.assert_allclose(blind.estimate[:-3], plain.estimate, atol=1e-9)
     np.testing.assert_array_equal(blind.estimate[-3:], 0.0)

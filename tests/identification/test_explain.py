@@ -6,17 +6,18 @@ import pytest
 from taskcal.demo.procedure import SPREAD
 from taskcal.demo.reference_task import reference_task
 from taskcal.identification.calibration import load_calibration
-from taskcal.identification.explain import CANDIDATES, PROOF, SOFT, explain, with_field
+from taskcal.identification.explain import PROOF, explain, with_field
 from taskcal.identification.field import learn_field
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import Compliance, Coupling, EncoderGain, Harmonics
+from taskcal.robot.conditions import Conditions
+from taskcal.robot.effects import SOFT, Compliance, Coupling, EncoderGain, Harmonics, candidates
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from taskcal.task.task import reach_task
 
-CHEAP = [e for e in CANDIDATES if e.suits(load_robot("abb-irb120")) and len(getattr(e, "orders", ())) < 3]
+CHEAP = [e for e in candidates(load_robot("abb-irb120"), Conditions()) if len(getattr(e, "orders", ())) < 3]
 
 
 def poses(robot, rng, count):
@@ -103,7 +104,7 @@ def test_a_coupled_wrist_with_a_long_tool_is_found():
 
 def test_candidates_suit_what_is_known_of_a_robot():
     def suited(robot):
-        return {type(effect).__name__ for effect in CANDIDATES if effect.suits(robot)}
+        return {type(effect).__name__ for effect in candidates(robot, Conditions())}
 
     everywhere = {"EncoderGain", "Harmonics", "Compliance"}
     assert everywhere <= suited(load_robot("ur5"))

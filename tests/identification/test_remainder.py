@@ -14,6 +14,7 @@ from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Harmonics
 from taskcal.robot.error_model import ErrorModel
+from tests.laws.campaigns import with_conditions
 
 TARGETS = {"a": np.zeros(3), "b": np.array([0.1, 0.0, 0.0]), "c": np.array([0.0, 0.12, 0.05])}
 
@@ -36,7 +37,9 @@ def examined(model, campaign, **options):
 
 
 def test_noise_goes_with_nothing(model):
-    campaign = replace(measure(model), temperature=np.random.default_rng(1).normal(20.0, 1.0, 120))
+    campaign = measure(model)
+    warmth = np.random.default_rng(1).normal(20.0, 1.0, 120)
+    campaign = with_conditions(campaign, temperature=warmth)
     found, by_name = examined(model, campaign)
     assert {"position of J3", "gravity on J2", "order of measurement", "temperature", "tilt of the tool"} < set(by_name)
     assert max(e.share for e in found.explained) < 0.03
@@ -68,7 +71,7 @@ def test_a_joint_that_errs_often_in_a_turn_is_named_and_drawn(model):
 def test_drift_goes_with_temperature_or_order(model):
     campaign = measure(model)
     warm = np.linspace(20.0, 26.0, len(campaign))
-    bent = replace(campaign, temperature=np.random.default_rng(3).permutation(warm))
+    bent = with_conditions(campaign, temperature=np.random.default_rng(3).permutation(warm))
     moved = bent.points + (bent.temperature - 23.0)[:, None, None] * np.array([6e-5, 0.0, -4e-5])
     found, by_name = examined(model, replace(bent, points=moved))
     assert found.explained[0].regressor.name == "temperature"
@@ -84,7 +87,8 @@ def test_a_side_of_approach_is_told_from_its_joint(model):
     turned[:, 0] += 2e-4 * side[:, 0]
     shift = plain.poses(turned)[:, :3, 3] - plain.poses(campaign.q)[:, :3, 3]
     R = identify(model, campaign).T_tracker_base[:3, :3]
-    moved = replace(campaign, points=campaign.points + (shift @ R.T)[:, None], approach=side)
+    conditions = replace(campaign.conditions, approach=side)
+    moved = replace(campaign, points=campaign.points + (shift @ R.T)[:, None], conditions=conditions)
     found, by_name = examined(model, moved)
     assert found.explained[0].regressor.name == "approach of J1"
     assert found.explained[0].share > 0.5

@@ -1,7 +1,5 @@
 """A robot that grows with the temperature, or by warming up: found, predicted at other temperatures, and refused without any."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -16,6 +14,7 @@ from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import EncoderGain, Thermal, WarmUp
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
+from tests.laws.campaigns import with_conditions
 from tests.laws.robots import industrial, industrial_positions
 
 EFFECT = Thermal(reference=26.0)
@@ -68,7 +67,10 @@ def test_other_temperatures_are_validated_as_such(found):
         conditions=hot,
     )
     assert later.temperature is not None
-    told, blind = validate(calibration, later), validate(calibration, replace(later, temperature=None))
+    told, blind = (
+        validate(calibration, later),
+        validate(calibration, with_conditions(later, temperature=None)),
+    )
     assert told.mean < 0.15 * blind.mean
     assert blind.mean > 2e-4
     error = later.points - calibration.predict(q, hot)
@@ -105,11 +107,11 @@ def test_the_choice_of_the_reference_changes_hardly_a_prediction():
 def test_without_temperatures_there_is_no_thermal_fit():
     model, campaign, _ = measured(0, count=20)
     with pytest.raises(CampaignError, match="virtual cell has no temperatures, which the effect 'thermal' needs"):
-        identify(model, replace(campaign, temperature=None))
+        identify(model, with_conditions(campaign, temperature=None))
     gaps = campaign.temperature.copy()
     gaps[3:5] = np.nan
     with pytest.raises(CampaignError, match=r"row 3 \(id 3\) has no temperature.*2 of 20 rows"):
-        identify(model, replace(campaign, temperature=gaps))
+        identify(model, with_conditions(campaign, temperature=gaps))
 
 
 def test_temperatures_compete_where_they_are_known_and_vary():
@@ -118,7 +120,12 @@ def test_temperatures_compete_where_they_are_known_and_vary():
     candidates = (EncoderGain(), EFFECT)
     assert explain(plain, campaign, candidates=candidates, folds=3).effects == (EFFECT,)
     for temperature in (None, np.full(60, 23.0), np.where(np.arange(60) == 5, np.nan, campaign.temperature)):
-        quiet = explain(plain, replace(campaign, temperature=temperature), candidates=candidates, folds=3)
+        quiet = explain(
+            plain,
+            with_conditions(campaign, temperature=temperature),
+            candidates=candidates,
+            folds=3,
+        )
         assert [stage.name for stage in quiet.stages] == ["geometry", "encoder gain"]
 
 
@@ -160,4 +167,4 @@ def test_warming_up_is_proven_with_one_of_its_time_constants():
     with pytest.raises(
         CampaignError, match="virtual cell has no times, which the effect 'warmup' needs; add a column time_s"
     ):
-        identify(model, replace(campaign, time=None))
+        identify(model, with_conditions(campaign, time=None))

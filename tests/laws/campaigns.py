@@ -62,3 +62,8 @@ def measure(
 
 def with_points(campaign: Campaign, points: np.ndarray) -> Campaign:
     return replace(campaign, points=points)
+
+
+def with_conditions(campaign: Campaign, **changed: np.ndarray | None) -> Campaign:
+    """The campaign with some of its conditions changed."""
+    return replace(campaign, conditions=replace(campaign.conditions, **changed))

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from taskcal.errors import CampaignError, UnknownName
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.tracker import TrackerNoise
+from taskcal.robot.conditions import Conditions
 
 
 def campaign(n=12, targets=3, poses=False, seed=0):
@@ -20,10 +21,12 @@ def campaign(n=12, targets=3, poses=False, seed=0):
         rotations=rng.normal(size=(n, 3, 3)) if poses else None,
         uncertainty=rng.uniform(1e-5, 1e-4, (n, targets)),
         nests={"base": rng.normal(size=(n, 3))},
-        temperature=rng.normal(size=n),
-        time=rng.uniform(0.0, 1e4, n),
-        approach=rng.choice([-1.0, 0.0, 1.0], (n, 6)),
-        move=rng.normal(size=(n, 6)),
+        conditions=Conditions(
+            temperature=rng.normal(size=n),
+            time=rng.uniform(0.0, 1e4, n),
+            approach=rng.choice([-1.0, 0.0, 1.0], (n, 6)),
+            move=rng.normal(size=(n, 6)),
+        ),
     )
 
 

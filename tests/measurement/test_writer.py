@@ -5,6 +5,7 @@ from scipy.spatial.transform import Rotation
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.reader import read_campaign
 from taskcal.measurement.writer import write_campaign
+from taskcal.robot.conditions import Conditions
 from taskcal.robot.file import robot_from
 
 ROBOT = robot_from({"name": "arm", "joint": [{"name": "shoulder"}, {"name": "slide", "type": "prismatic"}]})
@@ -25,10 +26,12 @@ def test_a_written_campaign_reads_back_to_a_nanometre(tmp_path, kind):
         rotations=rotations,
         uncertainty=rng.uniform(1e-5, 1e-4, (6, len(targets))),
         nests={"base1": rng.normal(size=(6, 3))},
-        temperature=rng.uniform(18, 25, 6),
-        time=np.sort(rng.uniform(0.0, 9e3, 6)),
-        approach=rng.choice([-1.0, 0.0, 1.0], (6, 2)),
-        move=rng.normal(size=(6, 2)),
+        conditions=Conditions(
+            temperature=rng.uniform(18, 25, 6),
+            time=np.sort(rng.uniform(0.0, 9e3, 6)),
+            approach=rng.choice([-1.0, 0.0, 1.0], (6, 2)),
+            move=rng.normal(size=(6, 2)),
+        ),
     )
     path = tmp_path / "campaign.csv"
     write_campaign(path, campaign, ROBOT)

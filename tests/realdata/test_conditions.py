@@ -1,21 +1,30 @@
 """What the order of measurement, nests and time tell on measured robots: mean error on held-out rows, in millimetres."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from taskcal.identification.explain import PERIODIC
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.drift import follow_nests
 from taskcal.measurement.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import Backlash, Compliance, Effect, EncoderGain, Harmonics, Overrun, Settling, WarmUp
+from taskcal.robot.effects import (
+    PERIODIC,
+    Backlash,
+    Compliance,
+    Effect,
+    EncoderGain,
+    Harmonics,
+    Overrun,
+    Settling,
+    WarmUp,
+)
 from taskcal.robot.error_model import ErrorModel
+from tests.laws.campaigns import with_conditions
 
 pytestmark = pytest.mark.realdata
 
@@ -66,7 +75,7 @@ def test_the_way_to_each_pose_explains_much(data_folder, name, count, beside, wa
     assert explained <= bound_mm
     assert explained < gain * without
     mixed = np.random.default_rng(9).permutation(len(campaign))
-    elsewhere = replace(campaign, approach=campaign.approach[mixed], move=campaign.move[mixed])
+    elsewhere = with_conditions(campaign, approach=campaign.approach[mixed], move=campaign.move[mixed])
     assert held_out_mm(elsewhere, name, (*beside, way), count) > 0.99 * without
 
 
@@ -114,7 +123,7 @@ def test_lengths_of_the_ur5_change_while_it_is_measured(data_folder):
     order = np.random.default_rng(0).permutation(count)
 
     def fit(effects: ErrorModel, time: np.ndarray):
-        timed = replace(campaign, time=time)
+        timed = with_conditions(campaign, time=time)
         found = identify(effects, timed.take(order[:700]))
         return found, validate(found, timed.take(order[700:])).mean * 1e3
 

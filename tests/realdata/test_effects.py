@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.explain import PERIODIC, with_field
+from taskcal.identification.explain import with_field
 from taskcal.identification.identify import identify
 from taskcal.identification.remainder import examine_remainder
 from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import Backlash, Compliance, Effect, EncoderGain, Harmonics, Overrun, Settling
+from taskcal.robot.effects import PERIODIC, Backlash, Compliance, Effect, EncoderGain, Harmonics, Overrun, Settling
 from taskcal.robot.error_model import ErrorModel
 
 pytestmark = pytest.mark.realdata

@@ -24,6 +24,8 @@ from taskcal.cli import (
     validate,
     warm,
 )
+from taskcal.cli.effects_help import NamesEffects
+from taskcal.cli.modules import import_modules
 from taskcal.cli.output import MESSAGE_CHARACTERS, complain, for_terminal
 from taskcal.errors import TaskcalError, shortened
 
@@ -87,8 +89,19 @@ def options(
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and leave.")
     ] = False,
+    modules: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--import",
+            metavar="MODULE",
+            envvar="TASKCAL_IMPORT",
+            help="Python module, or file ending in .py, with effects of your own; may be given several times.",
+        ),
+    ] = None,
 ) -> None:
     """Options that come before a subcommand."""
+    if modules:
+        import_modules(modules)
 
 
 @app.command(
@@ -114,11 +127,11 @@ def run_demo(context: typer.Context) -> None:
 
 app.add_typer(robots.app, name="robots")
 app.command("sensitivity")(sensitivity.command)
-app.command("select")(select.command)
-app.command("plan")(plan.command)
+app.command("select", cls=NamesEffects)(select.command)
+app.command("plan", cls=NamesEffects)(plan.command)
 app.command("study")(study.command)
 app.command("simulate")(simulate.command)
-app.command("identify")(identify.command)
+app.command("identify", cls=NamesEffects)(identify.command)
 app.command("validate")(validate.command)
 app.command("performance")(performance.command)
 app.command("correct")(correct.command)

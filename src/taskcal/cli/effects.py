@@ -4,43 +4,22 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import typer
 
 from taskcal.cli.options import split_names
 from taskcal.cli.output import show_facts, show_table
-from taskcal.identification.explain import PERIODIC, Explanation
+from taskcal.errors import TaskcalError
+from taskcal.identification.explain import Explanation
 from taskcal.measurement.campaign import Campaign
-from taskcal.robot.effects import (
-    Backlash,
-    Compliance,
-    Coupling,
-    Effect,
-    EncoderGain,
-    Harmonics,
-    MotorHarmonics,
-    Overrun,
-    Settling,
-    Spring,
-    Thermal,
-    WarmUp,
-)
+from taskcal.robot.effects import Effect, parse_effect
 
 STRONGEST = 12
 """How many harmonics are shown."""
 
 REPEATED = 4
 """How many parameters that geometry nearly repeats are named."""
-
-_HARMONICS = re.compile(r"harmonics:(\d+)(?:-(\d+))?$")
-_WARM_UP = re.compile(r"warmup:([1-9]\d{0,3})$")
-_HIGHEST = 200
-_KNOWN = (
-    "backlash, compliance, coupling, gain, harmonics (orders 1 and 2), harmonics:1-4, motor, overrun, "
-    "periodic (orders 3 to 30), settling, spring, thermal, warmup (in an hour), warmup:20 (minutes)"
-)
 
 
 def read_effects(text: str) -> list[Effect] | None:
@@ -55,56 +34,24 @@ def read_effects(text: str) -> list[Effect] | None:
     return [] if names == ["none"] else [_effect(name) for name in names]
 
 
+def _effect(name: str) -> Effect:
+    if name in ("auto", "none"):
+        raise typer.BadParameter(f"'{name}' stands alone; give it without other effects", param_hint="--effects")
+    try:
+        return parse_effect(name)
+    except TaskcalError as error:
+        raise typer.BadParameter(f"{error}; or auto, or none", param_hint="--effects") from error
+
+
 def refer_to(campaign: Campaign, effects: list[Effect] | None) -> list[Effect] | None:
-    """The effects, those of growth with the campaign's mean temperature, or its end, as reference.
+    """The effects, each with what it refers to taken from the campaign.
 
     Raises:
-        CampaignError: there is one, and a row has no temperature, or no time.
+        CampaignError: a row does not tell what an effect needs.
     """
-    return None if effects is None else [_referred(effect, campaign) for effect in effects]
-
-
-def _referred(effect: Effect, campaign: Campaign) -> Effect:
-    match effect:
-        case Thermal():
-            return replace(effect, reference=campaign.mean_temperature)
-        case WarmUp():
-            return replace(effect, reference=float(campaign.known_time.max()))
-        case _:
-            return effect
-
-
-def _effect(name: str) -> Effect:
-    known: Mapping[str, Effect] = {
-        "backlash": Backlash(),
-        "compliance": Compliance(),
-        "coupling": Coupling(),
-        "gain": EncoderGain(),
-        "harmonics": Harmonics(),
-        "motor": MotorHarmonics(),
-        "overrun": Overrun(),
-        "periodic": PERIODIC,
-        "settling": Settling(),
-        "spring": Spring(),
-        "thermal": Thermal(),
-        "warmup": WarmUp(),
-    }
-    if name in known:
-        return known[name]
-    warming = _WARM_UP.match(name)
-    if warming is not None:
-        return WarmUp(time_constant=60.0 * int(warming[1]))
-    match = _HARMONICS.match(name)
-    if match is None:
-        alone = " stands alone" if name in ("auto", "none") else " is no effect"
-        raise typer.BadParameter(f"'{name}'{alone}; known: {_KNOWN}; or auto, or none", param_hint="--effects")
-    first, last = int(match[1]), int(match[2] or match[1])
-    if not 1 <= first <= last <= _HIGHEST:
-        raise typer.BadParameter(
-            f"'{name}': orders count periods in a turn; write harmonics:1-4, between 1 and {_HIGHEST}",
-            param_hint="--effects",
-        )
-    return Harmonics(orders=tuple(range(first, last + 1)))
+    for effect in effects or ():
+        campaign.check_told(effect.needs, effect.key)
+    return None if effects is None else [effect.referred(campaign.conditions) for effect in effects]
 
 
 def show_explanation(found: Explanation) -> None:

@@ -92,9 +92,8 @@ def command(
         typer.Option(
             "--effects",
             metavar="auto|none|LIST",
-            help="What the joints do beside the geometry: 'auto' takes what the data prove; or add, unproven, backlash, "
-            "compliance, coupling, gain, harmonics (orders 1 and 2), harmonics:1-4, motor, overrun, "
-            "periodic (orders 3 to 30), settling, spring, thermal, warmup (in an hour), warmup:20 (minutes). None by default.",
+            help="What the joints do beside the geometry: 'auto' takes what the data prove; or add some of those listed below, "
+            "unproven. None by default.",
         ),
     ] = "none",
     field: Annotated[

@@ -13,8 +13,7 @@ EffectsOption = Annotated[
     typer.Option(
         "--effects",
         metavar="LIST",
-        help="Effects to identify beside the geometry, as in taskcal identify: compliance, gain, harmonics, …. A calibration "
-        "brings its own.",
+        help="Effects to identify beside the geometry, those listed below. A calibration brings its own.",
     ),
 ]
 

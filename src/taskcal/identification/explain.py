@@ -21,59 +21,9 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.field import FEWEST, learn_field
 from taskcal.identification.identify import identify
 from taskcal.measurement.campaign import Campaign
-from taskcal.robot.effects import (
-    Backlash,
-    Compliance,
-    Coupling,
-    Effect,
-    EncoderGain,
-    Harmonics,
-    MotorHarmonics,
-    Overrun,
-    Settling,
-    Spring,
-    Thermal,
-    WarmUp,
-)
-from taskcal.robot.effects.effect import DEFLECTION
+from taskcal.robot.effects import Effect
+from taskcal.robot.effects import candidates as default_candidates
 from taskcal.robot.error_model import ErrorModel
-
-PERIODIC = Harmonics(orders=tuple(range(3, 31)), tolerance=2e-5)
-"""Errors of gears and encoders that recur several times in a turn; each is small, the right ones are not known before."""
-
-SOFT = Compliance(tolerance=3e-3)
-"""Drives of 10⁶ Nm/rad under some hundred kilograms, or of 10⁴ under some kilograms: milliradians per metre of lever."""
-
-GEARS = Harmonics(tolerance=5e-5)
-"""What gears of industrial robots are made to: ten seconds of arc."""
-
-CANDIDATES: tuple[Effect, ...] = (
-    EncoderGain(),
-    GEARS,
-    Harmonics(orders=(1,)),
-    Harmonics(orders=(2,)),
-    Compliance(),
-    SOFT,
-    PERIODIC,
-    Backlash(),
-    Settling(),
-    Overrun(),
-    Coupling(),
-    Spring(),
-    MotorHarmonics(),
-)
-"""Those that suit a robot compete on it (`Effect.suits`): a spring where one is stated, for example. Of two that have
-parameters in common, such as a compliance of two tolerances, the model gets one."""
-
-WARMER = 1.0
-"""Between the coldest and the warmest row, kelvin, from which on an effect of the temperature competes: a metre grows by a
-hundredth of a millimetre."""
-
-LONGER = 600.0
-"""Between the first and the last row, seconds, from which on warming up competes."""
-
-TIME_CONSTANTS = 1200.0, 3600.0, 10800.0
-"""Of warming up, that compete, seconds: drives take minutes, castings hours."""
 
 PROOF = 3.0
 """Gain of log evidence that an effect must show, odds of 20 to 1. Log evidence counts what useless parameters cost: of all
@@ -148,9 +98,10 @@ def explain(
         campaign: the measurements.
         effects: those to add without proof; by default the candidates are tried.
         field: try a residual field.
-        candidates: effects that compete; by default those of `CANDIDATES` that suit the robot, and growth with the
-            temperature, or by warming up. Backlash, settling and overrun compete only where the campaign has the ways
-            to its rows, growth only where all rows have temperatures, or times, that differ by `WARMER` or `LONGER`.
+        candidates: effects that compete; by default what every effect that is defined proposes for the robot
+            (`Effect.candidates`). They compete where the campaign tells what they need and use (`Effect.is_told`): backlash,
+            settling and overrun where it has the ways to its rows, growth where all rows have temperatures, or times, that
+            differ enough. Of two that have parameters in common, such as a compliance of two tolerances, the model gets one.
         folds: of the cross-validation.
         seed: of its folds.
         progress: told what is being done.
@@ -178,21 +129,15 @@ def explain(
         if added:
             progress("effects that were asked for")
             trial, errors = identify(model, campaign, **options), _left_out(model, campaign, parts, options)
-            name = ", ".join(map(_label, added))
+            name = ", ".join(effect.name for effect in added)
             stages.append(
                 _stage(name, trial, best, errors, left, accepted=True, reason="asked for, not put to the proof")
             )
             best, left = trial, errors
     else:
-        suitable = _default_candidates(model, campaign) if candidates is None else candidates
-        told: dict[type[Effect], bool] = {
-            Backlash: campaign.approach is not None,
-            Settling: campaign.move is not None,
-            Overrun: campaign.move is not None,
-            Thermal: _differ(campaign.temperature, WARMER),
-            WarmUp: _differ(campaign.time, LONGER),
-        }
-        able = [c for c in suitable if told.get(type(c), True)]
+        conditions = campaign.conditions
+        competing = default_candidates(model.robot, conditions) if candidates is None else candidates
+        able = [effect for effect in competing if effect.is_told(conditions)]
         found = _search(model, campaign, _beside(model, able), parts, best, left, options, progress)
         best, left, model, options, added, tried = found
         stages += tried
@@ -216,21 +161,6 @@ def explain(
         tracker=tracker,
         alike=_repeated_by_geometry(best, campaign),
     )
-
-
-def _default_candidates(model: ErrorModel, campaign: Campaign) -> list[Effect]:
-    found = [c for c in CANDIDATES if c.suits(model.robot)]
-    if _differ(campaign.temperature, WARMER):
-        found.append(Thermal(reference=campaign.mean_temperature))
-    if _differ(campaign.time, LONGER):
-        end = float(campaign.known_time.max())
-        found += [WarmUp(time_constant=constant, reference=end) for constant in TIME_CONSTANTS]
-    return found
-
-
-def _differ(values: Float[np.ndarray, " n"] | None, least: float) -> bool:
-    """Whether the values of all rows are known, and differ by so much."""
-    return values is not None and bool(np.isfinite(values).all()) and float(np.ptp(values)) >= least
 
 
 def _repeated_by_geometry(calibration: Calibration, campaign: Campaign) -> tuple[NearDependence, ...]:
@@ -275,7 +205,7 @@ def _search(
     added: list[Effect] = []
     stages: list[Stage] = []
     while candidates:
-        progress(f"{len(candidates)} candidates beside {', '.join(['geometry', *map(_label, added)])}")
+        progress(f"{len(candidates)} candidates beside {', '.join(['geometry', *(effect.name for effect in added)])}")
         extended = [_with(model, effect, options) for effect in candidates]
         trials = [identify(more, campaign, **kept) for more, kept in extended]
         gains = [_evidence(trial) - _evidence(best) for trial in trials]
@@ -289,7 +219,7 @@ def _search(
             gained = f"best of {of}: {gained}"
         reason = f"{gained}, but worse where it was not fitted" if likelier and worse else gained
         accepted = bool(likelier and not worse)
-        stages.append(_stage(_label(effect), trials[k], best, errors, left, accepted=accepted, reason=reason))
+        stages.append(_stage(effect.name, trials[k], best, errors, left, accepted=accepted, reason=reason))
         if accepted:
             model, options, best, left = more, kept, trials[k], errors
             added.append(effect)
@@ -314,31 +244,6 @@ def _with(model: ErrorModel, effect: Effect, options: dict[str, Any]) -> tuple[E
 
 def _evidence(calibration: Calibration) -> float:
     return -np.inf if calibration.log_evidence is None else calibration.log_evidence
-
-
-def _label(effect: Effect) -> str:
-    named = {
-        "EncoderGain": "encoder gain",
-        "Backlash": "backlash",
-        "Settling": "settling",
-        "Overrun": "overrun",
-        "Harmonics": "gear harmonics",
-        "MotorHarmonics": "motor harmonics",
-        "Compliance": "compliance",
-        "Coupling": "coupling",
-        "Spring": "spring",
-        "Thermal": "growth with the temperature",
-        "WarmUp": "warming up",
-    }
-    label = named.get(type(effect).__name__, type(effect).__name__)
-    if isinstance(effect, Harmonics):
-        first, last = effect.orders[0], effect.orders[-1]
-        label += f" of order {first}" if first == last else f" of orders {first} to {last}"
-    if isinstance(effect, Compliance) and effect.tolerance != DEFLECTION:
-        label += f" (±{effect.tolerance * 1e3:g} mrad)"
-    if isinstance(effect, WarmUp):
-        label += f" in {effect.time_constant / 60.0:g} min"
-    return label if effect.joints is None else f"{label} of {', '.join(effect.joints)}"
 
 
 def _folds(campaign: Campaign, folds: int, seed: int, fewest: int) -> list[Int[np.ndarray, " _"]]:

@@ -22,7 +22,6 @@ from taskcal.identification.problem import FrameLayout, Problem, observe, whiten
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration, check_plausible, check_rows, nominal_poses, register
 from taskcal.measurement.tracker import TrackerNoise
-from taskcal.robot.effects import Thermal, WarmUp
 from taskcal.robot.error_model import ErrorModel
 
 BASE_PRIOR, TARGET_PRIOR = 10.0, 1.0
@@ -35,9 +34,6 @@ Estimate = Literal["estimate"]
 
 WIDE = 5.0
 """A prior scale above this calls for a look at the robot file."""
-
-CERTAIN = 3.0
-"""Standard errors below nil from which on a compliance is called negative."""
 
 ROUNDS = 60
 """Of fit and hyperparameters in turn, at most."""
@@ -103,10 +99,8 @@ def identify(
     check_options(prior, frames, model_error, prior_scale)
     kept = np.arange(len(model)) if keep is None else model.indices(keep)
     check_rows(campaign)
-    if any(isinstance(effect, Thermal) for effect in model.effects):
-        _ = campaign.known_temperature
-    if any(isinstance(effect, WarmUp) for effect in model.effects):
-        _ = campaign.known_time
+    for effect in model.effects:
+        campaign.check_told(effect.needs, effect.key)
     poses = nominal_poses(model, campaign)
     if registration is None:
         registration = register(model, campaign, poses)
@@ -440,25 +434,10 @@ def _remarks(found: _Found, frames: FrameLayout, campaign: Campaign, has_prior: 
         out.append("model error and prior scale had not settled when the search for them ended")
     if found.hyper.variances[0] == 0.0 and measured < 2 * len(frames.names):
         out.append("no model error could be told from so few rows, so the stated uncertainty leaves it out")
-    return (*out, *_negative_compliances(found, frames))
-
-
-def _negative_compliances(found: _Found, frames: FrameLayout) -> list[str]:
-    """Drives that would yield against their load, beyond doubt."""
-    out: list[str] = []
-    for joint, stiffness in zip(frames.model.robot.joint_names, frames.model.robot.statics.stiffness, strict=True):
-        name = f"{joint}.compliance"
-        if name not in frames.names:
-            continue
-        i, unit = frames.names.index(name), frames.model.parameters[frames.model.names.index(name)].shown
-        total = found.solution.z[i] + (0.0 if stiffness is None else 1.0 / stiffness)
-        error = float(np.sqrt(found.posterior[i, i]))
-        if total < -CERTAIN * error:
-            out.append(
-                f"the compliance of {joint} is {total * unit.factor:.3g} ± {error * unit.factor:.2g} {unit.name}, but no drive "
-                "yields against its load: something else there has the shape of gravity; do not predict other loads with it"
-            )
-    return out
+    errors = np.sqrt(np.diag(found.posterior))
+    estimates = {name: (float(z), float(e)) for name, z, e in zip(frames.names, found.solution.z, errors, strict=True)}
+    model = frames.model
+    return (*out, *(remark for effect in model.effects for remark in effect.remarks(model.robot, estimates)))
 
 
 def _studentise(

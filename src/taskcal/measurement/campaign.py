@@ -1,7 +1,7 @@
 """A measuring campaign: joint positions, and where the targets were seen."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
@@ -11,6 +11,14 @@ from jaxtyping import Bool, Float, Int
 from taskcal.errors import CampaignError, UnknownName
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.conditions import Conditions
+
+_TOLD = {
+    "approach": ("ways of approach", "columns such as J1_approach"),
+    "move": ("moves", "columns such as J1_move_deg"),
+    "temperature": ("temperatures", "a column temp_C"),
+    "time": ("times", "a column time_s"),
+}
+"""What an effect may need, in the plural, and the columns of a campaign's file that tell it."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,14 +39,8 @@ class Campaign:
     """Stated standard uncertainty of each point (per axis), metres; None where the tracker's noise model says it."""
     nests: Mapping[str, Float[np.ndarray, "n 3"]] = field(default_factory=dict[str, np.ndarray])
     """Fixed points measured beside each pose, in the tracker frame, metres."""
-    temperature: Float[np.ndarray, " n"] | None = None
-    """Of the robot, °C; NaN where unknown."""
-    time: Float[np.ndarray, " n"] | None = None
-    """Since the robot began to work, seconds; NaN where unknown."""
-    approach: Float[np.ndarray, "n joints"] | None = None
-    """Way in which each joint's drive turned last before the row: 1 where its value grew, −1 where it fell, 0 unknown."""
-    move: Float[np.ndarray, "n joints"] | None = None
-    """How far each joint's drive turned on the way to the row, radians (metres where it slides); 0 where unknown."""
+    conditions: Conditions = field(default_factory=Conditions)
+    """How each row was reached, and how warm the robot was there."""
     source: str = ""
     """File the campaign was read from."""
 
@@ -75,41 +77,47 @@ class Campaign:
         return ~np.isnan(self.points[..., 0])
 
     @property
-    def conditions(self) -> Conditions:
-        """What is known of the way to each row, and of how warm the robot was."""
-        return Conditions(approach=self.approach, move=self.move, temperature=self.temperature, time=self.time)
+    def approach(self) -> Float[np.ndarray, "n joints"] | None:
+        """Way in which each joint's drive turned last before the row, as `Conditions` has it."""
+        return self.conditions.approach
 
     @property
-    def known_temperature(self) -> Float[np.ndarray, " n"]:
-        """Temperature of every row, °C.
-
-        Raises:
-            CampaignError: there is none, or a row is without.
-        """
-        return self._known(self.temperature, "temperature", "thermal", "temp_C")
+    def move(self) -> Float[np.ndarray, "n joints"] | None:
+        """How far each joint's drive turned on the way to the row, as `Conditions` has it."""
+        return self.conditions.move
 
     @property
-    def known_time(self) -> Float[np.ndarray, " n"]:
-        """Time of every row since the robot began to work, seconds.
+    def temperature(self) -> Float[np.ndarray, " n"] | None:
+        """Of the robot, °C, as `Conditions` has it."""
+        return self.conditions.temperature
+
+    @property
+    def time(self) -> Float[np.ndarray, " n"] | None:
+        """Since the robot began to work, seconds, as `Conditions` has it."""
+        return self.conditions.time
+
+    def check_told(self, quantities: Iterable[str], effect: str) -> None:
+        """See that every row tells what an effect needs.
+
+        Args:
+            quantities: fields of `Conditions`.
+            effect: its name, for the message.
 
         Raises:
-            CampaignError: there is none, or a row is without.
+            CampaignError: the campaign, or a row, does not tell one of them.
         """
-        return self._known(self.time, "time", "warmup", "time_s")
-
-    def _known(
-        self, values: Float[np.ndarray, " n"] | None, quantity: str, effect: str, column: str
-    ) -> Float[np.ndarray, " n"]:
         name = self.source or "the campaign"
-        if values is None:
-            raise CampaignError(f"{name} has no {quantity}s, which the effect '{effect}' needs; add a column {column}")
-        unknown = np.flatnonzero(~np.isfinite(values))
-        if len(unknown):
-            raise CampaignError(
-                f"{name}: {self.row(int(unknown[0]))} has no {quantity}, which the effect '{effect}' needs ({len(unknown)} of "
-                f"{len(self)} rows have none); fill in {column}, or leave the row out"
-            )
-        return values
+        for quantity in quantities:
+            values = getattr(self.conditions, quantity)
+            several, columns = _TOLD[quantity]
+            if values is None:
+                raise CampaignError(f"{name} has no {several}, which the effect '{effect}' needs; add {columns}")
+            unknown = np.flatnonzero(~np.isfinite(values.reshape(len(self), -1)).all(axis=1))
+            if len(unknown):
+                raise CampaignError(
+                    f"{name}: {self.row(int(unknown[0]))} has no {quantity}, which the effect '{effect}' needs ({len(unknown)} "
+                    f"of {len(self)} rows have none); fill in {columns.split()[-1]}, or leave the row out"
+                )
 
     @property
     def mean_temperature(self) -> float:
@@ -118,7 +126,8 @@ class Campaign:
         Raises:
             CampaignError: a row has no temperature.
         """
-        return round(float(self.known_temperature.mean()), 1)
+        self.check_told(["temperature"], "thermal")
+        return self.conditions.mean_temperature
 
     @cached_property
     def digest(self) -> str:
@@ -164,7 +173,8 @@ class Campaign:
             f.name: pick(getattr(self, f.name)) for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)
         }
         nests = {name: points[chosen] for name, points in self.nests.items()}
-        return replace(self, ids=tuple(self.ids[i] for i in chosen), nests=nests, **changed)
+        ids = tuple(self.ids[i] for i in chosen)
+        return replace(self, ids=ids, nests=nests, conditions=self.conditions.take(chosen), **changed)
 
     def split(self, fraction: float, rng: np.random.Generator) -> tuple["Campaign", "Campaign"]:
         """Two campaigns: the rows to fit, and a random `fraction` of rows held out.

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -73,12 +74,8 @@ def read_campaign(
         )
     rotations = _rotations(table, names, used, target_names, found)
     uncertainty = _uncertainty(table, names, used, target_names)
-    temperature = None
-    if "temp_c" in names:
-        used.add("temp_c")
-        temperature = table.numbers(names["temp_c"], empty=True)
-    time = _time(table, names, used)
-    conditions = _conditions(table, names, robot, used, q, ids)
+    ways = _ways(table, names, robot, used, q, ids)
+    conditions = replace(ways, temperature=_temperature(table, names, used), time=_time(table, names, used))
     unknown = [name for lower, name in names.items() if lower not in used]
     if unknown:
         raise FileError(
@@ -107,10 +104,7 @@ def read_campaign(
         rotations=rotations,
         uncertainty=uncertainty,
         nests={name: found[name] for name in nest_names},
-        temperature=temperature,
-        time=time,
-        approach=conditions.approach,
-        move=conditions.move,
+        conditions=conditions,
         source=Path(path).name,
     )
 
@@ -166,6 +160,14 @@ def _joints(table: CsvTable, names: dict[str, str], robot: Robot, used: set[str]
     return np.stack(columns, axis=1)
 
 
+def _temperature(table: CsvTable, names: dict[str, str], used: set[str]) -> Float[np.ndarray, " n"] | None:
+    """Of the robot, °C."""
+    if "temp_c" not in names:
+        return None
+    used.add("temp_c")
+    return table.numbers(names["temp_c"], empty=True)
+
+
 def _time(table: CsvTable, names: dict[str, str], used: set[str]) -> Float[np.ndarray, " n"] | None:
     """Seconds since the robot began to work."""
     if "time_s" not in names:
@@ -179,7 +181,7 @@ def _time(table: CsvTable, names: dict[str, str], used: set[str]) -> Float[np.nd
     return time
 
 
-def _conditions(
+def _ways(
     table: CsvTable,
     names: dict[str, str],
     robot: Robot,

@@ -109,10 +109,7 @@ def simulate(
         targets=tuple(named),
         points=points,
         rotations=rotations,
-        approach=None if conditions is None else conditions.approach,
-        move=None if conditions is None else conditions.move,
-        temperature=None if conditions is None else conditions.temperature,
-        time=None if conditions is None else conditions.time,
+        conditions=conditions or Conditions(),
         source="virtual cell",
     )
     return campaign, truth

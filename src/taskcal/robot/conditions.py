@@ -27,6 +27,17 @@ class Conditions:
                 row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
                 raise TaskcalError(f"{name} of pose {row} is no number; give 0 where the way to it is not known")
 
+    @property
+    def mean_temperature(self) -> float:
+        """Mean over the poses whose temperature is known, to a tenth of a degree, °C.
+
+        Raises:
+            TaskcalError: none is.
+        """
+        if self.temperature is None or not np.isfinite(self.temperature).any():
+            raise TaskcalError("no pose has a temperature, so that there is no mean of them")
+        return round(float(np.nanmean(self.temperature)), 1)
+
     def take(self, rows: Int[np.ndarray, " k"] | slice) -> "Conditions":
         """The conditions of some of the poses."""
         return Conditions(

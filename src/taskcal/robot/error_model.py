@@ -1,7 +1,7 @@
 """The error model: one parameter for every defect that the mechanism leaves free."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +11,7 @@ from taskcal.errors import TaskcalError, UnknownName
 from taskcal.geometry import walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed, Joint, Step
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects import Compliance, Effect, LinearTerm
+from taskcal.robot.effects import Effect, LinearTerm
 from taskcal.robot.joint_side import JointTerm, Shift
 from taskcal.robot.load import Load
 from taskcal.robot.robot import Part, Robot
@@ -152,9 +152,10 @@ class ErrorModel:
         Raises:
             TaskcalError: the model has no `Compliance`, or the robot file states no masses.
         """
-        if not any(isinstance(effect, Compliance) for effect in self.effects):
+        loaded = [effect.under(load) for effect in self.effects]
+        if all(effect is None for effect in loaded):
             raise TaskcalError("the model does not yield to loads; add Compliance() to it before it is identified")
-        effects = [replace(e, load=load) if isinstance(e, Compliance) else e for e in self.effects]
+        effects = [other or effect for other, effect in zip(loaded, self.effects, strict=True)]
         return ErrorModel(self.robot, lengths_only=self.lengths_only, effects=effects)
 
     def prepare(self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None) -> Prepared:

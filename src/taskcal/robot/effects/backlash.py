@@ -17,6 +17,11 @@ class Backlash(Effect):
     Without the ways in which a pose was approached, it is taken for the middle between both.
     """
 
+    key = "backlash"
+    label = "backlash"
+    summary = "joints that stop elsewhere when they come from above than from below"
+    uses = ("approach",)
+
     def term(self, robot: Robot) -> LinearTerm:
         """Parameters ``J2.backlash``, half the lost motion, radians: beyond the middle if positive, short of it if negative."""
         joints = np.array(self.chosen(robot), dtype=np.int64)

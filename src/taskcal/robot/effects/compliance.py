@@ -1,25 +1,30 @@
 """Drives that yield under what they carry."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from taskcal.errors import TaskcalError
-from taskcal.robot.effects.effect import Effect, frozen
+from taskcal.robot.conditions import Conditions
+from taskcal.robot.effects.effect import DEFLECTION, Effect, frozen
 from taskcal.robot.effects.linear_term import LinearTerm
 from taskcal.robot.effects.load_path import LoadPath, at_motors, sample_poses
 from taskcal.robot.effects.lumped_weights import yield_under_lumped_weights
 from taskcal.robot.effects.motor_torque import motor_torque
 from taskcal.robot.load import Load
 from taskcal.robot.robot import Robot
+from taskcal.robot.shown_unit import ShownUnit
 
 STATED = 0.3
 """Share by which a stated stiffness is expected to be wrong (1σ): it is rarely measured, and drives differ."""
 
 LEAST = 0.1
 """A drive is taken to be built for this share of the largest torque among all drives at least, where it carries less."""
+
+CERTAIN = 3.0
+"""Standard errors below zero from which on a compliance is called negative."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,8 +40,43 @@ class Compliance(Effect):
     product of compliance and weight, so that neither must be known.
     """
 
+    key = "compliance"
+    label = "compliance"
+    summary = "drives that yield under the weight of what they carry, and under forces at the tool"
+
     load: Load | None = None
     """Payload, force and moment; by default the robot file's payload, and no force. It needs masses in the robot file."""
+
+    @classmethod
+    def candidates(cls, robot: Robot, conditions: Conditions) -> "Sequence[Compliance]":
+        """Stiff drives, and soft ones."""
+        return (cls(), SOFT) if cls().suits(robot) else ()
+
+    @property
+    def details(self) -> str:
+        """Its tolerance, where that is another than usual."""
+        return "" if self.tolerance == DEFLECTION else f" (±{self.tolerance * 1e3:g} mrad)"
+
+    def under(self, load: Load) -> "Compliance":
+        """The same drives under another load."""
+        return replace(self, load=load)
+
+    def remarks(self, robot: Robot, estimates: Mapping[str, tuple[float, float]]) -> list[str]:
+        """Drives that would yield against their load, beyond doubt."""
+        out: list[str] = []
+        for joint, stiffness, slides in zip(robot.joint_names, robot.statics.stiffness, robot.prismatic, strict=True):
+            if f"{joint}.compliance" not in estimates:
+                continue
+            unit = ShownUnit.of("m/N" if slides else "rad/Nm")
+            deviation, error = estimates[f"{joint}.compliance"]
+            total = deviation + (0.0 if stiffness is None else 1.0 / stiffness)
+            if total < -CERTAIN * error:
+                out.append(
+                    f"the compliance of {joint} is {total * unit.factor:.3g} ± {error * unit.factor:.2g} {unit.name}, but no "
+                    "drive yields against its load: something else there has the shape of gravity; do not predict other "
+                    "loads with it"
+                )
+        return out
 
     @classmethod
     def from_json(cls, options: Mapping[str, Any]) -> "Compliance":
@@ -84,3 +124,7 @@ class Compliance(Effect):
             nominal=[0.0 if k is None else 1.0 / k for k in stiffness],
             per="Nm",
         )
+
+
+SOFT = Compliance(tolerance=3e-3)
+"""Drives of 10⁶ Nm/rad under some hundred kilograms, or of 10⁴ under some kilograms: milliradians per metre of lever."""

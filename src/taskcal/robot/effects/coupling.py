@@ -21,6 +21,10 @@ class Coupling(Effect):
     By default the robot's last three joints: the middle one by the first, the last one by both.
     """
 
+    key = "coupling"
+    label = "coupling"
+    summary = "joints of the wrist that move a little by each other"
+
     pairs: tuple[tuple[str, str], ...] | None = None
     """Names of the joint that drives and of the joint that it moves; those of the wrist by default."""
 

@@ -1,26 +1,100 @@
-"""What all effects share: the joints that have them, how large they are, how they are described."""
+"""What all effects share: what is said of them, the joints that have them, how large they are, how they are described."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, ClassVar, Literal, get_args
+
+import numpy as np
 
 from taskcal.errors import TaskcalError, UnknownName
 from taskcal.geometry.chain import Step
+from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects.linear_term import LinearTerm
+from taskcal.robot.effects.registry import register
+from taskcal.robot.load import Load
 from taskcal.robot.robot import Robot
 
 DEFLECTION = 3e-4
 """Default tolerance of a joint's deflection, radians: what gears and bearings of an industrial robot leave."""
 
+Quantity = Literal["approach", "move", "temperature", "time"]
+"""What a campaign may tell of its rows beside joints and points: the fields of `Conditions`."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """What all effects share."""
+    """What all effects share.
+
+    A class with a `key` and a `label` is an effect as soon as it is defined: ``model + MyEffect()`` has it, it competes in
+    `explain`, the command line knows its key, and calibrations with it are saved and loaded. What several effects share
+    stands in a class with ``abstract=True``.
+    """
+
+    key: ClassVar[str]
+    """Its name on the command line."""
+    label: ClassVar[str]
+    """Its name in tables and reports."""
+    summary: ClassVar[str] = ""
+    """What it is, in a line, for help and documentation; its label by default."""
+    needs: ClassVar[tuple[Quantity, ...]] = ()
+    """What every row of a campaign must tell: without, it is not identified."""
+    uses: ClassVar[tuple[Quantity, ...]] = ()
+    """What it takes from a campaign that tells it; elsewhere it is identified as in the middle."""
 
     joints: tuple[str, ...] | None = None
     """Names of the joints that have it; all by default."""
     tolerance: float = DEFLECTION
     """Largest deflection expected of each parameter (1σ), radians (metres where the joint slides)."""
+
+    def __init_subclass__(cls, *, abstract: bool = False, **others: Any) -> None:
+        """Register it.
+
+        Raises:
+            TaskcalError: it has no key or label of its own, it needs what no campaign tells, or its names are taken.
+        """
+        super().__init_subclass__(**others)
+        if abstract:
+            return
+        for name, example in (("key", cls.__name__.lower()), ("label", "what tables call it")):
+            if not isinstance(vars(cls).get(name), str):
+                raise TaskcalError(f'the effect {cls.__name__} has no {name} of its own; write {name} = "{example}"')
+        for quantity in (*cls.needs, *cls.uses):
+            if quantity not in get_args(Quantity):
+                raise UnknownName(
+                    "quantity", quantity, get_args(Quantity), f"that a campaign tells, for {cls.__name__}"
+                )
+        register(cls)
+
+    @classmethod
+    def candidates(cls, robot: Robot, conditions: Conditions) -> "Sequence[Effect]":
+        """Those of its kind that compete by default on a robot measured under these conditions."""
+        effect = cls()
+        return [effect] if effect.suits(robot) else []
+
+    @classmethod
+    def ways_to_write(cls) -> Mapping[str, str]:
+        """What `parse` understands, and what it means; where options follow, with an example of them."""
+        return {cls.key: cls.summary or cls.label}
+
+    @classmethod
+    def parse(cls, text: str) -> "Effect | None":
+        """The effect that a text on the command line names; None where it names another.
+
+        Raises:
+            TaskcalError: it names this one, with options that do not exist.
+        """
+        return cls() if text == cls.key else None
+
+    @property
+    def name(self) -> str:
+        """What tables call it: its label, with what its options say."""
+        label = self.label + self.details
+        return label if self.joints is None else f"{label} of {', '.join(self.joints)}"
+
+    @property
+    def details(self) -> str:
+        """What its options add to its label, with a blank in front; by default nothing."""
+        return ""
 
     def chosen(self, robot: Robot) -> list[int]:
         """Numbers of its joints.
@@ -38,13 +112,37 @@ class Effect:
         """Whether what is known of a robot gives reason to look for the effect."""
         return bool(self.chosen(robot))
 
+    def is_told(self, conditions: Conditions) -> bool:
+        """Whether a campaign under these conditions tells, in every row, what the effect needs and uses."""
+        values = [getattr(conditions, quantity) for quantity in (*self.needs, *self.uses)]
+        return all(value is not None and bool(np.isfinite(value).all()) for value in values)
+
+    def referred(self, conditions: Conditions) -> "Effect":
+        """The effect with what it refers to taken from a campaign that tells what it needs; by default as it is."""
+        return self
+
+    def under(self, load: Load) -> "Effect | None":
+        """The effect under another load; None where a load is nothing to it."""
+        return None
+
+    def remarks(self, robot: Robot, estimates: Mapping[str, tuple[float, float]]) -> list[str]:
+        """What is unusual about its estimates, in words; by default nothing.
+
+        Args:
+            robot: the robot.
+            estimates: of all parameters that were fitted: value and standard error, in the parameter's unit.
+        """
+        return []
+
     def extend(self, robot: Robot, steps: Sequence[Step]) -> tuple[Step, ...]:
         """The chain with the joints that the effect adds to the robot's own, which its term then moves; by default none."""
         return tuple(steps)
 
     def to_json(self) -> dict[str, Any]:
-        """Its kind and options."""
-        return {"kind": type(self).__name__, **_listed(asdict(self))}
+        """Its kind and options, and the module that defines it where that is not Taskcal's."""
+        module = type(self).__module__
+        home = {} if module.partition(".")[0] == __name__.partition(".")[0] else {"module": module}
+        return {"kind": type(self).__name__, **home, **_listed(asdict(self))}
 
     @classmethod
     def from_json(cls, options: Mapping[str, Any]) -> "Effect":
@@ -53,7 +151,7 @@ class Effect:
 
     def term(self, robot: Robot) -> LinearTerm:
         """The effect on a robot."""
-        raise TaskcalError(f"{type(self).__name__} is no effect of its own")
+        raise TaskcalError(f"{type(self).__name__} does not say what it does: it has no method term()")
 
 
 def _listed(value: Any) -> Any:

@@ -13,6 +13,10 @@ from taskcal.robot.robot import Robot
 class EncoderGain(Effect):
     """A scale error of each joint: the joint turns a little more or less than the controller says."""
 
+    key = "gain"
+    label = "encoder gain"
+    summary = "joints that turn a little more or less than the controller says"
+
     def term(self, robot: Robot) -> LinearTerm:
         """Parameters ``J2.gain``, radians per radian."""
         joints = np.array(self.chosen(robot), dtype=np.int64)

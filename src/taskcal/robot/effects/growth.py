@@ -24,7 +24,7 @@ NEAR = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Growth(Effect):
+class Growth(Effect, abstract=True):
     """What `Thermal` and `WarmUp` share; a model has one of them.
 
     All lengths between the axes grow in one proportion; or, if joints are named, those behind each of them in a proportion
@@ -34,10 +34,18 @@ class Growth(Effect):
 
     per: ClassVar[str]
     """What a unit's name has behind it."""
+    least: ClassVar[float]
+    """Between the lowest and the highest of what it needs, over the rows of a campaign, from which on it competes."""
+
+    def is_told(self, conditions: Conditions) -> bool:
+        """Whether every row tells what it needs, and the rows differ by enough to prove it."""
+        if not super().is_told(conditions):
+            return False
+        return all(float(np.ptp(getattr(conditions, quantity))) >= self.least for quantity in self.needs)
 
     def rise(self, conditions: Conditions) -> Float[np.ndarray, " n"] | None:
         """How far each pose is from the reference; NaN where unknown, None where nothing is known."""
-        raise TaskcalError(f"{type(self).__name__} is no effect of its own")
+        raise TaskcalError(f"{type(self).__name__} does not say what it grows with")
 
     def term(self, robot: Robot) -> LinearTerm:
         """Parameters ``thermal.growth``, or ``J2.growth`` …, metres per metre, and ``thermal.tx`` … of the base.

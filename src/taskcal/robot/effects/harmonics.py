@@ -1,19 +1,69 @@
 """Eccentricity of gears and encoders."""
 
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from taskcal.errors import TaskcalError
+from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects.effect import Effect
 from taskcal.robot.effects.linear_term import LinearTerm, at_joints
 from taskcal.robot.robot import Robot
+
+_ORDERS = re.compile(r"harmonics:(\d+)(?:-(\d+))?$")
+_HIGHEST = 200
+"""Order that can be named."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Harmonics(Effect):
     """Gear and encoder eccentricity: cosine and sine of each joint's own angle and its multiples."""
 
+    key = "harmonics"
+    label = "gear harmonics"
+
     orders: tuple[int, ...] = (1, 2)
+    """Periods in a turn of the joint."""
+
+    @classmethod
+    def candidates(cls, robot: Robot, conditions: Conditions) -> "Sequence[Harmonics]":
+        """What gears are made to, once or twice in a turn as far as anything is expected, and higher orders."""
+        competing = (GEARS, cls(orders=(1,)), cls(orders=(2,)), PERIODIC)
+        return competing if cls().suits(robot) else ()
+
+    @classmethod
+    def ways_to_write(cls) -> Mapping[str, str]:
+        """Some orders by a word, others by their numbers."""
+        return {
+            "harmonics": "gears and encoders that err once and twice in a turn of the joint: orders 1 and 2",
+            "harmonics:1-4": "the same for these orders",
+            "periodic": "orders 3 to 30, each small",
+        }
+
+    @classmethod
+    def parse(cls, text: str) -> "Harmonics | None":
+        """``harmonics``, with one order or a range of them, ``harmonics:1-4``, or ``periodic``.
+
+        Raises:
+            TaskcalError: orders that do not exist.
+        """
+        match = _ORDERS.match(text)
+        if match is None:
+            return {cls.key: cls(), "periodic": PERIODIC}.get(text)
+        first, last = int(match[1]), int(match[2] or match[1])
+        if not 1 <= first <= last <= _HIGHEST:
+            raise TaskcalError(
+                f"'{text}': orders count periods in a turn; write harmonics:1-4, between 1 and {_HIGHEST}"
+            )
+        return cls(orders=tuple(range(first, last + 1)))
+
+    @property
+    def details(self) -> str:
+        """The first and the last of its orders."""
+        first, last = self.orders[0], self.orders[-1]
+        return f" of order {first}" if first == last else f" of orders {first} to {last}"
 
     def term(self, robot: Robot) -> LinearTerm:
         """Parameters ``J2.cos1``, ``J2.sin1`` …, radians."""
@@ -29,3 +79,10 @@ class Harmonics(Effect):
             [self.tolerance] * len(shapes),
             lambda q: np.cos(robot.joint_map(q)[:, columns] * orders - phases),
         )
+
+
+PERIODIC = Harmonics(orders=tuple(range(3, 31)), tolerance=2e-5)
+"""Errors of gears and encoders that recur several times in a turn; each is small, the right ones are not known before."""
+
+GEARS = Harmonics(tolerance=5e-5)
+"""What gears of industrial robots are made to: ten seconds of arc."""

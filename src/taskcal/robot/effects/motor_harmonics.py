@@ -19,6 +19,10 @@ class MotorHarmonics(Effect):
     It takes the joints' gear ratios from the robot file. Behind a four-bar the motor turns with its crank.
     """
 
+    key = "motor"
+    label = "motor harmonics"
+    summary = "once and twice in a turn of the motor, for joints whose `gear_ratio` the robot file states"
+
     orders: tuple[int, ...] = (1, 2)
     """Periods in a turn of the motor."""
     tolerance: float = 1e-4

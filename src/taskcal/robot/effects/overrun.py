@@ -22,6 +22,11 @@ class Overrun(Effect):
     Without the moves that led to the poses, they are taken for settled.
     """
 
+    key = "overrun"
+    label = "overrun"
+    summary = "joints that keep a small rest of the last move, in proportion to the speed at which they came"
+    uses = ("move",)
+
     def term(self, robot: Robot) -> LinearTerm:
         """Parameters ``J2.overrun``, radians where the joint sets the pace: beyond the end if positive, short of it if negative."""
         joints = np.array(self.chosen(robot), dtype=np.int64)

@@ -17,6 +17,11 @@ class Settling(Effect):
     Without the moves that led to the poses, they are taken for settled.
     """
 
+    key = "settling"
+    label = "settling"
+    summary = "joints that keep a small rest of the last move, in proportion to its length"
+    uses = ("move",)
+
     def term(self, robot: Robot) -> LinearTerm:
         """Parameters ``J2.settling``, radians per radian: beyond the end of the move if positive, short of it if negative."""
         joints = np.array(self.chosen(robot), dtype=np.int64)

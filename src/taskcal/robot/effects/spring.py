@@ -22,6 +22,10 @@ class Spring(Effect):
     robot without a four-bar these two are those of `Harmonics` of order 1, and data cannot tell them apart.
     """
 
+    key = "spring"
+    label = "spring"
+    summary = "the drive of axis 2 yields to a spring: that of the robot file, or one of unknown size"
+
     def suits(self, robot: Robot) -> bool:
         """Whether the robot file states a spring."""
         return robot.statics.spring is not None

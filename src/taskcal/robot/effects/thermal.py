@@ -1,6 +1,7 @@
 """A robot that grows, and a base that drifts, with the temperature."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -8,9 +9,14 @@ from jaxtyping import Float
 
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects.growth import Growth
+from taskcal.robot.robot import Robot
 
 EXPANSION = 2.4e-5
 """Expansion coefficient of aluminium, per kelvin; steel and cast iron have half of it."""
+
+WARMER = 1.0
+"""Between the coldest and the warmest row, kelvin, from which on an effect of the temperature competes: a metre grows by a
+hundredth of a millimetre."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,11 +28,26 @@ class Thermal(Growth):
     all its parameters are without effect.
     """
 
+    key = "thermal"
+    label = "growth with the temperature"
+    summary = "lengths that grow, and a base that drifts, with the temperature"
+    needs = ("temperature",)
+
     tolerance: float = EXPANSION
     """Growth per kelvin (1σ); what carries the base moves and tilts as one of 1 m height that grows so on one side."""
     reference: float = 20.0
     """Temperature at which the other parameters of the model hold, °C."""
     per: ClassVar[str] = "/K"
+    least: ClassVar[float] = WARMER
+
+    @classmethod
+    def candidates(cls, robot: Robot, conditions: Conditions) -> "Sequence[Thermal]":
+        """One that refers to the mean temperature, where temperatures differ."""
+        return [cls().referred(conditions)] if cls().is_told(conditions) else []
+
+    def referred(self, conditions: Conditions) -> "Thermal":
+        """The effect with the mean temperature as its reference."""
+        return replace(self, reference=conditions.mean_temperature)
 
     def rise(self, conditions: Conditions) -> Float[np.ndarray, " n"] | None:
         """Kelvins above the reference."""

@@ -1,13 +1,25 @@
 """A robot that warms up at work."""
 
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.errors import TaskcalError
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects.growth import Growth
+from taskcal.robot.robot import Robot
+
+LONGER = 600.0
+"""Between the first and the last row, seconds, from which on warming up competes."""
+
+TIME_CONSTANTS = 1200.0, 3600.0, 10800.0
+"""That compete, seconds: drives take minutes, castings hours."""
+
+_MINUTES = re.compile(r"warmup:([1-9]\d{0,3})$")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,6 +31,10 @@ class WarmUp(Growth):
     are without effect.
     """
 
+    key = "warmup"
+    label = "warming up"
+    needs = ("time",)
+
     tolerance: float = 2.4e-4
     """Growth of a cold robot until it is warm (1σ): aluminium that warms by 10 K."""
     time_constant: float = 3600.0
@@ -26,6 +42,43 @@ class WarmUp(Growth):
     reference: float | None = None
     """Time at which the other parameters of the model hold, seconds; by default when the robot is warm."""
     per: ClassVar[str] = ""
+    least: ClassVar[float] = LONGER
+
+    @classmethod
+    def candidates(cls, robot: Robot, conditions: Conditions) -> "Sequence[WarmUp]":
+        """Several time constants that refer to the end of the campaign, where it took long enough."""
+        if not cls().is_told(conditions):
+            return []
+        return [cls(time_constant=constant).referred(conditions) for constant in TIME_CONSTANTS]
+
+    @classmethod
+    def ways_to_write(cls) -> Mapping[str, str]:
+        """With or without minutes."""
+        growing = "lengths that grow, and a base that drifts, while the robot warms up"
+        return {"warmup": f"{growing} in an hour", "warmup:20": f"{growing} in so many minutes"}
+
+    @classmethod
+    def parse(cls, text: str) -> "WarmUp | None":
+        """``warmup``, or with its time constant in minutes, ``warmup:20``."""
+        minutes = _MINUTES.match(text)
+        if minutes is not None:
+            return cls(time_constant=60.0 * int(minutes[1]))
+        return cls() if text == cls.key else None
+
+    @property
+    def details(self) -> str:
+        """Its time constant."""
+        return f" in {self.time_constant / 60.0:g} min"
+
+    def referred(self, conditions: Conditions) -> "WarmUp":
+        """The effect with the end of the campaign as its reference, when the robot was warmest.
+
+        Raises:
+            TaskcalError: there are no times.
+        """
+        if conditions.time is None:
+            raise TaskcalError("the end of a campaign without times cannot be a reference; give Conditions a time")
+        return replace(self, reference=float(np.nanmax(conditions.time)))
 
     def rise(self, conditions: Conditions) -> Float[np.ndarray, " n"] | None:
         """How much warmer than at the reference, as a share of the whole way."""
