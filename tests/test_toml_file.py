@@ -1,9 +1,18 @@
+import copy
 import time
+import tomllib
+from datetime import date
+from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
+from taskcal.correction.cell_file import CellFile
 from taskcal.errors import FileError
-from taskcal.toml_file import Section, read_toml
+from taskcal.measurement.station import StationFile
+from taskcal.robot.file import RobotFile
+from taskcal.task.task import TaskFile
+from taskcal.toml_file import PLAIN, Section, explain, read_toml
 
 
 class Small(Section):
@@ -37,3 +46,117 @@ def test_many_decimal_numbers_in_a_line_are_no_long_key(tmp_path):
     path.write_text("a = [" + ", ".join(["1.5"] * 3000) + "]", encoding="utf-8")
     with pytest.raises(FileError, match="a: "):
         read_toml(path, Small)
+
+
+SOUND = {
+    RobotFile: """
+        name = "arm"
+        title = "Arm"
+        source = ["a data sheet"]
+        gravity = [0.0, 0.0, -1.0]
+        link_radii_mm = [50.0, 50.0, 50.0]
+        tool = [{ tx_mm = 100.0, symbol = "t" }]
+        flange = [{ rz_deg = 10.0 }]
+        coupled_limit = [{ of = "J2 + J1", range_deg = [-60.0, 60.0] }]
+        joint = [
+            { name = "J1", dh = { alpha_deg = 90.0, a_mm = 600.0, d_mm = 1.0 }, limits_deg = [-90.0, 90.0], mass_kg = 1.0, centre_mm = [0.0, 0.0, 1.0], stiffness_nm_rad = 1e6, gear_ratio = 100.0, speed_deg_s = 90.0, acceleration_deg_s2 = 90.0, angle = "J1", offset_deg = 1.0 },
+            { name = "J2", type = "prismatic", steps = [{ ty_mm = 1.0 }], limits_mm = [0.0, 9.0], mass_kg = 1.0, centre_mm = [0.0, 0.0, 1.0], stiffness_n_mm = 1e6, speed_mm_s = 90.0, acceleration_mm_s2 = 9.0, offset_mm = 1.0 },
+        ]
+        four_bar = { drives = "J2", arm = "J1", crank = "J2", crank_mm = 400.0, rod_mm = 600.0, rocker_mm = 400.0, arm_mm = 600.0, crank_angle_deg = -90.0, rocker_angle_deg = -90.0, assembly = 1 }
+        payload = { mass_kg = 5.0, centre_mm = [0.0, 0.0, 1.0] }
+        spring = { joint = "J1", rate_n_mm = 60.0, free_length_mm = 300.0, crank_mm = 200.0, anchor_mm = 500.0, aligned_deg = 20.0 }
+        tolerance = { translation_mm = 1.0, rotation_mrad = 1.0, length_mm = 1.0, parameter_mm = { "J1.tx" = 1.0 }, parameter_mrad = { "J1.rx" = 1.0 } }
+        symbols = { tx = "t{}x" }
+        published = { source = "a paper", redundant = ["J1.tx"], zero = [], dropped = [] }
+    """,  # noqa: E501
+    TaskFile: """
+        name = "milling"
+        workspace = { frame = "part", shape = "box", center_mm = [1.0, 2.0, 3.0], size_mm = [1.0, 2.0, 3.0], axis = [0.0, 0.0, 1.0], orientation = [{ quaternion = [0.0, 0.0, 0.0, 1.0], cone_deg = 20.0, spin = "fixed", spin_deg = 3.0 }] }
+        frames = { part = { position_mm = [1.0, 2.0, 3.0], quaternion = [0.0, 0.0, 0.0, 1.0] } }
+        accuracy = { position_mm = 0.1 }
+    """,  # noqa: E501
+    StationFile: """
+        position_mm = [4000.0, 0.0, 1000.0]
+        reach_m = 30.0
+        nearest_m = 0.5
+        reflector = [{ name = "A", position_mm = [0.0, 0.0, 50.0], axis = [0.0, 0.0, 1.0], acceptance_deg = 30.0 }]
+        keep_out = [{ center_mm = [0.0, 0.0, 50.0], size_mm = [1.0, 1.0, 1.0], quaternion = [0.0, 0.0, 0.0, 1.0] }]
+    """,
+    CellFile: """
+        tool = [{ name = "spindle", controller = { position_mm = [0.0, 0.0, 9.0] }, reflectors_mm = { A = [0.0, 0.0, 1.0], B = [0.0, 1.0, 1.0], C = [1.0, 0.0, 1.0] }, uncertainty_mm = 0.1 }]
+        part = [{ name = "table", touched_with = "spindle", touched_deg = [[1.0, 2.0], [1.0, 2.0], [1.0, 2.0]] }]
+    """,  # noqa: E501
+}  # fmt: skip
+
+STRANGE: tuple[Any, ...] = (
+    *(True, "", "600", "ä", 0, -1, 7, 1e308, -1e308, 1e-320, float("nan"), float("inf"), 10**400),
+    *([], [1], ["x"] * 9, {}, {"x": 1}, date(2020, 1, 1), None),
+)
+
+
+def places(content, place=()):
+    """Every place of a content but its root."""
+    entries = content.items() if isinstance(content, dict) else enumerate(content) if isinstance(content, list) else ()
+    for key, inner in entries:
+        yield (*place, key)
+        yield from places(inner, (*place, key))
+
+
+def put(content, place, value):
+    """The content with another value at a place."""
+    changed = copy.deepcopy(content)
+    inner = changed
+    for key in place[:-1]:
+        inner = inner[key]
+    inner[place[-1]] = value
+    return changed
+
+
+@pytest.mark.parametrize("schema", SOUND)
+def test_every_error_of_a_schema_is_in_plain_words(schema):
+    sound = tomllib.loads(SOUND[schema])
+    schema.model_validate(sound)
+    met = set()
+    for place in places(sound):
+        for value in STRANGE:
+            try:
+                schema.model_validate(put(sound, place, value))
+            except ValidationError as error:
+                message = explain(error)
+                met |= {item["type"] for item in error.errors(include_input=False)}
+                assert "should" not in message, message
+                assert "alid" not in message, message
+                assert len(message) < 1500
+    assert "float_type" in met
+    assert met <= {*PLAIN, "extra_forbidden"}
+
+
+def number_places(content, place=()):
+    return [p for p in places(content) if isinstance(at(content, p), float)]
+
+
+def at(content, place):
+    for key in place:
+        content = content[key]
+    return content
+
+
+@pytest.mark.parametrize("schema", SOUND)
+@pytest.mark.parametrize("value", [True, "600", 1e308, -1e308, float("nan"), 10**400], ids=lambda v: repr(v)[:6])
+def test_no_number_of_any_file_may_be_of_another_type_or_beyond_all_bounds(schema, value):
+    sound = tomllib.loads(SOUND[schema])
+    for place in number_places(sound):
+        with pytest.raises(ValidationError) as caught:
+            schema.model_validate(put(sound, place, value))
+        names = [str(key) for key in place if isinstance(key, str)]
+        assert names[-1] in explain(caught.value)
+
+
+def test_a_size_that_vanishes_when_squared_is_refused():
+    sound = tomllib.loads(SOUND[TaskFile])
+    with pytest.raises(ValidationError) as caught:
+        TaskFile.model_validate(put(sound, ("workspace", "size_mm", 0), 1e-320))
+    assert "workspace, size_mm 1: must be 1e-06 or more (got 1e-320)" in explain(caught.value)
+    with pytest.raises(ValidationError) as caught:
+        TaskFile.model_validate(put(sound, ("workspace", "axis"), [0.0, 1e-200, 0.0]))
+    assert "workspace, axis: has no direction" in explain(caught.value)

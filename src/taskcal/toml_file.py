@@ -3,16 +3,50 @@
 import math
 import re
 import tomllib
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from taskcal.errors import FileError
+from taskcal.errors import FileError, shown
 from taskcal.text_file import read_text
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+LARGEST = 1e6
+"""Of any number in millimetres, degrees, kilograms or seconds: 1 km, six times what a laser tracker reaches, and 2800
+turns, eleven times the travel of an axis without stops (±242 turns in ABB's IRB data sheets)."""
+
+SMALLEST = 1e-6
+"""Of a number above zero: a nanometre, below what any gauge shows; squares of smaller ones may vanish."""
+
+STIFFEST = 1e15
+"""Nm/rad; drives of industrial robots have up to 1e7, and this one yields nothing."""
+
+Finite = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(strict=True, ge=0, le=LARGEST, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, ge=SMALLEST, le=LARGEST, allow_inf_nan=False)]
+Stiffness = Annotated[float, Field(strict=True, ge=SMALLEST, le=STIFFEST, allow_inf_nan=False)]
+HalfTurn = Annotated[float, Field(strict=True, ge=0, le=180, allow_inf_nan=False)]
+"""An angle between directions, degrees."""
+
+
+def _sign(value: object) -> object:
+    if type(value) is not int:
+        raise ValueError("must be 1 or -1")
+    return value
+
+
+Sign = Annotated[Literal[1, -1], BeforeValidator(_sign)]
+
+
+def _of_some_length(direction: tuple[float, float, float]) -> tuple[float, float, float]:
+    if math.hypot(*direction) < SMALLEST:
+        raise ValueError("has no direction; give for example [0.0, 0.0, 1.0]")
+    return direction
+
+
+Direction = Annotated[tuple[Finite, Finite, Finite], AfterValidator(_of_some_length)]
+"""A direction, of any length."""
 
 
 def _of_unit_length(quaternion: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
@@ -84,10 +118,50 @@ def _problem(item: dict[str, Any]) -> str:
             place.append(str(step))
     if item["type"] == "extra_forbidden":
         *place, key = place
-        where = ", ".join(place)
-        return f"{where}{': ' if where else ''}'{key}' is no key that is known here; check its spelling"
-    message = "is missing" if item["type"] == "missing" else item["msg"].removeprefix("Value error, ")
+        where = ", ".join(map(shown, place))
+        return f"{where}{': ' if where else ''}'{shown(key)}' is no key that is known here; check its spelling"
+    say = PLAIN.get(item["type"])
+    message = "is not what belongs here" if say is None else say(item.get("ctx", {}))
+    where = ", ".join(map(shown, place))
+    return f"{where}{': ' if where else ''}{message}{_got(item)}"
+
+
+def _got(item: dict[str, Any]) -> str:
+    """The value, where it is one that can be shown and the message is about it."""
     value = item.get("input")
-    shown = f" (got {value!r})" if isinstance(value, str | int | float | bool) else ""
-    where = ", ".join(place)
-    return f"{where}{': ' if where else ''}{message}{shown}"
+    if not isinstance(value, str | int | float | bool):
+        return ""
+    try:
+        return f" (got {shown(repr(value))})"
+    except ValueError:  # Python does not write out integers of thousands of digits
+        return ""
+
+
+PLAIN: Mapping[str, Callable[[dict[str, Any]], str]] = {
+    "missing": lambda _: "is missing",
+    "value_error": lambda known: str(known["error"]),
+    "float_type": lambda _: "is not a number; write it without quotes, such as 12.5",
+    "finite_number": lambda _: "is not a finite number",
+    "int_type": lambda _: "is not a whole number; write it without quotes and point, such as 12",
+    "int_parsing_size": lambda _: "is too large a number",
+    "bool_type": lambda _: "is neither true nor false",
+    "greater_than": lambda known: f"must be above {known['gt']:g}",
+    "greater_than_equal": lambda known: f"must be {known['ge']:g} or more",
+    "less_than": lambda known: f"must be below {known['lt']:g}",
+    "less_than_equal": lambda known: f"must be {known['le']:g} or less",
+    "string_type": lambda _: "is not text; write it in quotes",
+    "string_too_short": lambda _: "is empty; write something",
+    "string_pattern_mismatch": lambda _: "is not a name; use letters, digits and underscores, a letter first",
+    "literal_error": lambda known: f"must be {known['expected']}",
+    "tuple_type": lambda _: "is not a list; write it in brackets, such as [1.0, 2.0]",
+    "list_type": lambda _: "is not a list; write it in brackets, such as [1.0, 2.0]",
+    "dict_type": lambda _: "is not a table of keys and values",
+    "model_type": lambda _: "is not a table of keys and values",
+    "too_short": lambda known: f"has {_entries(known['actual_length'])}; give {known['min_length']} or more",
+    "too_long": lambda known: f"has more than {_entries(known['max_length'])}",
+}
+"""The validator's kinds of error in plain words."""
+
+
+def _entries(count: int) -> str:
+    return "1 entry" if count == 1 else f"{count or 'no'} entries"

@@ -56,7 +56,7 @@ WRONG = {
     "unknown key": (edited("colour", value="red"), "'colour' is no key that is known here"),
     "unknown key of a joint": (edited("joint", 1, "limit_deg", value=[0.0, 1.0]), "is no key that is known here"),
     "name missing": ({k: v for k, v in SOUND.items() if k != "name"}, "name: is missing"),
-    "no joint": (edited("joint", value=[]), "joint: .*at least 1"),
+    "no joint": (edited("joint", value=[]), "joint: has no entries; give 1 or more"),
     "joint without name": (edited("joint", 0, value={"steps": []}), "joint 1, name: is missing"),
     "text for a number": (
         edited("joint", 0, "steps", 0, "tz_mm", value="half a metre"),
@@ -107,7 +107,7 @@ WRONG = {
         "joint 4: a prismatic joint has .* in mm",
     ),
     "loop of an unknown joint": (edited("four_bar", "drives", value="J8"), "four_bar, drives: no joint 'J8'"),
-    "loop without a rod": (edited("four_bar", "rod_mm", value=0.0), "four_bar, rod_mm: .*greater than 0.*0.0"),
+    "loop without a rod": (edited("four_bar", "rod_mm", value=0.0), "four_bar, rod_mm: must be 1e-06 or more.*0.0"),
     "loop of a third assembly": (edited("four_bar", "assembly", value=2), "four_bar, assembly"),
     "coupled limit of an unknown joint": (
         edited("coupled_limit", 0, "of", value="J3 - A2"),
@@ -115,7 +115,7 @@ WRONG = {
     ),
     "negative mass": (
         edited("joint", 0, value={"name": "J1", "mass_kg": -5.0, "centre_mm": [0.0, 0.0, 0.0]}),
-        "joint 1, mass_kg: .*greater than or equal to 0.*-5",
+        "joint 1, mass_kg: must be 0 or more.*-5",
     ),
     "mass without a centre": (
         edited("joint", 0, value={"name": "J1", "mass_kg": 5.0}),
@@ -129,9 +129,12 @@ WRONG = {
         edited("joint", 0, "stiffness_n_mm", value=100.0),
         "joint 1: a revolute joint has its stiffness in Nm/rad",
     ),
-    "no stiffness": (edited("joint", 0, "stiffness_nm_rad", value=0.0), "joint 1, stiffness_nm_rad: .*greater than 0"),
+    "no stiffness": (
+        edited("joint", 0, "stiffness_nm_rad", value=0.0),
+        "joint 1, stiffness_nm_rad: must be 1e-06 or more",
+    ),
     "gears of a sliding joint": (edited("joint", 3, "gear_ratio", value=10.0), "a prismatic joint has no gear_ratio"),
-    "no gravity": (edited("gravity", value=[0.0, 0.0, 0.0]), "gravity is nil; give its direction"),
+    "no gravity": (edited("gravity", value=[0.0, 0.0, 0.0]), "gravity: has no direction; give"),
     "flat gravity": (edited("gravity", value=[0.0, -1.0]), "gravity"),
     "payload without mass": (edited("payload", value={"centre_mm": [0.0, 0.0, 9.0]}), "payload, mass_kg: is missing"),
     "spring of a sliding joint": (
@@ -144,7 +147,7 @@ WRONG = {
     ),
     "negative tolerance": (
         edited("tolerance", "translation_mm", value=-1.0),
-        "tolerance, translation_mm: .*greater than 0",
+        "tolerance, translation_mm: must be 1e-06 or more",
     ),
 }
 

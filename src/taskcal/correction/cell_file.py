@@ -12,7 +12,7 @@ from taskcal.correction.cell import Cell, Measured
 from taskcal.errors import FileError
 from taskcal.files import write_whole
 from taskcal.geometry import se3
-from taskcal.toml_file import Finite, Quaternion, Section, read_toml
+from taskcal.toml_file import Finite, NotNegative, Quaternion, Section, read_toml
 
 ENOUGH = 3
 """Points that locate a frame."""
@@ -42,7 +42,7 @@ class MeasuredSection(Section):
     flange: PoseSection | None = None
     target: PoseSection | None = None
     reflectors_mm: Annotated[dict[str, Point], Field(min_length=ENOUGH)] | None = None
-    uncertainty_mm: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
+    uncertainty_mm: NotNegative | None = None
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:

@@ -6,12 +6,12 @@ from typing import Annotated
 
 import numpy as np
 from jaxtyping import Bool, Float
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from taskcal.errors import FileError
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import Box, Links, beam_is_free
-from taskcal.toml_file import Finite, Positive, Quaternion, Section, read_toml
+from taskcal.toml_file import Direction, Finite, HalfTurn, NotNegative, Positive, Quaternion, Section, read_toml
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,14 +71,8 @@ class ReflectorSection(Section):
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")
     position_mm: tuple[Finite, Finite, Finite]
-    axis: tuple[Finite, Finite, Finite] | None = None
-    acceptance_deg: Annotated[float, Field(gt=0, le=180)] = 30.0
-
-    @model_validator(mode="after")
-    def _direction(self) -> "ReflectorSection":
-        if self.axis is not None and not any(self.axis):
-            raise ValueError("the axis has no direction; give for example [0, 0, 1]")
-        return self
+    axis: Direction | None = None
+    acceptance_deg: Annotated[HalfTurn, Field(gt=0)] = 30.0
 
     def reflector(self) -> Reflector:
         """The reflector it describes."""
@@ -109,7 +103,7 @@ class StationFile(Section):
 
     position_mm: tuple[Finite, Finite, Finite]
     reach_m: Positive = 30.0
-    nearest_m: Annotated[float, Field(ge=0)] = 0.5
+    nearest_m: NotNegative = 0.5
     reflector: tuple[ReflectorSection, ...] = Field(min_length=1)
     keep_out: tuple[BoxSection, ...] = ()
 

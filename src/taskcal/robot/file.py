@@ -15,8 +15,8 @@ from taskcal.robot.expression import parse_linear
 from taskcal.robot.joint_side import FourBarDrive, JointMap
 from taskcal.robot.robot import CoupledLimit, Part, Published, Robot, RobotJoint, Tolerances
 from taskcal.robot.statics import Body, Statics
-from taskcal.robot.statics_file import Mass, PayloadSection, Point, SpringSection, body
-from taskcal.toml_file import Finite, Positive, Section, explain, read_toml
+from taskcal.robot.statics_file import PayloadSection, Point, SpringSection, body
+from taskcal.toml_file import Direction, Finite, NotNegative, Positive, Section, Sign, Stiffness, explain, read_toml
 
 
 class StepSection(Section):
@@ -75,10 +75,10 @@ class JointSection(Section):
     speed_mm_s: Positive | None = None
     acceleration_deg_s2: Positive | None = None
     acceleration_mm_s2: Positive | None = None
-    mass_kg: Mass | None = None
+    mass_kg: NotNegative | None = None
     centre_mm: Point | None = None
-    stiffness_nm_rad: Positive | None = None
-    stiffness_n_mm: Positive | None = None
+    stiffness_nm_rad: Stiffness | None = None
+    stiffness_n_mm: Stiffness | None = None
     gear_ratio: Positive | None = None
 
     @model_validator(mode="after")
@@ -140,7 +140,7 @@ class FourBarSection(Section):
     arm_mm: Positive
     crank_angle_deg: Finite = -90.0
     rocker_angle_deg: Finite = -90.0
-    assembly: Literal[1, -1] = 1
+    assembly: Sign = 1
 
 
 class CoupledLimitSection(Section):
@@ -190,7 +190,7 @@ class RobotFile(Section):
     coupled_limit: tuple[CoupledLimitSection, ...] = ()
     payload: PayloadSection | None = None
     spring: SpringSection | None = None
-    gravity: Point = (0.0, 0.0, -1.0)
+    gravity: Direction = (0.0, 0.0, -1.0)
     link_radii_mm: tuple[Positive, ...] | None = None
     tolerance: ToleranceSection = ToleranceSection()
     symbols: dict[str, str] = Field(default_factory=dict)
@@ -207,8 +207,6 @@ class RobotFile(Section):
                 f"link_radii_mm has {len(self.link_radii_mm)} values; {len(names)} joints have {len(names) + 1} links: base to "
                 "first joint, joint to joint, last joint to tool point"
             )
-        if not any(self.gravity):
-            raise ValueError("gravity is nil; give its direction in the robot's base, such as [0.0, 0.0, -1.0]")
         weightless = [joint.name for joint in self.joint if joint.mass_kg is None]
         if 0 < len(weightless) < len(names):
             raise ValueError(

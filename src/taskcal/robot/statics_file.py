@@ -1,25 +1,23 @@
 """The parts of a robot file that say what the robot carries and how it yields."""
 
 from collections.abc import Sequence
-from typing import Annotated, Self
+from typing import Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from taskcal.errors import RobotError, UnknownName
 from taskcal.robot.coil_spring import CoilSpring
 from taskcal.robot.statics import Body
-from taskcal.toml_file import Finite, Positive, Section
+from taskcal.toml_file import Finite, NotNegative, Positive, Section
 
-Mass = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Length = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Point = tuple[Finite, Finite, Finite]
 
 
 class PayloadSection(Section):
     """What the flange carries, tool included."""
 
-    mass_kg: Mass
+    mass_kg: NotNegative
     centre_mm: Point = (0.0, 0.0, 0.0)
 
     def body(self) -> Body:
@@ -32,7 +30,7 @@ class SpringSection(Section):
 
     joint: str
     rate_n_mm: Positive
-    free_length_mm: Length
+    free_length_mm: NotNegative
     crank_mm: Positive
     anchor_mm: Positive
     aligned_deg: Finite

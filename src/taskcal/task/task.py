@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -14,7 +14,7 @@ from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture, follow, solve_near
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.workspace import Orientation, Workspace
-from taskcal.toml_file import Finite, Positive, Quaternion, Section, read_toml
+from taskcal.toml_file import Direction, Finite, HalfTurn, Positive, Quaternion, Section, read_toml
 
 Triple = tuple[Finite, Finite, Finite]
 
@@ -134,9 +134,9 @@ class OrientationSection(Section):
     """A tool orientation of a task file."""
 
     quaternion: Quaternion
-    cone_deg: Annotated[float, Field(ge=0, le=180)] = 0.0
+    cone_deg: HalfTurn = 0.0
     spin: Literal["fixed", "free"] = "fixed"
-    spin_deg: Annotated[float, Field(ge=0, le=180)] | None = None
+    spin_deg: HalfTurn | None = None
 
     def orientation(self) -> Orientation:
         """The orientation it describes."""
@@ -157,7 +157,7 @@ class WorkspaceSection(Section):
     size_mm: tuple[Positive, Positive, Positive] | None = None
     radius_mm: Positive | None = None
     height_mm: Positive | None = None
-    axis: Triple = (0.0, 0.0, 1.0)
+    axis: Direction = (0.0, 0.0, 1.0)
     orientation: tuple[OrientationSection, ...] = Field(min_length=1)
 
     @model_validator(mode="after")
@@ -168,8 +168,6 @@ class WorkspaceSection(Section):
             raise ValueError("a box has size_mm, and neither radius_mm nor height_mm")
         if self.shape == "cylinder" and (not cylinder or box):
             raise ValueError("a cylinder has radius_mm and height_mm, and no size_mm")
-        if not any(self.axis):
-            raise ValueError("the axis has no direction; give for example [0, 0, 1]")
         return self
 
 
