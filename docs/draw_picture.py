@@ -11,9 +11,8 @@ from pathlib import Path
 
 import plotly.graph_objects as go
 
-from taskcal.cli.round_trip import run_round_trips
-from taskcal.demo.closed_loop import largest
-from taskcal.demo.closed_loop_report import draw_round_trips
+from taskcal.demo.closed_loop import largest_errors, prepare_closed_loop, run_closed_loops
+from taskcal.demo.closed_loop_report import draw_closed_loop
 from taskcal.demo.prediction_figures import draw_error_over_angle
 from taskcal.demo.procedure import ONE, run_procedure
 from taskcal.demo.reference_task import ROBOT
@@ -35,7 +34,8 @@ def error_over_angle() -> go.Figure:
 
 def closed_loop() -> go.Figure:
     """Errors of the true cutter before and after the correction, on 20 virtual robots."""
-    return draw_round_trips(largest(run_round_trips(load_robot(ROBOT), 20, 0, print)[1]))
+    loop = prepare_closed_loop(load_robot(ROBOT), progress=print)
+    return draw_closed_loop(largest_errors(run_closed_loops(loop, range(20), print)))
 
 
 PICTURES = {"error-over-angle": error_over_angle, "closed-loop": closed_loop}

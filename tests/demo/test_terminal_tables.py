@@ -17,20 +17,9 @@ def printed(table: Table, width: int) -> str:
     return out.getvalue()
 
 
-def tables_of(procedure: Procedure) -> list[Table]:
-    return [
-        tables.tabulate_model(procedure.model),
-        tables.tabulate_influences(procedure, 10),
-        tables.tabulate_counts(procedure),
-        tables.tabulate_relations(procedure),
-        tables.tabulate_residuals(procedure),
-        tables.tabulate_held_out(procedure),
-    ]
-
-
 @pytest.mark.parametrize("width", [80, 120])
 def test_every_number_and_name_is_readable(procedure: Procedure, width: int) -> None:
-    for table in tables_of(procedure):
+    for table in tables.overview(procedure):
         text = printed(table, width)
         assert max(map(len, text.splitlines())) <= width
         words = set(text.split())

@@ -33,7 +33,7 @@ class EliminationTable:
 
 
 def tabulate_elimination(model: ErrorModel, poses: Mapping[str, Float[np.ndarray, "n joints"]]) -> EliminationTable:
-    """Eliminate for every named set of joint positions, and put the publication beside it.
+    """Eliminate for every named set of joint positions, and put what was published beside it.
 
     The repeats are those that hold for all sets together.
     """
@@ -54,7 +54,7 @@ def tabulate_elimination(model: ErrorModel, poses: Mapping[str, Float[np.ndarray
 
 
 def published_kept(model: ErrorModel) -> tuple[str, ...]:
-    """Parameters of the publication's reduced model, which has no effects."""
+    """Parameters of the reduced model that was published, which has no effects."""
     others = {*model.robot.published.dropped, *model.effect_names}
     return tuple(name for name in model.names if name not in others)
 

@@ -1,5 +1,6 @@
 """The published procedure on a virtual robot: tables here, a page with figures, and files to go on with."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,7 +11,6 @@ from taskcal.cli.output import started_as
 
 if TYPE_CHECKING:
     from taskcal.demo.procedure import Procedure
-    from taskcal.demo.tool_point_errors import Errors
     from taskcal.robot.robot import Robot
 
 HELD_OUT = 400
@@ -51,6 +51,8 @@ def demo(
     """
     from taskcal.cli.output import announce_compilation, console, working, write_json
     from taskcal.demo.procedure import run_procedure
+    from taskcal.demo.procedure_files import write_procedure
+    from taskcal.demo.procedure_json import procedure_json
     from taskcal.demo.procedure_report import procedure_html
     from taskcal.demo.reference_task import ROBOT
     from taskcal.errors import FileError
@@ -70,7 +72,7 @@ def demo(
         procedure = run_procedure(model, count=count, seed=seed, held_out=HELD_OUT, progress=say)
         say("figures and page")
         page = output / "report.html"
-        files = _write_data(procedure, output)
+        files = write_procedure(procedure, output)
         commands = _next_steps(output, files)
         html = procedure_html(procedure, next_steps=commands, version=package_version())
         write_whole(page, html)
@@ -80,42 +82,37 @@ def demo(
         _show(out, procedure)
         out.print(f"The page with all tables and figures: {page}", soft_wrap=True)
         out.print("\nGo on:\n" + commands, soft_wrap=True)
-    closed = _close_the_loop(model.robot, robots, seed, output, files, None if as_json else out) if full else {}
+    closed: dict[str, Any] = {}
+    if full:
+        more, closed["closed_loop"] = _close_the_loop(model.robot, robots, seed, output, None if as_json else out)
+        files |= more
     if as_json:
-        write_json({**_as_json(procedure, files), **closed})
+        write_json({**procedure_json(procedure), "files": files, **closed})
 
 
-def _close_the_loop(
-    robot: "Robot", count: int, seed: int, folder: Path, files: dict[str, Path], out: Any
-) -> dict[str, Any]:
-    """Send virtual robots round, write what comes of it, and print it where there is an `out`."""
+def _close_the_loop(robot: "Robot", count: int, seed: int, folder: Path, out: Any) -> tuple[dict[str, Path], Any]:
+    """Run virtual robots, write what comes of it, and print it where there is an `out`."""
     from taskcal.cli.output import working
-    from taskcal.cli.round_trip import run_round_trips, show_round_trips, summarise_round_trips, write_round_trips
+    from taskcal.demo.closed_loop import prepare_closed_loop, run_closed_loops, summarise_runs
+    from taskcal.demo.closed_loop_files import closed_loop_files, write_closed_loop
+    from taskcal.demo.closed_loop_report import tabulate_closed_loop
+    from taskcal.presentation.terminal import print_tables
 
+    files = closed_loop_files(folder)
+    command = (
+        f"  {started_as()} correct --calibration {files['calibration for milling']} --cell {files['cell']} "
+        f"{files['program']} --dry-run"
+    )
     with working("the closed loop") as say:
-        shop, trips = run_round_trips(robot, count, seed, say)
-        files |= write_round_trips(shop, trips, folder)
+        loop = prepare_closed_loop(robot, seed=seed, progress=say)
+        runs = run_closed_loops(loop, range(seed, seed + count), say)
+        write_closed_loop(loop, runs, files, next_steps=command)
     if out is not None:
         out.print()
-        show_round_trips(out, trips, files)
-    return {"closed_loop": summarise_round_trips(trips)}
-
-
-def _write_data(procedure: "Procedure", folder: Path) -> dict[str, Path]:
-    """Campaigns, and the calibrations of the whole model."""
-    from taskcal.demo.procedure import ONE, SEVERAL
-    from taskcal.measurement.writer import write_campaign
-
-    names = {ONE: "one-orientation", SEVERAL: "several-orientations"}
-    files: dict[str, Path] = {}
-    for label, campaign in procedure.campaigns.items():
-        files[f"campaign {label}"] = folder / f"campaign-{names[label]}.csv"
-        write_campaign(files[f"campaign {label}"], campaign, procedure.model.robot)
-    for fit in procedure.fits:
-        if fit.parameters == len(procedure.model):
-            files[f"calibration {fit.campaign}"] = folder / f"calibration-{names[fit.campaign]}.json"
-            fit.calibration.save(files[f"calibration {fit.campaign}"])
-    return files
+        print_tables(out, (replace(tabulate_closed_loop(runs), note=""),))
+        out.print(f"The page of the closed loop: {files['page of the closed loop']}", soft_wrap=True)
+        out.print("\nGo on:\n" + command, soft_wrap=True)
+    return files, summarise_runs(runs)
 
 
 def _next_steps(folder: Path, files: dict[str, Path]) -> str:
@@ -147,81 +144,8 @@ def _show(out: Any, procedure: "Procedure") -> None:
     out.print(Text(f"The published procedure on a virtual {robot.title or robot.name}", style="bold"))
     explanation = procedure.mechanism.explanation
     out.print(Text(f"{explanation[0].upper()}{explanation[1:]}.\n"))
-    print_tables(
-        out,
-        (
-            tables.tabulate_model(procedure.model),
-            tables.tabulate_influences(procedure, 10),
-            tables.tabulate_counts(procedure),
-            tables.tabulate_relations(procedure),
-            tables.tabulate_residuals(procedure),
-            tables.tabulate_held_out(procedure),
-        ),
-    )
+    print_tables(out, tables.overview(procedure))
     out.print(Text("In short", style="bold"))
     for point in summary_points(procedure):
         out.print(Text(f"- {point}"))
     out.print()
-
-
-def _as_json(procedure: "Procedure", files: dict[str, Path]) -> dict[str, Any]:
-    mechanism, elimination = procedure.mechanism, procedure.elimination
-    scaled = {label: found.maximum(scaled=True) * 1e6 for label, found in procedure.sensitivities.items()}
-    covered = {(p.campaign, p.model, p.where): p.share_inside(0.95) for p in procedure.predictions}
-    return {
-        "robot": procedure.model.robot.name,
-        "seed": procedure.seed,
-        "poses": {label: len(campaign) for label, campaign in procedure.campaigns.items()},
-        "mechanism": {
-            "motorised": mechanism.motorised,
-            "passive": mechanism.passive,
-            "mobility": mechanism.mobility,
-            "overconstraint": mechanism.overconstraint,
-        },
-        "parameters": [
-            {
-                "name": row.name,
-                "symbol": row.symbol,
-                "published": row.published,
-                "repeats": row.repeats,
-                "eliminated": row.eliminated,
-                "largest_influence_um": {label: values[:, i] for label, values in scaled.items()},
-            }
-            for i, row in enumerate(elimination.rows)
-        ],
-        "elimination": {
-            label: {
-                "rank": found.rank,
-                "kept": found.kept,
-                "zero": found.zero,
-                "dependent": found.dependent,
-                "condition_number": found.condition_number,
-            }
-            for label, found in elimination.eliminations.items()
-        },
-        "fits": [
-            {
-                "campaign": fit.campaign,
-                "model": fit.model,
-                "parameters": fit.parameters,
-                "residual": _errors(fit.residual),
-                "inside": _errors(fit.inside),
-                "outside": _errors(fit.outside),
-                "inside_95": covered[fit.campaign, fit.model, "same orientations"],
-                "outside_95": covered[fit.campaign, fit.model, "turned farther"],
-            }
-            for fit in procedure.fits
-        ],
-        "files": files,
-    }
-
-
-def _errors(errors: "Errors") -> dict[str, float]:
-    x, y, z = (value * 1e3 for value in errors.per_axis)
-    return {
-        "mean_mm": errors.mean * 1e3,
-        "max_mm": errors.maximum * 1e3,
-        "max_x_mm": x,
-        "max_y_mm": y,
-        "max_z_mm": z,
-    }

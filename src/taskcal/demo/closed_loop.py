@@ -5,9 +5,11 @@ three reflectors on the spindle are measured, the cutters are known by these ref
 tracker. What counts is the way of the true cutter on the true part, before the correction and after it.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
+import joblib
 import numpy as np
 from jaxtyping import Float
 
@@ -51,7 +53,7 @@ POSES = 60
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class RoundTrip:
+class LoopRun:
     """One true robot, measured, identified and corrected."""
 
     truth: Truth
@@ -67,7 +69,7 @@ class RoundTrip:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Shop:
+class ClosedLoop:
     """What all true robots have in common."""
 
     robot: Robot
@@ -78,14 +80,14 @@ class Shop:
     station: Station
 
 
-def furnish(
+def prepare_closed_loop(
     robot: Robot,
     *,
     poses: int = POSES,
     rows: int = ROWS,
     seed: int = 0,
     progress: Callable[[str], None] = lambda _: None,
-) -> Shop:
+) -> ClosedLoop:
     """Plan the measuring poses and write the milling program, for the reference task.
 
     Args:
@@ -108,37 +110,37 @@ def furnish(
     progress("the milling program")
     milling = milling_program(robot, task, rows)
     chosen = plan(_known_model(robot), task, poses, seed=seed, station=station, candidates=500, progress=progress)
-    return Shop(robot=robot, milling=milling, program=read_rapid((milling.source,)), q=chosen.q, station=station)
+    return ClosedLoop(robot=robot, milling=milling, program=read_rapid((milling.source,)), q=chosen.q, station=station)
 
 
-def go_round(shop: Shop, seed: int) -> RoundTrip:
+def run_closed_loop(loop: ClosedLoop, seed: int) -> LoopRun:
     """Measure, identify and correct one true robot.
 
     Args:
-        shop: what it has in common with the others.
+        loop: what it has in common with the others.
         seed: of its defects and of everything measured.
     """
     rng = np.random.default_rng(seed)
-    model = ErrorModel(shop.robot) + Compliance(tolerance=1e-4) + Harmonics(tolerance=5e-5)
+    model = ErrorModel(loop.robot) + Compliance(tolerance=1e-4) + Harmonics(tolerance=5e-5)
     x = draw_defects(model, rng)
     offsets = {name: np.array(p) + 2e-3 * rng.normal(size=3) for name, p in REFLECTORS.items()}
-    T_tracker_base = se3.pose(se3.exp(0.01 * rng.normal(size=3)), np.zeros(3)) @ shop.station.T_tracker_base
-    campaign, truth = simulate(model, shop.q, rng=rng, x=x, targets=offsets, T_tracker_base=T_tracker_base)
-    calibration = identify(_known_model(shop.robot), campaign)
-    placements = _true_placements(shop)
-    cell = _measure_cell(shop, truth, offsets, placements, rng)
-    correction = correct(calibration, shop.program, cell=cell)
-    moves = shop.program.moves
+    T_tracker_base = se3.pose(se3.exp(0.01 * rng.normal(size=3)), np.zeros(3)) @ loop.station.T_tracker_base
+    campaign, truth = simulate(model, loop.q, rng=rng, x=x, targets=offsets, T_tracker_base=T_tracker_base)
+    calibration = identify(_known_model(loop.robot), campaign)
+    placements = _true_placements(loop)
+    cell = _measure_cell(loop, truth, offsets, placements, rng)
+    correction = correct(calibration, loop.program, cell=cell)
+    moves = loop.program.moves
     placed = Placed(
         tool_in_base=lambda q: model.poses(q, x),
         placements=tuple(placements.values()),
         number=np.array([list(placements).index((m.tool.name, m.part.name)) for m in moves], dtype=np.int64),
     )
-    driven = drive(shop.robot, moves)
+    driven = drive(loop.robot, moves)
     wanted = wanted_ways(driven, placed, moves)
-    again = drive(shop.robot, correction.moves)
+    again = drive(loop.robot, correction.moves)
     cutting = np.array([move.kind != "axes" for move in moves])
-    return RoundTrip(
+    return LoopRun(
         truth=truth,
         calibration=calibration,
         cell=cell,
@@ -148,16 +150,35 @@ def go_round(shop: Shop, seed: int) -> RoundTrip:
     )
 
 
+def run_closed_loops(
+    loop: ClosedLoop, seeds: Sequence[int], progress: Callable[[str], None] = lambda _: None
+) -> list[LoopRun]:
+    """Run one true robot for each seed, on all cores.
+
+    Args:
+        loop: what the robots have in common.
+        seeds: of each robot's defects and measurements.
+        progress: told how many are done.
+    """
+    jobs = (joblib.delayed(run_closed_loop)(loop, seed) for seed in seeds)
+    done = cast(Iterator[LoopRun], joblib.Parallel(n_jobs=-1, return_as="generator")(jobs))
+    runs: list[LoopRun] = []
+    for run in done:
+        runs.append(run)
+        progress(f"{len(runs)} of {len(seeds)} robots measured, identified, corrected")
+    return runs
+
+
 def _known_model(robot: Robot) -> ErrorModel:
     """What is identified."""
     return ErrorModel(robot) + Compliance() + Harmonics()
 
 
-def _true_placements(shop: Shop) -> dict[tuple[str, str], Placement]:
+def _true_placements(loop: ClosedLoop) -> dict[tuple[str, str], Placement]:
     """Where the cutters and parts truly are: where the controller has them, in the true base and on the true spindle."""
-    into_tool = se3.inverse(shop.robot.T_flange_tool)
+    into_tool = se3.inverse(loop.robot.T_flange_tool)
     out: dict[tuple[str, str], Placement] = {}
-    for move in shop.program.moves:
+    for move in loop.program.moves:
         out[move.tool.name, move.part.name] = Placement(
             T_tool_held=into_tool @ move.tool.T, T_base_standing=move.part.T, part_in_hand=False
         )
@@ -165,7 +186,7 @@ def _true_placements(shop: Shop) -> dict[tuple[str, str], Placement]:
 
 
 def _measure_cell(
-    shop: Shop,
+    loop: ClosedLoop,
     truth: Truth,
     offsets: Mapping[str, Float[np.ndarray, " 3"]],
     placements: Mapping[tuple[str, str], Placement],
@@ -185,9 +206,23 @@ def _measure_cell(
     return Cell(tools=tools, parts=parts)
 
 
-def largest(trips: Sequence[RoundTrip]) -> dict[str, Float[np.ndarray, " trips"]]:
+def largest_errors(runs: Sequence[LoopRun]) -> dict[str, Float[np.ndarray, " runs"]]:
     """The largest error of every robot before and after, metres."""
     return {
-        "before": np.array([trip.before.length.max() for trip in trips]),
-        "after": np.array([trip.after.length.max() for trip in trips]),
+        "before": np.array([run.before.length.max() for run in runs]),
+        "after": np.array([run.after.length.max() for run in runs]),
     }
+
+
+def summarise_runs(runs: Sequence[LoopRun]) -> list[dict[str, float]]:
+    """Largest and root-mean-square errors of every robot, millimetres."""
+    return [
+        {
+            "before_max_mm": float(run.before.length.max() * 1e3),
+            "after_max_mm": float(run.after.length.max() * 1e3),
+            "before_rms_mm": float((run.before.length**2).mean() ** 0.5 * 1e3),
+            "after_rms_mm": float((run.after.length**2).mean() ** 0.5 * 1e3),
+            "refused": float(len(run.correction.refused)),
+        }
+        for run in runs
+    ]

@@ -6,28 +6,28 @@ import numpy as np
 import plotly.graph_objects as go
 from jaxtyping import Float
 
-from taskcal.demo.closed_loop import RoundTrip, Shop, largest
+from taskcal.demo.closed_loop import ClosedLoop, LoopRun, largest_errors
 from taskcal.presentation.content import Chart, Commands, Numbers, Section, Table, Text
 from taskcal.presentation.correction_figures import draw_errors, with_decades
 from taskcal.presentation.report import report_html
 from taskcal.presentation.theme import BLUE, GREY, VERMILION, styled
 
 
-def tabulate_round_trips(trips: Sequence[RoundTrip]) -> Table:
+def tabulate_closed_loop(runs: Sequence[LoopRun]) -> Table:
     """Median, smallest and largest over the robots of each robot's figures, millimetres."""
     figures = {
-        "largest error before": [trip.before.length.max() for trip in trips],
-        "largest error after": [trip.after.length.max() for trip in trips],
-        "rms error before": [_rms(trip.before.length) for trip in trips],
-        "rms error after": [_rms(trip.after.length) for trip in trips],
-        "stated uncertainty (rms)": [_stated(trip) for trip in trips],
+        "largest error before": [run.before.length.max() for run in runs],
+        "largest error after": [run.after.length.max() for run in runs],
+        "rms error before": [_rms(run.before.length) for run in runs],
+        "rms error after": [_rms(run.after.length) for run in runs],
+        "stated uncertainty (rms)": [_stated(run) for run in runs],
     }
     rows = [
         (label, *(f"{f(np.array(values) * 1e3):.4f}" for f in (np.median, np.min, np.max)))
         for label, values in figures.items()
     ]
     return Table.of_rows(
-        f"The true cutter against its way on the part: {len(trips)} virtual robots (mm)",
+        f"The true cutter against its way on the part: {len(runs)} virtual robots (mm)",
         ("", "median", "smallest", "largest"),
         rows,
         note="In space, at targets and between them. Stated: what the calibration expects at the worst target.",
@@ -38,12 +38,12 @@ def _rms(length: np.ndarray) -> float:
     return float(np.sqrt((length**2).mean()))
 
 
-def _stated(trip: RoundTrip) -> float:
-    cutting = np.unique(trip.before.move)
-    return float(trip.correction.uncertainty[cutting].max())
+def _stated(run: LoopRun) -> float:
+    cutting = np.unique(run.before.move)
+    return float(run.correction.uncertainty[cutting].max())
 
 
-def draw_round_trips(found: Mapping[str, Float[np.ndarray, " trips"]]) -> go.Figure:
+def draw_closed_loop(found: Mapping[str, Float[np.ndarray, " runs"]]) -> go.Figure:
     """Largest error of every robot, metres, ``before`` and ``after``, on a logarithmic scale, by the error before."""
     order = np.argsort(found["before"], kind="stable")
     figure = go.Figure()
@@ -63,22 +63,22 @@ def draw_round_trips(found: Mapping[str, Float[np.ndarray, " trips"]]) -> go.Fig
     return with_decades(styled(figure, height=400), "largest error on the part (mm)")
 
 
-def round_trip_html(shop: Shop, trips: Sequence[RoundTrip], *, next_steps: str, version: str) -> str:
+def closed_loop_html(loop: ClosedLoop, runs: Sequence[LoopRun], *, next_steps: str, version: str) -> str:
     """The page of the closed loop.
 
     Args:
-        shop: what the robots have in common.
-        trips: one for each robot.
+        loop: what the robots have in common.
+        runs: one for each robot.
         next_steps: commands to go on with.
         version: of the package that makes the page.
     """
-    found = largest(trips)
-    moves = shop.program.moves
+    found = largest_errors(runs)
+    moves = loop.program.moves
     items = (
         (f"{np.median(found['before']) * 1e3:.2f}", "mm", "largest error before, median of the robots"),
         (f"{np.median(found['after']) * 1e3:.3f}", "mm", "largest error after, median of the robots"),
         (str(len(moves)), "", "motions of the milling program, with arcs, two tools and two part frames"),
-        (str(len(shop.q)), "", "measured poses, planned for the task"),
+        (str(len(loop.q)), "", "measured poses, planned for the task"),
     )
     story = (
         "Each true robot has its own defects of geometry, drives that yield under weight, and gears that err. Its controller "
@@ -92,10 +92,10 @@ def round_trip_html(shop: Shop, trips: Sequence[RoundTrip], *, next_steps: str, 
         Section(
             title="All robots",
             blocks=(
-                tabulate_round_trips(trips),
+                tabulate_closed_loop(runs),
                 Chart(
                     title="Before and after",
-                    figure=draw_round_trips(found),
+                    figure=draw_closed_loop(found),
                     note="Each robot is one pair of marks; the dotted line is at 0.1 mm.",
                 ),
             ),
@@ -105,7 +105,7 @@ def round_trip_html(shop: Shop, trips: Sequence[RoundTrip], *, next_steps: str, 
             blocks=(
                 Chart(
                     title="Error along the program",
-                    figure=draw_errors(shop.program, trips[0].before, trips[0].after, "true error (mm)"),
+                    figure=draw_errors(loop.program, runs[0].before, runs[0].after, "true error (mm)"),
                     note="Distance of the true cutter from where it is wanted; between targets, from its way.",
                 ),
             ),
@@ -115,6 +115,6 @@ def round_trip_html(shop: Shop, trips: Sequence[RoundTrip], *, next_steps: str, 
     return report_html(
         "From measurement to a corrected program",
         sections,
-        lead=f"{len(trips)} virtual robots of the kind {shop.robot.title or shop.robot.name}.",
+        lead=f"{len(runs)} virtual robots of the kind {loop.robot.title or loop.robot.name}.",
         footer=f"Page by Taskcal {version}.",
     )

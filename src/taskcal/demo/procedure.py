@@ -69,6 +69,10 @@ class Procedure:
     """Every fit on the new poses, in the order of the fits: inside the measured orientations, then outside."""
     seed: int
 
+    def fit(self, campaign: str, start: str) -> Fitted:
+        """The fit of a campaign whose model's name starts so."""
+        return next(f for f in self.fits if f.campaign == campaign and f.model.startswith(start))
+
 
 def run_procedure(
     model: ErrorModel, *, count: int = 60, seed: int = 0, held_out: int = 400, progress: Progress = lambda _: None

@@ -10,6 +10,18 @@ PUBLISHED_RESIDUALS = "180.3", "95.7", "122.2", "91.9"
 """Largest residuals in space and on X, Y, Z of Gutiérrez et al., measured robot, 33 parameters, µm."""
 
 
+def overview(procedure: Procedure) -> tuple[Table, ...]:
+    """The tables that fit a terminal."""
+    return (
+        tabulate_model(procedure.model),
+        tabulate_influences(procedure, 10),
+        tabulate_counts(procedure),
+        tabulate_relations(procedure),
+        tabulate_residuals(procedure),
+        tabulate_held_out(procedure),
+    )
+
+
 def tabulate_model(model: ErrorModel) -> Table:
     """All parameters at a glance: a row per frame, the publication's symbols in the cells."""
     symbols = {p.name: p.symbol or "·" for p in model.parameters}

@@ -1,0 +1,69 @@
+"""The procedure's results for machines."""
+
+from typing import Any
+
+from taskcal.demo.procedure import INSIDE, OUTSIDE, Procedure
+from taskcal.demo.tool_point_errors import Errors
+
+
+def procedure_json(procedure: Procedure) -> dict[str, Any]:
+    """Machine-readable, in millimetres and micrometres."""
+    mechanism, elimination = procedure.mechanism, procedure.elimination
+    scaled = {label: found.maximum(scaled=True) * 1e6 for label, found in procedure.sensitivities.items()}
+    covered = {(p.campaign, p.model, p.where): p.share_inside(0.95) for p in procedure.predictions}
+    return {
+        "robot": procedure.model.robot.name,
+        "seed": procedure.seed,
+        "poses": {label: len(campaign) for label, campaign in procedure.campaigns.items()},
+        "mechanism": {
+            "motorised": mechanism.motorised,
+            "passive": mechanism.passive,
+            "mobility": mechanism.mobility,
+            "overconstraint": mechanism.overconstraint,
+        },
+        "parameters": [
+            {
+                "name": row.name,
+                "symbol": row.symbol,
+                "published": row.published,
+                "repeats": row.repeats,
+                "eliminated": row.eliminated,
+                "largest_influence_um": {label: values[:, i] for label, values in scaled.items()},
+            }
+            for i, row in enumerate(elimination.rows)
+        ],
+        "elimination": {
+            label: {
+                "rank": found.rank,
+                "kept": found.kept,
+                "zero": found.zero,
+                "dependent": found.dependent,
+                "condition_number": found.condition_number,
+            }
+            for label, found in elimination.eliminations.items()
+        },
+        "fits": [
+            {
+                "campaign": fit.campaign,
+                "model": fit.model,
+                "parameters": fit.parameters,
+                "residual": _errors(fit.residual),
+                "inside": _errors(fit.inside),
+                "outside": _errors(fit.outside),
+                "inside_95": covered[fit.campaign, fit.model, INSIDE],
+                "outside_95": covered[fit.campaign, fit.model, OUTSIDE],
+            }
+            for fit in procedure.fits
+        ],
+    }
+
+
+def _errors(errors: Errors) -> dict[str, float]:
+    x, y, z = (value * 1e3 for value in errors.per_axis)
+    return {
+        "mean_mm": errors.mean * 1e3,
+        "max_mm": errors.maximum * 1e3,
+        "max_x_mm": x,
+        "max_y_mm": y,
+        "max_z_mm": z,
+    }
