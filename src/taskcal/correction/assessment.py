@@ -46,7 +46,7 @@ def assess(
     driven: Driven,
     origin: Sequence[tuple[int, float, float]] | None = None,
 ) -> Deviations:
-    """Compare the true tool with the ways that a program wants.
+    """Compare the true tool with the ways that a program wants; between targets only where it is known where a way begins.
 
     Args:
         placed: the motions of the program as it was given, on the robot as calibrated, or as it truly is.
@@ -69,6 +69,8 @@ def assess(
     first, last = table[move, 1], table[move, 2]
     original, along = come[move], first + share * (last - first)
     at_target = along >= 1.0 - 1e-12
+    told = at_target | np.isfinite(wanted.start[original, 0, 0])
+    original, along, q, at_target = (values[told] for values in (original, along, q, at_target))
     # the way's start is not known where only its end is asked for
     T = np.where(at_target[:, None, None], wanted.end[original], wanted.at(original, along))
     true = placed.tool_in_part(original, q)

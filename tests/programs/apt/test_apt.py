@@ -212,6 +212,13 @@ def test_points_of_a_turned_setup_stay_in_the_first_frame_where_their_tool_axis_
     np.testing.assert_allclose(axes(program)[1:], [[1, 0, 0]] * 2, atol=1e-15)
 
 
+def test_points_of_a_turned_setup_are_read_again_when_they_were_corrected():
+    program = read(TURNED_SETUP)
+    ways = {n: (moved(m, np.full(3, 1e-3), np.array([0.01, 0.0, 0.01])),) for n, m in enumerate(program.moves)}
+    again = read(program.rewrite(ROBOT, ways)[0].encode())
+    np.testing.assert_allclose(points(again), points(program) + 1e-3, atol=1e-8)
+
+
 @pytest.mark.parametrize(
     "text",
     [

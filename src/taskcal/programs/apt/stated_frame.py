@@ -13,8 +13,8 @@ SAME_FRAME = 1e-5
 _ORTHONORMAL = 1e-4
 """How far the axes of a frame may be from orthonormal: files round to six digits."""
 
-_SAME_AXIS = 1e-3
-"""How far a tool axis may be from the axis of a frame."""
+_SAME_AXIS = 0.05
+"""How far a tool axis may be from the axis of a frame: a corrected program tilts it by its corrections."""
 
 
 def stated_frame(statement: Statement) -> Float[np.ndarray, "3 4"] | None:
@@ -52,7 +52,7 @@ class StatedFrames:
         if change.max() < SAME_FRAME:
             return None
         self.moved_since, z = line, A[:, 2]
-        upright = np.abs(z - [0.0, 0.0, 1.0]).max() < _SAME_AXIS
+        upright = np.abs(z - [0.0, 0.0, 1.0]).max() < 3.0 * _SAME_AXIS  # else one axis could be either
         if self.in_world and change[:, 3].max() < SAME_FRAME and not upright:
             self.tilted = z
             return None
