@@ -12,6 +12,9 @@ from taskcal.programs.program import Program
 FLOOR = 1e-5
 """Smaller errors are drawn as this, millimetres: what is left there is the rounding of the program's numbers."""
 
+LEAST_ROOM = 5.0
+"""Half of what a figure in space shows at least along each axis, millimetres."""
+
 MOST = 20_000
 """Points of a curve; more are thinned out."""
 
@@ -82,9 +85,11 @@ def draw_program(correction: Correction) -> go.Figure:
     moves = correction.program.moves
     own = np.array([moves[i].part.name for i in found.move])
     top = float(found.length.max() * 1e3) if len(found.error) else 1.0
-    for number, name in enumerate(dict.fromkeys(own.tolist())):
-        rows = np.flatnonzero(own == name)
+    for name in dict.fromkeys(own.tolist()):
+        rows = np.flatnonzero((own == name) & np.isfinite(position[:, 0]))
         rows = rows[_thinned(len(rows))]
+        if not len(rows):
+            continue
         p = position[rows] * 1e3
         figure.add_trace(
             go.Scatter3d(
@@ -99,18 +104,34 @@ def draw_program(correction: Correction) -> go.Figure:
                     "cmin": 0.0,
                     "cmax": top,
                     "colorscale": "Cividis",
-                    "showscale": number == 0,
+                    "showscale": not figure.data,
                     "colorbar": {"title": {"text": "error before (mm)"}, "len": 0.7},
                 },
                 hovertemplate="%{marker.color:.3f} mm<extra></extra>",
             )
         )
-    return styled_space(figure, distance=1.6)
+    styled_space(figure, distance=1.6)
+    figure.update_scenes(
+        {f"{axis}axis_range": list(limits) for axis, limits in zip("xyz", _room(position), strict=True)}
+    )
+    return figure
+
+
+def _room(position: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "3 2"]:
+    """Limits of axes about some points, millimetres; a scene whose axes are drawn to scale needs some depth in each."""
+    p = position[np.isfinite(position[:, 0])] * 1e3
+    low, high = p.min(axis=0), p.max(axis=0)
+    half = np.maximum(0.5 * (high - low), max(0.1 * float((high - low).max()), LEAST_ROOM))
+    middle = 0.5 * (low + high)
+    return np.stack([middle - 1.05 * half, middle + 1.05 * half], axis=1)
 
 
 def _positions(correction: Correction, found: Deviations) -> Float[np.ndarray, "k 3"]:
-    """Wanted tool points in the part."""
-    return correction.wanted.at(found.move, found.share)[:, :3, 3]
+    """Wanted tool points in the part; a target is known where the start of its way is not."""
+    wanted = correction.wanted
+    return np.where(
+        found.at_target[:, None], wanted.end[found.move, :3, 3], wanted.at(found.move, found.share)[:, :3, 3]
+    )
 
 
 def _thinned(count: int) -> np.ndarray:
