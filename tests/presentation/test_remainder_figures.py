@@ -1,18 +1,21 @@
 """Figures of effects and of what is left: numbers in the units of their axes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from taskcal.analysis.sensitivity import sensitivity
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.identify import identify
-from taskcal.identification.remainder import Remainder, examine_remainder
+from taskcal.identification.remainder import Explained, Remainder, examine_remainder
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.presentation.content import Chart, Table
 from taskcal.presentation.effect_tables import tabulate_effects
 from taskcal.presentation.fit_figures import draw_parameters
 from taskcal.presentation.remainder_figures import draw_against, draw_shares
 from taskcal.presentation.remainder_section import remainder_section
+from taskcal.presentation.theme import BLUE
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, EncoderGain, Harmonics
 from taskcal.robot.error_model import ErrorModel
@@ -77,3 +80,21 @@ def test_the_section_says_what_is_proven(fitted: tuple[Calibration, Remainder]) 
     assert sum(isinstance(block, Chart) for block in section.blocks) == 2
     table = next(block for block in section.blocks if isinstance(block, Table))
     assert len(table) == len(found.explained)
+
+
+def test_bars_are_blue_where_the_sentences_call_the_share_proven(fitted: tuple[Calibration, Remainder]) -> None:
+    """A large share by chance, a sure share of next to nothing, and one that is both large and sure."""
+    kinds = [r.regressor for r in fitted[1].explained]
+    told = [(0.05, 0.20), (0.015, 0.03), (0.004, 0.01), (-0.1, None)]
+    nothing = replace(
+        fitted[1],
+        explained=tuple(Explained(regressor=k, share=s, p_value=p) for k, (s, p) in zip(kinds, told, strict=False)),
+    )
+    something = replace(
+        fitted[1], explained=(Explained(regressor=kinds[0], share=0.012, p_value=0.01), *nothing.explained)
+    )
+    for found, blue in ((nothing, 0), (something, 1)):
+        assert list(draw_shares(found).data[0].marker.color).count(BLUE) == blue
+        words = str([getattr(block, "items", ()) for block in remainder_section(found, "80 poses").blocks])
+        assert ("Nothing that was tried is proven to explain 1 % of it." in words) == (blue == 0)
+        assert words.count("of the variance") == blue

@@ -22,6 +22,9 @@ FEWEST = 30
 KNOTS, PER_KNOT = (6, 40), 15
 """Fewest and most knots of a spline, and poses for each; splines of several directions or parts have the fewest."""
 
+PROVEN, WORTH = 0.01, 0.01
+"""p-value up to which a share is called proven, and the smallest share that is."""
+
 NEAR = np.radians(0.5)
 """Poses nearer than this in all joints are left out together."""
 
@@ -35,6 +38,11 @@ class Explained:
     """Of the variance on poses left out; below nil where it predicts worse than nothing."""
     p_value: float | None
     """Chance of such a share where the quantity does not matter; None where the share is not above nil."""
+
+    @property
+    def proven(self) -> bool:
+        """Whether the share is one per cent or more, and chance gives as much once in a hundred or less."""
+        return self.p_value is not None and self.p_value <= PROVEN and self.share >= WORTH
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -16,15 +16,14 @@ SHORT = 0.3
 
 
 def draw_shares(found: Remainder) -> go.Figure:
-    """Share of the remainder's variance that goes with each quantity; grey where chance gives as much."""
+    """Share of the remainder's variance that goes with each quantity; grey where it is not proven."""
     rows = [e for e in found.explained[::-1] if e.p_value is not None]
-    proven = [e.p_value is not None and e.p_value <= 0.01 for e in rows]
     figure = go.Figure(
         go.Bar(
             x=[100.0 * e.share for e in rows],
             y=[f"{e.regressor.name}: {e.regressor.moves}" for e in rows],
             orientation="h",
-            marker={"color": [BLUE if p else GREY for p in proven]},
+            marker={"color": [BLUE if e.proven else GREY for e in rows]},
             customdata=[f"p {e.p_value:.2g}" for e in rows],
             hovertemplate="%{y}<br>%{x:.1f} %, %{customdata}<extra></extra>",
         )

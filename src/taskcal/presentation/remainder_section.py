@@ -1,11 +1,8 @@
 """What a calibration leaves, as a section of its page."""
 
-from taskcal.identification.remainder import Remainder
+from taskcal.identification.remainder import PROVEN, WORTH, Remainder
 from taskcal.presentation.content import Block, Chart, Numbers, Points, Section, Table, Text
 from taskcal.presentation.remainder_figures import draw_against, draw_shares
-
-PROVEN = 0.01
-"""p-value up to which a share is called proven."""
 
 
 def remainder_section(found: Remainder, rows: str) -> Section:
@@ -30,8 +27,8 @@ def remainder_section(found: Remainder, rows: str) -> Section:
             Chart(
                 title="What the remainder goes with",
                 figure=draw_shares(found),
-                note="Each quantity by itself; quantities that go together share what they explain. Grey: chance gives as much "
-                f"more often than once in {1 / PROVEN:.0f}.",
+                note="Each quantity by itself; quantities that go together share what they explain. Grey: not proven, as chance "
+                f"gives as much more often than once in {1 / PROVEN:.0f} or the share is under {100 * WORTH:.0f} %.",
             )
         )
     if found.explained:
@@ -72,12 +69,12 @@ def remainder_section(found: Remainder, rows: str) -> Section:
 
 def _said(found: Remainder) -> tuple[str, ...]:
     """The evidence in sentences."""
-    proven = [e for e in found.explained if e.p_value is not None and e.p_value <= PROVEN and e.share >= 0.01]
+    proven = [e for e in found.explained if e.proven]
     out = [
         f"{e.regressor.name}, by the {e.regressor.moves}: {100 * e.share:.0f} % of the variance." for e in proven[:5]
     ]
     if not proven:
-        out = ["Nothing that was tried explains one per cent of it."]
+        out = [f"Nothing that was tried is proven to explain {100 * WORTH:.0f} % of it."]
     if found.apart is not None and found.together is not None and found.together > 3.0 * found.apart:
         out.append(
             "The targets move as one body: what is left is the motion of the robot or of its stand, not of single measurements."
