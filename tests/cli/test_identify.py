@@ -349,5 +349,18 @@ def test_what_the_data_do_not_see_is_said(run: Run, cell: Path, tmp_path: Path) 
     unseen = sum(not value for value in seen.values())
     ended = run(*fit)
     assert ended.out.count("mm     not seen") + ended.out.count("mrad   not seen") == unseen
-    assert f"{unseen} parameters: the data say nothing of them" in ended.out
+    assert f"{unseen} parameters: the data say next to nothing of them" in ended.out
     assert {p["seen"] for p in run(*fit, "--prior", "none", "--json").json["parameters"]} == {None}
+
+
+def test_a_figure_that_was_given_is_not_said_to_be_found(run: Run, cell: Path, tmp_path: Path) -> None:
+    fit = ["identify", "--robot", IRB6660, cell / "one.csv"]
+    found = run(*fit, "-o", tmp_path / "found.json").out
+    assert "none shows beside the tracker's noise" in found
+    assert "as given" not in found
+    given = run(*fit, "-o", tmp_path / "given.json", "--model-error", "0.05", "--prior-scale", "2").out
+    assert "0.0500 mm per axis (1σ), as given" in given
+    assert "2 times the tolerances, as given" in given
+    nothing = run(*fit, "-o", tmp_path / "nothing.json", "--keep", "none").out
+    assert "geometry leaves unexplained" in nothing
+    assert "no parameter was fitted" in nothing

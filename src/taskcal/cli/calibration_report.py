@@ -12,7 +12,9 @@ from taskcal.cli.robot_sheet import placement
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
+from taskcal.presentation.model_error_origin import model_error_origin, prior_scale_origin
 from taskcal.presentation.seen import seen_parameters
+from taskcal.presentation.unlocated import describe_unlocated
 
 CORRELATIONS = 6
 """How many of the largest correlations are named."""
@@ -42,13 +44,18 @@ def report(
         "model_error_mm": calibration.model_error[0] * 1e3,
         **({"model_error_mrad": rotation[0] * 1e3} if rotation else {}),
         "prior_scale": calibration.prior_scale,
+        "model_error_origin": model_error_origin(calibration),
+        "prior_scale_origin": prior_scale_origin(calibration) or None,
         "parameters": _parameters(calibration),
         "correlations": _correlations(calibration),
         "tracker_frame": placement(calibration.T_tracker_base),
         "targets": {
-            name: {**placement(T), "located": located}
-            for name, T, located in zip(
-                calibration.targets, calibration.T_tool_target, calibration.layout.registration.located, strict=True
+            name: {**placement(T), "located": not unlocated, "unlocated": unlocated or None}
+            for name, T, unlocated in zip(
+                calibration.targets,
+                calibration.T_tool_target,
+                describe_unlocated(calibration.layout.registration),
+                strict=True,
             )
         },
         "outliers": [
@@ -126,21 +133,21 @@ def _facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     scale = result["prior_scale"]
     pairs = [f"{c['a']} and {c['b']} {c['correlation']:+.3f}" for c in result["correlations"]]
     rotation = f" and {result['model_error_mrad']:.4f} mrad" if "model_error_mrad" in result else ""
-    model = "the model, effects included," if result["effects"] else "geometry"
+    held = f", {result['prior_scale_origin']}" if result["prior_scale_origin"] else ""
     facts = [
-        ("model error", f"{result['model_error_mm']:.4f} mm{rotation} per axis (1σ), what {model} leaves unexplained"),
-        ("prior scale", "no prior" if scale is None else f"{scale:.3g} times the tolerances"),
+        ("model error", f"{result['model_error_mm']:.4f} mm{rotation} per axis (1σ), {result['model_error_origin']}"),
+        ("prior scale", "no prior" if scale is None else f"{scale:.3g} times the tolerances{held}"),
         ("largest correlations", "; ".join(pairs)),
         ("tracker frame", f"base at {_point(result['tracker_frame'])}"),
     ]
     for name, target in result["targets"].items():
-        unsure = "" if target["located"] else "; the poses do not locate it: taken at the tool point"
+        unsure = f"; {target['unlocated']}" if target["unlocated"] else ""
         facts.append((f"target {name}", f"at {_point(target)} of the tool frame{unsure}"))
     ended = f"{result['reason']}; {result['iterations']} iterations in the last of {result['rounds']} rounds"
     unseen = sum(p["seen"] is False for p in result["parameters"])
     if unseen:
         facts.insert(
-            0, ("not seen", f"{unseen} parameters: the data say nothing of them, their 1σ is that of the prior")
+            0, ("not seen", f"{unseen} parameters: the data say next to nothing of them, their 1σ is that of the prior")
         )
     facts += [("ended", ended), ("calibration", f"wrote {result['calibration']}")]
     return facts

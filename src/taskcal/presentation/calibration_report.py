@@ -11,10 +11,12 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.remainder import Remainder
 from taskcal.presentation.content import Block, Chart, Numbers, Section, Table, Text
 from taskcal.presentation.fit_figures import draw_parameters, draw_residuals
+from taskcal.presentation.model_error_origin import model_error_origin, prior_scale_origin
 from taskcal.presentation.remainder_section import remainder_section
 from taskcal.presentation.report import report_html
 from taskcal.presentation.seen import seen_parameters
 from taskcal.presentation.task_figures import Maps, draw_bands, draw_maps
+from taskcal.presentation.unlocated import describe_unlocated
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -74,12 +76,14 @@ def _summary(calibration: Calibration, over: Uncertainty | None) -> Section:
         (
             f"{calibration.model_error[0] * 1e3:.4f}",
             "mm",
-            f"model error per axis (1σ), what {_explains(calibration)} unexplained",
+            f"model error per axis (1σ), {model_error_origin(calibration)}",
         ),
         (
             "no prior" if scale is None else f"{scale:.3g}",
             "",
-            "held the parameters" if scale is None else "times the tolerances is the scale of the prior",
+            "held the parameters"
+            if scale is None
+            else f"times the tolerances is the scale of the prior{_in_brackets(prior_scale_origin(calibration))}",
         ),
     ]
     if over is not None:
@@ -102,24 +106,15 @@ def _summary(calibration: Calibration, over: Uncertainty | None) -> Section:
         )
     else:
         blocks.append(Text(("No point is too far for chance.",)))
-    unlocated = [
-        name
-        for name, located in zip(calibration.targets, calibration.layout.registration.located, strict=True)
-        if not located
-    ]
+    told = zip(calibration.targets, describe_unlocated(calibration.layout.registration), strict=True)
+    unlocated = tuple(f"Target {name}: {sentence}." for name, sentence in told if sentence)
     if unlocated:
-        blocks.append(
-            Text(
-                (
-                    f"The measured poses do not locate {', '.join(unlocated)} on the tool: it is taken at the tool point.",
-                )
-            )
-        )
+        blocks.append(Text(unlocated))
     return Section(title="In short", blocks=tuple(blocks))
 
 
-def _explains(calibration: Calibration) -> str:
-    return "geometry and effects leave" if calibration.model.effects else "geometry leaves"
+def _in_brackets(words: str) -> str:
+    return f" ({words})" if words else ""
 
 
 def _lengths(calibration: Calibration) -> Float[np.ndarray, "n targets"]:

@@ -1,0 +1,19 @@
+"""Where the figures of model error and prior scale come from, in words."""
+
+from taskcal.identification.calibration import Calibration
+
+
+def model_error_origin(calibration: Calibration) -> str:
+    """Whether the model error was given, found, or none was found."""
+    if calibration.provenance.options.get("model_error", "estimate") != "estimate":
+        return "as given"
+    if not any(calibration.model_error):
+        return "none shows beside the tracker's noise"
+    return f"what geometry {'and effects leave' if calibration.model.effects else 'leaves'} unexplained"
+
+
+def prior_scale_origin(calibration: Calibration) -> str:
+    """What is to be added to the prior's scale, if anything."""
+    if not calibration.layout.kept.size:
+        return "no parameter was fitted"
+    return "as given" if calibration.provenance.options.get("prior_scale", "estimate") != "estimate" else ""
