@@ -9,7 +9,8 @@ from scipy.optimize import least_squares
 
 from taskcal.estimation.least_squares import fit
 from taskcal.geometry import walk
-from taskcal.identification.identify import BASE_PRIOR, TARGET_PRIOR, identify
+from taskcal.identification.belief import BASE_PRIOR, TARGET_PRIOR
+from taskcal.identification.identify import identify
 from taskcal.identification.problem import FrameLayout, Problem, observe, whitener
 from taskcal.measurement.registration import register
 

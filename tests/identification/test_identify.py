@@ -10,8 +10,9 @@ from taskcal.errors import CampaignError, FitError, UnknownName
 from taskcal.estimation.loss import Cauchy, Huber, Squared
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.identification import identify as identification
+from taskcal.identification.belief import BASE_PRIOR, TARGET_PRIOR
 from taskcal.identification.calibration import load_calibration
-from taskcal.identification.identify import BASE_PRIOR, TARGET_PRIOR, identify
+from taskcal.identification.identify import identify
 from taskcal.measurement.registration import Registration, register
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.catalogue import load_robot
@@ -370,7 +371,7 @@ def test_a_prior_of_another_size_is_refused():
 
 
 def test_a_fit_that_does_not_converge_says_what_to_try(monkeypatch):
-    from taskcal.identification import identify as module
+    from taskcal.identification import hyperparameters as module
 
     rng, model = arm(0)
     campaign, _ = measure(rng, model, industrial_positions(rng, 40), defects(rng, model), sigma=1e-4)

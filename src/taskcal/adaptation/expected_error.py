@@ -20,7 +20,7 @@ from jaxtyping import Float, Int
 
 from taskcal.geometry import normal_equations
 from taskcal.geometry.normal_equations import Observations
-from taskcal.identification.identify import frame_precision
+from taskcal.identification.belief import frame_precision
 from taskcal.identification.problem import FrameLayout, Problem, observe, whitener
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import register

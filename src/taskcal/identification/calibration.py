@@ -18,6 +18,7 @@ from taskcal.geometry import normal_equations, se3, walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
 from taskcal.geometry.normal_equations import Observations
 from taskcal.identification.field import ResidualField
+from taskcal.identification.outlier import Outlier
 from taskcal.identification.problem import FrameLayout
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration
@@ -30,20 +31,6 @@ from taskcal.text_file import read_text
 
 FORMAT = "taskcal-calibration"
 FORMAT_VERSION = 1
-
-
-@dataclass(frozen=True, kw_only=True)
-class Outlier:
-    """A measured point that the fit cannot believe."""
-
-    row: int
-    """Row of the campaign, counted from 0."""
-    id: str
-    target: str
-    studentised: float
-    """Length of its residual over that residual's standard deviation."""
-    residual: float
-    """Length of its position residual, metres."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,210 @@
+"""The fit and its hyperparameters in turn: model error and prior scale are those of the largest marginal likelihood."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import LinAlgError
+
+from taskcal.errors import FitError
+from taskcal.estimation import evidence
+from taskcal.estimation.least_squares import Solution, Stopping, fit, solve_scaled
+from taskcal.estimation.loss import Loss
+from taskcal.estimation.prior import GaussianPrior
+from taskcal.geometry import normal_equations
+from taskcal.identification.belief import Belief
+from taskcal.identification.problem import Problem, whitener
+
+MAX_ROUNDS = 60
+"""Of fit and hyperparameters in turn, at most."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Hyperparameters:
+    """What the evidence says besides the estimate."""
+
+    variances: Float[np.ndarray, " groups"]
+    """Model error of position, m², and of rotation for poses, rad²."""
+    prior_factor: float
+    """Factor of the prior's covariance."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Fitted:
+    """A fit with its hyperparameters and its linearisation."""
+
+    solution: Solution
+    hyper: Hyperparameters
+    residual: Float[np.ndarray, "n targets b"]
+    spread: Float[np.ndarray, "n targets b b"]
+    covariance: Float[np.ndarray, "n targets b b"]
+    """Of noise and model error."""
+    weights: Float[np.ndarray, "n targets"]
+    posterior: Float[np.ndarray, "z z"]
+    log_evidence: float
+    """Of the hyperparameters, by Laplace's approximation; without a prior, minus infinity."""
+    rounds: int
+
+
+def fit_with_hyperparameters(
+    problem: Problem,
+    belief: Belief,
+    loss: Loss,
+    model_error: float | tuple[float, float] | str,
+    prior_scale: float | str,
+) -> Fitted:
+    """Alternate between the estimate and its hyperparameters until both stand still."""
+    groups = problem.noise.shape[-1] // 3
+    tracker = np.array([np.median(problem.noise[..., 3 * g, 3 * g][problem.seen.valid]) for g in range(groups)])
+    start = problem.frames.start()
+    search_error = isinstance(model_error, str)
+    search_scale = isinstance(prior_scale, str)
+    if isinstance(model_error, str):
+        variances = _first_variances(problem, start, groups)
+    else:
+        variances = np.square(np.resize(np.atleast_1d(np.asarray(model_error, dtype=float)), groups))
+    hyper = Hyperparameters(
+        variances=variances, prior_factor=1.0 if isinstance(prior_scale, str) else float(prior_scale) ** 2
+    )
+    z = start
+    final = _final(belief)
+    loose = replace(final, decrement=max(final.decrement, 1e-3))
+    searching = search_error or search_scale
+    rounds = 0
+    while True:
+        rounds += 1
+        # the first fits need not be converged further than the hyperparameters are
+        found = _fit_once(problem, belief, loss, hyper, z, loose if searching else final, rounds)
+        z = found.solution.z
+        if not searching:
+            return found
+        following = _rescale(found, problem, belief, tracker, search_error, search_scale)
+        moved = np.abs(following.variances - hyper.variances) / (hyper.variances + tracker)
+        scale = abs(np.log(following.prior_factor / hyper.prior_factor))
+        hyper = following
+        if (moved.max() < 1e-3 and scale < 1e-2) or rounds > MAX_ROUNDS:
+            searching = False
+            if search_error:
+                hyper = _drop_insignificant(found, hyper, problem, belief)
+
+
+def _drop_insignificant(found: Fitted, hyper: Hyperparameters, problem: Problem, belief: Belief) -> Hyperparameters:
+    """A model error within two standard errors of nil is nil: half of all sound campaigns suggest a little by chance."""
+    at, weights = _linearised(found, problem, belief), found.weights[problem.seen.valid]
+    errors = [evidence.score_model_error(at, slice(3 * g, 3 * g + 3), weights)[1] for g in range(len(hyper.variances))]
+    return replace(hyper, variances=np.where(hyper.variances < 2.0 * np.array(errors), 0.0, hyper.variances))
+
+
+UNDAMPED_END = 1e-2
+"""Newton decrement at which a fit without prior ends: its next step would be a seventh of a standard deviation. Steps
+in undetermined directions are longer but gain nothing; a fit that went on would creep along them without end."""
+
+
+def _final(belief: Belief) -> Stopping:
+    return Stopping(decrement=UNDAMPED_END, decrease=1e-6) if belief.prior is None else Stopping()
+
+
+def _first_variances(problem: Problem, start: np.ndarray, groups: int) -> np.ndarray:
+    """A tenth of what the nominal robot leaves: on the large side, for a first fit that the prior still steers."""
+    nothing = np.zeros((len(start), len(start)))
+    residual, _ = normal_equations.spread(problem.walked(start), problem.seen, nothing)
+    return np.array([0.01 * np.nanmean(residual[..., 3 * g : 3 * g + 3] ** 2) for g in range(groups)])
+
+
+def _fit_once(
+    problem: Problem,
+    belief: Belief,
+    loss: Loss,
+    hyper: Hyperparameters,
+    z: np.ndarray,
+    stopping: Stopping,
+    rounds: int,
+) -> Fitted:
+    frames = problem.frames
+    covariance = problem.covariance(hyper.variances)
+    white = whitener(covariance)
+    start = frames.start()
+    precision = belief.precision(hyper.prior_factor)
+    scale = np.concatenate([belief.sizes, np.full(len(z) - len(belief.sizes), 1e-3)])
+    damping = 1e-2 if belief.prior is None else 0.0
+    solution = fit(
+        problem.equations(white, loss.code, loss.threshold), z, belief.mean(start), precision, scale, stopping, damping
+    )
+    if not solution.converged:
+        remedy = "keep the prior, or fewer parameters" if belief.prior is None else "keep fewer parameters"
+        raise FitError(
+            f"the fit did not converge: {solution.reason} ({solution.iterations} iterations, objective {solution.objective:.6g}); "
+            f"check the campaign with a robust loss (loss=Cauchy()), or {remedy}"
+        )
+    posterior = _invert(solution.information + precision)
+    residual, spread = normal_equations.spread(problem.walked(solution.z), problem.seen, posterior)
+    rms = np.sqrt(np.mean(np.einsum("ntij,ntj->nti", white, np.nan_to_num(residual)) ** 2, axis=2))
+    return Fitted(
+        solution=solution,
+        hyper=hyper,
+        residual=residual,
+        spread=spread,
+        covariance=covariance,
+        weights=loss.weights(rms),
+        posterior=posterior,
+        log_evidence=_log_evidence(solution, precision, covariance[problem.seen.valid], belief),
+        rounds=rounds,
+    )
+
+
+def _log_evidence(
+    solution: Solution, precision: Float[np.ndarray, "z z"], noise: Float[np.ndarray, "blocks b b"], belief: Belief
+) -> float:
+    """Log p(measurements | hyperparameters) = −objective − ½ log|R| + ½ log|P| − ½ log|H + P|, but for a constant."""
+    if belief.prior is None:
+        return -np.inf
+    determinants = np.linalg.slogdet(noise)[1].sum() - np.linalg.slogdet(precision)[1]
+    return float(-solution.objective - 0.5 * (determinants + np.linalg.slogdet(solution.information + precision)[1]))
+
+
+def _invert(A: Float[np.ndarray, "z z"]) -> Float[np.ndarray, "z z"]:
+    """Inverse of the posterior information; undetermined directions of a fit without prior get no variance at all.
+
+    They cannot be judged, and the predictions do not depend on them.
+    """
+    try:
+        inverse = solve_scaled(A, np.eye(len(A)))
+    except LinAlgError:
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(A), 1e-300))
+        inverse = np.linalg.pinv(A * scale * scale[:, None], rcond=1e-12, hermitian=True) * scale * scale[:, None]
+    return 0.5 * (inverse + inverse.T)
+
+
+def _linearised(found: Fitted, problem: Problem, belief: Belief) -> evidence.Linearised:
+    valid, k = problem.seen.valid, len(belief.sizes)
+    scaled = np.zeros(len(found.posterior), dtype=bool)
+    scaled[:k] = True
+    prior = belief.prior or GaussianPrior.of_deviations(belief.sizes)
+    return evidence.Linearised(
+        residual=found.residual[valid],
+        covariance=(found.covariance / found.weights[..., None, None])[valid],
+        spread=found.spread[valid],
+        information=found.solution.information,
+        posterior=found.posterior,
+        prior_covariance=prior.covariance,
+        deviation=found.solution.z[:k] - prior.mean,
+        scaled=scaled,
+    )
+
+
+def _rescale(
+    found: Fitted, problem: Problem, belief: Belief, tracker: np.ndarray, search_error: bool, search_scale: bool
+) -> Hyperparameters:
+    """One scoring step of the marginal likelihood for every hyperparameter that is searched."""
+    at = _linearised(found, problem, belief)
+    variances = found.hyper.variances.copy()
+    if search_error:
+        weights = found.weights[problem.seen.valid]
+        for g in range(len(variances)):
+            step, _ = evidence.score_model_error(at, slice(3 * g, 3 * g + 3), weights)
+            # never to nil in one step, from where the scoring could not come back
+            variances[g] = max(variances[g] + step, 0.01 * variances[g], 1e-6 * tracker[g])
+    factor = found.hyper.prior_factor
+    if search_scale and belief.prior is not None:
+        factor = evidence.score_prior_scale(at, factor)
+    return replace(found.hyper, variances=variances, prior_factor=factor)
