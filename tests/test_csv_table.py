@@ -1,3 +1,5 @@
+import time
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -14,7 +16,7 @@ def write(folder, content):
 
 
 @given(
-    st.lists(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=3, max_size=3)),
+    st.lists(st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=3)),
     st.sampled_from(",;\t"),
 )
 def test_numbers_come_back_exactly_whatever_separates_the_fields(tmp_path_factory, rows, delimiter):
@@ -90,6 +92,13 @@ def test_what_is_no_table_is_refused_with_its_line(tmp_path, case):
         ("inf", "'inf' is no finite number"),
         ("12 mm", "'12 mm' is no number"),
         ("0x10", "'0x10' is no number"),
+        ("1_000", "'1_000' is no number"),
+        ("١٢", "'١٢' is no number"),
+        ("１２", "'１２' is no number"),
+        ("1e200", r"'1e200' is beyond ±1e\+06; check the cell and its unit"),
+        ("-1e400", r"'-1e400' is beyond ±1e\+06"),
+        ("1" * 5000, r"'1+…1+ \(5000 characters\)' is beyond"),
+        ("x" * 5000, r"'x+…x+ \(5000 characters\)' is no number"),
     ],
 )
 def test_a_cell_that_is_no_number_is_shown_with_a_remedy(tmp_path, cell, message):
@@ -110,3 +119,11 @@ def test_an_unknown_column_is_named_with_those_there_are(tmp_path):
 def test_a_file_that_cannot_be_read_says_why(tmp_path, name):
     with pytest.raises(FileError, match="cannot be read: "):
         read_csv(tmp_path / name)
+
+
+def test_the_header_is_checked_in_time_that_grows_with_its_columns(tmp_path):
+    header = ",".join(f"c{i}" for i in range(40_000))
+    began = time.perf_counter()
+    with pytest.raises(FileError, match=r"two columns are named 'c0'"):
+        read_csv(write(tmp_path, f"{header},c0\n"))
+    assert time.perf_counter() - began < 2.0

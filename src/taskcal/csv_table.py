@@ -4,6 +4,7 @@ import csv
 import io
 import math
 import re
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,11 +12,19 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.errors import FileError
+from taskcal.errors import FileError, shown
 from taskcal.text_file import read_text
 
 _SEPARATOR_LINE = re.compile(r"\Asep=.[ \t]*(?=\r?\n)", re.IGNORECASE)
 """What a spreadsheet writes first to say how it separates; the header says the same."""
+
+LARGEST = 1e6
+"""Of any number in a table: 1 km in millimetres, or 2800 turns in degrees."""
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+"""Python also reads 1_000 and the digits of other scripts, which no instrument writes."""
+
+_NOT_FINITE = re.compile(r"[+-]?(nan|inf(inity)?)", re.IGNORECASE)
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?$")
 
@@ -51,35 +60,41 @@ class CsvTable:
             FileError: there is no such column.
         """
         if column not in self._index:
-            raise FileError(self.path, f"has no column '{column}'; it has {', '.join(self.header)}", line=1)
+            raise FileError(self.path, f"has no column '{column}'; it has {shown(', '.join(self.header))}", line=1)
         i = self._index[column]
         return [row[i] for row in self.rows]
 
-    def numbers(self, column: str, *, empty: bool = False, remedy: str = "give a number") -> Float[np.ndarray, " rows"]:
+    def numbers(
+        self, column: str, *, empty: bool = False, remedy: str = "give a number", largest: float = LARGEST
+    ) -> Float[np.ndarray, " rows"]:
         """The numbers of a column; NaN for empty cells where `empty` allows them; `remedy` says what to do about others.
 
         Raises:
-            FileError: there is no such column, or a cell is no finite number.
+            FileError: there is no such column, or a cell is no finite number, or one beyond ±`largest`.
         """
         cells = enumerate(self.texts(column))
-        return np.array([self._number(text, row, column, empty, remedy) for row, text in cells])
+        out = np.array([self._number(text, row, column, empty, remedy) for row, text in cells], dtype=float)
+        beyond = np.flatnonzero(np.abs(out) > largest)
+        if len(beyond):
+            row = int(beyond[0])
+            message = f"'{shown(self.texts(column)[row])}' is beyond ±{largest:g}; check the cell and its unit"
+            raise self.error(message, row, column)
+        return out
 
     def _number(self, text: str, row: int, column: str, empty: bool, remedy: str) -> float:
         if not text:
             if empty:
                 return math.nan
             raise self.error(f"the cell is empty; {remedy}", row, column)
-        try:
-            value = float(text)
-        except ValueError:
-            if _DECIMAL_COMMA.match(text):
-                trouble = f"is written with a decimal comma; write {text.replace(',', '.')}"
-            else:
-                trouble = "is no number; give a number such as 12.5"
-            raise self.error(f"'{text}' {trouble}", row, column) from None
-        if not math.isfinite(value):
-            raise self.error(f"'{text}' is no finite number; {remedy}", row, column)
-        return value
+        if _NUMBER.fullmatch(text):
+            return float(text)
+        if _NOT_FINITE.fullmatch(text):
+            trouble = f"is no finite number; {remedy}"
+        elif _DECIMAL_COMMA.match(text):
+            trouble = f"is written with a decimal comma; write {shown(text.replace(',', '.'))}"
+        else:
+            trouble = "is no number; give a number such as 12.5"
+        raise self.error(f"'{shown(text)}' {trouble}", row, column)
 
 
 def read_csv(path: str | Path) -> CsvTable:
@@ -128,7 +143,7 @@ def parse_csv(path: Path, text: str) -> CsvTable:
         raise FileError(path, f"is no CSV: {error}", line=reader.line_num) from error
     if header is None:
         raise FileError(path, "is empty; its first line must name the columns")
-    twice = {name for name in header if header.count(name) > 1}
+    twice = [name for name, times in Counter(header).items() if times > 1]
     if twice:
-        raise FileError(path, f"two columns are named '{min(twice)}'; column names must differ", line=1)
+        raise FileError(path, f"two columns are named '{shown(min(twice))}'; column names must differ", line=1)
     return CsvTable(path=path, header=header, rows=tuple(rows), lines=tuple(lines), delimiter=delimiter)

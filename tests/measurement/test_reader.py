@@ -387,3 +387,23 @@ def test_ids_that_count_tell_where_rows_were_left_out(tmp_path, ids, known):
 def test_an_approach_that_is_none_is_refused(tmp_path, header, row, message):
     with pytest.raises(FileError, match=message):
         read_campaign(write(tmp_path, header, [row]), ROBOT)
+
+
+def test_a_coordinate_beyond_all_trackers_is_refused_with_its_cell(tmp_path):
+    with pytest.raises(FileError, match=r"campaign\.csv:3: column 'y_mm': '1e200' is beyond ±1e\+06"):
+        read_campaign(write(tmp_path, rows=[ROWS[0], "b,-30.5,4,0,900,1e200,60"]), ROBOT)
+
+
+def test_more_targets_than_a_tool_carries_are_refused_before_their_matrices_are_made(tmp_path):
+    columns = ",".join(f"T{i}_{axis}_mm" for i in range(10_000) for axis in "xyz")
+    row = "a,10,20,300," + ",".join(["1"] * 30_000)
+    with pytest.raises(FileError, match=r"names 10000 targets; Taskcal fits 100 at most: choose some"):
+        read_campaign(write(tmp_path, f"id,{JOINTS},{columns}", [row]), ROBOT)
+
+
+@pytest.mark.parametrize(
+    "ids", [["9" * 5000, "8" * 5001, "7" * 5002], ["١", "٢", "٣"]], ids=["endless", "other digits"]
+)
+def test_ids_that_are_no_counts_are_names(tmp_path, ids):
+    campaign = read_campaign(write(tmp_path, rows=[f"{name},10,20,300,1000,-200,50.5" for name in ids]), ROBOT)
+    assert campaign.ids == tuple(ids)

@@ -1,5 +1,6 @@
 """Reading measured cycles from CSV: poses approached, or paths passed, again and again."""
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -188,7 +189,7 @@ class _Columns:
         self.names = {name.lower(): name for name in table.header}
         if len(self.names) < len(table.header):
             lowered = [name.lower() for name in table.header]
-            twice = min(name for name in lowered if lowered.count(name) > 1)
+            twice = min(name for name, times in Counter(lowered).items() if times > 1)
             raise FileError(table.path, f"two columns are named '{twice}' but for letter case", line=1)
         if not len(table):
             raise FileError(table.path, "has no measurements below its header")

@@ -1,6 +1,7 @@
 """Reading a campaign from CSV: which columns there are, and what each cell must hold."""
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from taskcal.csv_table import CsvTable, read_csv
-from taskcal.errors import FileError
+from taskcal.errors import FileError, shown
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
 from taskcal.robot.approach import conditions_in_order
@@ -24,6 +25,11 @@ LEAVE_EMPTY = "give a number, or leave all the target's cells empty"
 
 LONGEST = 1e7
 """No robot works so many seconds before it is measured; clocks count more."""
+
+_COUNT = re.compile(r"[0-9]{1,15}")
+
+MOST_TARGETS = 100
+"""On one tool; plates for trackers carry up to a dozen reflectors, and the fit's matrices grow with the square."""
 
 _UNIT_QUATERNION = 1e-3
 """How far a quaternion's length may be from one: files round to a few digits."""
@@ -54,9 +60,9 @@ def read_campaign(
     """
     table = read_csv(path)
     lowered = [name.lower() for name in table.header]
-    twice = {name for name in lowered if lowered.count(name) > 1}
+    twice = [name for name, times in Counter(lowered).items() if times > 1]
     if twice:
-        raise FileError(table.path, f"two columns are named '{min(twice)}' but for letter case", line=1)
+        raise FileError(table.path, f"two columns are named '{shown(min(twice))}' but for letter case", line=1)
     names = dict(zip(lowered, table.header, strict=True))
     used: set[str] = set()
     ids = _ids(table, names, used)
@@ -68,6 +74,9 @@ def read_campaign(
     else:
         target_names = _among(table, targets, found)
         nest_names = [n for n in nest_names if n not in target_names]
+    if len(target_names) > MOST_TARGETS:
+        message = f"names {len(target_names)} targets; Taskcal fits {MOST_TARGETS} at most: choose some"
+        raise FileError(table.path, message, line=1)
     if not target_names:
         raise FileError(
             table.path, "names no target; give columns x_mm, y_mm, z_mm, or NAME_x_mm, NAME_y_mm, NAME_z_mm", line=1
@@ -78,9 +87,10 @@ def read_campaign(
     conditions = replace(ways, temperature=_temperature(table, names, used), time=_time(table, names, used))
     unknown = [name for lower, name in names.items() if lower not in used]
     if unknown:
+        named = shown(", ".join(repr(n) for n in unknown))
         raise FileError(
             table.path,
-            f"unknown column{'s' if len(unknown) > 1 else ''} {', '.join(repr(n) for n in unknown)}; a campaign has id, joints "
+            f"unknown column{'s' if len(unknown) > 1 else ''} {named}; a campaign has id, joints "
             f"({robot.joint_names[0]}_deg …), targets (x_mm … or NAME_x_mm …), qx qy qz qw, u_mm, temp_C, time_s, "
             f"{robot.joint_names[0]}_approach …",
             line=1,
@@ -120,7 +130,9 @@ def _ids(table: CsvTable, names: dict[str, str], used: set[str]) -> tuple[str, .
             raise table.error("the row has no id; give each row its own", row, names["id"])
         if text in seen:
             raise table.error(
-                f"id '{text}' stands in line {table.lines[seen[text]]} already; give each row its own", row, names["id"]
+                f"id '{shown(text)}' stands in line {table.lines[seen[text]]} already; give each row its own",
+                row,
+                names["id"],
             )
         seen[text] = row
     return tuple(ids)
@@ -173,7 +185,7 @@ def _time(table: CsvTable, names: dict[str, str], used: set[str]) -> Float[np.nd
     if "time_s" not in names:
         return None
     used.add("time_s")
-    time = table.numbers(names["time_s"], empty=True)
+    time = table.numbers(names["time_s"], empty=True, largest=np.inf)
     wrong = np.flatnonzero((time < 0.0) | (time > LONGEST))
     if len(wrong):
         message = f"{time[wrong[0]]:g} s is no time since the robot began to work; subtract the time when it did"
@@ -231,7 +243,7 @@ def _of_joints(
 
 def _follows(ids: tuple[str, ...]) -> Bool[np.ndarray, " n"] | None:
     """Whether each row was measured after the one before it, as far as ids that count tell."""
-    if len(ids) < 3 or not all(text.isdecimal() for text in ids):
+    if len(ids) < 3 or not all(_COUNT.fullmatch(text) for text in ids):
         return None
     steps = np.diff([int(text) for text in ids])
     return None if steps.min() <= 0 else np.concatenate([[False], steps <= np.median(steps)])
@@ -278,7 +290,7 @@ def _among(table: CsvTable, wanted: Sequence[str], found: dict[str, np.ndarray])
     by_case = {name.lower(): name for name in found}
     for name in wanted:
         if name.lower() not in by_case:
-            raise FileError(table.path, f"has no target '{name}'; it has {', '.join(found) or 'none'}", line=1)
+            raise FileError(table.path, f"has no target '{name}'; it has {shown(', '.join(found) or 'none')}", line=1)
     return [by_case[name.lower()] for name in wanted]
 
 

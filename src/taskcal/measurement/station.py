@@ -104,7 +104,7 @@ class StationFile(Section):
     position_mm: tuple[Finite, Finite, Finite]
     reach_m: Positive = 30.0
     nearest_m: NotNegative = 0.5
-    reflector: tuple[ReflectorSection, ...] = Field(min_length=1)
+    reflector: tuple[ReflectorSection, ...] = Field(min_length=1, max_length=100)
     keep_out: tuple[BoxSection, ...] = ()
 
     def station(self) -> Station:

@@ -177,13 +177,17 @@ class PublishedSection(Section):
     dropped: tuple[str, ...] = ()
 
 
+MOST_JOINTS = 50
+"""Two arms of seven joints on a gantry have half as many."""
+
+
 class RobotFile(Section):
     """A robot file."""
 
     name: str = Field(min_length=1)
     title: str = ""
     source: tuple[str, ...] = ()
-    joint: tuple[JointSection, ...] = Field(min_length=1)
+    joint: tuple[JointSection, ...] = Field(min_length=1, max_length=MOST_JOINTS)
     tool: tuple[StepSection, ...] = ()
     flange: tuple[StepSection, ...] = ()
     four_bar: FourBarSection | None = None
