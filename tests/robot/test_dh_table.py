@@ -34,7 +34,7 @@ def write(path, lines, header=HEADER):
 def test_a_table_is_the_product_of_its_conventions_transforms(convention, tmp_path_factory):
     @given(generators, st.integers(1, 8))
     def law(rng, joints):
-        rows = rng.uniform(-300, 300, (joints, 4))
+        rows = rng.uniform(30, 300, (joints, 4)) * rng.choice((-1.0, 1.0), (joints, 4))
         rows[rng.random(rows.shape) < 0.3] = 0.0
         path = write(
             tmp_path_factory.mktemp("dh") / "arm.csv",
@@ -96,3 +96,83 @@ def test_a_wrong_table_is_refused_with_its_place(case, tmp_path):
     header, lines, message = WRONG[case]
     with pytest.raises(FileError, match=message):
         read_dh_table(write(tmp_path / "arm.csv", lines, header), "dh")
+
+
+UR10 = [  # of the maker's data sheet: alpha_deg, a_mm, d_mm, theta_offset_deg
+    (90.0, 0.0, 127.3, 0.0),
+    (0.0, -612.0, 0.0, 0.0),
+    (0.0, -572.3, 0.0, 0.0),
+    (90.0, 0.0, 163.941, 0.0),
+    (-90.0, 0.0, 115.7, 0.0),
+    (0.0, 0.0, 92.2, 0.0),
+]
+
+
+def in_units(rows, angle, length):
+    """Lines of a table whose angles and lengths are multiplied."""
+    return [
+        f"{i},{al * angle!r},{a * length!r},{d * length!r},{o * angle!r}" for i, (al, a, d, o) in enumerate(rows, 1)
+    ]
+
+
+IN_OTHER_UNITS = {
+    "metres": (
+        in_units(UR10, 1.0, 1e-3),
+        r"arm\.csv:3: column 'a_mm': -0\.612 mm is .*probably in metres: give millimetres, here -612",
+    ),
+    "micrometres": (in_units(UR10, 1.0, 1e3), r"arm\.csv:3: column 'a_mm': -612000 mm is longer .*micrometres"),
+    "radians": (
+        in_units(UR10, np.pi / 180, 1.0),
+        r"arm\.csv:2: column 'alpha_deg': 1\.5708 is probably in radians, .* give degrees, here 90",
+    ),
+    "milliradians": (
+        in_units(UR10, 1e3 * np.pi / 180, 1.0),
+        r"arm\.csv:2: column 'alpha_deg': 1570\.8° is more than a turn",
+    ),
+    "radians with two digits": (
+        ["1,1.57,0,670,0", "2,0,1075,0,-1.57"],
+        r"arm\.csv:2: column 'alpha_deg': 1\.57 is probably in radians",
+    ),
+    "a SCARA in radians": (
+        ["1,0,325,416,0", "2,3.14159,275,0,0"],
+        r"arm\.csv:3: column 'alpha_deg': 3\.14159 is probably in radians, .* here 180",
+    ),
+    "parallel axes, offset in radians": (
+        ["1,0,325,416,1.5708", "2,0,275,0,0"],
+        r"arm\.csv:2: column 'theta_offset_deg': 1\.5708 is probably in radians",
+    ),
+    "identified twists in radians": (
+        ["1,1.5663,300,416,0.0021", "2,-0.0013,275,0,0"],
+        "1\\.5663 is probably in radians",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", IN_OTHER_UNITS)
+def test_a_table_in_other_units_is_refused_and_the_unit_named(case, tmp_path):
+    lines, message = IN_OTHER_UNITS[case]
+    for convention in ("dh", "mdh"):
+        with pytest.raises(FileError, match=message):
+            read_dh_table(write(tmp_path / "arm.csv", lines), convention)
+
+
+def test_limits_in_radians_are_refused(tmp_path):
+    lines = ["1,90,0,670,0,-2.96,2.96", "2,0,1075,0,0,-1.5,1.1"]
+    with pytest.raises(FileError, match=r"arm\.csv:2: column 'lower_deg': -2\.96 is probably in radians"):
+        read_dh_table(write(tmp_path / "arm.csv", lines, HEADER + ",lower_deg,upper_deg"), "dh")
+
+
+SOUND = {
+    "a small robot": ["1,-90,0,135,0", "2,0,135,0,-90", "3,-90,38,0,0", "4,90,0,120,0", "5,-90,0,0,0", "6,0,0,70,180"],
+    "a SCARA without twists": ["1,0,325,416,0", "2,0,275,0,0"],
+    "a gantry of 60 m": ["1,-90,0,60000,0", "2,90,0,4000,0"],
+    "identified twists in degrees": ["1,0.021,325,416,0.35", "2,-0.113,275,0,0.02"],
+    "a wrist alone": ["1,-90,0,0,0", "2,90,0,0,0", "3,0,0,0,0"],
+    "one usual twist": ["1,45,0,100,1.5708"],
+}
+
+
+@pytest.mark.parametrize("case", SOUND)
+def test_a_table_in_its_units_is_read(case, tmp_path):
+    robot = read_dh_table(write(tmp_path / "arm.csv", SOUND[case]), "dh")
+    assert len(robot.joints) == len(SOUND[case])

@@ -7,6 +7,7 @@ import tomli_w
 
 from taskcal.csv_table import read_csv
 from taskcal.errors import FileError, TaskcalError
+from taskcal.robot.dh_units import check_units
 from taskcal.robot.file import robot_from
 from taskcal.robot.robot import Robot
 
@@ -28,7 +29,7 @@ def describe_dh_table(path: str | Path, convention: Convention, name: str | None
         name: the robot's name; the file's by default.
 
     Raises:
-        FileError: a column is missing or unknown, or a cell is not what its column holds.
+        FileError: a column is missing or unknown, or a cell is not what its column holds, or is in another unit.
     """
     table = read_csv(path)
     for column in _REQUIRED:
@@ -42,6 +43,7 @@ def describe_dh_table(path: str | Path, convention: Convention, name: str | None
     numbers = {column: table.numbers(column) for column in _REQUIRED[1:]}
     if ("lower_deg" in table) != ("upper_deg" in table):
         raise FileError(table.path, "gives one limit only; lower_deg and upper_deg go together", line=1)
+    check_units(table)
     limits = [table.numbers(column) for column in ("lower_deg", "upper_deg")] if "lower_deg" in table else None
     joints: list[dict[str, Any]] = []
     for i, text in enumerate(table.texts("joint")):
