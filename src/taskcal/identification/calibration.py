@@ -1,7 +1,7 @@
 """A Calibration: what was identified, how well, and what the robot does with it."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cache, cached_property
@@ -23,7 +23,7 @@ from taskcal.identification.problem import FrameLayout
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects import effect_from
+from taskcal.robot.effects import Effect, effect_from
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from taskcal.robot.load import Load
@@ -373,7 +373,9 @@ def load_calibration(path: str | Path) -> Calibration:
             f"has format version {found!r}, this Taskcal reads {FORMAT_VERSION}; identify again, or use the Taskcal that wrote it",
         )
     try:
-        return _from_json(data)
+        return _from_json(data, _effects(path, data["effects"]))
+    except FileError:
+        raise
     except TaskcalError as error:
         raise FileError(path, f"its robot: {error}") from error
     except KeyError as error:
@@ -382,11 +384,23 @@ def load_calibration(path: str | Path) -> Calibration:
         raise FileError(path, f"is inconsistent: {error}; it may have been edited: identify again") from error
 
 
-def _from_json(data: Mapping[str, Any]) -> Calibration:
+def _effects(path: Path, described: Sequence[Mapping[str, Any]]) -> list[Effect]:
+    """The effects of a file.
+
+    Raises:
+        FileError: one is not known, or comes from a module that is not imported.
+    """
+    try:
+        return [effect_from(effect) for effect in described]
+    except TaskcalError as error:
+        raise FileError(path, str(error)) from error
+
+
+def _from_json(data: Mapping[str, Any], effects: Sequence[Effect]) -> Calibration:
     model = ErrorModel(
         robot_from(data["robot"]),
         lengths_only=bool(data["lengths_only"]),
-        effects=[effect_from(effect) for effect in data["effects"]],
+        effects=effects,
     )
     registration = Registration(
         T_tracker_base=_array(data["registration"], "T_tracker_base", (4, 4)),

@@ -86,7 +86,7 @@ class ErrorModel:
         self.robot = robot
         self.lengths_only = lengths_only
         self.effects = tuple(effects)
-        added = [effect.term(robot) for effect in self.effects]
+        added = [_term(effect, robot) for effect in self.effects]
         self.effect_names = tuple(name for term in added for name in term.names)
         self.terms = (*_terms(robot), *added)
         steps, slots = _length_steps(robot) if lengths_only else _defect_steps(robot)
@@ -125,6 +125,16 @@ class ErrorModel:
         unknown = set(tolerances.overrides) - set(names)
         if unknown and not lengths_only:
             raise UnknownName("parameter", min(unknown), names, f"(a tolerance of {robot.name})")
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Refuse changes once the model is made: its chain and parameters would not follow.
+
+        Raises:
+            AttributeError: always then.
+        """
+        if "parameters" in vars(self):
+            raise AttributeError(f"{name} of {self!r} cannot be set; model + effect is a model with one more effect")
+        super().__setattr__(name, value)
 
     def __repr__(self) -> str:
         return f"ErrorModel({self.robot.name}: {len(self.parameters)} parameters)"
@@ -343,6 +353,20 @@ class ErrorModel:
         out = np.zeros((len(own), self.chain.joints, joints))  # what effects add to the chain stands still
         out[:, :joints] = own
         return out
+
+
+def _term(effect: Effect, robot: Robot) -> LinearTerm:
+    """What an effect does on a robot.
+
+    Raises:
+        TaskcalError: it depends on conditions that it does not declare.
+    """
+    term = effect.term(robot)
+    if term.given is not None and not (effect.needs or effect.uses):
+        raise TaskcalError(
+            f'the effect {type(effect).__name__} depends on conditions; say which in its class, such as needs = ("temperature",)'
+        )
+    return term
 
 
 def _terms(robot: Robot) -> tuple[JointTerm, ...]:

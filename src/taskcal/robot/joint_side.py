@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Inexact, Int
 
 from taskcal.errors import ClosureError
 from taskcal.geometry.four_bar import REMEDY, FourBar, can_close, close_four_bar
@@ -77,8 +77,8 @@ class JointMap:
     offset: Float[np.ndarray, " coordinates"]
     """Chain coordinates at zero joint positions, radians or metres."""
 
-    def __call__(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n coordinates"]:
-        """Chain coordinates at joint positions q."""
+    def __call__(self, q: Inexact[np.ndarray, "n joints"]) -> Inexact[np.ndarray, "n coordinates"]:
+        """Chain coordinates at joint positions q; complex where those are, for derivatives by complex steps."""
         return q @ self.matrix.T + self.offset
 
 

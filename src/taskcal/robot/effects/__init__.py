@@ -14,6 +14,7 @@ from taskcal.robot.effects.harmonics import GEARS as GEARS
 from taskcal.robot.effects.harmonics import PERIODIC as PERIODIC
 from taskcal.robot.effects.harmonics import Harmonics as Harmonics
 from taskcal.robot.effects.linear_term import LinearTerm as LinearTerm
+from taskcal.robot.effects.linear_term import at_joints as at_joints
 from taskcal.robot.effects.motor_harmonics import MotorHarmonics as MotorHarmonics
 from taskcal.robot.effects.overrun import Overrun as Overrun
 from taskcal.robot.effects.registry import candidates as candidates

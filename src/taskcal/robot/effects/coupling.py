@@ -52,6 +52,7 @@ class Coupling(Effect):
             np.array([j for _, j in pairs], dtype=np.int64),
             [self.tolerance] * len(pairs),
             lambda q: (robot.joint_map(q) - middle)[:, by],
+            by_joint=lambda q: np.broadcast_to(robot.joint_map.matrix[by], (len(q), *robot.joint_map.matrix[by].shape)),
             share=True,
         )
 

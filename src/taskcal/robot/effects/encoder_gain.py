@@ -27,5 +27,8 @@ class EncoderGain(Effect):
             joints,
             [self.tolerance] * len(joints),
             lambda q: (robot.joint_map(q) - middle)[:, joints],
+            by_joint=lambda q: np.broadcast_to(
+                robot.joint_map.matrix[joints], (len(q), *robot.joint_map.matrix[joints].shape)
+            ),
             share=True,
         )

@@ -78,6 +78,7 @@ class Growth(Effect, abstract=True):
             pairs=np.array(pairs),
             coordinates=first + len(gain),
             basis=at_reference,
+            by_joint=lambda q: np.zeros((len(q), len(gain), q.shape[1])),
             given=given,
         )
 

@@ -72,12 +72,14 @@ class Harmonics(Effect):
         columns = np.array([j for j, _, _ in shapes], dtype=np.int64)
         orders = np.array([order for _, order, _ in shapes])
         phases = np.array([0.0 if part == "cos" else 0.5 * np.pi for _, _, part in shapes])
+        turns = robot.joint_map.matrix[columns] * orders[:, None]
         return at_joints(
             [f"{robot.joint_names[j]}.{part}{order}" for j, order, part in shapes],
             robot,
             columns,
             [self.tolerance] * len(shapes),
             lambda q: np.cos(robot.joint_map(q)[:, columns] * orders - phases),
+            by_joint=lambda q: -np.sin(robot.joint_map(q)[:, columns] * orders - phases)[:, :, None] * turns,
         )
 
 

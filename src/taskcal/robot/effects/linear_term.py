@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.robot.conditions import Conditions
+from taskcal.robot.effects.complex_step import differentiate
 from taskcal.robot.joint_side import Shift
 from taskcal.robot.robot import Robot
 
@@ -29,6 +30,8 @@ class LinearTerm:
     """Joint positions (n, joints) to ∂δs/∂ξ of every pair (n, pairs)."""
     given: ConditionedBasis | None = None
     """The same where conditions are known, for effects that depend on them."""
+    by_joint: Basis | None = None
+    """Joint positions (n, joints) to ∂basis/∂q of every pair (n, pairs, joints); by complex steps where None."""
     nominal: Float[np.ndarray, " p"] | None = None
     """ξ₀, what is known of the effect beforehand, from which its parameters are deviations; nil where None."""
 
@@ -56,13 +59,9 @@ class LinearTerm:
     def _slope(
         self, q: Float[np.ndarray, "n joints"], place: Float[np.ndarray, "pairs coordinates"]
     ) -> Float[np.ndarray, "n coordinates joints"]:
-        """∂δs/∂q by central differences: an effect is small, and so is what its slope adds to a Newton step."""
-        out = np.zeros((len(q), self.coordinates, q.shape[1]))
-        for j in range(q.shape[1]):
-            step = np.zeros(q.shape[1])
-            step[j] = 1e-5
-            out[:, :, j] = (self.basis(q + step) - self.basis(q - step)) @ place / 2e-5
-        return out
+        """∂δs/∂q: the derivative of the basis, weighted by the parameters."""
+        by_joint = differentiate(self.basis, q) if self.by_joint is None else self.by_joint(q)
+        return np.einsum("npj,pc->ncj", by_joint, place)
 
 
 def at_joints(
@@ -72,6 +71,8 @@ def at_joints(
     tolerances: Sequence[float],
     basis: Basis,
     *,
+    given: ConditionedBasis | None = None,
+    by_joint: Basis | None = None,
     share: bool = False,
 ) -> LinearTerm:
     """A term of which each parameter moves one coordinate.
@@ -81,7 +82,10 @@ def at_joints(
         robot: the robot.
         coordinates: number of the coordinate that each one moves.
         tolerances: of the parameters.
-        basis: movement of its coordinate for a unit of each parameter, at joint positions q.
+        basis: movement of its coordinate for a unit of each parameter, at joint positions q: (n, joints) to (n, p).
+        given: the same under conditions, for effects that depend on them; `basis` is then where nothing is known of them.
+        by_joint: derivative of `basis` by joint positions, (n, p, joints). Where it is not given, `basis` is evaluated at
+            complex positions: NumPy's sums, products and analytic functions can be, but not `abs`, `arctan2` or comparisons.
         share: whether the parameters are shares of a motion, radians per radian.
     """
     units = ["m" if robot.prismatic[c] else "rad" for c in coordinates]
@@ -92,4 +96,6 @@ def at_joints(
         pairs=np.stack([coordinates, np.arange(len(names))], axis=1),
         coordinates=len(robot.joints),
         basis=basis,
+        given=given,
+        by_joint=by_joint,
     )

@@ -50,5 +50,6 @@ def at_drives(
         pairs=np.stack([coordinate, parameter], axis=1),
         coordinates=len(robot.joints),
         basis=unknown,
+        by_joint=lambda q: np.zeros((len(q), len(gear), q.shape[1])),
         given=given,
     )
