@@ -5,12 +5,15 @@ import os
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
     os.environ[_variable] = "1"  # for the libraries and processes that are yet to start
 
+import tempfile
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 from jaxtyping import install_import_hook
 from threadpoolctl import threadpool_limits
+
+os.environ["TASKCAL_STATE_DIR"] = tempfile.mkdtemp(prefix="taskcal-state-")  # not the user's own
 
 threadpool_limits(1)  # a pytest plugin may have loaded NumPy, and its BLAS, before this file
 

@@ -1,4 +1,6 @@
 import os
+import subprocess
+import sys
 
 import pytest
 
@@ -64,3 +66,36 @@ def test_files_that_belong_together_are_written_all_or_none(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mod", "folder"]
     write_all({first: "new", tmp_path / "b.mod": b"more"})
     assert (first.read_text(), (tmp_path / "b.mod").read_bytes()) == ("new", b"more")
+
+
+def test_what_a_killed_process_left_is_removed_by_the_next_and_what_a_running_one_needs_is_not(tmp_path):
+    path, other = tmp_path / "a.csv", tmp_path / "b.csv"
+    code = (
+        "import os, sys, signal; from taskcal import files; files.os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL); "
+        "files.write_all({path: 'half' for path in sys.argv[1:]})"
+    )
+    ended = subprocess.run([sys.executable, "-c", code, str(path), str(other)], check=False)
+    assert ended.returncode != 0
+    assert len(list(tmp_path.iterdir())) == 2
+    running = files._lay_beside(path, path, "of this process")
+    write_all({path: "whole", other: "whole"})
+    assert sorted(tmp_path.iterdir()) == sorted([path, other, running])
+
+
+def test_an_interrupt_between_two_files_does_not_leave_old_beside_new(tmp_path, monkeypatch):
+    paths = [tmp_path / name for name in "abc"]
+    for path in paths:
+        path.write_text("old")
+    replace, calls = os.replace, []
+
+    def interrupted(source, target):
+        replace(source, target)
+        calls.append(target)
+        if len(calls) == 1:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(files.os, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_all(dict.fromkeys(paths, "new"))
+    assert [path.read_text() for path in paths] == ["new"] * 3
+    assert sorted(tmp_path.iterdir()) == paths

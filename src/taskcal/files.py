@@ -1,12 +1,21 @@
 """Writing files so that an interrupted write leaves the old one: beside, then renamed."""
 
 import os
+import platform
+import re
 import stat
 import tempfile
+import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from taskcal.errors import FileError
+
+PART = ".part"
+"""Ending of a file that lies beside its place."""
+HOUR = 3600.0
+"""Seconds after which a file laid beside by another machine is taken for a stray."""
 
 
 def write_whole(path: str | Path, content: str | bytes) -> None:
@@ -18,27 +27,71 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
     write_all({path: content})
 
 
-def write_all(contents: Mapping[str | Path, str | bytes] | Mapping[Path, bytes]) -> None:
+def write_all(contents: Mapping[str | Path, str | bytes] | Mapping[Path, str | bytes] | Mapping[Path, bytes]) -> None:
     """Write files that belong together: each all at once, and none before all lie ready beside their places.
 
     Raises:
         FileError: as `write_whole`.
     """
     ready: list[tuple[str | Path, Path, Path]] = []
+    begun = False
     try:
         for named, content in contents.items():
             path = Path(named).resolve()
+            _remove_strays(path)
             ready.append((named, _lay_beside(named, path, content), path))
-        while ready:
-            named, beside, path = ready[0]
+        begun = True
+        _put_in_place(ready)
+    except KeyboardInterrupt:
+        if begun:  # half of them may be in place already: old and new are not left side by side
+            _put_in_place(ready)
+        raise
+    finally:
+        for _, beside, _ in ready:
+            beside.unlink(missing_ok=True)
+
+
+def _put_in_place(ready: list[tuple[str | Path, Path, Path]]) -> None:
+    """Rename what lies beside, and take it from the list as it is done.
+
+    Raises:
+        FileError: a file is held by another program, or the like.
+    """
+    while ready:
+        named, beside, path = ready[0]
+        if beside.exists():  # else it was renamed as the interrupt came
             try:
                 os.replace(beside, path)
             except OSError as error:
                 raise FileError(named, f"cannot be written: {error.strerror or error}") from error
-            ready.pop(0)
-    finally:
-        for _, beside, _ in ready:
-            beside.unlink(missing_ok=True)
+        ready.pop(0)
+
+
+def _remove_strays(path: Path) -> None:
+    """Remove what processes that were killed left beside a file; those that still run keep theirs."""
+    pattern = re.compile(rf"\.{re.escape(path.name)}\.(\d+)-(.*)\.[^.]*\{PART}")
+    with suppress(OSError):
+        for beside in path.parent.iterdir():
+            match = pattern.fullmatch(beside.name)
+            if match and not _may_run(int(match[1]), match[2], beside):
+                beside.unlink(missing_ok=True)
+
+
+def _may_run(process: int, machine: str, beside: Path) -> bool:
+    """Whether the process that laid a file beside may still be at it."""
+    if machine == _machine() and os.name == "posix":
+        try:
+            os.kill(process, 0)
+        except ProcessLookupError:
+            return False
+        except OSError:
+            return True
+        return True
+    return time.time() - beside.stat().st_mtime < HOUR
+
+
+def _machine() -> str:
+    return re.sub(r"[^\w-]", "-", platform.node())[:40]
 
 
 def _lay_beside(named: str | Path, path: Path, content: str | bytes) -> Path:
@@ -49,7 +102,9 @@ def _lay_beside(named: str | Path, path: Path, content: str | bytes) -> Path:
     if path.exists() and not path.stat().st_mode & stat.S_IWUSR:
         raise FileError(named, "is write-protected; name another file, or allow writing to it")
     try:
-        handle, beside = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        handle, beside = tempfile.mkstemp(
+            prefix=f".{path.name}.{os.getpid()}-{_machine()}.", suffix=PART, dir=path.parent
+        )
     except OSError as error:
         raise FileError(named, f"cannot be written: {error.strerror or error}; name a folder that exists") from error
     try:

@@ -149,9 +149,9 @@ def test_outliers_are_named_by_the_row_of_the_file(run: Run, cell: Path, tmp_pat
 def test_an_old_calibration_is_replaced_only_by_a_whole_new_one(run: Run, cell: Path, tmp_path: Path) -> None:
     output = tmp_path / "cal.json"
     output.write_text("the old one")
-    assert identify(run, cell / "one.csv", output, "--rows", "0:2").status == 1
+    assert identify(run, cell / "one.csv", output, "--rows", "0:2", "--force").status == 1
     assert output.read_text() == "the old one"
-    assert identify(run, cell / "one.csv", output).status == 0
+    assert identify(run, cell / "one.csv", output, "--force").status == 0
     assert json.loads(output.read_text())["format"] == "taskcal-calibration"
     assert list(tmp_path.iterdir()) == [output]
 

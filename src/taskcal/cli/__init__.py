@@ -26,7 +26,8 @@ from taskcal.cli import (
 )
 from taskcal.cli.effects_help import NamesEffects
 from taskcal.cli.modules import import_modules
-from taskcal.cli.output import MESSAGE_CHARACTERS, complain, for_terminal
+from taskcal.cli.output import MESSAGE_CHARACTERS, complain, for_terminal, note
+from taskcal.cli.outputs import begin_account, interrupted
 from taskcal.errors import TaskcalError, shortened
 
 ORDER = (
@@ -34,6 +35,10 @@ ORDER = (
     "report", "doctor", "warm",
 )  # fmt: skip
 """The user's road, and then what keeps the installation in order."""
+
+
+INTERRUPTED = 130
+"""Exit status after Ctrl-C."""
 
 
 class Road(TyperGroup):
@@ -160,7 +165,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if reconfigure := getattr(stream, "reconfigure", None):
             reconfigure(errors="replace")  # a terminal without σ or √ shows '?' instead of failing
+    begin_account()
     status = _run(arguments)
+    if status == INTERRUPTED:
+        note(interrupted())
     try:
         sys.stdout.flush()
     except BrokenPipeError:
@@ -181,7 +189,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     except SystemExit as ended:
         return ended.code if isinstance(ended.code, int) else int(ended.code is not None)
     except KeyboardInterrupt:
-        return 130
+        return INTERRUPTED
     except BrokenPipeError:
         _drop_output()
         return 1

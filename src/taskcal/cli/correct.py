@@ -5,10 +5,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.options import JsonOption, ReportOption
+from taskcal.cli.options import ForceOption, JsonOption, ReportOption
 from taskcal.cli.output import (
     announce_compilation,
-    check_destination,
     note,
     show_facts,
     show_table,
@@ -16,6 +15,7 @@ from taskcal.cli.output import (
     working,
     write_json,
 )
+from taskcal.cli.outputs import check_outputs
 
 if TYPE_CHECKING:
     from taskcal.correction.cell import Cell
@@ -85,6 +85,7 @@ def command(
         ),
     ] = False,
     report: ReportOption = None,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Correct a robot program, so that the true tool goes where the program says.
@@ -106,12 +107,9 @@ def command(
         if name is not None and cell is None:
             raise typer.BadParameter(f"'{name}' is a name of the cell file; give that with --cell", param_hint=option)
     inputs = [path for path in (calibration, cell, *programs) if path is not None]
-    if report is not None:
-        check_destination(report, inputs)
-    if output is not None and not output.is_dir():
-        check_destination(output, [path for path in inputs if path not in programs])
-        if report is not None and report.resolve() == output.resolve():
-            raise typer.BadParameter("program and report cannot be one file", param_hint="--report / --output")
+    targets = [] if output is None or dry_run else _targets(programs, output)
+    named = [("--report", report), *(("--output", path) for path in targets)]
+    outputs = check_outputs("correct", named, inputs, force=force)
     import numpy as np
 
     from taskcal.correction.cell import Cell
@@ -146,23 +144,27 @@ def command(
             keep_joints=keep_joints,
             progress=say,
         )
-    written: tuple[Path, ...] = ()
+    contents: dict[Path, str | bytes] = {}
     if output is not None and not dry_run:
-        for path in found.destinations(output):
-            check_destination(path, [known for known in (calibration, cell, report) if known is not None])
-        written = found.write(output)
+        contents.update(found.contents(output))
+    written = tuple(contents)
     if report is not None:
-        from taskcal.files import write_whole
         from taskcal.identification.calibration import package_version
         from taskcal.presentation.correction_report import correction_html
 
-        write_whole(report, correction_html(found, known, version=package_version()))
+        contents[report] = correction_html(found, known, version=package_version())
+    outputs.write(contents)
     if as_json:
         write_json(_as_json(found, written, report))
     else:
         _show(found, written, report)
     if found.refused or any(remark.refused for remark in found.remarks):
         raise typer.Exit(1)
+
+
+def _targets(programs: list[Path], output: Path) -> list[Path]:
+    """Files that the corrected program goes to: the one named, or those of the same names in a folder."""
+    return list(dict.fromkeys(output / path.name for path in programs)) if output.is_dir() else [output]
 
 
 def _afresh(program: Path, output: Path | None) -> Path | None:

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.options import JsonOption, SeedOption
+from taskcal.cli.options import ForceOption, JsonOption, SeedOption
 from taskcal.cli.output import started_as
+from taskcal.cli.outputs import Outputs, check_outputs
 
 if TYPE_CHECKING:
     from taskcal.demo.procedure import Procedure
@@ -37,6 +38,7 @@ def demo(
     seed: SeedOption = 0,
     full: Full = False,
     robots: Robots = 20,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Run the published procedure on a virtual robot.
@@ -51,12 +53,11 @@ def demo(
     """
     from taskcal.cli.output import announce_compilation, console, working, write_json
     from taskcal.demo.procedure import run_procedure
-    from taskcal.demo.procedure_files import write_procedure
+    from taskcal.demo.procedure_files import procedure_contents
     from taskcal.demo.procedure_json import procedure_json
     from taskcal.demo.procedure_report import procedure_html
     from taskcal.demo.reference_task import ROBOT
     from taskcal.errors import FileError
-    from taskcal.files import write_whole
     from taskcal.identification.calibration import package_version
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
@@ -66,16 +67,17 @@ def demo(
     except OSError as error:
         message = f"no folder can be made here: {error.strerror or error}; name another with --output"
         raise FileError(output, message) from error
+    outputs = _outputs(output, full, force)
     announce_compilation()
     with working("starting") as say:
         model = ErrorModel(load_robot(ROBOT))
         procedure = run_procedure(model, count=count, seed=seed, held_out=HELD_OUT, progress=say)
         say("figures and page")
         page = output / "report.html"
-        files = write_procedure(procedure, output)
+        files, contents = procedure_contents(procedure, output)
         commands = _next_steps(output, files)
-        html = procedure_html(procedure, next_steps=commands, version=package_version())
-        write_whole(page, html)
+        contents[page] = procedure_html(procedure, next_steps=commands, version=package_version())
+        outputs.write(contents)
     files = {"page": page, **files}
     out = console()
     if not as_json:
@@ -84,17 +86,31 @@ def demo(
         out.print("\nGo on:\n" + commands, soft_wrap=True)
     closed: dict[str, Any] = {}
     if full:
-        more, closed["closed_loop"] = _close_the_loop(model.robot, robots, seed, output, None if as_json else out)
+        more, closed["closed_loop"] = _close_the_loop(
+            model.robot, robots, seed, output, outputs, None if as_json else out
+        )
         files |= more
     if as_json:
         write_json({**procedure_json(procedure), "files": files, **closed})
 
 
-def _close_the_loop(robot: "Robot", count: int, seed: int, folder: Path, out: Any) -> tuple[dict[str, Path], Any]:
+def _outputs(folder: Path, full: bool, force: bool) -> Outputs:
+    """The files of the demonstration, seen to be free."""
+    from taskcal.demo.closed_loop_files import closed_loop_files
+    from taskcal.demo.procedure_files import procedure_names
+
+    paths = [folder / name for name in ("report.html", *procedure_names())]
+    paths += closed_loop_files(folder).values() if full else []
+    return check_outputs("demo", [("--output", path) for path in paths], force=force)
+
+
+def _close_the_loop(
+    robot: "Robot", count: int, seed: int, folder: Path, outputs: Outputs, out: Any
+) -> tuple[dict[str, Path], Any]:
     """Run virtual robots, write what comes of it, and print it where there is an `out`."""
     from taskcal.cli.output import working
     from taskcal.demo.closed_loop import prepare_closed_loop, run_closed_loops, summarise_runs
-    from taskcal.demo.closed_loop_files import closed_loop_files, write_closed_loop
+    from taskcal.demo.closed_loop_files import closed_loop_contents, closed_loop_files
     from taskcal.demo.closed_loop_report import tabulate_closed_loop
     from taskcal.presentation.terminal import print_tables
 
@@ -106,7 +122,7 @@ def _close_the_loop(robot: "Robot", count: int, seed: int, folder: Path, out: An
     with working("the closed loop") as say:
         loop = prepare_closed_loop(robot, seed=seed, progress=say)
         runs = run_closed_loops(loop, range(seed, seed + count), say)
-        write_closed_loop(loop, runs, files, next_steps=command)
+        outputs.write(closed_loop_contents(loop, runs, files, next_steps=command))
     if out is not None:
         out.print()
         print_tables(out, (replace(tabulate_closed_loop(runs), note=""),))

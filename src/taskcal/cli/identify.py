@@ -7,8 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskcal.cli.drift import DriftChoice, DriftOption, settle
-from taskcal.cli.options import JsonOption, NestsOption, RobotOption, RowsOption, SeedOption, TargetsOption, split_names
-from taskcal.cli.output import announce_compilation, check_destination, note, working, write_json
+from taskcal.cli.options import (
+    ForceOption,
+    JsonOption,
+    NestsOption,
+    RobotOption,
+    RowsOption,
+    SeedOption,
+    TargetsOption,
+    split_names,
+)
+from taskcal.cli.output import announce_compilation, note, working, write_json
+from taskcal.cli.outputs import check_outputs
 
 if TYPE_CHECKING:
     from taskcal.measurement.campaign import Campaign
@@ -100,6 +110,7 @@ def command(
         bool, typer.Option("--field", help="Learn over the joints what is left, if cross-validation proves it.")
     ] = False,
     drift: DriftOption = DriftChoice.follow,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Identify a robot's parameters from a campaign, with tracker frame and targets.
@@ -134,7 +145,7 @@ def command(
         from taskcal.cli.effects import read_effects
 
         asked = read_effects(effects)
-    check_destination(output, [campaign])
+    outputs = check_outputs("identify", [("--output", output)], [campaign, robot, rows], force=force)
     from taskcal.cli.calibration_report import report, show
     from taskcal.estimation.loss import Cauchy, Huber, Squared
     from taskcal.identification.identify import identify
@@ -173,7 +184,7 @@ def command(
     calibration = identify(model, measured.take(chosen), **options) if explanation is None else explanation.calibration
     for remark in calibration.remarks:
         note(remark)
-    calibration.save(output)
+    outputs.write({output: calibration.to_text()})
     result: dict[str, Any] = {"calibration": output, **report(calibration, measured, chosen, others), "drift": moved}
     if explanation is not None:
         from taskcal.cli.effects import near_dependences

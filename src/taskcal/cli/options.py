@@ -31,6 +31,9 @@ ReportOption = Annotated[
     Path | None,
     typer.Option("--report", metavar="REPORT.html", readable=False, help="Write a page with figures here."),
 ]
+ForceOption = Annotated[
+    bool, typer.Option("--force", help="Replace files that this command did not write, or that were edited since.")
+]
 TargetsOption = Annotated[
     str | None,
     typer.Option("--targets", metavar="NAME,…", help="Targets to use; all that are not nests by default."),

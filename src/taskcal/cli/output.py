@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import re
 import shlex
 import shutil
@@ -12,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taskcal.errors import FileError, printable, shortened
+from taskcal.errors import printable, shortened
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -68,24 +67,6 @@ def working(step: str) -> Generator[Callable[[str], None], None, None]:
 
     with Console(stderr=True).status(f"{for_terminal(step)} …") as status:
         yield lambda text: status.update(f"{for_terminal(text)} …")
-
-
-def check_destination(path: Path, inputs: Iterable[Path] = ()) -> None:
-    """See that a file can be written before anything is computed for it.
-
-    Raises:
-        FileError: its folder is missing or closed to us, it is a folder itself, or one of the command's own inputs.
-    """
-    folder = path.parent
-    if not folder.is_dir():
-        raise FileError(path, f"cannot be written: there is no folder '{folder}'; make it, or name one that exists")
-    if path.is_dir():
-        raise FileError(path, "cannot be written: it is a folder; name a file in it")
-    if not os.access(folder, os.W_OK):
-        raise FileError(path, f"cannot be written: folder '{folder}' is not yours to write in; name another")
-    for given in inputs:
-        if path.exists() and given.exists() and path.samefile(given):
-            raise FileError(path, "would overwrite what is read; name another file")
 
 
 def write_json(result: Mapping[str, Any]) -> None:

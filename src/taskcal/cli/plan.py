@@ -11,6 +11,7 @@ from taskcal.cli.measuring_program import JointSpeedOption, ProgramsOption, Spee
 from taskcal.cli.model import EffectsOption, model_of
 from taskcal.cli.options import (
     CalibrationOption,
+    ForceOption,
     JsonOption,
     OptionalRobotOption,
     ReportOption,
@@ -18,7 +19,8 @@ from taskcal.cli.options import (
     TaskOption,
     check_source,
 )
-from taskcal.cli.output import announce_compilation, check_destination, show_facts, show_table, working, write_json
+from taskcal.cli.output import announce_compilation, show_facts, show_table, working, write_json
+from taskcal.cli.outputs import check_outputs, files_of_task
 
 if TYPE_CHECKING:
     from taskcal.adaptation.plan import Plan
@@ -85,6 +87,7 @@ def command(
     speed_mm_s: SpeedOption = 250.0,
     speed_percent: JointSpeedOption = 10.0,
     report: ReportOption = None,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Choose the poses whose measurement makes a robot accurate over a task.
@@ -105,25 +108,21 @@ def command(
         )
     if calibration is not None and model_error is not None:
         raise typer.BadParameter("the calibration says how large it is", param_hint="--calibration / --model-error")
-    sources = [Path(p) for p in (robot, calibration, task, station, extend) if p is not None]
     programs = program or []
-    for path in (output, report, *programs):
-        if path is not None:
-            check_destination(path, sources)
-    written = [path.resolve() for path in (output, *programs)]
-    if len(set(written)) < len(written):
-        raise typer.BadParameter("plan and programs must be different files", param_hint="--program / --output")
-    if report is not None and report.resolve() == output.resolve():
-        raise typer.BadParameter("plan and report cannot be one file", param_hint="--report / --output")
+    outputs = check_outputs(
+        "plan",
+        [("--output", output), ("--report", report), *(("--program", path) for path in programs)],
+        [robot, calibration, *files_of_task(task), station, extend],
+        force=force,
+    )
     import numpy as np
 
     from taskcal.adaptation.plan import plan
     from taskcal.errors import CampaignError, FileError
-    from taskcal.files import write_whole
     from taskcal.identification.calibration import load_calibration
     from taskcal.measurement.reader import read_campaign
     from taskcal.measurement.station import load_station
-    from taskcal.measurement.writer import write_joints
+    from taskcal.measurement.writer import joints_text
     from taskcal.task.task import load_task
 
     known = None if calibration is None else load_calibration(calibration)
@@ -156,12 +155,13 @@ def command(
                 raise
             raise FileError(source, str(error)) from error
         _check(made, count)
-        write_joints(output, made.q, model.robot)
+        contents: dict[Path, str | bytes] = {output: joints_text(made.q, model.robot)}
         for source in compose_measuring(programs, model.robot, made.q, **driving):
-            write_whole(source.path, source.encode())
+            contents[source.path] = source.encode()
         if report is not None:
             say("page")
-            write_whole(report, _page(model, asked, made, seed))
+            contents[report] = _page(model, asked, made, seed)
+        outputs.write(contents)
     result = {"plan": output, "robot": model.robot.name, **made.to_json(), **_seen(made, stands)}
     before = measured.ids if measured is not None else () if known is None else known.ids
     result["measured_before"] = len(before)

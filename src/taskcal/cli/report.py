@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskcal.cli.drift import DriftChoice, DriftOption, settle
-from taskcal.cli.options import JsonOption, SeedOption
-from taskcal.cli.output import announce_compilation, check_destination, tell, working, write_json
+from taskcal.cli.options import ForceOption, JsonOption, SeedOption
+from taskcal.cli.output import announce_compilation, tell, working, write_json
+from taskcal.cli.outputs import check_outputs, files_of_task
 
 if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
@@ -40,11 +41,12 @@ def command(
         Path, typer.Option("--output", "-o", metavar="REPORT.html", readable=False, help="Page to write.")
     ] = Path("report.html"),
     seed: SeedOption = 0,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Make a page of a calibration: parameters, residuals, outliers, uncertainty over a task, what the remainder goes with."""
-    check_destination(output, [path for path in (calibration, task, campaign) if path is not None])
-    from taskcal.files import write_whole
+    read = [calibration, *files_of_task(task), campaign]
+    outputs = check_outputs("report", [("--output", output)], read, force=force)
     from taskcal.identification.calibration import load_calibration, package_version
     from taskcal.presentation.calibration_report import calibration_html
     from taskcal.task.task import load_task
@@ -55,7 +57,7 @@ def command(
     with working("uncertainty and page"):
         over = None if asked is None else uncertainty_over(known, asked, seed)
         left = None if campaign is None else _examine(known, campaign, drift, seed)
-        write_whole(output, calibration_html(known, over, version=package_version(), remainder=left))
+        outputs.write({output: calibration_html(known, over, version=package_version(), remainder=left)})
     result: dict[str, Any] = {"report": output, "robot": known.model.robot.name, "rows": len(known.residuals)}
     result["outliers"] = len(known.outliers)
     if over is not None:

@@ -7,8 +7,9 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from taskcal.cli.options import JsonOption
-from taskcal.cli.output import check_destination, note, show_table, tell, write_json
+from taskcal.cli.options import ForceOption, JsonOption
+from taskcal.cli.output import note, show_table, tell, write_json
+from taskcal.cli.outputs import check_outputs
 
 
 class ShowByDefault(TyperGroup):
@@ -98,17 +99,17 @@ def import_table(
         Path, typer.Option("--output", "-o", metavar="ROBOT.toml", readable=False, help="Robot file to write.")
     ],
     name: Annotated[str | None, typer.Option("--name", help="Name of the robot; the table's by default.")] = None,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Make a robot file from a Denavit–Hartenberg table."""
     if output.suffix != ".toml":
         raise typer.BadParameter(f"'{output}' does not end in .toml, as robot files do", param_hint="--output")
-    check_destination(output, [table])
-    from taskcal.files import write_whole
+    outputs = check_outputs("robots import", [("--output", output)], [table], force=force)
     from taskcal.robot.dh_table import describe_dh_table, robot_toml
 
     described = describe_dh_table(table, convention.value, name)
-    write_whole(output, robot_toml(described))
+    outputs.write({output: robot_toml(described)})
     if as_json or context.obj:
         write_json({"robot": str(output), "name": described["name"], "joints": [j["name"] for j in described["joint"]]})
         return

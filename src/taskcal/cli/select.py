@@ -9,6 +9,7 @@ import typer
 from taskcal.cli.model import EffectsOption, model_of
 from taskcal.cli.options import (
     CalibrationOption,
+    ForceOption,
     JsonOption,
     OptionalRobotOption,
     ReportOption,
@@ -18,13 +19,13 @@ from taskcal.cli.options import (
 )
 from taskcal.cli.output import (
     announce_compilation,
-    check_destination,
     note,
     show_facts,
     show_table,
     working,
     write_json,
 )
+from taskcal.cli.outputs import check_outputs, files_of_task
 
 if TYPE_CHECKING:
     from taskcal.adaptation.selection import Scales, Selection
@@ -57,6 +58,7 @@ def command(
     ] = None,
     seed: SeedOption = 0,
     report: ReportOption = None,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Choose the smallest set of parameters that serves a task.
@@ -66,10 +68,9 @@ def command(
     check_source(robot, calibration)
     if accuracy is not None and not 0 < accuracy < float("inf"):
         raise typer.BadParameter(f"{accuracy:g} is not above zero", param_hint="--accuracy")
-    if report is not None:
-        check_destination(report, [Path(path) for path in (robot, calibration, task, campaign) if path is not None])
+    read = [robot, calibration, *files_of_task(task), campaign]
+    outputs = check_outputs("select", [("--report", report)], read, force=force)
     from taskcal.adaptation.selection import Scales, select
-    from taskcal.files import write_whole
     from taskcal.identification.calibration import load_calibration
     from taskcal.measurement.reader import read_campaign
     from taskcal.task.task import load_task
@@ -86,7 +87,7 @@ def command(
     result = found.to_json()
     if report is not None:
         with working("maps over the task"):
-            write_whole(report, _page(model, asked, measured, found, wanted, seed, scales))
+            outputs.write({report: _page(model, asked, measured, found, wanted, seed, scales)})
         result["report"] = report
     if as_json:
         write_json(result)

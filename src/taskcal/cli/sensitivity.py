@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.options import CountOption, JsonOption, ReportOption, RobotOption, SeedOption
+from taskcal.cli.options import CountOption, ForceOption, JsonOption, ReportOption, RobotOption, SeedOption
 from taskcal.cli.output import (
     announce_compilation,
-    check_destination,
     show_facts,
     show_table,
     tell,
     working,
     write_json,
 )
+from taskcal.cli.outputs import check_outputs, files_of_task
 
 if TYPE_CHECKING:
     from taskcal.analysis.elimination_table import EliminationTable
@@ -51,20 +51,17 @@ def command(
         Path | None, typer.Option("--output", "-o", metavar="FILE.csv", readable=False, help="Write the table here.")
     ] = None,
     report: ReportOption = None,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Influence of each parameter on the tool point, and which parameters the poses can tell apart."""
     if (task is None) == (campaign is None):
         raise typer.BadParameter("give exactly one of them, to say at which poses", param_hint="--task / --campaign")
-    for destination in (output, report):
-        if destination is not None:
-            check_destination(destination, [path for path in (Path(robot), task, campaign) if path is not None])
-    if report is not None and output is not None and report.resolve() == output.resolve():
-        raise typer.BadParameter("table and report cannot be one file", param_hint="--report / --output")
+    named, read = [("--output", output), ("--report", report)], [robot, *files_of_task(task), campaign]
+    outputs = check_outputs("sensitivity", named, read, force=force)
     from taskcal.analysis.elimination_table import tabulate_elimination
     from taskcal.analysis.sensitivity import sensitivity
     from taskcal.cli.task_poses import read_and_reach
-    from taskcal.files import write_whole
     from taskcal.measurement.reader import read_campaign
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
@@ -83,13 +80,15 @@ def command(
     result = _result(found, elimination, unreachable)
     if sort is Order.influence:
         result["parameters"].sort(key=lambda p: -p["tolerance_scaled_um"]["space"])
+    contents: dict[Path, str | bytes] = {}
     if output is not None:
         frame = found.to_frame().set_index("parameter").loc[[p["name"] for p in result["parameters"]]].reset_index()
-        write_whole(output, frame.to_csv(index=False))
+        contents[output] = frame.to_csv(index=False)
     if report is not None:
         with working("maps over the task"):
-            write_whole(report, _page(model, found, elimination, task, seed))
+            contents[report] = _page(model, found, elimination, task, seed)
         result["report"] = report
+    outputs.write(contents)
     if as_json:
         write_json(result)
         return

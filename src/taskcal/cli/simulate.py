@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from taskcal.cli.options import CountOption, JsonOption, RobotOption, SeedOption, TaskOption
-from taskcal.cli.output import announce_compilation, check_destination, tell, write_json
+from taskcal.cli.options import CountOption, ForceOption, JsonOption, RobotOption, SeedOption, TaskOption
+from taskcal.cli.output import announce_compilation, tell, write_json
+from taskcal.cli.outputs import check_outputs, files_of_task
 
 REFLECTORS_MM = {"smr1": (60.0, 10.0, -20.0), "smr2": (-45.0, 55.0, 15.0), "smr3": (-20.0, -70.0, 35.0)}
 """Three reflectors about the tool point, in the tool frame, not on a line and no two alike."""
@@ -42,6 +43,7 @@ def command(
         int | None, typer.Option("--targets", metavar="1|3", help="Reflectors on the tool; 1 by default.")
     ] = None,
     pose: Annotated[bool, typer.Option("--pose", help="Measure poses instead of points.")] = False,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Measure a virtual robot: defects drawn from its tolerances, a laser tracker with its noise."""
@@ -51,17 +53,18 @@ def command(
         raise typer.BadParameter(f"{targets} reflectors are not offered; choose 1 or 3", param_hint="--targets")
     if pose and targets not in (None, 1):
         raise typer.BadParameter("a measured pose has one target; leave out --targets", param_hint="--pose / --targets")
-    for path in (output, truth):
-        if path is not None:
-            check_destination(path, [Path(robot), task, *([] if truth_from is None else [truth_from])])
-    if truth is not None and truth.resolve() == output.resolve():
-        raise typer.BadParameter("campaign and truth cannot be one file", param_hint="--truth / --output")
+    outputs = check_outputs(
+        "simulate",
+        [("--output", output), ("--truth", truth)],
+        [robot, *files_of_task(task), truth_from],
+        force=force,
+    )
     import numpy as np
 
     from taskcal.cli.task_poses import read_and_reach
-    from taskcal.cli.truth_file import read_truth, write_truth
+    from taskcal.cli.truth_file import read_truth, truth_text
     from taskcal.measurement.virtual_cell import simulate
-    from taskcal.measurement.writer import write_campaign
+    from taskcal.measurement.writer import campaign_text
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
 
@@ -77,9 +80,10 @@ def command(
         campaign, made_from = simulate(
             model, poses.q, rng=rng, pose=pose, x=known.x, targets=known.targets, T_tracker_base=known.T_tracker_base
         )
-    write_campaign(output, campaign, model.robot)
+    contents: dict[Path, str | bytes] = {output: campaign_text(campaign, model.robot)}
     if truth is not None:
-        write_truth(truth, made_from, campaign.targets)
+        contents[truth] = truth_text(made_from, campaign.targets)
+    outputs.write(contents)
     share = float(poses.unreachable.mean())
     if as_json:
         result = {

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from taskcal.cli.options import JsonOption, ReportOption, RobotOption, SeedOption, TaskOption, split_names
-from taskcal.cli.output import announce_compilation, check_destination, note, show_facts, show_table, write_json
+from taskcal.cli.options import ForceOption, JsonOption, ReportOption, RobotOption, SeedOption, TaskOption, split_names
+from taskcal.cli.output import announce_compilation, note, show_facts, show_table, write_json
+from taskcal.cli.outputs import check_outputs, files_of_task
 
 if TYPE_CHECKING:
     from taskcal.adaptation.study import PlanKind, Study
@@ -51,6 +52,7 @@ def command(
         typer.Option("--output", "-o", metavar="ROWS.csv", readable=False, help="Write every single result here."),
     ] = None,
     report: ReportOption = None,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """See what error to expect over a task, from many virtual robots.
@@ -63,14 +65,14 @@ def command(
         raise typer.BadParameter(
             f"'{engine}' is none; choose {', '.join(ENGINES)}, or dask:ADDRESS of a scheduler", param_hint="--engine"
         )
-    written = {"--output": output, "--report": report, "--resume": resume}
-    places = [path for path in written.values() if path is not None]
-    for path in places:
-        check_destination(path, [Path(robot), task])
-    if len({path.resolve() for path in places}) < len(places):
-        raise typer.BadParameter("these cannot be one file", param_hint=" / ".join(written))
+    outputs = check_outputs(
+        "study",
+        [("--output", output), ("--report", report), ("--resume", resume)],
+        [robot, *files_of_task(task)],
+        force=force,
+        updated=("--resume",),
+    )
     from taskcal.adaptation.study import MODELS, PLANS, study
-    from taskcal.files import write_whole
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import load_task
@@ -93,13 +95,15 @@ def command(
             resume=resume,
             progress=advance,
         )
+    contents: dict[Path, str | bytes] = {}
     if output is not None:
-        write_whole(output, made.to_frame().to_csv(index=False))
+        contents[output] = made.to_frame().to_csv(index=False)
     if report is not None:
         from taskcal.identification.calibration import package_version
         from taskcal.presentation.study_report import study_html
 
-        write_whole(report, study_html(model, asked, made, version=package_version()))
+        contents[report] = study_html(model, asked, made, version=package_version())
+    outputs.write(contents)
     result = _result(model.robot.name, asked.accuracy, made, output, report)
     if as_json:
         write_json(result)

@@ -10,7 +10,6 @@ from jaxtyping import Float
 
 from taskcal.cli.output import plain
 from taskcal.errors import FileError
-from taskcal.files import write_whole
 from taskcal.measurement.virtual_cell import Truth
 from taskcal.robot.error_model import ErrorModel
 from taskcal.text_file import read_text
@@ -27,12 +26,8 @@ class KnownTruth:
     """Centres in the tool frame, metres."""
 
 
-def write_truth(path: Path, truth: Truth, targets: tuple[str, ...]) -> None:
-    """Write what a campaign was made from.
-
-    Raises:
-        FileError: the folder is missing or not writable.
-    """
+def truth_text(truth: Truth, targets: tuple[str, ...]) -> str:
+    """The file of what a campaign was made from."""
     content = {
         "robot": truth.model.robot.name,
         "units": "metres and radians",
@@ -40,11 +35,11 @@ def write_truth(path: Path, truth: Truth, targets: tuple[str, ...]) -> None:
         "T_tracker_base": truth.T_tracker_base,
         "targets": dict(zip(targets, truth.T_tool_target, strict=True)),
     }
-    write_whole(path, json.dumps(plain(content), indent=1, allow_nan=False) + "\n")
+    return json.dumps(plain(content), indent=1, allow_nan=False) + "\n"
 
 
 def read_truth(path: Path, model: ErrorModel) -> KnownTruth:
-    """Read what `write_truth` wrote.
+    """Read what `truth_text` gives.
 
     Raises:
         FileError: it is missing, no truth, or that of another robot.

@@ -125,11 +125,16 @@ def write_cell(path: str | Path, cell: Cell) -> None:
     Raises:
         FileError: the folder is missing or not writable.
     """
+    write_whole(path, cell_text(cell))
+
+
+def cell_text(cell: Cell) -> str:
+    """What `write_cell` writes."""
     sections = {
         kind: [_section(measured) for measured in among.values()]
         for kind, among in (("tool", cell.tools), ("part", cell.parts))
     }
-    write_whole(path, tomli_w.dumps({kind: tables for kind, tables in sections.items() if tables}))
+    return tomli_w.dumps({kind: tables for kind, tables in sections.items() if tables})
 
 
 def _section(measured: Measured) -> dict[str, object]:

@@ -91,6 +91,16 @@ class Correction:
         Raises:
             FileError: it would overwrite what was read, or cannot be written.
         """
+        contents = self.contents(out)
+        write_all(contents)
+        return tuple(contents)
+
+    def contents(self, out: str | Path) -> dict[Path, bytes]:
+        """What `write` writes, by file.
+
+        Raises:
+            FileError: it would overwrite what was read.
+        """
         paths = self.destinations(out)
         for path in paths:
             for source in self.program.sources:
@@ -98,8 +108,7 @@ class Correction:
                     raise FileError(
                         path, "is the program that was read, and is never overwritten; name another file or folder"
                     )
-        write_all({path: source.encode() for path, source in zip(paths, self.sources, strict=True)})
-        return paths
+        return {path: source.encode() for path, source in zip(paths, self.sources, strict=True)}
 
     def summary(self) -> dict[str, Any]:
         """The report in numbers, in millimetres and degrees."""

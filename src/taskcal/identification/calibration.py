@@ -298,7 +298,11 @@ class Calibration:
         Raises:
             FileError: the folder is missing or not writable.
         """
-        write_whole(path, json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n")
+        write_whole(path, self.to_text())
+
+    def to_text(self) -> str:
+        """The text of the file that `save` writes."""
+        return json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n"
 
     def to_json(self) -> dict[str, Any]:
         """The content of the file."""

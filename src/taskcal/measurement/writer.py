@@ -19,6 +19,11 @@ def write_campaign(path: str | Path, campaign: Campaign, robot: Robot) -> None:
     Raises:
         FileError: the folder is missing or not writable.
     """
+    write_whole(path, campaign_text(campaign, robot))
+
+
+def campaign_text(campaign: Campaign, robot: Robot) -> str:
+    """What `write_campaign` writes."""
     header, columns = _joint_columns(campaign.q, robot)
     for t, name in enumerate(campaign.targets):
         prefix = "" if name == "tool" else f"{name}_"
@@ -49,7 +54,7 @@ def write_campaign(path: str | Path, campaign: Campaign, robot: Robot) -> None:
     if campaign.move is not None:
         more, moved = _joint_columns(campaign.move, robot, "_move")
         header, columns = header + more, columns + moved
-    _write(path, ["id", *header], [list(campaign.ids), *columns])
+    return _table(["id", *header], [list(campaign.ids), *columns])
 
 
 def write_joints(path: str | Path, q: Float[np.ndarray, "n joints"], robot: Robot) -> None:
@@ -58,8 +63,13 @@ def write_joints(path: str | Path, q: Float[np.ndarray, "n joints"], robot: Robo
     Raises:
         FileError: the folder is missing or not writable.
     """
+    write_whole(path, joints_text(q, robot))
+
+
+def joints_text(q: Float[np.ndarray, "n joints"], robot: Robot) -> str:
+    """What `write_joints` writes."""
     header, columns = _joint_columns(q, robot)
-    _write(path, ["id", *header], [[str(i) for i in range(len(q))], *columns])
+    return _table(["id", *header], [[str(i) for i in range(len(q))], *columns])
 
 
 def _joint_columns(q: np.ndarray, robot: Robot, kind: str = "") -> tuple[list[str], list[list[str]]]:
@@ -75,9 +85,9 @@ def _texts(values: np.ndarray, decimals: int) -> list[str]:
     return ["" if np.isnan(v) else f"{v:.{decimals}f}" for v in values]
 
 
-def _write(path: str | Path, header: list[str], columns: list[list[str]]) -> None:
+def _table(header: list[str], columns: list[list[str]]) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(header)
     writer.writerows(zip(*columns, strict=True))
-    write_whole(path, out.getvalue())
+    return out.getvalue()
