@@ -22,9 +22,11 @@ demo: $(VENV)/.runtime  ## run the demonstration (runtime dependencies only)
 test: $(VENV)/.test  ## run the tests
 	$(BIN)/python -m pytest --numprocesses auto
 
-lint: $(VENV)/.dev  ## ruff: rules and format
+lint: $(VENV)/.dev  ## rules and format (ruff), spelling (codespell), dead code (vulture)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/codespell README.md CONTRIBUTING.md CHANGELOG.md docs src tests benchmarks examples
+	$(BIN)/vulture
 
 format: $(VENV)/.dev  ## ruff: repair what can be repaired
 	$(BIN)/ruff check --fix-only .

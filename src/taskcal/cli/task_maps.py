@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taskcal.adaptation.expected_error import Design
-from taskcal.adaptation.task_map import map_sensitivity, map_tolerance, slice_workspace
+from taskcal.adaptation.task_map import map_expected, map_sensitivity, map_tolerance, slice_workspace
 from taskcal.presentation.task_section import TaskCurves, TaskMaps
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, reach_task
@@ -46,6 +46,6 @@ def map_task(
         coarse=coarse,
         effects={p.name: tuple(maps[k] for maps in each) for k, p in enumerate(model.parameters)},
         tolerance=tuple(map_tolerance(model, at) for at in slices),
-        before=tuple(at.spread(made.expected_at(at.q[at.reached])) for at in slices),
-        after=tuple(at.spread(made.expected_at(at.q[at.reached], columns)) for at in slices),
+        before=tuple(map_expected(made, at) for at in slices),
+        after=tuple(map_expected(made, at, columns) for at in slices),
     )

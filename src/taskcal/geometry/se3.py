@@ -80,9 +80,3 @@ def error_transform(e: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b 4 4"]
     """T(tx, ty, tz)·Rx·Ry·Rz of six small defects, metres and radians."""
     R = Rotation.from_euler("XYZ", e[..., 3:].reshape(-1, 3)).as_matrix().reshape(*e.shape[:-1], 3, 3)
     return pose(R, e[..., :3])
-
-
-def error_parameters(T: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b 6"]:
-    """The six defects whose `error_transform` is T."""
-    angles = Rotation.from_matrix(T[..., :3, :3].reshape(-1, 3, 3)).as_euler("XYZ")
-    return np.concatenate([T[..., :3, 3], angles.reshape(*T.shape[:-2], 3)], axis=-1)

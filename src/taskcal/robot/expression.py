@@ -1,14 +1,12 @@
 """Linear expressions in joint names, such as ``-(J2 + J3)`` or ``J3 - 0.5*J2``."""
 
 import ast
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import RobotError, UnknownName
-
-Terms = Mapping[str, float]
 
 
 def parse_linear(text: str, names: Sequence[str]) -> Float[np.ndarray, " names"]:

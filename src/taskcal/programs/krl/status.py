@@ -22,11 +22,8 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
 AXES = 6
-WRIST_BITS = 0b111
 ACCURATE_BIT = 0b10000
 """Of S, where the controller's own correction was on."""
-
-TURN_BITS = 0b111111
 
 BORDER = 1e-6
 """Nearer to the border between two values of a bit than this, radians or metres, either value is right."""
