@@ -19,6 +19,7 @@ autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 autodoc_inherit_docstrings = False
 add_module_names = False
+nitpicky = True  # a name that a docstring refers to is in the reference
 
 html_theme = "furo"
 html_title = "Taskcal"
