@@ -1,9 +1,11 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from taskcal.errors import FileError
+from taskcal.errors import CampaignError, FileError
 from taskcal.identification.calibration import Calibration, load_calibration
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
@@ -206,3 +208,37 @@ def test_a_calibration_shows_robot_size_and_model_error():
     assert repr(calibration()).startswith(
         "Calibration(abb-irb6660-205-1.9: 45 parameters from 50 rows, model error 0.0"
     )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_residuals_on_a_campaign_are_what_was_measured_less_what_is_predicted(kind):
+    rng = np.random.default_rng(4)
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    campaign, _ = measure(rng, model, irb6660_positions(rng, 50), sigma=3e-5, **KINDS[kind])
+    found, unseen = identify(model, campaign.take(range(40))), campaign.take(range(40, 50))
+    np.testing.assert_allclose(found.residuals_on(campaign.take(range(40))), found.residuals, atol=1e-12)
+    tracker, base = found.residuals_on(unseen), found.residuals_on(unseen, frame="base")
+    ends, predicted = found.target_poses(unseen.q), found.predict(unseen.q)
+    if unseen.rotations is None:
+        np.testing.assert_allclose(ends[..., :3, 3], predicted, atol=1e-15)
+        np.testing.assert_allclose(tracker, unseen.points - predicted, atol=1e-15)
+    else:
+        np.testing.assert_allclose(ends[:, 0], predicted, atol=1e-15)
+        turned = Rotation.from_rotvec(tracker[:, 0, 3:]).as_matrix() @ predicted[:, :3, :3]
+        np.testing.assert_allclose(turned, unseen.rotations, atol=1e-12)
+    for part in range(0, tracker.shape[2], 3):
+        rotated = tracker[..., part : part + 3] @ found.T_tracker_base[:3, :3]
+        np.testing.assert_allclose(base[..., part : part + 3], rotated, atol=1e-15)
+    assert np.abs(base - tracker)[unseen.valid].max() > 1e-6
+
+
+def test_residuals_of_some_targets_are_told_by_their_names():
+    rng = np.random.default_rng(5)
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    campaign, _ = measure(rng, model, irb6660_positions(rng, 50), sigma=3e-5, targets=3)
+    found = identify(model, campaign)
+    swapped = replace(campaign, targets=("smr3", "smr1"), points=campaign.points[:, [2, 0]])
+    np.testing.assert_array_equal(found.residuals_on(swapped), found.residuals_on(campaign)[:, [2, 0]])
+    other = replace(campaign, targets=("smr1", "smr2", "smr4"))
+    with pytest.raises(CampaignError, match=r"target 'smr4' is not in the calibration, which knows smr1, smr2, smr3"):
+        found.residuals_on(other)

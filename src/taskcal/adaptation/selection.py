@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from taskcal.analysis.identifiability import Identifiability, identifiability
 from taskcal.errors import CampaignError
 from taskcal.estimation.blas import single_threaded
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.cross_validation import mean_over_rows, predict_left_out, split_postures
 from taskcal.identification.identify import identify
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.tracker import TrackerNoise
@@ -197,22 +199,13 @@ def _cross_validate(
         raise CampaignError(
             f"{n} rows are too few for cross-validation in {folds} folds; measure more, or select without it"
         )
-    shuffled = np.random.default_rng(seed).permutation(n)
-    parts = [np.sort(shuffled[i::folds]) for i in range(folds)]
+    parts = split_postures(campaign.q, folds, seed)
     error = scales.model_error[0] if len(scales.model_error) == 1 else (scales.model_error[0], scales.model_error[1])
     out: list[tuple[float, float] | None] = []
     for k in range(p + 1):
         keep = [model.names[i] for i in sorted(set(range(p)) - set(order[:k]))]
-        lengths: list[np.ndarray] = []
-        for part in parts:
-            rest = campaign.take(np.setdiff1d(np.arange(n), part))
-            fitted = identify(model, rest, keep=keep, noise=noise, model_error=error, prior_scale=scales.prior_scale)
-            left_out = campaign.take(part)
-            predicted = fitted.predict(left_out.q, left_out.conditions)
-            points = predicted[:, None, :3, 3] if campaign.rotations is not None else predicted
-            lengths.append(np.linalg.norm(left_out.points - points, axis=2)[left_out.valid])
-        every = np.concatenate(lengths)
-        out.append((float(every.mean()), float(every.std(ddof=1) / np.sqrt(len(every)))))
+        fit = partial(identify, model, keep=keep, noise=noise, model_error=error, prior_scale=scales.prior_scale)
+        out.append(mean_over_rows(predict_left_out(fit, campaign, parts)))
     return out
 
 

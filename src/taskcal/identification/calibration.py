@@ -7,12 +7,12 @@ from datetime import UTC, datetime
 from functools import cache, cached_property
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.errors import FileError, TaskcalError
+from taskcal.errors import CampaignError, FileError, TaskcalError
 from taskcal.files import write_whole
 from taskcal.geometry import normal_equations, se3, walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
@@ -180,6 +180,56 @@ class Calibration:
         if self.layout.pose:
             return T @ self.T_tool_target[0]
         return np.stack([se3.apply(T, target[:3, 3]) for target in self.T_tool_target], axis=1)
+
+    def target_poses(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+    ) -> Float[np.ndarray, "n targets 4 4"]:
+        """Poses of the targets in the tracker frame; where points were measured, with the tool's rotation.
+
+        Args:
+            q: joint positions, radians.
+            conditions: how the poses are reached, for effects that depend on it; as in the middle by default.
+
+        Raises:
+            ClosureError: a closed loop cannot be assembled at some pose.
+        """
+        return self.predict_tool(q, conditions)[:, None] @ self.T_tool_target
+
+    def residuals_on(
+        self, campaign: Campaign, *, frame: Literal["tracker", "base"] = "tracker"
+    ) -> Float[np.ndarray, "n targets b"]:
+        """Measured less predicted, metres, and radians where both the campaign and the calibration are of poses.
+
+        Args:
+            campaign: measurements of the calibration's targets, or of some of them.
+            frame: whose axes the residuals are in: the ``tracker``'s or those of the robot's ``base``.
+
+        Returns:
+            b = 3 numbers for points, 6 for poses; NaN where a beam was lost.
+
+        Raises:
+            CampaignError: a target that the calibration does not know.
+            ClosureError: a closed loop cannot be assembled at some pose.
+        """
+        ends = self.target_poses(campaign.q, campaign.conditions)[:, self._rows_of(campaign.targets)]
+        residual = campaign.points - ends[..., :3, 3]
+        R = self.T_tracker_base[:3, :3] if frame == "base" else np.eye(3)
+        if campaign.rotations is None or not self.layout.pose:
+            return residual @ R
+        turn = np.full_like(residual, np.nan)
+        seen = campaign.valid[:, 0]
+        turn[seen, 0] = se3.log(campaign.rotations[seen] @ np.swapaxes(ends[seen, 0, :3, :3], 1, 2))
+        return np.concatenate([residual @ R, turn @ R], axis=2)
+
+    def _rows_of(self, targets: Sequence[str]) -> list[int]:
+        """Which of the calibration's targets each of some is."""
+        unknown = [name for name in targets if name not in self.targets]
+        if unknown:
+            raise CampaignError(
+                f"the campaign's target '{unknown[0]}' is not in the calibration, which knows {', '.join(self.targets)}; choose "
+                "among its targets, or refit tracker frame and targets (--reregister)"
+            )
+        return [self.targets.index(name) for name in targets]
 
     def predict_covariance(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None, *, model_error: bool = True

@@ -7,6 +7,7 @@ Cross-validation on rows that were not fitted tells in millimetres what each ste
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,8 @@ from taskcal.analysis.identifiability import identifiability
 from taskcal.analysis.near_dependence import NearDependence
 from taskcal.errors import CampaignError, TaskcalError
 from taskcal.estimation.blas import single_threaded
-from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.cross_validation import mean_over_rows, predict_left_out, split_postures
 from taskcal.identification.field import FEWEST, learn_field
 from taskcal.identification.identify import identify
 from taskcal.measurement.campaign import Campaign
@@ -116,10 +117,10 @@ def explain(
         raise TaskcalError(
             "effects are found by their evidence, which needs a prior; name the effects, or keep the prior"
         )
-    parts = _folds(campaign, folds, seed, FEWEST if field else 0)
+    parts = _split(campaign, folds, seed, FEWEST if field else 0)
     progress("geometry")
     best = identify(model, campaign, **options)
-    left = _left_out(model, campaign, parts, options)
+    left = predict_left_out(partial(identify, model, **options), campaign, parts)
     stages = [_stage("geometry", best, None, left, None, accepted=True, reason="the start")]
     added: list[Effect] = []
     if effects is not None:
@@ -128,7 +129,8 @@ def explain(
             added.append(effect)
         if added:
             progress("effects that were asked for")
-            trial, errors = identify(model, campaign, **options), _left_out(model, campaign, parts, options)
+            trial = identify(model, campaign, **options)
+            errors = predict_left_out(partial(identify, model, **options), campaign, parts)
             name = ", ".join(effect.name for effect in added)
             stages.append(
                 _stage(name, trial, best, errors, left, accepted=True, reason="asked for, not put to the proof")
@@ -144,8 +146,10 @@ def explain(
     if field:
         progress("residual field")
         trial = with_field(best, campaign, seed)
-        errors = _left_out(model, campaign, parts, options, field=True, seed=seed)
-        gain, error = _paired(left, errors)
+        errors = predict_left_out(
+            lambda rest: with_field(identify(model, rest, **options), rest, seed), campaign, parts
+        )
+        gain, error = mean_over_rows(left - errors)
         accepted = bool(gain > SIGNIFICANT * error)
         change = -gain / max(error, 1e-12)
         reason = f"changes the cross-validated error by {change:+.1f} standard errors; −{SIGNIFICANT:g} is asked for"
@@ -181,13 +185,7 @@ def with_field(calibration: Calibration, campaign: Campaign, seed: int = 0) -> C
         CampaignError: too few rows.
     """
     seen = campaign.valid.any(axis=1)
-    R = calibration.T_tracker_base[:3, :3]
-    ends = calibration.predict_tool(campaign.q, campaign.conditions)[:, None] @ calibration.T_tool_target
-    position = np.nanmean((campaign.points - ends[..., :3, 3])[seen], axis=1) @ R
-    residual = position
-    if campaign.rotations is not None:
-        turn = se3.log(campaign.rotations[seen] @ np.swapaxes(ends[seen, 0, :3, :3], 1, 2)) @ R
-        residual = np.concatenate([position, turn], axis=1)
+    residual = np.nanmean(calibration.residuals_on(campaign, frame="base")[seen], axis=1)
     return replace(calibration, field=learn_field(campaign.q[seen], residual, seed))
 
 
@@ -211,8 +209,8 @@ def _search(
         gains = [_evidence(trial) - _evidence(best) for trial in trials]
         k = int(np.argmax(gains))
         of, effect, (more, kept) = len(candidates), candidates.pop(k), extended[k]
-        errors = _left_out(more, campaign, parts, kept)
-        gain, _ = _paired(left, errors)
+        errors = predict_left_out(partial(identify, more, **kept), campaign, parts)
+        gain, _ = mean_over_rows(left - errors)
         likelier, worse = gains[k] > PROOF, gain < 0.0
         gained = f"log evidence {gains[k]:+.1f} against {PROOF:.1f}"
         if of > 1:
@@ -246,22 +244,13 @@ def _evidence(calibration: Calibration) -> float:
     return -np.inf if calibration.log_evidence is None else calibration.log_evidence
 
 
-def _folds(campaign: Campaign, folds: int, seed: int, fewest: int) -> list[Int[np.ndarray, " _"]]:
-    """Rows of each fold; neighbours in the joints, down to the same pose measured again, stay together.
+def _split(campaign: Campaign, folds: int, seed: int, fewest: int) -> list[Int[np.ndarray, " _"]]:
+    """Rows of each fold.
 
     Raises:
         CampaignError: without a fold too few rows would be left.
     """
-    rounded = np.round(campaign.q / np.radians(0.5)).astype(int)
-    _, group = np.unique(rounded, axis=0, return_inverse=True)
-    group = group.ravel()
-    order = np.random.default_rng(seed).permutation(group.max(initial=-1) + 1)
-    if len(order) < folds:
-        raise CampaignError(
-            f"{len(campaign)} rows at {len(order)} different poses are too few to leave out one part of {folds} after "
-            "another; measure more poses"
-        )
-    parts = [np.flatnonzero(np.isin(group, order[i::folds])) for i in range(folds)]
+    parts = split_postures(campaign.q, folds, seed)
     left = len(campaign) - max(map(len, parts))
     if left < fewest:
         raise CampaignError(
@@ -269,41 +258,6 @@ def _folds(campaign: Campaign, folds: int, seed: int, fewest: int) -> list[Int[n
             f"one part of {folds} after another leaves {left}; measure {-(-fewest * folds // (folds - 1))} or more, better 100"
         )
     return parts
-
-
-def _left_out(
-    model: ErrorModel,
-    campaign: Campaign,
-    parts: list[Int[np.ndarray, " _"]],
-    options: dict[str, Any],
-    *,
-    field: bool = False,
-    seed: int = 0,
-) -> Float[np.ndarray, "rows targets"]:
-    """Error in space of every point when its fold is left out, metres; NaN for lost beams."""
-    out = np.full(campaign.valid.shape, np.nan)
-    for part in parts:
-        rest = campaign.take(np.setdiff1d(np.arange(len(campaign)), part))
-        fitted = identify(model, rest, **options)
-        if field:
-            fitted = with_field(fitted, rest, seed)
-        held = campaign.take(part)
-        ends = fitted.predict_tool(held.q, held.conditions)[:, None] @ fitted.T_tool_target
-        out[part] = np.linalg.norm(held.points - ends[..., :3, 3], axis=2)
-    return out
-
-
-def _paired(before: Float[np.ndarray, "rows targets"], after: Float[np.ndarray, "rows targets"]) -> tuple[float, float]:
-    """Mean decrease of the error over the points, and its standard error; targets of one row have it in common."""
-    return _mean(before - after)
-
-
-def _mean(values: Float[np.ndarray, "rows targets"]) -> tuple[float, float]:
-    """Mean over the points, and its standard error over the rows."""
-    count, rows = int(np.isfinite(values).sum()), int(np.isfinite(values).any(axis=1).sum())
-    mean = float(np.nanmean(values))
-    by_row = np.nansum(values - mean, axis=1)
-    return mean, float(np.sqrt((by_row**2).sum() * rows / max(rows - 1, 1)) / count)
 
 
 def _stage(
@@ -323,8 +277,8 @@ def _stage(
         name=name,
         parameters=len(calibration.kept),
         log_evidence=gain,
-        cross_validated=_mean(errors)[0],
-        standard_error=(_mean(errors) if left is None else _paired(left, errors))[1],
+        cross_validated=mean_over_rows(errors)[0],
+        standard_error=(mean_over_rows(errors) if left is None else mean_over_rows(left - errors))[1],
         accepted=accepted,
         reason=reason,
     )

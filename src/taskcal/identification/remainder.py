@@ -13,6 +13,7 @@ from jaxtyping import Float, Int
 
 from taskcal.errors import CampaignError
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.cross_validation import split_postures
 from taskcal.identification.regressor import Regressor, list_regressors
 from taskcal.measurement.campaign import Campaign
 
@@ -24,9 +25,6 @@ KNOTS, PER_KNOT = (6, 40), 15
 
 PROVEN, WORTH = 0.01, 0.01
 """p-value up to which a share is called proven, and the smallest share that is."""
-
-NEAR = np.radians(0.5)
-"""Poses nearer than this in all joints are left out together."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -100,16 +98,15 @@ def examine_remainder(
     campaign = campaign.take(np.flatnonzero(campaign.valid.any(axis=1)))
     if len(campaign) < FEWEST:
         raise CampaignError(f"{len(campaign)} poses are too few to say what residuals go with; at least {FEWEST}")
-    R = calibration.T_tracker_base[:3, :3]
-    ends = calibration.predict_tool(campaign.q, campaign.conditions)[:, None] @ calibration.T_tool_target
-    each = (campaign.points - ends[..., :3, 3]) @ R
+    each = calibration.residuals_on(campaign, frame="base")[..., :3]
     residual = np.nanmean(each, axis=1)
     noise = np.where(campaign.valid, np.trace(campaign.covariances()[..., :3, :3], axis1=2, axis2=3), 0.0)
     tracker = float(np.sqrt(np.mean(noise.sum(axis=1) / campaign.valid.sum(axis=1) ** 2)))
-    together, apart = _move_as_one(each, ends[..., :3, 3] @ R)
-    part = _parts(campaign.q, folds, seed)
+    ends = calibration.target_poses(campaign.q, campaign.conditions)[..., :3, 3]
+    together, apart = _move_as_one(each, ends @ calibration.T_tracker_base[:3, :3])
+    parts = split_postures(campaign.q, folds, seed)
     rng = np.random.default_rng(seed)
-    explained = [_explain(r, residual, part, permutations, rng) for r in list_regressors(calibration, campaign)]
+    explained = [_explain(r, residual, parts, permutations, rng) for r in list_regressors(calibration, campaign)]
     return Remainder(
         residual=residual,
         rms=float(np.sqrt((residual**2).sum(axis=1).mean())),
@@ -132,17 +129,17 @@ def fit_smooth(regressor: Regressor, residual: Float[np.ndarray, "n 3"]) -> Floa
 def _explain(
     regressor: Regressor,
     residual: Float[np.ndarray, "n 3"],
-    part: Int[np.ndarray, " n"],
+    parts: list[Int[np.ndarray, " _"]],
     permutations: int,
     rng: np.random.Generator,
 ) -> Explained:
     basis, features = _features(regressor)
     strength = _strength(features, residual)
-    share = _share(features, residual, part, strength)
+    share = _share(features, residual, parts, strength)
     if share <= 0.0:
         return Explained(regressor=regressor, share=share, p_value=None)
     by_chance = [
-        _share(_carried(basis[rng.permutation(len(basis))], regressor), residual, part, strength)
+        _share(_carried(basis[rng.permutation(len(basis))], regressor), residual, parts, strength)
         for _ in range(permutations)
     ]
     p_value = (1 + sum(chance >= share for chance in by_chance)) / (1 + permutations)
@@ -189,26 +186,18 @@ def _strength(features: Float[np.ndarray, "n 3 features"], residual: Float[np.nd
 def _share(
     features: Float[np.ndarray, "n 3 features"],
     residual: Float[np.ndarray, "n 3"],
-    part: Int[np.ndarray, " n"],
+    parts: list[Int[np.ndarray, " _"]],
     strength: float,
 ) -> float:
     """Share of the residuals' variance that the features predict on parts left out, by ridge regression."""
-    parts = [(_stacked(features[part == k]), residual[part == k].ravel()) for k in np.unique(part)]
-    squares, products = [X.T @ X for X, _ in parts], [X.T @ y for X, y in parts]
+    split = [(_stacked(features[part]), residual[part].ravel()) for part in parts]
+    squares, products = [X.T @ X for X, _ in split], [X.T @ y for X, y in split]
     square, product = sum(squares) + strength * np.eye(features.shape[2]), sum(products)
     left = sum(
         float(np.sum((y - X @ np.linalg.solve(square - own, product - by)) ** 2))
-        for (X, y), own, by in zip(parts, squares, products, strict=True)
+        for (X, y), own, by in zip(split, squares, products, strict=True)
     )
     return 1.0 - left / float((residual**2).sum())
-
-
-def _parts(q: Float[np.ndarray, "n joints"], folds: int, seed: int) -> Int[np.ndarray, " n"]:
-    """Part of every pose; the same pose measured again stays in one."""
-    _, group = np.unique(np.round(q / NEAR).astype(int), axis=0, return_inverse=True)
-    group = group.ravel()
-    shuffled = np.random.default_rng(seed).permutation(group.max() + 1)
-    return shuffled[group] % folds
 
 
 def _move_as_one(

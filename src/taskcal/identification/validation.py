@@ -1,12 +1,11 @@
 """How well a calibration predicts a campaign, in the form a metrologist reports it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import CampaignError
-from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import PLAUSIBLE, check_plausible, register
@@ -87,26 +86,21 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
         CampaignError: nothing was measured, or the targets are not the calibration's.
         ClosureError: a closed loop cannot be assembled at some pose.
     """
-    pose = campaign.rotations is not None
     if reregister:
         found = register(calibration.model, campaign, poses=calibration.tool_in_base(campaign.q, campaign.conditions))
         check_plausible(found, calibration.model, campaign)
-        T = found.T_tracker_base @ calibration.tool_in_base(campaign.q, campaign.conditions)
-        base = found.T_tracker_base
-        ends = T[:, None] @ found.T_tool_target[None]
-    else:
-        chosen = _targets(calibration, campaign)
-        base = calibration.T_tracker_base
-        T = calibration.predict_tool(campaign.q, campaign.conditions)
-        ends = T[:, None] @ calibration.T_tool_target[None, chosen]
+        calibration = replace(
+            calibration,
+            T_tracker_base=found.T_tracker_base,
+            T_tool_target=found.T_tool_target,
+            layout=replace(calibration.layout, targets=campaign.targets),
+        )
+    residual = calibration.residuals_on(campaign)
     if not campaign.valid.any():
         raise CampaignError("the campaign has no measured point to compare with: every beam was lost")
     rows, targets = np.nonzero(campaign.valid)
-    error = campaign.points[rows, targets] - ends[rows, targets, :3, 3]
-    rotations = None
-    if pose and calibration.layout.pose and campaign.rotations is not None:
-        turned = campaign.rotations[rows] @ np.swapaxes(ends[rows, targets, :3, :3], 1, 2)
-        rotations = np.linalg.norm(se3.log(turned), axis=1)
+    error, turn = residual[rows, targets, :3], residual[rows, targets, 3:]
+    rotations = np.linalg.norm(turn, axis=1) if turn.shape[1] else None
     length, reach = np.linalg.norm(error, axis=1), calibration.model.robot.reach
     remarks: tuple[str, ...] = ()
     if np.median(length) > PLAUSIBLE * reach:
@@ -116,19 +110,8 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
         )
     return Validation(
         errors=length,
-        components=error @ base[:3, :3],
+        components=error @ calibration.T_tracker_base[:3, :3],
         rotations=rotations,
         rows=tuple(int(row) for row in rows),
         remarks=remarks,
     )
-
-
-def _targets(calibration: Calibration, campaign: Campaign) -> list[int]:
-    """Which of the calibration's targets each of the campaign's is."""
-    unknown = [name for name in campaign.targets if name not in calibration.targets]
-    if unknown:
-        raise CampaignError(
-            f"the campaign's target '{unknown[0]}' is not in the calibration, which knows {', '.join(calibration.targets)}; choose "
-            "among its targets, or refit tracker frame and targets (--reregister)"
-        )
-    return [calibration.targets.index(name) for name in campaign.targets]

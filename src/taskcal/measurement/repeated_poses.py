@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
@@ -71,6 +71,18 @@ class RepeatedPoses:
         }
 
 
+def group_postures(q: Float[np.ndarray, "n joints"], same: float) -> Int[np.ndarray, " n"]:
+    """The posture of every row, counted from 0: rows that differ by `same` at most in every joint, and chains of such rows.
+
+    Args:
+        q: joint positions, radians (metres where a joint slides).
+        same: in the same units.
+    """
+    pairs = KDTree(q).query_pairs(same, p=np.inf, output_type="ndarray")
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(q), len(q)))
+    return connected_components(graph, directed=False)[1]
+
+
 def pose_repeatability(campaign: Campaign, *, same: float = SAME) -> RepeatedPoses:
     """Repeatability at the poses that a campaign measured more than once (ISO 9283:1998, 7.2.2).
 
@@ -83,10 +95,7 @@ def pose_repeatability(campaign: Campaign, *, same: float = SAME) -> RepeatedPos
     Raises:
         CampaignError: no pose was measured twice.
     """
-    pairs = KDTree(campaign.q).query_pairs(same, p=np.inf, output_type="ndarray")
-    n = len(campaign)
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
-    _, label = connected_components(graph, directed=False)
+    label = group_postures(campaign.q, same)
     rows: list[tuple[int, ...]] = []
     performances: list[tuple[PosePerformance, ...]] = []
     spread: list[float] = []
@@ -103,7 +112,7 @@ def pose_repeatability(campaign: Campaign, *, same: float = SAME) -> RepeatedPos
             spread.append(float(np.ptp(campaign.q[chosen], axis=0).max()))
     if not rows:
         raise CampaignError(
-            f"no two of the {n} rows measured one pose, with joints within {np.degrees(same):g}°; "
+            f"no two of the {len(campaign)} rows measured one pose, with joints within {np.degrees(same):g}°; "
             "repeatability needs poses that recur"
         )
     return RepeatedPoses(rows=tuple(rows), performances=tuple(performances), joint_spread=np.array(spread))
