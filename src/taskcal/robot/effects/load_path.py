@@ -127,6 +127,10 @@ def at_motors(
         path = LoadPath.at(robot, q)
         return turns(q, path)[:, parameter] * path.by_motor[:, coordinate, motor]
 
+    def by_joint(q: np.ndarray) -> np.ndarray:
+        # the walk and the closure are compiled for real numbers; what an effect's slope adds to a Newton step is small
+        return np.stack([(basis(q + h) - basis(q - h)) / 2e-5 for h in 1e-5 * np.eye(q.shape[1])], axis=2)
+
     return LinearTerm(
         names=tuple(names),
         units=tuple(_unit(per, slides=bool(robot.prismatic[motor])) for motor in motors),
@@ -134,6 +138,7 @@ def at_motors(
         pairs=pairs,
         coordinates=len(robot.joints),
         basis=basis,
+        by_joint=by_joint,
         nominal=None if nominal is None else np.array(nominal, dtype=float),
     )
 
