@@ -12,8 +12,15 @@ from taskcal.programs.program import Move
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
+SHORTEST = 1e-9
+"""Samples that lie nearer together in time are one, seconds."""
+
 METRE = 2.0
 """Radians that count as much as a metre where translations and rotations of the tool are compared."""
+
+TURN_SPEED = float(np.radians(500.0))
+"""Reorientation speed where a program states none, radians per second: that of all of ABB's predefined speeddata
+(Technical reference manual, RAPID, data type speeddata)."""
 
 SINGULAR = 0.02
 """Nearer to a singular posture than this share, small corrections take large joint motions."""
@@ -35,6 +42,8 @@ class JointMotion:
     """Smallest ratio of the smallest to the largest singular value of the Jacobian, a metre counting as two radians."""
     nearest_singular: int | None
     """Motion where that is."""
+    turn_speed_assumed: int | None = None
+    """First motion that states no reorientation speed and turns faster than `TURN_SPEED` at its path speed."""
 
     def summary(self) -> dict[str, Any]:
         """In degrees and millimetres, with shares of the limits where the robot file states them."""
@@ -69,7 +78,7 @@ def move_joints(robot: Robot, moves: Sequence[Move], driven: Driven) -> JointMot
     """
     joints = len(robot.joints)
     speed, acceleration = np.full(joints, np.nan), np.full(joints, np.nan)
-    programmed = np.array([move.speed or np.nan for move in moves])
+    assumed: int | None = None
     i = driven.move
     if len(i):
         starts = np.flatnonzero(np.diff(i, prepend=-1))
@@ -77,9 +86,8 @@ def move_joints(robot: Robot, moves: Sequence[Move], driven: Driven) -> JointMot
         before[starts] = 0.0
         q0 = np.concatenate([driven.q[:1], driven.q[:-1]])
         q0[starts] = driven.start[i[starts]]
-        distance = driven.ways.length[i] * (driven.share - before)
+        time, assumed = _durations(moves, driven, driven.share - before)
         with np.errstate(invalid="ignore", divide="ignore"):
-            time = np.where(distance > 1e-9, distance / programmed[i], np.nan)
             rate = (driven.q - q0) / time[:, None]
             change = np.diff(rate, axis=0) / (0.5 * (time[1:] + time[:-1]))[:, None]
             change[np.diff(i) != 0] = np.nan
@@ -101,7 +109,30 @@ def move_joints(robot: Robot, moves: Sequence[Move], driven: Driven) -> JointMot
         acceleration=acceleration,
         conditioning=float(ratio[nearest]),
         nearest_singular=int(move[nearest]),
+        turn_speed_assumed=assumed,
     )
+
+
+def _durations(
+    moves: Sequence[Move], driven: Driven, step: Float[np.ndarray, " k"]
+) -> tuple[Float[np.ndarray, " k"], int | None]:
+    """Time between the samples of the ways, seconds, and the first motion where an assumed reorientation speed sets it.
+
+    A controller keeps to the path speed and to the reorientation speed, whichever takes longer.
+
+    Args:
+        moves: the motions of the program.
+        driven: their samples.
+        step: share of its motion's length that each sample is behind the one before.
+    """
+    speed = np.array([move.speed or np.nan for move in moves])[driven.move]
+    stated = np.array([move.turn_speed or np.nan for move in moves])[driven.move]
+    unstated = np.isnan(stated)
+    along = driven.ways.length[driven.move] * step / speed
+    about = np.linalg.norm(driven.ways.turn, axis=1)[driven.move] * step / np.where(unstated, TURN_SPEED, stated)
+    time = np.maximum(along, about)
+    rows = np.flatnonzero(unstated & (about > along))
+    return np.where(time > SHORTEST, time, np.nan), int(driven.move[rows[0]]) if len(rows) else None
 
 
 def _largest(values: Float[np.ndarray, "k joints"], otherwise: Float[np.ndarray, " joints"]) -> np.ndarray:

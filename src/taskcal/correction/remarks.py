@@ -8,7 +8,7 @@ from taskcal.correction.cell import Cell
 from taskcal.correction.chords import Chords
 from taskcal.correction.controller import Driven
 from taskcal.correction.correction import Bounds
-from taskcal.correction.motion import SINGULAR, JointMotion
+from taskcal.correction.motion import SINGULAR, TURN_SPEED, JointMotion
 from taskcal.programs.program import Program, Remark
 from taskcal.programs.source import Place
 
@@ -45,6 +45,14 @@ def remark(
                 place=moves[origin[motion.nearest_singular][0]].place,
                 text=f"passes near a singular posture (ratio {motion.conditioning:.3f}), where small corrections take large joint "
                 "motions",
+            )
+        )
+    if motion.turn_speed_assumed is not None:
+        out.append(
+            Remark(
+                place=moves[origin[motion.turn_speed_assumed][0]].place,
+                text=f"states no reorientation speed; joint speeds are those at {np.degrees(TURN_SPEED):.0f}°/s from here on, "
+                "wherever the path speed would turn the tool faster",
             )
         )
     for joint, speed, limit in zip(motion.robot.joint_names, motion.speed, motion.robot.speed_limits, strict=True):

@@ -73,6 +73,8 @@ class Move:
     """Number of the motion that ends where this one begins; None where the text does not tell."""
     routine: str
     place: Place
+    turn_speed: float | None = None
+    """Programmed speed of the tool's reorientation, radians per second; None where it is not known."""
 
     def flange(self, T: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4"]:
         """Poses of the flange in the base for poses of the tool in the part's frame."""

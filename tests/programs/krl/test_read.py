@@ -36,6 +36,19 @@ def frame(x: float, y: float, z: float, A: float, B: float, C: float) -> np.ndar
 TOOL1, BASE2 = frame(12.5, -3.25, 180, 0, 0, 0), frame(400, 150, 300, 15, 0.5, -0.25)
 
 
+def test_the_reorientation_speed_is_vel_ori1():
+    lines = [
+        "$VEL.ORI1=200", "$VEL.CP=0.1", f"LIN {POSE}", "$VEL={CP 0.2,ORI1 50.0,ORI2 50.0}", f"LIN {POSE}", f"PTP {POSE}",
+        "$VEL.ORI1=speed_now", f"LIN {POSE}",
+    ]  # fmt: skip
+    program = read_krl([source("part.src", "DEF PART( )\n" + FRAMES + "\n".join(lines) + "\nEND\n")])
+    assert [m.kind for m in program.moves] == ["linear", "linear", "joint", "linear"]
+    expected = [200.0, 50.0, None, None]
+    assert [m.turn_speed for m in program.moves] == [
+        None if v is None else pytest.approx(np.radians(v)) for v in expected
+    ]
+
+
 @pytest.mark.parametrize("newline", ["\n", "\r\n"])
 def test_a_program_of_inline_forms(newline):
     program = read_krl(handling(newline))

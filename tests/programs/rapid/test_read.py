@@ -242,10 +242,18 @@ def test_postures_where_the_controller_is_told_not_to_check_them():
     assert [move.end.posture is None for move in program.moves] == [False, True, False]
 
 
+def test_the_reorientation_speed_is_v_ori():
+    slow = "CONST speeddata slow:=[50,20,5000,1000];\n"
+    moves = ["p1,slow,fine", "p2,slow\\V:=7,fine", "p3,[50,30,1,1],fine", "p4,unheardof,fine"]
+    program = read_rapid([module("".join(f"MoveL {move},tool0;" for move in moves), POINTS + slow)])
+    assert [move.turn_speed for move in program.moves] == [pytest.approx(np.radians(v)) for v in (20, 20, 30)] + [None]
+
+
 def test_speeds_and_stops():
     moves = ["p1,vmax,z0", "p2,v5\\V:=12,z10\\Z:=3", "p3,v50,z10\\Inpos:=inpos50", "p4,v7000,zMine"]
     program = read_rapid([module("".join(f"MoveL {move},tool0;" for move in moves), POINTS)])
     assert [move.speed for move in program.moves] == [None, 0.012, 0.05, 7.0]
+    assert [move.turn_speed for move in program.moves] == [None] + [pytest.approx(np.radians(500.0))] * 3
     assert [move.stops for move in program.moves] == [False, False, True, True]
     assert "the zone of a motion is not known, which is taken as a stop: 'zMine'" in reasons(program)[0]
 

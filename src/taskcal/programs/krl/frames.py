@@ -48,6 +48,8 @@ class State:
     parameters_reason: str = "FDAT_ACT is not set before it"
     speed: float | None = None
     """$VEL.CP, metres per second."""
+    turn_speed: float | None = None
+    """$VEL.ORI1, degrees per second."""
     last: int | None = None
     """Number of the motion that ends where the robot is now."""
 
@@ -69,6 +71,7 @@ class State:
             parameters=None if "parameters" in what else self.parameters,
             parameters_reason=reason if "parameters" in what else self.parameters_reason,
             speed=None if "speed" in what else self.speed,
+            turn_speed=None if "speed" in what else self.turn_speed,
             last=None if "motion" in what else self.last,
         )
 
@@ -78,7 +81,7 @@ def merged(states: Sequence[State], reason: str) -> State:
     first = states[0]
     same = {
         name: all(getattr(other, name) == getattr(first, name) for other in states)
-        for name in ("tool", "base", "fixed_tool", "parameters", "speed", "last")
+        for name in ("tool", "base", "fixed_tool", "parameters", "speed", "turn_speed", "last")
     }
     unknown = Held(frame=None, reason=reason)
     return State(
@@ -88,6 +91,7 @@ def merged(states: Sequence[State], reason: str) -> State:
         parameters=first.parameters if same["parameters"] else None,
         parameters_reason=first.parameters_reason if same["parameters"] else reason,
         speed=first.speed if same["speed"] else None,
+        turn_speed=first.turn_speed if same["turn_speed"] else None,
         last=first.last if same["last"] else None,
     )
 
@@ -181,7 +185,11 @@ class Frames:
                 return replace(state, speed=_plain_number(line.text))
             case "$VEL":
                 part = value.parts[0] if len(value.parts) == 1 else None
-                return replace(state, speed=part.value("CP") if isinstance(part, Aggregate) else None)
+                if not isinstance(part, Aggregate):
+                    return replace(state, speed=None, turn_speed=None)
+                return replace(state, speed=part.value("CP"), turn_speed=part.value("ORI1"))
+            case "$VEL.ORI1":
+                return replace(state, turn_speed=_plain_number(line.text))
             case _:
                 pass
         if line.variable in ("$TOOL", "$BASE"):
@@ -209,6 +217,7 @@ class Frames:
                 return self.of_parameters(state, state.parameters)
             case "#CP_PARAMS" | "#CP_DAT":
                 state = self.of_parameters(state, state.parameters)
+                state = replace(state, turn_speed=None)
                 return replace(state, speed=number) if line.command == "#CP_PARAMS" else state
             case "#VEL_CP":
                 return replace(state, speed=number)
@@ -237,6 +246,8 @@ class Frames:
                 state = replace(state, fixed_tool={"#BASE": False, "#TCP": True}.get("".join(w.upper for w in words)))
             elif name in ("$VEL", "$VEL.CP"):
                 state = replace(state, speed=_number_of(words[2:3] if function == "SVEL_CP" else words))
+            elif name == "$VEL.ORI1":
+                state = replace(state, turn_speed=_number_of(words))
         return state
 
     def _set_by(self, state: State, name: str, words: tuple[Word, ...]) -> State:

@@ -1,5 +1,6 @@
 """One pass through the lines of a KRL routine: what holds for tool and base, and where each motion goes."""
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -181,6 +182,7 @@ class Walk:
             part=part,
             part_in_hand=bool(state.fixed_tool),
             speed=state.speed if kind in ("linear", "circular") else None,
+            turn_speed=_turn_speed(state) if kind in ("linear", "circular") else None,
             stops=not line.passing,
             follows=state.last,
             routine=self.routine.name,
@@ -256,3 +258,9 @@ def _body(lines: tuple[Statement, ...], number: int) -> tuple[Statement, ...]:
             if depth == 0:
                 return lines[number:i]
     return lines[number:]
+
+
+def _turn_speed(state: State) -> float | None:
+    """Radians per second; None where the text does not tell."""
+    given = state.turn_speed
+    return None if given is None or not given > 0.0 else math.radians(given)

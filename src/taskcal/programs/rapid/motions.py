@@ -1,5 +1,6 @@
 """Motion instructions: which tool goes where, how fast, and whether it stops."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -124,6 +125,7 @@ def resolve(
     move = Move(
         kind=kind, end=end.target(counts), via=via.target(counts) if via else None, tool=frames.tool, part=frames.part,
         part_in_hand=frames.part_in_hand, speed=_speed(where, scope, values),
+        turn_speed=_turn_speed(where, scope, values),
         stops=_stops(where, scope, file, settings), follows=follows, routine=routine,
         place=file.source.place(instruction.start),
     )  # fmt: skip
@@ -170,6 +172,16 @@ def _speed(where: Layout, scope: Scope, values: Values) -> float | None:
     except Unresolved:
         return None
     return speed / 1e3 if isinstance(speed, float) and 0.0 < speed < 1e8 else None
+
+
+def _turn_speed(where: Layout, scope: Scope, values: Values) -> float | None:
+    """Radians per second (v_ori of the speeddata); None where the text does not say."""
+    try:
+        data = values.of(where.speed.value, scope) if where.speed.value else None
+    except Unresolved:
+        return None
+    degrees = data[1] if isinstance(data, tuple) and len(data) > 1 else None
+    return math.radians(degrees) if isinstance(degrees, float) and 0.0 < degrees < 1e8 else None
 
 
 def _stops(where: Layout, scope: Scope, file: File, settings: Settings) -> bool:

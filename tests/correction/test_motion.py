@@ -1,0 +1,51 @@
+"""Joint speeds along lines and arcs, where the tool turns."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.correction.controller import drive
+from taskcal.correction.motion import TURN_SPEED, move_joints
+from taskcal.geometry import se3
+from taskcal.robot.error_model import ErrorModel
+
+TURN = np.radians(1.0)
+AXIS = np.array([0.0, 0.6, 0.8])
+
+
+@pytest.fixture
+def turn(make_moves, middle):
+    """A joint motion, and a line of some length along which the tool turns by 1°."""
+
+    def build(length, turn_speed):
+        end = middle.copy()
+        end[:3, :3] = se3.exp(TURN * AXIS) @ end[:3, :3]
+        end[0, 3] += length
+        return [replace(move, turn_speed=turn_speed) for move in make_moves([middle, end], speed=0.5)]
+
+    return build
+
+
+@pytest.mark.parametrize("length", [0.0, 1e-8, 1e-4])
+@pytest.mark.parametrize("turn_speed", [0.2, None])
+def test_a_reorientation_has_its_own_speed(robot, turn, length, turn_speed):
+    """Joint rates are J⁻¹ times the turning of the tool, however short the way of its point."""
+    moves = turn(length, turn_speed)
+    driven = drive(robot, moves)
+    found = move_joints(robot, moves, driven)
+    rate = turn_speed or TURN_SPEED
+    J = ErrorModel(robot).joint_jacobian(driven.q)
+    twist = np.concatenate([[length * rate / TURN, 0.0, 0.0], rate * AXIS])
+    expected = np.abs(np.linalg.solve(J, np.broadcast_to(twist, (len(J), 6))[..., None])).max(axis=0)[:, 0]
+    np.testing.assert_allclose(found.speed, expected, rtol=0.1, atol=0.01 * rate)
+    assert found.turn_speed_assumed == (1 if turn_speed is None else None)
+
+
+def test_the_path_speed_counts_where_it_takes_longer(robot, turn):
+    moves = turn(0.2, TURN_SPEED)
+    driven = drive(robot, moves)
+    found = move_joints(robot, moves, driven)
+    faster = move_joints(robot, [replace(m, turn_speed=10.0 * TURN_SPEED) for m in moves], driven)
+    np.testing.assert_array_equal(found.speed, faster.speed)
+    assert move_joints(robot, [replace(m, turn_speed=None) for m in moves], driven).turn_speed_assumed is None
