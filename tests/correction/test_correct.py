@@ -10,6 +10,7 @@ from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds
 from taskcal.errors import FileError, TaskcalError
 from taskcal.geometry import se3
+from taskcal.programs.program import Frame
 from taskcal.programs.reading import read_program
 from taskcal.robot.error_model import ErrorModel
 
@@ -195,6 +196,21 @@ def test_an_arc_whose_start_is_not_known_stays_an_arc(calibration, robot, make_m
     wanted = [program.moves[0].via.T, program.moves[0].end.T, program.moves[1].end.T]
     np.testing.assert_allclose(true[:, :3, 3], np.array(wanted)[:, :3, 3], atol=2e-9)
     assert "begins where the text does not tell" in str(found.remarks[0])
+
+
+def test_a_part_that_is_stated_elsewhere_is_reported_as_a_move_too_far(tmp_path, nominal, robot, shifted):
+    path = write_path(tmp_path / "part.csv", [shifted(0, 0, 0), shifted(20, 0, 0)])
+    table = Frame(name="table", T=np.eye(4))
+    program = read_program(path, robot=robot, tool=Frame(name="spindle", T=robot.T_flange_tool), part=table)
+    for offset in (50.0, 600.0):
+        there = nominal.T_tracker_base @ se3.translation(x=offset * 1e-3)
+        cell = Cell(parts={"table": Measured(name="table", in_tracker=there)})
+        found = correct(nominal, program, cell=cell)
+        assert set(found.refused) == {0, 1}
+        for why in found.refused.values():
+            assert "singular" not in why
+            assert f"would move by {offset:.0f}" in why
+            assert "cell file" in why
 
 
 def test_joints_that_would_swing_near_a_singular_posture_are_refused(tmp_path, calibration, robot):

@@ -37,7 +37,7 @@ class Nodes:
     wanted: Float[np.ndarray, "k 4 4"]
     """Pose of the tool in the part's frame that the true robot is to take there."""
     T: Float[np.ndarray, "k 4 4"]
-    """Pose of the tool in the part's frame that the controller takes for these joint positions."""
+    """Pose of the tool in the part's frame that the controller takes for these joint positions; an estimate where not reached."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -128,8 +128,14 @@ def _nodes(wish: Wish, rows: Int[np.ndarray, " r"], pieces: Int[np.ndarray, " m"
     T = np.where(at_end[:, None, None], wish.wanted.end[move], wish.wanted.at(move, share))
     for k in np.flatnonzero(via & ~known):  # where an arc begins is not known: its points are corrected one by one
         T[k] = _pose(wish.moves[int(move[k])].via)
-    found = solve_calibrated(wish.calibration, wish.placed.robot_tool(move, T), wish.seeds(move, share))
-    return Nodes(move=move, share=share, q=found.q, reached=found.reached, wanted=T, T=_controller(wish, move, found.q))
+    seeds = wish.seeds(move, share)
+    found = solve_calibrated(wish.calibration, wish.placed.robot_tool(move, T), seeds)
+    met, lost = np.flatnonzero(found.reached), np.flatnonzero(~found.reached)
+    stated = T.copy()
+    stated[met] = _controller(wish, move[met], found.q[met])
+    # no joints to take the controller's pose from: moved by as much as the true tool is off at the nominal joints
+    stated[lost, :3, 3] += T[lost, :3, 3] - wish.placed.tool_in_part(move[lost], seeds[lost])[:, :3, 3]
+    return Nodes(move=move, share=share, q=found.q, reached=found.reached, wanted=T, T=stated)
 
 
 def _pose(target: Target | None) -> Float[np.ndarray, "4 4"]:

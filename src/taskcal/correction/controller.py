@@ -195,7 +195,8 @@ class _Drive:
         agreeing = postures[_agrees(self.robot, move.end, postures)]
         if not len(agreeing):
             self.refused[i] = (
-                f"has posture data {move.end.posture} that none of the {len(postures)} postures found there has"
+                f"states the posture {move.end.posture}, in which the robot does not reach it inside its joint limits; "
+                "it does so in other postures only"
             )
             return
         if seed is None:
