@@ -3,7 +3,8 @@
 import os
 import sys
 from collections.abc import Generator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
+from threading import Event
 from typing import Annotated, Any
 
 import typer
@@ -25,6 +26,7 @@ from taskcal.cli import (
     warm,
 )
 from taskcal.cli.effects_help import NamesEffects
+from taskcal.cli.interrupts import prompt
 from taskcal.cli.modules import import_modules
 from taskcal.cli.output import MESSAGE_CHARACTERS, complain, for_terminal, note
 from taskcal.cli.outputs import begin_account, interrupted
@@ -166,9 +168,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if reconfigure := getattr(stream, "reconfigure", None):
             reconfigure(errors="replace")  # a terminal without σ or √ shows '?' instead of failing
     begin_account()
-    status = _run(arguments)
-    if status == INTERRUPTED:
-        note(interrupted())
+    with prompt(INTERRUPTED, _say_interrupted) if arguments is None else nullcontext(Event()) as said:
+        status = _run(arguments)
+        if status == INTERRUPTED:
+            said.set()
+            _say_interrupted()
     try:
         sys.stdout.flush()
     except BrokenPipeError:
@@ -179,6 +183,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         complain(f"standard output: {error.strerror or error}")
         return status or 1
     return status
+
+
+def _say_interrupted() -> None:
+    note(interrupted())
 
 
 def _run(arguments: Sequence[str] | None) -> int:

@@ -9,7 +9,7 @@ import typer
 
 from taskcal.cli.options import ForceOption, JsonOption, ReportOption, RobotOption, SeedOption, TaskOption, split_names
 from taskcal.cli.output import announce_compilation, note, show_facts, show_table, write_json
-from taskcal.cli.outputs import check_outputs, files_of_task
+from taskcal.cli.outputs import check_outputs, count_as_written, files_of_task
 
 if TYPE_CHECKING:
     from taskcal.adaptation.study import PlanKind, Study
@@ -81,7 +81,13 @@ def command(
     wanted = _names(models, "--models", MODELS)
     model, asked = ErrorModel(load_robot(robot)), load_task(task)
     announce_compilation()
-    with _progress(robots) as advance:
+    with _progress(robots) as show:
+
+        def advance(done: int, total: int) -> None:
+            if resume is not None and resume.exists():
+                count_as_written(resume)
+            show(done, total)
+
         made = study(
             model,
             asked,
