@@ -112,3 +112,16 @@ def test_a_robot_without_publication_has_no_published_model(
     ended = run(*ask, "--robot", "ur5", "--task", tmp_path / "near.toml", "--models", "published")
     assert ended.status == 1
     assert "nothing is published of ur5" in ended.err
+
+
+@pytest.mark.slow
+def test_a_cluster_of_other_processes_gives_the_same_rows(run: Run, ask: list[object], tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    small = [*ask, "--robots", "2", "--counts", "10", "--plans", "random"]
+    assert run(*small, "-o", tmp_path / "serial.csv").status == 0
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, protocol="tcp"
+    ) as cluster:
+        ended = run(*small, "--engine", f"dask:{cluster.scheduler_address}", "-o", tmp_path / "cluster.csv")
+    assert ended.status == 0, ended.err
+    assert (tmp_path / "cluster.csv").read_bytes() == (tmp_path / "serial.csv").read_bytes()

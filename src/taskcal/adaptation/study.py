@@ -6,10 +6,12 @@ the result depends on the seed alone, not on the engine, the number of workers o
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +19,7 @@ from jaxtyping import Float
 from taskcal.adaptation.candidates import measuring_task
 from taskcal.adaptation.plan import plan
 from taskcal.adaptation.selection import select
+from taskcal.adaptation.workers import side_by_side
 from taskcal.analysis.elimination_table import published_kept
 from taskcal.errors import FileError, TaskcalError, UnknownName
 from taskcal.files import write_whole
@@ -37,7 +40,6 @@ POOL = 2000
 """Poses of the task's workspace that random plans are drawn from."""
 
 Progress = Callable[[int, int], None]
-Done = Iterable[tuple[int, list[dict[str, Any]]]]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -131,11 +133,12 @@ def study(
     done = _read(resume, setting)
     progress(len(done), robots)
     left = [index for index in range(robots) if index not in done]
-    for index, rows in _run(setting, left, engine, workers):
-        done[index] = rows
-        if resume is not None:
-            _append(Path(resume), setting, done)
-        progress(len(done), robots)
+    with closing(side_by_side(partial(_one_robot, setting), left, engine, workers)) as results:
+        for index, rows in results:
+            done[index] = rows
+            if resume is not None:
+                _append(Path(resume), setting, done)
+            progress(len(done), robots)
     rows = [row for index in range(robots) for row in done[index]]
     return Study(rows=tuple(rows), robots=robots, seed=seed)
 
@@ -210,25 +213,6 @@ def _one_robot(setting: _Setting, index: int) -> tuple[int, list[dict[str, Any]]
                 }
             )
     return index, out
-
-
-def _run(setting: _Setting, left: Sequence[int], engine: str, workers: int) -> Done:
-    """Robots as they are done, on the engine asked for."""
-    if engine == "sequential":
-        return (_one_robot(setting, index) for index in left)
-    from joblib import Parallel, delayed
-
-    jobs = (delayed(_one_robot)(setting, index) for index in left)
-    if engine in ("loky", "threading"):
-        return cast(Done, Parallel(n_jobs=workers, backend=engine, return_as="generator_unordered")(jobs))
-    if engine.startswith("dask:"):
-        try:
-            from dask.distributed import Client  # pyright: ignore[reportMissingImports]
-        except ImportError as error:
-            raise TaskcalError("the dask engine needs dask[distributed], which is not installed") from error
-        Client(engine.removeprefix("dask:"))
-        return cast(Done, Parallel(n_jobs=workers, backend="dask", return_as="generator_unordered")(jobs))
-    raise UnknownName("engine", engine, ("loky", "threading", "sequential", "dask:ADDRESS"))
 
 
 def _fingerprint(setting: _Setting) -> str:

@@ -1,0 +1,74 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+
+import pytest
+
+from taskcal.adaptation.workers import side_by_side
+from taskcal.errors import TaskcalError, UnknownName
+
+
+@pytest.mark.parametrize("engine", ["sequential", "threading", "loky"])
+def test_every_engine_gives_every_result(engine):
+    assert sorted(side_by_side(partial(pow, 3), range(5), engine, 2)) == [1, 3, 9, 27, 81]
+
+
+def test_an_engine_that_is_not_there_is_named():
+    with pytest.raises(UnknownName, match="no engine 'loki'; did you mean 'loky'"):
+        list(side_by_side(abs, [1], "loki", 1))
+
+
+def test_a_scheduler_that_does_not_answer_is_named():
+    pytest.importorskip("distributed")
+    with pytest.raises(TaskcalError, match="no Dask scheduler answers at 'nothing://here'"):
+        list(side_by_side(abs, [1], "dask:nothing://here", 1))
+
+
+def test_a_cluster_of_other_processes_gives_every_result():
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, protocol="tcp"
+    ) as cluster:
+        address = cluster.scheduler_address
+        assert sorted(side_by_side(partial(pow, 3), range(5), f"dask:{address}", -1)) == [1, 3, 9, 27, 81]
+        pids = set(side_by_side(_pid, range(20), f"dask:{address}", -1))
+    assert os.getpid() not in pids
+
+
+def _pid(_):
+    return os.getpid()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="processes have parents there")
+def test_workers_end_soon_after_a_parent_that_was_killed():
+    code = (
+        "import os, time; from taskcal.adaptation.workers import side_by_side\n"
+        "def sleep(k): print(os.getpid(), flush=True); time.sleep(60)\n"
+        "list(side_by_side(sleep, range(2), 'loky', 2))"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        workers = [int(parent.stdout.readline()) for _ in range(2)]
+        parent.send_signal(signal.SIGKILL)
+    deadline = time.monotonic() + 5.0
+    while any(_runs(worker) for worker in workers) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    left = [worker for worker in workers if _runs(worker)]
+    for worker in left:
+        os.kill(worker, signal.SIGKILL)
+    assert not left
+
+
+def _runs(process):
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    try:
+        with open(f"/proc/{process}/stat", encoding="ascii") as stat:
+            return stat.read().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return os.path.isdir("/proc/self") is False
