@@ -16,6 +16,6 @@ for name, relation in list(found.dependent.items())[:4]:
 
 chosen = tc.select(model, task)
 print(f"\n{chosen.why}: {len(chosen.kept)} parameters")
-for rung in chosen.ladder:
-    if rung.size in (len(model), 33, 20, len(chosen.kept), 5, 0):
-        print(f"  {rung.size:2d} parameters: {rung.expected * 1e3:.4f} mm expected")
+for nested in chosen.ladder:
+    if nested.size in (len(model), 33, 20, len(chosen.kept), 5, 0):
+        print(f"  {nested.size:2d} parameters: {nested.expected * 1e3:.4f} mm expected")

@@ -22,7 +22,7 @@ def model():
 def test_the_chosen_model_is_the_smallest_that_suffices(model):
     chosen = select(model, reference_task())
     full = chosen.ladder[0].expected
-    sizes = [rung.size for rung in chosen.ladder if rung.expected <= SUFFICIENT * full]
+    sizes = [nested.size for nested in chosen.ladder if nested.expected <= SUFFICIENT * full]
     assert len(chosen.kept) == min(sizes) < 25
     assert set(chosen.kept) | set(chosen.dropped) == set(model.names)
     assert not set(chosen.kept) & set(chosen.dropped)
@@ -47,7 +47,7 @@ def test_the_published_and_the_identifiable_set_stand_in_the_same_picture(model)
 def test_an_accuracy_is_met_by_the_smallest_model_that_meets_it(model):
     loose = select(model, reference_task(), accuracy=1e-4)
     assert len(loose.kept) < len(select(model, reference_task()).kept)
-    by_size = {rung.size: rung.expected for rung in loose.ladder}
+    by_size = {nested.size: nested.expected for nested in loose.ladder}
     assert by_size[len(loose.kept)] <= 1e-4 < by_size[len(loose.kept) - 1]
 
 
@@ -61,7 +61,7 @@ def test_a_campaign_cross_validates_every_size(model):
     measured = reach_task(model, task, 40, seed=2)
     campaign, _ = simulate(model, measured.q, rng=np.random.default_rng(0))
     chosen = select(model, task, campaign, folds=3)
-    crossed = [rung.cross_validated for rung in chosen.ladder]
+    crossed = [nested.cross_validated for nested in chosen.ladder]
     assert all(value is not None for value in crossed)
     assert crossed[-1] > 5 * crossed[0]
     assert 10 < len(chosen.kept) < 26
@@ -77,12 +77,12 @@ def test_an_unreachable_workspace_says_so(model):
 def test_every_rung_is_what_the_model_without_the_dropped_ones_is_expected_to_leave(model):
     """The ladder starts with all and ends with none; each size lacks one more; the choice lies on it."""
     chosen = select(model, reference_task(), count=60)
-    assert [rung.size for rung in chosen.ladder] == list(range(len(model), -1, -1))
-    order = [rung.dropped_next for rung in chosen.ladder[:-1]]
+    assert [nested.size for nested in chosen.ladder] == list(range(len(model), -1, -1))
+    order = [nested.dropped_next for nested in chosen.ladder[:-1]]
     assert sorted(order) == sorted(model.names)
     assert chosen.ladder[-1].dropped_next == ""
     assert set(order[: len(model) - len(chosen.kept)]) == set(chosen.dropped)
-    assert np.all(np.diff([rung.expected for rung in chosen.ladder]) >= -1e-12)
+    assert np.all(np.diff([nested.expected for nested in chosen.ladder]) >= -1e-12)
     assert chosen.ladder[-1].expected == pytest.approx(chosen.before, rel=1e-9)
     again = select(model, reference_task(), count=60)
     assert (again.kept, again.to_json()) == (chosen.kept, chosen.to_json())

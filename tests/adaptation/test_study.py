@@ -156,7 +156,7 @@ def test_the_selected_model_is_as_good_as_the_full_one_and_the_undamped_publishe
     """One orientation measured; errors inside it and up to 40° outside, over 60 true robots."""
     task = reference_task()
     chosen = select(model, task)
-    expected = {rung.size: rung.expected for rung in chosen.ladder}
+    expected = {nested.size: nested.expected for nested in chosen.ladder}
     assert expected[len(chosen.kept)] <= 1.02 * expected[len(model)]
     fits = {"all": {}, "selected": {"keep": chosen.kept}, "published": {"keep": published_kept(model), "prior": None}}
     measured = reach_task(model, task, 60).q

@@ -13,7 +13,7 @@ def test_the_choice_and_its_reasons(run: Run, cell: Path) -> None:
     result = ended.json
     assert len(result["kept"]) + len(result["dropped"]) == 45
     assert all(result["dropped"].values())
-    assert [rung["size"] for rung in result["ladder"]] == list(range(45, -1, -1))
+    assert [nested["size"] for nested in result["ladder"]] == list(range(45, -1, -1))
     assert {"size", "expected_mm", "cross_validated_mm"} <= set(result["ladder"][0])
 
 
@@ -21,7 +21,7 @@ def test_an_accuracy_in_millimetres_decides(run: Run, cell: Path) -> None:
     task = ["select", "--robot", IRB6660, "--task", cell / "task.toml", "--json"]
     rough, fine = (run(*task, "--accuracy", mm).json for mm in (0.5, 0.1))
     assert len(rough["kept"]) < len(fine["kept"])
-    size = {rung["size"]: rung["expected_mm"] for rung in fine["ladder"]}
+    size = {nested["size"]: nested["expected_mm"] for nested in fine["ladder"]}
     assert size[len(fine["kept"])] <= 0.1 < size[len(fine["kept"]) - 1]
 
 
@@ -52,7 +52,7 @@ def test_a_campaign_cross_validates_every_size(run: Run, cell: Path) -> None:
     task = ["select", "--robot", IRB6660, "--task", cell / "task.toml", "--campaign", cell / "one.csv", "--json"]
     ended = run(*task)
     assert "cross-validating 46 sizes" in ended.err
-    assert all(rung["cross_validated_mm"] > 0 for rung in ended.json["ladder"])
+    assert all(nested["cross_validated_mm"] > 0 for nested in ended.json["ladder"])
 
 
 def test_what_cannot_be_had(run: Run, cell: Path) -> None:
@@ -62,3 +62,15 @@ def test_what_cannot_be_had(run: Run, cell: Path) -> None:
     assert (ended.status, ended.out) == (1, "")
     assert "out of reach" in ended.err
     assert run("select", "--robot", IRB6660, "--task", cell / "nowhere.toml").status == 1
+
+
+def test_a_page_makes_its_design_once(run: Run, cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from taskcal.adaptation import selection
+
+    made: list[object] = []
+    design = selection.design
+    monkeypatch.setattr(selection, "design", lambda *given, **options: made.append(1) or design(*given, **options))
+    page = tmp_path / "select.html"
+    assert run("select", "--robot", IRB6660, "--task", cell / "task.toml", "--report", page, "--json").status == 0
+    assert page.stat().st_size > 1e6
+    assert len(made) == 1

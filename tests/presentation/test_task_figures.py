@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taskcal.adaptation.plan import Plan
-from taskcal.adaptation.selection import Rung, Selection
+from taskcal.adaptation.selection import NestedModel, Selection
 from taskcal.adaptation.study import Study
 from taskcal.adaptation.task_map import Slice
 from taskcal.analysis.sensitivity import Sensitivity
@@ -70,12 +70,14 @@ def test_effects_are_those_of_the_table() -> None:
 
 
 def test_the_ladder_shows_every_size_the_references_and_the_choice() -> None:
-    rungs = tuple(
-        Rung(size=k, dropped_next="a", expected=1e-3 / (1 + k), cross_validated=2e-3 / (1 + k), standard_error=1e-4)
+    ladder = tuple(
+        NestedModel(
+            size=k, dropped_next="a", expected=1e-3 / (1 + k), cross_validated=2e-3 / (1 + k), standard_error=1e-4
+        )
         for k in (3, 2, 1, 0)
     )
     found = Selection(
-        kept=("a", "b"), dropped={"c": "so"}, ladder=rungs, why="it is", before=1e-3,
+        kept=("a", "b"), dropped={"c": "so"}, ladder=ladder, why="it is", before=1e-3,
         references={"identifiable": (3, 2e-4), "published": (1, 5e-4)}, unreachable=0.0,
     )  # fmt: skip
     traces = {trace.name.split(" (")[0]: trace for trace in draw_ladder(found, accuracy=4e-4).data}

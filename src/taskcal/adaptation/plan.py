@@ -17,7 +17,7 @@ from taskcal.adaptation.candidates import (
     make_experiment,
 )
 from taskcal.adaptation.expected_error import design
-from taskcal.adaptation.knowledge import Knowledge, know_calibration, know_campaign
+from taskcal.adaptation.plan_prior import PlanPrior, prior_from_calibration, prior_from_campaign
 from taskcal.adaptation.visiting_order import order_visits
 from taskcal.errors import CampaignError, ReachError, UnknownName
 from taskcal.estimation.blas import single_threaded
@@ -152,28 +152,28 @@ def plan(
     else:
         found, refine = keep_measurable(model, _as_reached(model, candidates), station), 0
     if campaign is not None:
-        known = know_campaign(model, campaign, station, noise)
+        prior = prior_from_campaign(model, campaign, station, noise)
     elif calibration is not None:
-        known = know_calibration(model, calibration, station)
+        prior = prior_from_calibration(model, calibration, station)
     else:
-        known = Knowledge(model_error=model_error, prior_scale=prior_scale, registration=registration)
+        prior = PlanPrior(model_error=model_error, prior_scale=prior_scale, registration=registration)
     experiment, weighing = (
         make_experiment(
             model,
             goal,
             found,
             station,
-            campaign=known.campaign,
+            campaign=prior.campaign,
             calibration=calibration,
-            registration=known.registration,
+            registration=prior.registration,
             noise=noise,
-            model_error=known.model_error,
-            prior_scale=known.prior_scale,
+            model_error=prior.model_error,
+            prior_scale=prior.prior_scale,
             smooth=smooth,
         )
         for smooth in (False, True)
     )
-    _check_count(count, experiment, known)
+    _check_count(count, experiment, prior)
     progress(f"choosing {count} of {len(found.q)}")
     chosen = choose(weighing.candidates(found), count, criterion, progress=progress)
     q, visible = found.q[chosen.chosen], found.visible[chosen.chosen]
@@ -194,7 +194,7 @@ def plan(
         by_count=_errors_by_count(experiment, found, chosen.started),
         before=experiment.before
         if calibration is not None
-        else _before(model, goal, station, _with_measured(known.campaign, q), noise, known.prior_scale),
+        else _before(model, goal, station, _with_measured(prior.campaign, q), noise, prior.prior_scale),
         criterion=criterion,
         exchanges=chosen.exchanges,
         lost=dict(found.lost),
@@ -210,10 +210,10 @@ def _as_reached(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> TaskPose
     return TaskPoses(T=model.poses(q), q=np.asarray(q, dtype=float), weights=np.full(n, 1.0 / n), unreachable=nothing)
 
 
-def _check_count(count: int, experiment: Experiment, known: Knowledge) -> None:
+def _check_count(count: int, experiment: Experiment, prior: PlanPrior) -> None:
     frames = len(experiment.layout.names) - len(experiment.layout.kept)
     fewest = frames // (3 * len(experiment.layout.targets)) + 1
-    nothing = known.campaign is None and known.calibration is None
+    nothing = prior.campaign is None and prior.calibration is None
     if count < 1 or (nothing and count < fewest):
         raise CampaignError(
             f"{count} poses are too few: tracker frame and targets alone have {frames} unknowns; plan at least {fewest}, "

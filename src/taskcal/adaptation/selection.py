@@ -1,7 +1,7 @@
 """How many parameters a task needs, and which: the ladder of expected task error, and a choice with its reasons."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -31,12 +31,12 @@ ASSUMED_POSES = 60
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rung:
-    """One size of the model."""
+class NestedModel:
+    """One size of the model; each larger one contains it."""
 
     size: int
     dropped_next: str
-    """The parameter that goes on the step down from here; empty on the last rung."""
+    """The parameter that goes on the step down from here; empty for the smallest."""
     expected: float
     """Expected rms error in space over the task, metres."""
     cross_validated: float | None
@@ -52,7 +52,7 @@ class Selection:
     kept: tuple[str, ...]
     dropped: Mapping[str, str]
     """Reason by name."""
-    ladder: tuple[Rung, ...]
+    ladder: tuple[NestedModel, ...]
     """From the full model down to none."""
     why: str
     """The rule that decided."""
@@ -62,6 +62,9 @@ class Selection:
     """Size and expected error of the published and the identifiable set."""
     unreachable: float
     """Share of the task's poses that the robot does not reach."""
+    design: Design | None = field(default=None, repr=False)
+    """By which it was chosen: what the measured or assumed poses say over the task. None if the selection was put together
+    by hand."""
 
     def to_json(self) -> dict[str, Any]:
         """Machine-readable, in millimetres."""
@@ -74,11 +77,11 @@ class Selection:
             "references": {name: {"size": size, "expected_mm": e * 1e3} for name, (size, e) in self.references.items()},
             "ladder": [
                 {
-                    "size": rung.size,
-                    "expected_mm": rung.expected * 1e3,
-                    "cross_validated_mm": None if rung.cross_validated is None else rung.cross_validated * 1e3,
+                    "size": nested.size,
+                    "expected_mm": nested.expected * 1e3,
+                    "cross_validated_mm": None if nested.cross_validated is None else nested.cross_validated * 1e3,
                 }
-                for rung in self.ladder
+                for nested in self.ladder
             ],
         }
 
@@ -124,7 +127,7 @@ def select(
         [None] * (p + 1) if campaign is None else _cross_validate(model, campaign, order, hyper, folds, seed, noise)
     )
     ladder = tuple(
-        Rung(
+        NestedModel(
             size=p - k,
             dropped_next=model.names[order[k]] if k < p else "",
             expected=float(expected[k]),
@@ -145,6 +148,7 @@ def select(
         before=made.before,
         references=_references(model, made, found),
         unreachable=float(reached.unreachable.mean()),
+        design=made,
     )
 
 
@@ -193,7 +197,7 @@ def _cross_validate(
     seed: int,
     noise: TrackerNoise | None,
 ) -> list[tuple[float, float] | None]:
-    """Mean error on left-out rows for every rung, with its standard error over the rows."""
+    """Mean error on left-out rows for every nested model, with its standard error over the rows."""
     n, p = len(campaign), len(model)
     if n < 2 * folds:
         raise CampaignError(
@@ -209,7 +213,7 @@ def _cross_validate(
     return out
 
 
-def _choose(ladder: tuple[Rung, ...], accuracy: float | None) -> tuple[int, str]:
+def _choose(ladder: tuple[NestedModel, ...], accuracy: float | None) -> tuple[int, str]:
     """How many parameters go, and the rule that says so."""
     full = ladder[0].expected
     if accuracy is not None:
@@ -218,16 +222,18 @@ def _choose(ladder: tuple[Rung, ...], accuracy: float | None) -> tuple[int, str]
                 f"an accuracy of {accuracy * 1e3:.3f} mm is out of reach: even the full model is expected to leave "
                 f"{full * 1e3:.3f} mm rms over the task; measure more poses, nearer to the task, or allow more"
             )
-        k = max(k for k, rung in enumerate(ladder) if rung.expected <= accuracy)
+        k = max(k for k, nested in enumerate(ladder) if nested.expected <= accuracy)
         return k, f"the smallest model expected to leave at most {accuracy * 1e3:g} mm rms over the task"
-    enough = [k for k, rung in enumerate(ladder) if rung.expected <= SUFFICIENT * full]
+    enough = [k for k, nested in enumerate(ladder) if nested.expected <= SUFFICIENT * full]
     why = "the smallest model within 2 % of the full one's expected task error"
     crossed = [
-        (rung.cross_validated, rung.standard_error or 0.0) for rung in ladder if rung.cross_validated is not None
+        (nested.cross_validated, nested.standard_error or 0.0)
+        for nested in ladder
+        if nested.cross_validated is not None
     ]
     if crossed:
         best, error = min(crossed)
-        within = {k for k, rung in enumerate(ladder) if (rung.cross_validated or 0.0) <= best + error}
+        within = {k for k, nested in enumerate(ladder) if (nested.cross_validated or 0.0) <= best + error}
         enough = [k for k in enough if k in within] or [min(within)]
         why += f" whose cross-validated error is within one standard error ({error * 1e3:.3f} mm) of the best ({best * 1e3:.3f} mm)"
     return max(enough), why

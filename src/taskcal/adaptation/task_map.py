@@ -1,5 +1,6 @@
 """Where in a task the errors are: maps over slices of a workspace, and curves along a path."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,9 @@ from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.inverse import find_posture, follow
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
+
+Maps = Sequence[Float[np.ndarray, "v u"]]
+"""One for each slice."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -13,8 +13,6 @@ from taskcal.cli.outputs import check_outputs, files_of_task
 if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
     from taskcal.identification.remainder import Remainder
-    from taskcal.presentation.calibration_report import Uncertainty
-    from taskcal.task.task import Task
 
 
 def command(
@@ -47,6 +45,7 @@ def command(
     """Make a page of a calibration: parameters, residuals, outliers, uncertainty over a task, what the remainder goes with."""
     read = [calibration, *files_of_task(task), campaign]
     outputs = check_outputs("report", [("--output", output)], read, force=force)
+    from taskcal.adaptation.task_uncertainty import uncertainty_over
     from taskcal.identification.calibration import load_calibration, package_version
     from taskcal.presentation.calibration_report import calibration_html
     from taskcal.task.task import load_task
@@ -116,53 +115,3 @@ def _examine(calibration: "Calibration", campaign: Path, drift: DriftChoice, see
         return examine_remainder(calibration, measured, seed=seed)
     except CampaignError as error:
         raise FileError(campaign, str(error)) from error
-
-
-def uncertainty_over(calibration: "Calibration", task: "Task", seed: int) -> "Uncertainty":
-    """How well the tool is known over a task: by the tolerances alone, and calibrated.
-
-    Raises:
-        ReachError: the robot does not reach the task.
-    """
-    import numpy as np
-
-    from taskcal.adaptation.task_map import map_tolerance, map_uncertainty, slice_workspace
-    from taskcal.presentation.calibration_report import Uncertainty
-    from taskcal.task.task import reach_task
-
-    model = calibration.model
-    poses = reach_task(model, task, seed=seed)
-    effect = model.jacobian(poses.q, angular=False) * model.tolerances
-    turn = calibration.T_tracker_base[:3, :3]
-
-    def target(q: np.ndarray) -> np.ndarray:
-        return calibration.predict_covariance(q, model_error=False)[:, 0, :3, :3]
-
-    def per_axis(covariance: np.ndarray) -> np.ndarray:
-        in_base = turn.T @ covariance[:, :3, :3] @ turn
-        return np.sqrt(np.maximum(np.diagonal(in_base, axis1=1, axis2=2), 0.0))
-
-    def in_space(deviation: np.ndarray) -> float:
-        return float(np.sqrt(np.sum(poses.weights[:, None] * deviation**2)))
-
-    before = np.sqrt((effect**2).sum(axis=2))
-    after, point = per_axis(calibration.tool_covariance(poses.q)), per_axis(target(poses.q))
-    slices = () if task.workspace is None else slice_workspace(model, task)
-    return Uncertainty(
-        task=task.name,
-        unreachable=float(poses.unreachable.mean()),
-        before=in_space(before),
-        after=in_space(after),
-        target=in_space(point),
-        deviations={
-            "tool, by the tolerances": before,
-            "tool, calibrated": after,
-            f"target {calibration.targets[0]}": point,
-        },
-        slices=slices,
-        maps={
-            "target": tuple(at.spread(np.sqrt(np.trace(target(at.q[at.reached]), axis1=1, axis2=2))) for at in slices),
-            "tool": tuple(map_uncertainty(calibration, at) for at in slices),
-            "by the tolerances": tuple(map_tolerance(model, at) for at in slices),
-        },
-    )

@@ -28,7 +28,7 @@ from taskcal.cli.output import (
 from taskcal.cli.outputs import check_outputs, files_of_task
 
 if TYPE_CHECKING:
-    from taskcal.adaptation.selection import Scales, Selection
+    from taskcal.adaptation.selection import Selection
     from taskcal.measurement.campaign import Campaign
     from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import Task
@@ -87,7 +87,7 @@ def command(
     result = found.to_json()
     if report is not None:
         with working("maps over the task"):
-            outputs.write({report: _page(model, asked, measured, found, wanted, seed, scales)})
+            outputs.write({report: _page(model, asked, measured, found, wanted, seed)})
         result["report"] = report
     if as_json:
         write_json(result)
@@ -102,18 +102,16 @@ def _page(
     found: "Selection",
     accuracy: float | None,
     seed: int,
-    scales: "Scales | None",
 ) -> str:
-    from taskcal.adaptation.selection import assume_design
+    from taskcal.adaptation.task_errors import map_task
     from taskcal.analysis.sensitivity import sensitivity
-    from taskcal.cli.task_maps import map_task
     from taskcal.identification.calibration import package_version
     from taskcal.presentation.selection_report import selection_html
     from taskcal.task.task import reach_task
 
     reached = reach_task(model, task, seed=seed)
-    made, _ = assume_design(model, reached, task, measured, seed, None, scales)
-    maps = map_task(model, task, made, found.kept, seed)
+    assert found.design is not None
+    maps = map_task(model, task, found.design, found.kept, seed)
     assumed = "60 poses assumed in the task" if task.workspace is not None else "60 poses assumed around the task"
     poses = assumed if measured is None else f"the {len(measured)} rows of {measured.source}"
     effects = sensitivity(model, reached.q)
@@ -123,16 +121,20 @@ def _page(
 
 def _show(model: Any, result: Mapping[str, Any]) -> None:
     symbols = {p.name: p.symbol for p in model.parameters}
-    crossed = any(rung["cross_validated_mm"] is not None for rung in result["ladder"])
+    crossed = any(nested["cross_validated_mm"] is not None for nested in result["ladder"])
     chosen = len(result["kept"])
     rows = [
         (
-            str(rung["size"]),
-            f"{rung['expected_mm']:.4f}",
-            *(["" if rung["cross_validated_mm"] is None else f"{rung['cross_validated_mm']:.4f}"] if crossed else []),
-            "chosen" if rung["size"] == chosen else "",
+            str(nested["size"]),
+            f"{nested['expected_mm']:.4f}",
+            *(
+                ["" if nested["cross_validated_mm"] is None else f"{nested['cross_validated_mm']:.4f}"]
+                if crossed
+                else []
+            ),
+            "chosen" if nested["size"] == chosen else "",
         )
-        for rung in result["ladder"]
+        for nested in result["ladder"]
     ]
     header = ("parameters", "expected mm (rms)", *(["cross-validated mm (mean)"] if crossed else []), "")
     show_table("Error in space over the task, by size of the model", header, rows, left=(len(header) - 1,))

@@ -108,7 +108,7 @@ def _page(
     maps = None
     if task is not None:
         from taskcal.adaptation.selection import assume_design
-        from taskcal.cli.task_maps import map_task
+        from taskcal.adaptation.task_errors import map_task
         from taskcal.task.task import load_task, reach_task
 
         asked = load_task(task)

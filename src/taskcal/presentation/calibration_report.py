@@ -1,12 +1,11 @@
 """A calibration as a page: what was found, what is left, and how well the tool is known over a task."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.adaptation.task_map import Slice
+from taskcal.adaptation.task_uncertainty import Uncertainty
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.remainder import Remainder
 from taskcal.presentation.content import Block, Chart, Numbers, Section, Table, Text
@@ -15,29 +14,8 @@ from taskcal.presentation.model_error_origin import model_error_origin, prior_sc
 from taskcal.presentation.remainder_section import remainder_section
 from taskcal.presentation.report import report_html
 from taskcal.presentation.seen import seen_parameters
-from taskcal.presentation.task_figures import Maps, draw_bands, draw_maps
+from taskcal.presentation.task_figures import draw_bands, draw_maps
 from taskcal.presentation.unlocated import describe_unlocated
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Uncertainty:
-    """How well the tool point is known over a task, before and after, metres."""
-
-    task: str
-    unreachable: float
-    """Share of the task's poses that the robot does not reach."""
-    before: float
-    """Standard deviation in space by the tolerances alone, rms over the task."""
-    after: float
-    """Of the calibrated tool."""
-    target: float
-    """Of the first measured target."""
-    deviations: Mapping[str, Float[np.ndarray, "n 3"]]
-    """Standard deviations pose by pose in the axes of the robot's base."""
-    slices: tuple[Slice, ...]
-    """Of the workspace; none for a list of poses or a path."""
-    maps: Mapping[str, Maps]
-    """Standard deviations in space over the slices."""
 
 
 def calibration_html(

@@ -17,9 +17,9 @@ def draw_ladder(found: Selection, accuracy: float | None = None) -> go.Figure:
         accuracy: that was asked for, metres.
     """
     figure = go.Figure()
-    size = np.array([rung.size for rung in found.ladder])
-    expected = np.array([rung.expected for rung in found.ladder]) * 1e3
-    gone = [rung.dropped_next for rung in found.ladder]
+    size = np.array([nested.size for nested in found.ladder])
+    expected = np.array([nested.expected for nested in found.ladder]) * 1e3
+    gone = [nested.dropped_next for nested in found.ladder]
     figure.add_scatter(
         x=size,
         y=expected,
@@ -30,12 +30,16 @@ def draw_ladder(found: Selection, accuracy: float | None = None) -> go.Figure:
         customdata=[f"; next to go: {name}" if name else "" for name in gone],
         hovertemplate="%{x} parameters: %{y:.4f} mm%{customdata}<extra>expected</extra>",
     )
-    crossed = [rung for rung in found.ladder if rung.cross_validated is not None]
+    crossed = [nested for nested in found.ladder if nested.cross_validated is not None]
     if crossed:
         figure.add_scatter(
-            x=[rung.size for rung in crossed],
-            y=[1e3 * (rung.cross_validated or 0.0) for rung in crossed],
-            error_y={"array": [1e3 * (rung.standard_error or 0.0) for rung in crossed], "thickness": 1.4, "width": 3},
+            x=[nested.size for nested in crossed],
+            y=[1e3 * (nested.cross_validated or 0.0) for nested in crossed],
+            error_y={
+                "array": [1e3 * (nested.standard_error or 0.0) for nested in crossed],
+                "thickness": 1.4,
+                "width": 3,
+            },
             mode="markers",
             name="cross-validated on the campaign (mean ± standard error)",
             marker={"color": VERMILION, "size": 7, "symbol": "circle-open", "line": {"width": 2}},
@@ -54,7 +58,7 @@ def draw_ladder(found: Selection, accuracy: float | None = None) -> go.Figure:
     chosen = len(found.kept)
     figure.add_scatter(
         x=[chosen],
-        y=[1e3 * next(rung.expected for rung in found.ladder if rung.size == chosen)],
+        y=[1e3 * next(nested.expected for nested in found.ladder if nested.size == chosen)],
         mode="markers",
         name=f"chosen ({chosen})",
         marker={"color": "rgba(0,0,0,0)", "symbol": "circle", "size": 17, "line": {"color": INK, "width": 2.5}},

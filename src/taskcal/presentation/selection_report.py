@@ -1,13 +1,14 @@
 """A choice of parameters as a page: how many the task needs, which, and why the others are not among them."""
 
 from taskcal.adaptation.selection import Selection
+from taskcal.adaptation.task_errors import TaskCurves, TaskMaps
 from taskcal.analysis.sensitivity import Sensitivity
 from taskcal.presentation.content import Chart, Numbers, Points, Section, Table, Text
 from taskcal.presentation.effect_figures import draw_effects
 from taskcal.presentation.effect_tables import tabulate_effects
 from taskcal.presentation.report import report_html
 from taskcal.presentation.selection_figures import REFERENCES, draw_ladder
-from taskcal.presentation.task_section import TaskCurves, TaskMaps, task_section
+from taskcal.presentation.task_section import task_section
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
 
@@ -35,7 +36,7 @@ def selection_html(
         measured: which poses are measured, in words.
         version: of the package, for the footer.
     """
-    chosen = next(rung for rung in found.ladder if rung.size == len(found.kept))
+    chosen = next(nested for nested in found.ladder if nested.size == len(found.kept))
     labels = {p.name: p.label for p in model.parameters}
     crossed = chosen.cross_validated is not None
     sections = [

@@ -1,5 +1,6 @@
 """Sensitivity as a page: what every parameter does to the tool, which can be told apart, and where in the task it matters."""
 
+from taskcal.adaptation.task_errors import TaskCurves, TaskMaps
 from taskcal.analysis.elimination_table import EliminationTable
 from taskcal.analysis.sensitivity import Sensitivity
 from taskcal.presentation.content import Block, Chart, Numbers, Section, Table, Text
@@ -7,7 +8,7 @@ from taskcal.presentation.effect_figures import draw_effects
 from taskcal.presentation.effect_tables import tabulate_effects
 from taskcal.presentation.model_figures import draw_singular_values
 from taskcal.presentation.report import report_html
-from taskcal.presentation.task_section import TaskCurves, TaskMaps, task_section
+from taskcal.presentation.task_section import task_section
 
 
 def sensitivity_html(

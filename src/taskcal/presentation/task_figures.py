@@ -8,10 +8,9 @@ import plotly.graph_objects as go
 from jaxtyping import Float
 from plotly.subplots import make_subplots
 
-from taskcal.adaptation.task_map import Slice
+from taskcal.adaptation.task_map import Maps, Slice
 from taskcal.presentation.theme import AXIS_COLOURS, SERIES, label_panels, styled, switch
 
-Maps = Sequence[Float[np.ndarray, "v u"]]
 """A map for each slice."""
 
 COLOURS = "Viridis"

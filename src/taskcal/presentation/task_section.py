@@ -1,41 +1,11 @@
 """The part of a report that says where in a task the errors are."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 import numpy as np
-from jaxtyping import Float
 
-from taskcal.adaptation.task_map import Slice
+from taskcal.adaptation.task_errors import TaskCurves, TaskMaps
 from taskcal.presentation.content import Block, Chart, Section, Text
-from taskcal.presentation.task_figures import Maps, draw_curves, draw_maps
+from taskcal.presentation.task_figures import draw_curves, draw_maps
 from taskcal.robot.error_model import ErrorModel
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class TaskMaps:
-    """Maps over slices of a workspace, metres."""
-
-    slices: tuple[Slice, ...]
-    coarse: tuple[Slice, ...]
-    """Of the single parameters."""
-    effects: Mapping[str, Maps]
-    """Effect of each parameter's tolerance."""
-    tolerance: Maps
-    """All tolerances together, in the robot's base."""
-    before: Maps
-    """Expected error with the frames alone found."""
-    after: Maps
-    """Expected error with parameters identified."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class TaskCurves:
-    """The same pose by pose, for a list or a path, metres."""
-
-    tolerance: Float[np.ndarray, " n"]
-    before: Float[np.ndarray, " n"]
-    after: Float[np.ndarray, " n"]
 
 
 def task_section(model: ErrorModel, found: TaskMaps | TaskCurves, identified: str, measured: str) -> Section:

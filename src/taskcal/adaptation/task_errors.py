@@ -1,24 +1,48 @@
-"""Where in a task the errors are, for the pages of several commands."""
+"""Where in a task the errors are to be expected: over slices of a workspace, or pose by pose."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from taskcal.adaptation.expected_error import Design
-from taskcal.adaptation.task_map import map_expected, map_sensitivity, map_tolerance, slice_workspace
-from taskcal.presentation.task_section import TaskCurves, TaskMaps
+from taskcal.adaptation.task_map import Maps, Slice, map_expected, map_sensitivity, map_tolerance, slice_workspace
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, reach_task
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 MAPPED, WITH_PARAMETERS = 21, 15
 """Points along an edge of a map; fewer where there is one for each parameter."""
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TaskMaps:
+    """Maps over slices of a workspace, metres."""
+
+    slices: tuple[Slice, ...]
+    coarse: tuple[Slice, ...]
+    """Of the single parameters."""
+    effects: Mapping[str, Sequence[Float[np.ndarray, "coarse_v coarse_u"]]]
+    """Effect of each parameter's tolerance."""
+    tolerance: Maps
+    """All tolerances together, in the robot's base."""
+    before: Maps
+    """Expected error with the frames alone found."""
+    after: Maps
+    """Expected error with parameters identified."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TaskCurves:
+    """The same pose by pose, for a list or a path, metres."""
+
+    tolerance: Float[np.ndarray, " n"]
+    before: Float[np.ndarray, " n"]
+    after: Float[np.ndarray, " n"]
+
+
 def map_task(
-    model: ErrorModel, task: Task, made: Design, kept: "Iterable[str] | None" = None, seed: int = 0
+    model: ErrorModel, task: Task, made: Design, kept: Iterable[str] | None = None, seed: int = 0
 ) -> TaskMaps | TaskCurves:
     """Errors over slices of a task's workspace; pose by pose for a list or a path.
 

@@ -13,8 +13,8 @@ from taskcal.robot.error_model import ErrorModel
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Knowledge:
-    """Of a campaign, of a calibration, or assumed."""
+class PlanPrior:
+    """From a campaign, from a calibration, or assumed."""
 
     model_error: float
     """Standard deviation per axis of what the model does not explain, metres."""
@@ -27,10 +27,10 @@ class Knowledge:
     calibration: Calibration | None = None
 
 
-def know_campaign(
+def prior_from_campaign(
     model: ErrorModel, campaign: Campaign, station: Station | None, noise: TrackerNoise | None
-) -> Knowledge:
-    """What a campaign shows.
+) -> PlanPrior:
+    """What a campaign shows of robot and cell.
 
     Raises:
         CampaignError: a campaign of poses, or targets that are not the station's.
@@ -41,7 +41,7 @@ def know_campaign(
     if station is not None:
         campaign = campaign.of_targets([r.name for r in station.reflectors])
     fitted = identify(model, campaign, noise=noise)
-    return Knowledge(
+    return PlanPrior(
         model_error=fitted.model_error[0],
         prior_scale=fitted.prior_scale or 1.0,
         registration=register(model, campaign),
@@ -49,7 +49,7 @@ def know_campaign(
     )
 
 
-def know_calibration(model: ErrorModel, calibration: Calibration, station: Station | None) -> Knowledge:
+def prior_from_calibration(model: ErrorModel, calibration: Calibration, station: Station | None) -> PlanPrior:
     """What a calibration knows, its parameters' covariance above all.
 
     Raises:
@@ -73,7 +73,7 @@ def know_calibration(model: ErrorModel, calibration: Calibration, station: Stati
             "the station's reflectors stand in another order than the calibration's targets; write "
             f"{', '.join(calibration.targets)}"
         )
-    return Knowledge(
+    return PlanPrior(
         model_error=calibration.model_error[0],
         prior_scale=calibration.prior_scale,
         registration=None,
