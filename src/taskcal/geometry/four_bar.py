@@ -118,3 +118,29 @@ def can_close(
     wy = bar.arm * np.sin(arm_angle) - bar.crank * np.sin(crank)
     square = wx * wx + wy * wy
     return np.abs(bar.rod**2 - square - bar.rocker**2) < (1.0 - 1e-12) * 2.0 * bar.rocker * np.sqrt(square)
+
+
+def curvature(
+    bar: FourBar, closure: Closure, arm_angle: Float[np.ndarray, " n"], crank_angle: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, "n 2 2"]:
+    """Second derivatives of θ by α and κ, per radian, where the loop closes.
+
+    With F = ½ |v|², constant as the loop moves: θ_ab = −(F_ab + F_aψ θ_b + F_bψ θ_a + F_ψψ θ_a θ_b) / F_ψ.
+    """
+    d, L1, L3 = bar.arm, bar.crank, bar.rocker
+    a, k, psi = arm_angle, crank_angle + bar.crank_angle, closure.angle + bar.rocker_angle
+    vx = d * np.cos(a) + L3 * np.cos(psi) - L1 * np.cos(k)
+    vy = d * np.sin(a) + L3 * np.sin(psi) - L1 * np.sin(k)
+
+    def along(angle: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        return vx * np.cos(angle) + vy * np.sin(angle)
+
+    F_psi = L3 * (vy * np.cos(psi) - vx * np.sin(psi))
+    F = np.empty((len(a), 2, 2))
+    F[:, 0, 0], F[:, 1, 1] = d * d - d * along(a), L1 * L1 + L1 * along(k)
+    F[:, 0, 1] = F[:, 1, 0] = -d * L1 * np.cos(a - k)
+    mixed = (
+        np.stack([d * L3 * np.cos(a - psi), -L1 * L3 * np.cos(k - psi)], axis=1)[:, :, None] * closure.by_angle[:, None]
+    )
+    both = (L3 * L3 - L3 * along(psi))[:, None, None] * closure.by_angle[:, :, None] * closure.by_angle[:, None]
+    return -(F + mixed + np.swapaxes(mixed, 1, 2) + both) / F_psi[:, None, None]

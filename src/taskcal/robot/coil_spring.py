@@ -32,3 +32,11 @@ class CoilSpring:
         r, a = self.crank, self.anchor
         length = np.sqrt((r - a) ** 2 + 2.0 * r * a * (1.0 - np.cos(phi)))
         return -self.rate * (length - self.free_length) * r * a * np.sin(phi) / length
+
+    def torque_by_turn(self, turn: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """∂(torque)/∂φ, newton metres per radian: of −c r a sin φ (1 − l₀/l), where ∂l/∂φ = r a sin φ / l."""
+        phi = turn - self.aligned
+        r, a = self.crank, self.anchor
+        length = np.sqrt((r - a) ** 2 + 2.0 * r * a * (1.0 - np.cos(phi)))
+        pulled = 1.0 - self.free_length / length
+        return -self.rate * r * a * (np.cos(phi) * pulled + self.free_length * r * a * np.sin(phi) ** 2 / length**3)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Inexact, Int
 
 from taskcal.errors import ClosureError
-from taskcal.geometry.four_bar import REMEDY, FourBar, can_close, close_four_bar
+from taskcal.geometry.four_bar import REMEDY, FourBar, can_close, close_four_bar, curvature
 from taskcal.robot.conditions import Conditions
 
 
@@ -145,6 +145,13 @@ class FourBarDrive:
             factor=(closure.by_length[:, :3, None] * self.output[self.moved]).reshape(len(q), 3 * len(self.moved)),
             slope=slope,
         )
+
+    def curvature(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n coordinates joints joints"]:
+        """∂²δs/∂q² of the nominal loop."""
+        alpha, kappa = q @ self.arm, q @ self.crank
+        second = curvature(self.bar, close_four_bar(self.bar, alpha, kappa), alpha, kappa)
+        angles = np.stack([self.arm, self.crank])
+        return np.einsum("c,nab,ai,bj->ncij", self.output, second, angles, angles)
 
     def closes(self, q: Float[np.ndarray, "n joints"], xi: Float[np.ndarray, " 3"]) -> Bool[np.ndarray, " n"]:
         """Whether the loop closes at each pose on the side it is built on.

@@ -12,7 +12,7 @@ from taskcal.robot.effects.effect import DEFLECTION, Effect, frozen
 from taskcal.robot.effects.linear_term import LinearTerm
 from taskcal.robot.effects.load_path import LoadPath, at_motors, sample_poses
 from taskcal.robot.effects.lumped_weights import yield_under_lumped_weights
-from taskcal.robot.effects.motor_torque import motor_torque
+from taskcal.robot.effects.motor_torque import motor_torque, motor_torque_by_joint
 from taskcal.robot.load import Load
 from taskcal.robot.robot import Robot
 from taskcal.robot.shown_unit import ShownUnit
@@ -111,7 +111,8 @@ class Compliance(Effect):
         # a robot without weight gives no scale; 1 Nm keeps its tolerances finite
         built_for = np.maximum(largest, LEAST * max(float(largest.max()), 1.0))
         stiffness = [robot.statics.stiffness[m] for m in motors]
-        torque = motor_torque(robot, self.load or Load())
+        load = self.load or Load()
+        torque, slope = motor_torque(robot, load), motor_torque_by_joint(robot, load)
         return at_motors(
             robot,
             [f"{robot.joint_names[m]}.compliance" for m in motors],
@@ -120,7 +121,8 @@ class Compliance(Effect):
                 self.tolerance / built_for[m] if k is None else STATED / k
                 for m, k in zip(motors, stiffness, strict=True)
             ],
-            lambda _, path: torque(path)[:, motors],
+            lambda path: torque(path)[:, motors],
+            lambda path: slope(path)[:, motors],
             nominal=[0.0 if k is None else 1.0 / k for k in stiffness],
             per="Nm",
         )

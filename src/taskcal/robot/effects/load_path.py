@@ -27,6 +27,12 @@ class LoadPath:
     """∂(coordinates)/∂(motors)."""
     motors: Float[np.ndarray, "n motors"]
     """Where the motors' outputs stand, radians or metres."""
+    by_joint: Float[np.ndarray, "n coordinates joints"]
+    """∂(coordinates)/∂q."""
+    motors_by_joint: Float[np.ndarray, "motors joints"]
+    """∂(motors)/∂q."""
+    curvature: Float[np.ndarray, "n coordinates motors joints"]
+    """∂(by_motor)/∂q."""
 
     @classmethod
     def at(cls, robot: Robot, q: Float[np.ndarray, "n joints"]) -> "LoadPath":
@@ -38,10 +44,25 @@ class LoadPath:
         q = np.asarray(q, dtype=float)
         s = robot.joint_map(q)
         if robot.four_bar is None:
-            one = np.eye(s.shape[1])
-            return cls(coordinates=s, by_motor=np.broadcast_to(one, (len(q), *one.shape)), motors=s)
+            one, matrix = np.eye(s.shape[1]), robot.joint_map.matrix
+            return cls(
+                coordinates=s,
+                by_motor=np.broadcast_to(one, (len(q), *one.shape)),
+                motors=s,
+                by_joint=np.broadcast_to(matrix, (len(q), *matrix.shape)),
+                motors_by_joint=matrix,
+                curvature=np.zeros((len(q), *one.shape, q.shape[1])),
+            )
         shift = robot.four_bar.shift(q, np.zeros(3))
-        return cls(coordinates=s + shift.value, by_motor=robot.joint_map.matrix + shift.by_joint, motors=q)
+        by_motor = robot.joint_map.matrix + shift.by_joint
+        return cls(
+            coordinates=s + shift.value,
+            by_motor=by_motor,
+            motors=q,
+            by_joint=by_motor,
+            motors_by_joint=np.eye(q.shape[1]),
+            curvature=robot.four_bar.curvature(q),
+        )
 
     def torque(
         self,
@@ -58,11 +79,56 @@ class LoadPath:
         """
         if not chain.joints:
             return np.zeros(self.motors.shape)
-        own = np.ascontiguousarray(self.coordinates[:, : chain.joints])
-        layout, angular = walk.Columns.of_joints(chain), force.shape[-1] == 6
-        J = walk.columns(chain, own, np.zeros((0, 6)), layout, np.ones_like(own), angular=angular, point=point)
+        J = self._columns(chain, point, angular=force.shape[-1] == 6)
         at_coordinates = np.einsum("...r,...rc->...c", force, J)
         return np.einsum("nc,ncm->nm", at_coordinates, self.by_motor[:, : chain.joints])
+
+    def torque_by_joint(
+        self,
+        chain: Chain,
+        force: Float[np.ndarray, "*n rows"],
+        point: Float[np.ndarray, " 3"] | None = None,
+        *,
+        turning: bool = False,
+    ) -> Float[np.ndarray, "n motors joints"]:
+        """Derivative of `torque` by the controller's joints.
+
+        A joint j turns what stands behind it: ∂(v_k, w_k)/∂s_j = w_j × (v_k, w_k) for k behind j, and ∂v_k/∂s_j = w_k × v_j
+        for k before j, where w_k itself stays.
+
+        Args:
+            chain: from the base to where the force acts.
+            force: as of `torque`.
+            point: as of `torque`.
+            turning: whether force and moment turn with the chain's end.
+        """
+        if not chain.joints:
+            return np.zeros((*self.motors.shape, self.by_joint.shape[2]))
+        J = self._columns(chain, point, angular=True)
+        v, w = np.swapaxes(J[:, :3], 1, 2), np.swapaxes(J[:, 3:], 1, 2)
+        whole = np.zeros((len(J), 6))
+        whole[:, : force.shape[-1]] = force
+        f, m = whole[:, :3], whole[:, 3:]
+        behind = np.triu(np.ones((chain.joints, chain.joints)))  # rows j, columns k, with j itself
+        turned = np.einsum("nr,njkr->njk", f, np.cross(w[:, :, None], v[:, None])) * behind
+        second = turned + np.swapaxes(turned * (1.0 - np.eye(chain.joints)), 1, 2)
+        second += np.einsum("nr,njkr->njk", m, np.cross(w[:, :, None], w[:, None])) * behind
+        if turning:
+            second += np.einsum("njr,nkr->njk", np.cross(w, f[:, None]), v) + np.einsum(
+                "njr,nkr->njk", np.cross(w, m[:, None]), w
+            )
+        first = np.einsum("nr,nrc->nc", whole, J)
+        own = slice(chain.joints)
+        return np.einsum("njk,nkm,nji->nmi", second, self.by_motor[:, own], self.by_joint[:, own]) + np.einsum(
+            "nc,ncmi->nmi", first, self.curvature[:, own]
+        )
+
+    def _columns(
+        self, chain: Chain, point: Float[np.ndarray, " 3"] | None, *, angular: bool
+    ) -> Float[np.ndarray, "n rows joints"]:
+        own = np.ascontiguousarray(self.coordinates[:, : chain.joints])
+        layout = walk.Columns.of_joints(chain)
+        return walk.columns(chain, own, np.zeros((0, 6)), layout, np.ones_like(own), angular=angular, point=point)
 
 
 def drive(robot: Robot) -> Float[np.ndarray, "coordinates motors"]:
@@ -101,7 +167,8 @@ def at_motors(
     names: Sequence[str],
     motors: Sequence[int],
     tolerances: Sequence[float],
-    turns: Callable[[Float[np.ndarray, "n joints"], LoadPath], Float[np.ndarray, "n p"]],
+    turns: Callable[[LoadPath], Float[np.ndarray, "n p"]],
+    turns_by_joint: Callable[[LoadPath], Float[np.ndarray, "n p joints"]],
     nominal: Sequence[float] | None = None,
     *,
     per: str = "",
@@ -113,7 +180,8 @@ def at_motors(
         names: of the parameters.
         motors: number of the motor that each one turns.
         tolerances: of the parameters.
-        turns: turn of its motor for a unit of each parameter, at joint positions q and the load path there.
+        turns: turn of its motor for a unit of each parameter, where the load path stands.
+        turns_by_joint: its derivative by the controller's joints.
         nominal: values that the parameters deviate from; nil by default.
         per: what the parameters are per, for a motor that turns: ``m`` of lever, ``Nm`` of torque.
     """
@@ -125,11 +193,12 @@ def at_motors(
 
     def basis(q: np.ndarray) -> np.ndarray:
         path = LoadPath.at(robot, q)
-        return turns(q, path)[:, parameter] * path.by_motor[:, coordinate, motor]
+        return turns(path)[:, parameter] * path.by_motor[:, coordinate, motor]
 
     def by_joint(q: np.ndarray) -> np.ndarray:
-        # the walk and the closure are compiled for real numbers; what an effect's slope adds to a Newton step is small
-        return np.stack([(basis(q + h) - basis(q - h)) / 2e-5 for h in 1e-5 * np.eye(q.shape[1])], axis=2)
+        path = LoadPath.at(robot, q)
+        geared = turns_by_joint(path)[:, parameter] * path.by_motor[:, coordinate, motor][:, :, None]
+        return geared + turns(path)[:, parameter, None] * path.curvature[:, coordinate, motor]
 
     return LinearTerm(
         names=tuple(names),

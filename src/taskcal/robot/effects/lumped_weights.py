@@ -44,7 +44,10 @@ def yield_under_lumped_weights(robot: Robot, motors: Sequence[int], tolerance: f
         [f"{robot.joint_names[m]}.sag_{labels[p]}" for m, p in kept],
         [m for m, _ in kept],
         [tolerance] * len(kept),
-        lambda _, path: _levers(robot, chains, path)[:, point, motor],
+        lambda path: _levers(robot, chains, path)[:, point, motor],
+        lambda path: np.stack([path.torque_by_joint(chain, robot.statics.gravity) for chain in chains], axis=1)[
+            :, point, motor
+        ],
         per="m",
     )
 

@@ -51,8 +51,12 @@ class MotorHarmonics(Effect):
         periods = np.array([order * (ratios[j] or 0.0) for j, order, _ in shapes])
         phases = np.array([0.0 if part == "cos" else 0.5 * np.pi for _, _, part in shapes])
 
-        def turns(_: Float[np.ndarray, "n joints"], path: LoadPath) -> Float[np.ndarray, "n p"]:
+        def turns(path: LoadPath) -> Float[np.ndarray, "n p"]:
             return np.cos(path.motors[:, motors] * periods - phases)
+
+        def turns_by_joint(path: LoadPath) -> Float[np.ndarray, "n p joints"]:
+            by_angle = -np.sin(path.motors[:, motors] * periods - phases) * periods
+            return by_angle[:, :, None] * path.motors_by_joint[motors]
 
         return at_motors(
             robot,
@@ -60,4 +64,5 @@ class MotorHarmonics(Effect):
             motors,
             [self.tolerance] * len(shapes),
             turns,
+            turns_by_joint,
         )

@@ -47,8 +47,7 @@ def motor_torque(robot: Robot, load: Load) -> Torque:
         if wrench.any():
             pushed = wrench
             if load.axes == "tool":
-                R = walk.poses(tool, path.coordinates, np.zeros((0, 6)))[:, :3, :3]
-                pushed = np.concatenate([R @ wrench[:3], R @ wrench[3:]], axis=1)
+                pushed = _in_base(tool, path, wrench)
             out += path.torque(tool, pushed)
         if spring is not None:
             turn = path.coordinates[:, spring.joint] - rest[spring.joint]
@@ -56,6 +55,38 @@ def motor_torque(robot: Robot, load: Load) -> Torque:
         return out
 
     return torque
+
+
+def motor_torque_by_joint(robot: Robot, load: Load) -> Callable[[LoadPath], Float[np.ndarray, "n motors joints"]]:
+    """Derivative of `motor_torque` by the controller's joints, newton metres per radian."""
+    weights, tool = _weights(robot, load), Chain.of(robot.steps())
+    down = STANDARD_GRAVITY * robot.statics.gravity
+    wrench = np.array([*load.force, *load.moment])
+    spring = robot.statics.spring
+
+    def slope(path: LoadPath) -> Float[np.ndarray, "n motors joints"]:
+        out = np.zeros((*path.motors.shape, path.by_joint.shape[2]))
+        for weight in weights:
+            out += path.torque_by_joint(weight.chain, weight.body.mass * down, np.array(weight.body.centre))
+        if wrench.any():
+            turning = load.axes == "tool"
+            pushed = _in_base(tool, path, wrench) if turning else wrench
+            out += path.torque_by_joint(tool, pushed, turning=turning)
+        if spring is not None:
+            j = spring.joint
+            turn = path.coordinates[:, j] - robot.joint_map.offset[j]
+            stiffening = spring.torque_by_turn(turn)[:, None] * path.by_joint[:, j]
+            out += stiffening[:, None] * path.by_motor[:, j, :, None]
+            out += spring.torque(turn)[:, None, None] * path.curvature[:, j]
+        return out
+
+    return slope
+
+
+def _in_base(tool: Chain, path: LoadPath, wrench: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "n 6"]:
+    """A force and a moment of the tool's axes in those of the base."""
+    R = walk.poses(tool, path.coordinates, np.zeros((0, 6)))[:, :3, :3]
+    return np.concatenate([R @ wrench[:3], R @ wrench[3:]], axis=1)
 
 
 def _weights(robot: Robot, load: Load) -> list[_Weight]:

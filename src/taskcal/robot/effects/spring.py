@@ -48,7 +48,8 @@ class Spring(Effect):
             [f"{name}.spring"],
             [stated.joint],
             [self.tolerance / largest],
-            lambda _, path: _torque(robot, stated, path)[:, None],
+            lambda path: _torque(robot, stated, path)[:, None],
+            lambda path: _torque_by_joint(robot, stated, path)[:, None],
             per="Nm",
         )
 
@@ -60,9 +61,15 @@ class Spring(Effect):
             if robot.prismatic[motor]:
                 raise TaskcalError(f"{robot.joint_names[motor]} of {robot.name} slides; a spring turns its axis")
 
-        def turns(_: Float[np.ndarray, "n joints"], path: LoadPath) -> Float[np.ndarray, "n p"]:
+        def turns(path: LoadPath) -> Float[np.ndarray, "n p"]:
             angle = path.coordinates[:, motors]
             return np.stack([np.cos(angle), np.sin(angle)], axis=2).reshape(len(angle), -1)
+
+        def turns_by_joint(path: LoadPath) -> Float[np.ndarray, "n p joints"]:
+            angle = path.coordinates[:, motors]
+            shapes = np.stack([-np.sin(angle), np.cos(angle)], axis=2)
+            by_joint = shapes[..., None] * path.by_joint[:, motors, None]
+            return by_joint.reshape(len(angle), -1, by_joint.shape[-1])
 
         return at_motors(
             robot,
@@ -70,6 +77,7 @@ class Spring(Effect):
             [m for m in motors for _ in range(2)],
             [self.tolerance] * 2 * len(motors),
             turns,
+            turns_by_joint,
         )
 
 
@@ -78,3 +86,11 @@ def _torque(robot: Robot, spring: CoilSpring, path: LoadPath) -> Float[np.ndarra
     j = spring.joint
     turn = path.coordinates[:, j] - robot.joint_map.offset[j]
     return spring.torque(turn) * path.by_motor[:, j, j]
+
+
+def _torque_by_joint(robot: Robot, spring: CoilSpring, path: LoadPath) -> Float[np.ndarray, "n joints"]:
+    """Derivative of `_torque` by the controller's joints."""
+    j = spring.joint
+    turn = path.coordinates[:, j] - robot.joint_map.offset[j]
+    stiffening = spring.torque_by_turn(turn) * path.by_motor[:, j, j]
+    return stiffening[:, None] * path.by_joint[:, j] + spring.torque(turn)[:, None] * path.curvature[:, j, j]
