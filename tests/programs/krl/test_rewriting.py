@@ -156,6 +156,27 @@ def test_a_point_that_is_used_otherwise_stays(use):
     assert f"XP1={POSE}" in dat.text
 
 
+def test_a_point_of_two_motions_becomes_two_where_they_disagree():
+    program = body(f"{FRAMES}LIN XP1\nLIN {POSE}\nLIN XP1", f"DECL E6POS XP1={POSE}")
+    sources = program.rewrite(KR16, {0: (to(0.901),), 2: (to(0.902),)})
+    again = read_krl(sources)
+    assert [move.end.T[0, 3] for move in again.moves] == pytest.approx([0.901, 0.9, 0.902], abs=1e-8)
+    names = [move.end.name for move in again.moves]
+    assert names[0] == "XP1"
+    assert names[2] not in ("", "XP1")
+    assert sources[1].text.count("E6POS") == 2
+
+
+def test_a_point_of_two_motions_keeps_its_numbers_for_the_one_that_stays():
+    program = body(f"{FRAMES}LIN XP1\nLIN {POSE}\nLIN XP1", f"DECL E6POS XP1={POSE}")
+    for changed, stays in ((0, 2), (2, 0)):
+        for way in ({changed: (to(0.901),)}, {changed: (to(0.901),), stays: (to(0.9),)}):
+            again = read_krl(program.rewrite(KR16, way))
+            assert again.moves[changed].end.T[0, 3] == pytest.approx(0.901, abs=1e-8)
+            assert again.moves[stays].end.T[0, 3] == pytest.approx(0.9, abs=1e-8)
+            assert again.moves[stays].end.name == "XP1"
+
+
 def test_points_of_others_are_written_into_the_motion():
     sources = [
         source("part.src", f"DEF PART( )\n{FRAMES}LIN XP1 C_DIS\nEND\n"),
