@@ -8,7 +8,7 @@ import pytest
 
 from taskcal.geometry import compiled, normal_equations
 from taskcal.geometry.chain import Chain
-from taskcal.geometry.normal_equations import Observations, Points, Walked
+from taskcal.geometry.observations import Observations, Points, Walked
 from taskcal.geometry.walk import Columns
 
 NOTHING = np.empty(0, dtype=np.int64)

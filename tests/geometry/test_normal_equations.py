@@ -3,20 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given
-from scipy.spatial.transform import Rotation
 
-from taskcal.geometry.chain import Chain, ErrorFrame, Joint
-from taskcal.geometry.normal_equations import (
-    CAUCHY,
-    HUBER,
-    SQUARED,
-    Observations,
-    Points,
-    Walked,
-    normal_equations,
-    spread,
-)
-from taskcal.geometry.walk import CHUNK, Columns
+from taskcal.geometry.normal_equations import CAUCHY, HUBER, SQUARED, normal_equations
+from taskcal.geometry.observations import Observations
+from taskcal.geometry.walk import CHUNK
 from tests.laws.chains import MeasuredCase, measured
 from tests.laws.robots import generators
 
@@ -57,19 +47,6 @@ def test_streamed_normal_equations_equal_those_of_the_explicit_jacobian(loss, ca
     np.testing.assert_allclose(H, expected_H, **close)
 
 
-@given(measured(), generators)
-def test_spread_is_the_residual_and_the_jacobian_around_a_matrix(case, rng):
-    M = rng.normal(size=(len(case.z),) * 2)
-    M = M @ M.T
-    residual, out = spread(case.walked, case.seen, M)
-    assert np.isnan(residual[~case.seen.valid]).all()
-    assert np.isnan(out[~case.seen.valid]).all()
-    for row, target, r, J in case.blocks():
-        np.testing.assert_allclose(residual[row, target], r, rtol=1e-10, atol=1e-10)
-        expected = J @ M @ J.T
-        np.testing.assert_allclose(out[row, target], expected, rtol=1e-9, atol=1e-10 * (1 + np.abs(expected).max()))
-
-
 @given(measured(pose=False), generators)
 def test_a_lost_beam_counts_for_nothing(case, rng):
     W = whiteners(rng, case)
@@ -78,23 +55,6 @@ def test_a_lost_beam_counts_for_nothing(case, rng):
     got = normal_equations(case.walked, case.seen, W)
     for a, b in zip(got, expected, strict=True):
         np.testing.assert_array_equal(a, b)
-
-
-def test_the_rotation_residual_turns_the_predicted_pose_into_the_measured_one():
-    rng = np.random.default_rng(0)
-    angles = np.array([0.0, 1e-9, 1e-5, 0.99e-4, 1.01e-4, 0.1, 1.5, 3.0, 3.14])
-    axis = rng.normal(size=(len(angles), 3))
-    turned = Rotation.from_rotvec(angles[:, None] * axis / np.linalg.norm(axis, axis=1, keepdims=True)).as_matrix()
-    s = rng.normal(size=(len(angles), 1))
-    predicted = Rotation.from_euler("Z", s).as_matrix()
-    seen = Observations(np.zeros((len(angles), 1, 3)), turned @ predicted, np.ones((len(angles), 1), dtype=bool))
-    layout = Columns(frames=np.arange(6)[None], joint=np.empty(0, dtype=int), column=np.empty(0, dtype=int), count=6)
-    held = Points(np.zeros((1, 3)), np.full((1, 3), -1))
-    walked = Walked(Chain.of([ErrorFrame(), Joint()]), s, np.zeros((1, 6)), layout, np.empty((len(s), 0)), held)
-    residual, _ = spread(walked, seen, np.eye(6))
-    np.testing.assert_allclose(
-        Rotation.from_rotvec(residual[:, 0, 3:]).as_matrix() @ predicted, turned @ predicted, atol=1e-8
-    )
 
 
 @given(measured(poses=5), generators)
@@ -109,6 +69,3 @@ def test_many_poses_on_threads_equal_the_same_few_over_and_over(case, rng):
         normal_equations(many, seen, np.tile(W, (times, 1, 1, 1))), normal_equations(few, case.seen, W), strict=True
     ):
         np.testing.assert_allclose(a, times * np.asarray(b), rtol=1e-10, atol=1e-9)
-    M = np.eye(len(case.z))
-    for a, b in zip(spread(many, seen, M), spread(few, case.seen, M), strict=True):
-        np.testing.assert_array_equal(a, np.tile(b, (times, *[1] * (b.ndim - 1))))

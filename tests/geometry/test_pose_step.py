@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from taskcal.geometry.chain import Chain, Fixed
-from taskcal.geometry.pose_step import LARGEST, WEIGHT, Goal, conditions, step_towards
+from taskcal.geometry.pose_step import LARGEST, WEIGHT, Goal, step_towards, task_jacobian
 from tests.laws import plain
 from tests.laws.chains import chains, rigid
 from tests.laws.robots import generators
@@ -51,7 +51,7 @@ def test_conditions_are_the_derivative_of_the_tips_pose(case, rng, free):
     tip = rigid(rng)
     by_joint = rng.normal(size=(len(case.s), case.s.shape[1], 3))
     goal = Goal(np.tile(np.eye(4), (len(case.s), 1, 1)), tip, free)
-    J = conditions(goal, case.chain, case.s, case.e, by_joint)
+    J = task_jacobian(goal, case.chain, case.s, case.e, by_joint)
     for i in range(len(case.s)):
         T = case.pose(i) @ tip
         dT = plain.derivatives(lambda s, i=i: case.pose(i, s=s) @ tip, case.s[i])
@@ -75,7 +75,7 @@ def test_the_step_is_the_damped_least_squares_solution(case, rng, free):
     goal_T[:, :3, 3] += 1e-3 * rng.normal(size=(4, 3))
     goal = Goal(goal_T, tip, free)
     made = step_towards(goal, case.chain, case.s, case.e, by_joint)
-    J = conditions(goal, case.chain, case.s, case.e, by_joint)
+    J = task_jacobian(goal, case.chain, case.s, case.e, by_joint)
     for i in range(4):
         error = np.concatenate([WEIGHT * (goal_T[i, :3, 3] - T[i, :3, 3]), turn[i]])
         if free:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed, Joint, Step
-from taskcal.geometry.normal_equations import Observations, Points, Walked
+from taskcal.geometry.observations import Observations, Points, Walked
 from taskcal.geometry.walk import Columns
 from tests.laws import plain
 from tests.laws.robots import generators

@@ -18,8 +18,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.geometry import normal_equations
-from taskcal.geometry.normal_equations import Observations
+from taskcal.geometry.covariance_propagation import propagate
+from taskcal.geometry.normal_equations import normal_equations
+from taskcal.geometry.observations import Observations
 from taskcal.identification.belief import frame_precision
 from taskcal.identification.problem import FrameLayout, Problem, observe, whitener
 from taskcal.measurement.campaign import Campaign
@@ -99,7 +100,7 @@ class Design:
         rotation = np.broadcast_to(np.eye(3), (len(q), 3, 3)).copy() if self.layout.pose else None
         nowhere = Observations(position=np.zeros((*shape, 3)), rotation=rotation, valid=np.ones(shape, dtype=bool))
         walked = self.layout.walked(np.asarray(q, dtype=float), self.layout.start())
-        spread = normal_equations.spread(walked, nowhere, covariance)[1][..., :3, :3]
+        spread = propagate(walked, nowhere, covariance)[1][..., :3, :3]
         return np.sqrt(np.trace(spread, axis1=2, axis2=3).mean(axis=1))
 
     def expected_of(self, names: Iterable[str]) -> float:
@@ -173,7 +174,7 @@ def design(
     start = layout.start()
     white = whitener(problem.covariance(variances))
     walked = problem.walked(start)
-    _, _, A = normal_equations.normal_equations(walked, problem.seen, white)
+    _, _, A = normal_equations(walked, problem.seen, white)
     W = _influence(layout, task)
     frames = np.arange(len(model), len(layout.names))
     # directions in which the poses do not locate the targets are held, as in the fit
@@ -191,7 +192,7 @@ def _influence(layout: FrameLayout, task: TaskPoses) -> Float[np.ndarray, "z z"]
     rows = 6 if layout.pose else 3
     weight = np.zeros((n, targets, rows, rows))
     weight[..., range(3), range(3)] = np.sqrt(task.weights / targets)[:, None, None]
-    return normal_equations.normal_equations(layout.walked(task.q, layout.start()), nowhere, weight)[2]
+    return normal_equations(layout.walked(task.q, layout.start()), nowhere, weight)[2]
 
 
 def _without_frames(

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from functools import cached_property
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -35,6 +36,14 @@ class ErrorFrame:
 Step = Fixed | Joint | ErrorFrame
 
 
+class Steps(NamedTuple):
+    """The arrays of a chain as the compiled passes take them; `Chain` says what each holds."""
+
+    kind: Int[np.ndarray, " steps"]
+    which: Int[np.ndarray, " steps"]
+    fixed: Float[np.ndarray, "parts 3 4"]
+
+
 @dataclass(frozen=True, eq=False)
 class Chain:
     """The steps of a walk from base to tool. Error frames, and joints without a number, are counted in the order they are met."""
@@ -49,6 +58,11 @@ class Chain:
     """Number of joints."""
     frames: int
     """Number of error frames."""
+
+    @cached_property
+    def steps(self) -> Steps:
+        """For the compiled passes."""
+        return Steps(self.kind, self.index, self.fixed)
 
     @classmethod
     def of(cls, steps: Sequence[Step]) -> "Chain":

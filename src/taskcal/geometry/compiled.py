@@ -42,17 +42,30 @@ def is_warm() -> bool:
     return any(cache_folder().rglob("normal_equations._accumulate-*.nbi"))
 
 
+def _njit(**options: bool) -> Any:
+    jit: Any = numba.njit  # its declared types lack the wrappers' options
+    return jit(nogil=True, error_model="numpy", **options)
+
+
 def compiled(kernel: Kernel) -> Kernel:
     """Compile a kernel at its first call, without the interpreter lock, and keep the machine code on disk."""
     settings: Any = config
     previous = settings.CACHE_DIR  # process-wide, so that other users of Numba keep their own
     settings.CACHE_DIR = str(cache_folder())
     try:
-        return cast(Kernel, numba.njit(cache=True, nogil=True, error_model="numpy")(kernel))
+        return cast(Kernel, _njit(cache=True, no_cfunc_wrapper=True)(kernel))
     finally:
         settings.CACHE_DIR = previous
 
 
+def part(kernel: Kernel) -> Kernel:
+    """Compile a kernel that only other kernels call; it is compiled with each of them and needs no cache.
+
+    It has no entry from Python, which would take longer to compile than the kernel where arguments are tuples of arrays.
+    """
+    return cast(Kernel, _njit(no_cfunc_wrapper=True, no_cpython_wrapper=True)(kernel))
+
+
 def inlined(kernel: Kernel) -> Kernel:
-    """Compile a kernel that only other kernels call; it is compiled with each of them and needs no cache."""
-    return cast(Kernel, numba.njit(nogil=True, error_model="numpy")(kernel))
+    """Compile a `part` into its callers: for short ones that take many arrays, whose call would cost more than they do."""
+    return cast(Kernel, _njit(no_cfunc_wrapper=True, no_cpython_wrapper=True, forceinline=True)(kernel))

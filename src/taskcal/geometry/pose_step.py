@@ -1,14 +1,14 @@
 """One damped Newton step of joint positions towards tool poses, many at once."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from taskcal.geometry.chain import Chain
-from taskcal.geometry.compiled import compiled, inlined
-from taskcal.geometry.walk import Columns, expand_error_frames, fill_columns, walk_pose
+from taskcal.geometry.compiled import compiled, part
+from taskcal.geometry.walk import Columns, Layout, allocate_axes, expand_error_frames, fill_columns, walk_pose
 
 WEIGHT = 2.0
 """Radians that a metre counts like: about what turns an arm's end by its own length."""
@@ -44,7 +44,7 @@ class Step:
     """Change of the joints that leads nearer to it, radians or metres."""
 
 
-@inlined
+@part
 def _turn(T, target, w):
     """Rotation vector from T to the target, by way of the quaternion, so that it holds up to half a turn."""
     m00 = target[0, 0] * T[0, 0] + target[0, 1] * T[0, 1] + target[0, 2] * T[0, 2]
@@ -74,7 +74,7 @@ def _turn(T, target, w):
     w[0], w[1], w[2] = scale * a, scale * b, scale * c
 
 
-@inlined
+@part
 def _tilt(T, target, w):
     """Rotation vector that takes the z axis of T to the target's the short way."""
     a = T[1, 2] * target[2, 2] - T[2, 2] * target[1, 2]
@@ -91,7 +91,7 @@ def _tilt(T, target, w):
         w[0], w[1], w[2] = np.pi * T[0, 0], np.pi * T[1, 0], np.pi * T[2, 0]
 
 
-@inlined
+@part
 def _solve(A, y):
     """Replace y by A⁻¹y, A symmetric and positive but for rounding: Cholesky's L over its lower half."""
     m = y.shape[0]
@@ -116,65 +116,105 @@ def _solve(A, y):
         y[i] /= A[i, i]
 
 
+class _Aim(NamedTuple):
+    """The arrays of a `Goal`."""
+
+    tip: Float[np.ndarray, "4 4"]
+    T: Float[np.ndarray, "n 4 4"]
+    free_spin: bool
+
+
+class _Out(NamedTuple):
+    """What a pass fills: the two parts of a `Step`, and the task's Jacobian, of the last pose alone where it has one."""
+
+    off: Float[np.ndarray, "n 2"]
+    step: Float[np.ndarray, "n joints"]
+    jacobian: Float[np.ndarray, "m rows joints"]
+
+
+@part
+def _append(end, tip, T):
+    """T = end·tip."""
+    for a in range(3):
+        for b in range(4):
+            T[a, b] = end[a, 0] * tip[0, b] + end[a, 1] * tip[1, b] + end[a, 2] * tip[2, b]
+        T[a, 3] += end[a, 3]
+
+
+@part
+def _set_off(T, target, free_spin, columns, y, w):
+    """How far T is off: translation and angles y, rotation vector w; the angular columns in the axes of the angles."""
+    if free_spin:
+        _tilt(T, target, w)
+        for c in range(columns.shape[1]):
+            u, v, z = columns[3, c], columns[4, c], columns[5, c]
+            columns[3, c] = T[0, 0] * u + T[1, 0] * v + T[2, 0] * z
+            columns[4, c] = T[0, 1] * u + T[1, 1] * v + T[2, 1] * z
+        y[3] = T[0, 0] * w[0] + T[1, 0] * w[1] + T[2, 0] * w[2]
+        y[4] = T[0, 1] * w[0] + T[1, 1] * w[1] + T[2, 1] * w[2]
+    else:
+        _turn(T, target, w)
+        y[3], y[4], y[5] = w[0], w[1], w[2]
+    for a in range(3):
+        y[a] = target[a, 3] - T[a, 3]
+
+
+@part
+def _weigh(columns, by_joint, y, J):
+    """The task's Jacobian J by the joints, its rows and those of y weighted."""
+    for a in range(y.shape[0]):
+        scale = WEIGHT if a < 3 else 1.0
+        y[a] *= scale
+        for b in range(J.shape[1]):
+            v = 0.0
+            for c in range(columns.shape[1]):
+                v += columns[a, c] * by_joint[c, b]
+            J[a, b] = scale * v
+
+
+@part
+def _damped_step(J, y, damping, A, step):
+    """The step Jᵀ(JJᵀ + damping)⁻¹y, shortened where a joint would move too far."""
+    rows, joints = J.shape
+    for a in range(rows):
+        for b in range(a + 1):
+            v = damping if a == b else 0.0
+            for c in range(joints):
+                v += J[a, c] * J[b, c]
+            A[a, b] = v
+    _solve(A, y)
+    far = 0.0
+    for b in range(joints):
+        v = 0.0
+        for a in range(rows):
+            v += J[a, b] * y[a]
+        step[b] = v
+        far = max(far, abs(v))
+    if far > LARGEST:
+        for b in range(joints):
+            step[b] *= LARGEST / far
+
+
 @compiled
-def _steps(kind, index, fixed, s, e, by_joint, joint, tip, target, free_spin, weight, largest, off, step, J):
-    e_rotation, e_axes, nil = expand_error_frames(e)
-    coordinates, joints, rows = s.shape[1], by_joint.shape[2], J.shape[1]
-    joint_axes, frame_axes = np.zeros((coordinates, 3, 3)), np.zeros((e.shape[0], 7, 3))
-    frames, ones, columns = np.zeros((0, 6), np.int64), np.ones(coordinates), np.zeros((6, coordinates))
+def _steps(steps, s, e, by_joint, layout, goal, out):
+    error_frames, axes = expand_error_frames(e), allocate_axes(s.shape[1], e.shape[0])
+    ones, columns = np.ones(s.shape[1]), np.zeros((6, s.shape[1]))
     end, T, w = np.empty((3, 4)), np.empty((3, 4)), np.empty(3)
+    rows = out.jacobian.shape[1]
     A, y = np.empty((rows, rows)), np.empty(rows)
     for i in range(s.shape[0]):
-        walk_pose(kind, index, fixed, s[i], e, e_rotation, e_axes, nil, joint_axes, frame_axes, end)
-        for a in range(3):
-            for b in range(4):
-                T[a, b] = end[a, 0] * tip[0, b] + end[a, 1] * tip[1, b] + end[a, 2] * tip[2, b]
-            T[a, 3] += end[a, 3]
-        fill_columns(joint_axes, frame_axes, frames, joint, joint, ones, T[0, 3], T[1, 3], T[2, 3], columns)
-        if free_spin:
-            _tilt(T, target[i], w)
-            for c in range(coordinates):
-                u, v, z = columns[3, c], columns[4, c], columns[5, c]
-                columns[3, c] = T[0, 0] * u + T[1, 0] * v + T[2, 0] * z
-                columns[4, c] = T[0, 1] * u + T[1, 1] * v + T[2, 1] * z
-            y[3] = T[0, 0] * w[0] + T[1, 0] * w[1] + T[2, 0] * w[2]
-            y[4] = T[0, 1] * w[0] + T[1, 1] * w[1] + T[2, 1] * w[2]
-        else:
-            _turn(T, target[i], w)
-            y[3], y[4], y[5] = w[0], w[1], w[2]
-        for a in range(3):
-            y[a] = target[i, a, 3] - T[a, 3]
-        off[i, 0] = np.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
-        off[i, 1] = np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
-        B, D = by_joint[i if by_joint.shape[0] > 1 else 0], J[i if J.shape[0] > 1 else 0]
-        for a in range(rows):
-            scale = weight if a < 3 else 1.0
-            y[a] *= scale
-            for b in range(joints):
-                v = 0.0
-                for c in range(coordinates):
-                    v += columns[a, c] * B[c, b]
-                D[a, b] = scale * v
+        walk_pose(steps, s[i], error_frames, axes, end)
+        _append(end, goal.tip, T)
+        fill_columns(axes, layout, ones, T[0, 3], T[1, 3], T[2, 3], columns)
+        _set_off(T, goal.T[i], goal.free_spin, columns, y, w)
+        distance = np.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
+        angle = np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
+        out.off[i, 0], out.off[i, 1] = distance, angle
+        J = out.jacobian[i if out.jacobian.shape[0] > 1 else 0]
+        _weigh(columns, by_joint[i if by_joint.shape[0] > 1 else 0], y, J)
         # damping fades with the error, so that the last steps are pure Newton; it tames singular poses (Wampler 1986)
-        square = weight * weight * off[i, 0] * off[i, 0] + off[i, 1] * off[i, 1]
-        damping = 1e-3 * min(square, 4.0) + 4e-16
-        for a in range(rows):
-            for b in range(a + 1):
-                v = damping if a == b else 0.0
-                for c in range(joints):
-                    v += D[a, c] * D[b, c]
-                A[a, b] = v
-        _solve(A, y)
-        far = 0.0
-        for b in range(joints):
-            v = 0.0
-            for a in range(rows):
-                v += D[a, b] * y[a]
-            step[i, b] = v
-            far = max(far, abs(v))
-        if far > largest:
-            for b in range(joints):
-                step[i, b] *= largest / far
+        square = WEIGHT * WEIGHT * distance * distance + angle * angle
+        _damped_step(J, y, 1e-3 * min(square, 4.0) + 4e-16, A, out.step[i])
 
 
 def step_towards(
@@ -193,12 +233,12 @@ def step_towards(
         e: values of the chain's error frames, metres and radians.
         by_joint: ∂s/∂q at every pose, or one for all.
     """
-    made = Step(off=np.empty((len(s), 2)), step=np.empty((len(s), by_joint.shape[2])))
-    _run(goal, chain, s, e, by_joint, made, np.empty((1, goal.rows, by_joint.shape[2])))
-    return made
+    step = Step(off=np.empty((len(s), 2)), step=np.empty((len(s), by_joint.shape[2])))
+    _run(goal, chain, s, e, by_joint, step, np.empty((1, goal.rows, by_joint.shape[2])))
+    return step
 
 
-def conditions(
+def task_jacobian(
     goal: Goal,
     chain: Chain,
     s: Float[np.ndarray, "n coordinates"],
@@ -215,9 +255,10 @@ def conditions(
     return J
 
 
-def _run(goal, chain, s, e, by_joint, made, J):
-    arguments: tuple[Any, ...] = (
-        chain.kind, chain.index, chain.fixed, s, e, by_joint, Columns.of_joints(chain).joint, goal.tip, goal.T,
-        goal.free_spin, WEIGHT, LARGEST, made.off, made.step, J,
-    )  # fmt: skip
-    _steps(*arguments)
+def _run(
+    goal: Goal, chain: Chain, s: np.ndarray, e: np.ndarray, by_joint: np.ndarray, step: Step, J: np.ndarray
+) -> None:
+    aim, out = _Aim(goal.tip, goal.T, goal.free_spin), _Out(step.off, step.step, J)
+    # no error frame has a column here; the array must be empty, for the chain may be one that has some
+    layout = Layout(np.zeros((0, 6), np.int64), *Columns.of_joints(chain).arrays[1:])
+    _steps(chain.steps, s, e, by_joint, layout, aim, out)

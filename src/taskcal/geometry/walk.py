@@ -9,18 +9,26 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
+from functools import cache, cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import ClosureError
 from taskcal.geometry.chain import ERROR_FRAME, FIXED, REVOLUTE, Chain
-from taskcal.geometry.compiled import compiled, inlined
+from taskcal.geometry.compiled import compiled, part
 
 CHUNK = 8192
 """Poses a thread takes at a time; fewer are walked in the calling thread."""
+
+
+class Layout(NamedTuple):
+    """The arrays of `Columns` as the compiled passes take them."""
+
+    frames: Int[np.ndarray, "frames 6"]
+    joint: Int[np.ndarray, " pairs"]
+    column: Int[np.ndarray, " pairs"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +44,11 @@ class Columns:
     count: int
     """Number of columns."""
 
+    @cached_property
+    def arrays(self) -> Layout:
+        """For the compiled passes."""
+        return Layout(self.frames, self.joint, self.column)
+
     @classmethod
     def of_joints(cls, chain: Chain) -> "Columns":
         """One column for each joint of the chain, none for error frames."""
@@ -43,12 +56,33 @@ class Columns:
         return cls(frames=np.full((chain.frames, 6), -1), joint=joints, column=joints, count=chain.joints)
 
 
-@inlined
+class ErrorFrames(NamedTuple):
+    """The error frames of a walk, which are the same at every pose."""
+
+    value: Float[np.ndarray, "frames 6"]
+    """Translations and angles, metres and radians."""
+    rotation: Float[np.ndarray, "frames 3 3"]
+    axes: Float[np.ndarray, "frames 3 3"]
+    """Axes of the three rotations, in columns."""
+    is_zero: Bool[np.ndarray, " frames"]
+    """Whether all six values are exactly zero."""
+
+
+class Axes(NamedTuple):
+    """About which, or along which, the rest of the chain moves at one pose; a walk fills them in."""
+
+    joints: Float[np.ndarray, "joints 3 3"]
+    """1 in the first number of a revolute joint and 0 of a prismatic one; its axis; its origin."""
+    frames: Float[np.ndarray, "frames 7 3"]
+    """Three axes of translation and three of rotation of each error frame; its origin."""
+
+
+@part
 def expand_error_frames(e):
-    """Rotation of each error frame, the axes of its three rotations, and whether it is exactly nil."""
+    """Everything about the error frames that does not depend on the pose."""
     rotation = np.empty((e.shape[0], 3, 3))
     axes = np.empty((e.shape[0], 3, 3))
-    nil = np.empty(e.shape[0], dtype=np.bool_)
+    is_zero = np.empty(e.shape[0], dtype=np.bool_)
     for f in range(e.shape[0]):
         cx, sx = np.cos(e[f, 3]), np.sin(e[f, 3])
         cy, sy = np.cos(e[f, 4]), np.sin(e[f, 4])
@@ -60,15 +94,23 @@ def expand_error_frames(e):
         R[0, 0], R[0, 1], R[0, 2] = cy * cz, -cy * sz, sy
         R[1, 0], R[1, 1], R[1, 2] = cx * sz + sx * sy * cz, cx * cz - sx * sy * sz, -sx * cy
         R[2, 0], R[2, 1], R[2, 2] = sx * sz - cx * sy * cz, sx * cz + cx * sy * sz, cx * cy
-        nil[f] = True
+        is_zero[f] = True
         for c in range(6):
-            nil[f] = nil[f] and e[f, c] == 0.0
-    return rotation, axes, nil
+            is_zero[f] = is_zero[f] and e[f, c] == 0.0
+    return ErrorFrames(e, rotation, axes, is_zero)
 
 
-@inlined
-def walk_pose(kind, index, fixed, s, e, e_rotation, e_axes, nil, joint_axes, frame_axes, T):
+@part
+def allocate_axes(joints, frames):
+    """Room for the axes of one pose."""
+    return Axes(np.zeros((joints, 3, 3)), np.zeros((frames, 7, 3)))
+
+
+@part
+def walk_pose(steps, s, error_frames, axes, T):
     """Walk one pose: fill the axes and origins of joints and error frames, and the pose T (3, 4) of the end."""
+    kind, index, fixed = steps.kind, steps.which, steps.fixed
+    e, e_rotation, e_axes, is_zero = error_frames.value, error_frames.rotation, error_frames.axes, error_frames.is_zero
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
     x, y, z = 0.0, 0.0, 0.0
     for k in range(kind.shape[0]):
@@ -82,12 +124,12 @@ def walk_pose(kind, index, fixed, s, e, e_rotation, e_axes, nil, joint_axes, fra
             y += r10 * tx + r11 * ty + r12 * tz
             z += r20 * tx + r21 * ty + r22 * tz
             if what == ERROR_FRAME:
-                frame = frame_axes[i]
+                frame = axes.frames[i]
                 frame[0, 0], frame[0, 1], frame[0, 2] = r00, r10, r20
                 frame[1, 0], frame[1, 1], frame[1, 2] = r01, r11, r21
                 frame[2, 0], frame[2, 1], frame[2, 2] = r02, r12, r22
                 frame[6, 0], frame[6, 1], frame[6, 2] = x, y, z
-                if nil[i]:
+                if is_zero[i]:
                     for c in range(3):
                         for d in range(3):
                             frame[3 + c, d] = frame[c, d]
@@ -113,7 +155,7 @@ def walk_pose(kind, index, fixed, s, e, e_rotation, e_axes, nil, joint_axes, fra
             r21 = a * M[0, 1] + b * M[1, 1] + g * M[2, 1]
             r22 = a * M[0, 2] + b * M[1, 2] + g * M[2, 2]
         else:
-            joint = joint_axes[i]
+            joint = axes.joints[i]
             joint[1, 0], joint[1, 1], joint[1, 2] = r02, r12, r22
             joint[2, 0], joint[2, 1], joint[2, 2] = x, y, z
             if what == REVOLUTE:
@@ -132,18 +174,19 @@ def walk_pose(kind, index, fixed, s, e, e_rotation, e_axes, nil, joint_axes, fra
     T[2, 0], T[2, 1], T[2, 2], T[2, 3] = r20, r21, r22, z
 
 
-@inlined
-def fill_columns(joint_axes, frame_axes, frames, joint, column, factor, x, y, z, out):
+@part
+def fill_columns(axes, layout, factor, x, y, z, out):
     """Columns of the point (x, y, z): rows vx vy vz, and wx wy wz where `out` has six rows."""
+    frames, joint, column = layout.frames, layout.joint, layout.column
     angular = out.shape[0] == 6
     for f in range(frames.shape[0]):
-        axes = frame_axes[f]
-        dx, dy, dz = x - axes[6, 0], y - axes[6, 1], z - axes[6, 2]
+        frame = axes.frames[f]
+        dx, dy, dz = x - frame[6, 0], y - frame[6, 1], z - frame[6, 2]
         for c in range(6):
             k = frames[f, c]
             if k < 0:
                 continue
-            a, b, g = axes[c, 0], axes[c, 1], axes[c, 2]
+            a, b, g = frame[c, 0], frame[c, 1], frame[c, 2]
             if c < 3:
                 out[0, k], out[1, k], out[2, k] = a, b, g
                 if angular:
@@ -156,14 +199,14 @@ def fill_columns(joint_axes, frame_axes, frames, joint, column, factor, x, y, z,
         for row in range(out.shape[0]):
             out[row, column[i]] = 0.0
     for i in range(joint.shape[0]):
-        axes, k, t = joint_axes[joint[i]], column[i], factor[i]
-        a, b, g = t * axes[1, 0], t * axes[1, 1], t * axes[1, 2]
-        if axes[0, 0] == 0.0:
+        moved, k, t = axes.joints[joint[i]], column[i], factor[i]
+        a, b, g = t * moved[1, 0], t * moved[1, 1], t * moved[1, 2]
+        if moved[0, 0] == 0.0:
             out[0, k] += a
             out[1, k] += b
             out[2, k] += g
         else:
-            dx, dy, dz = x - axes[2, 0], y - axes[2, 1], z - axes[2, 2]
+            dx, dy, dz = x - moved[2, 0], y - moved[2, 1], z - moved[2, 2]
             out[0, k] += b * dz - g * dy
             out[1, k] += g * dx - a * dz
             out[2, k] += a * dy - b * dx
@@ -174,26 +217,24 @@ def fill_columns(joint_axes, frame_axes, frames, joint, column, factor, x, y, z,
 
 
 @compiled
-def _poses(kind, index, fixed, s, e, out):
-    e_rotation, e_axes, nil = expand_error_frames(e)
-    joint_axes, frame_axes = np.zeros((s.shape[1], 3, 3)), np.zeros((e.shape[0], 7, 3))
+def _poses(steps, s, e, out):
+    error_frames, axes = expand_error_frames(e), allocate_axes(s.shape[1], e.shape[0])
     for i in range(s.shape[0]):
-        walk_pose(kind, index, fixed, s[i], e, e_rotation, e_axes, nil, joint_axes, frame_axes, out[i])
+        walk_pose(steps, s[i], error_frames, axes, out[i])
         out[i, 3, 0], out[i, 3, 1], out[i, 3, 2], out[i, 3, 3] = 0.0, 0.0, 0.0, 1.0
 
 
 @compiled
-def _columns(kind, index, fixed, s, e, factor, frames, joint, column, point, out):
-    e_rotation, e_axes, nil = expand_error_frames(e)
-    joint_axes, frame_axes = np.zeros((s.shape[1], 3, 3)), np.zeros((e.shape[0], 7, 3))
+def _columns(steps, s, e, factor, layout, point, out):
+    error_frames, axes = expand_error_frames(e), allocate_axes(s.shape[1], e.shape[0])
     T = np.empty((3, 4))
     a, b, c = point
     for i in range(s.shape[0]):
-        walk_pose(kind, index, fixed, s[i], e, e_rotation, e_axes, nil, joint_axes, frame_axes, T)
+        walk_pose(steps, s[i], error_frames, axes, T)
         x = T[0, 3] + T[0, 0] * a + T[0, 1] * b + T[0, 2] * c
         y = T[1, 3] + T[1, 0] * a + T[1, 1] * b + T[1, 2] * c
         z = T[2, 3] + T[2, 0] * a + T[2, 1] * b + T[2, 2] * c
-        fill_columns(joint_axes, frame_axes, frames, joint, column, factor[i], x, y, z, out[i])
+        fill_columns(axes, layout, factor[i], x, y, z, out[i])
 
 
 @cache
@@ -234,7 +275,7 @@ def poses(
         out: where to write them.
     """
     found = np.empty((len(s), 4, 4)) if out is None else out
-    in_chunks(lambda rows: _poses(chain.kind, chain.index, chain.fixed, s[rows], e, found[rows]), len(s))
+    in_chunks(lambda rows: _poses(chain.steps, s[rows], e, found[rows]), len(s))
     return found
 
 
@@ -269,20 +310,9 @@ def columns(
     """
     point = np.zeros(3) if point is None else point
     found = allocate(layout, len(s), angular=angular) if out is None else out
-    arrays = layout.frames, layout.joint, layout.column, point
 
     def fill(rows: slice) -> None:
-        arguments: tuple[Any, ...] = (
-            chain.kind,
-            chain.index,
-            chain.fixed,
-            s[rows],
-            e,
-            factor[rows],
-            *arrays,
-            found[rows],
-        )
-        _columns(*arguments)
+        _columns(chain.steps, s[rows], e, factor[rows], layout.arrays, point, found[rows])
 
     in_chunks(fill, len(s))
     return found

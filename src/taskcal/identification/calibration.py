@@ -14,9 +14,10 @@ from jaxtyping import Float
 
 from taskcal.errors import CampaignError, FileError, TaskcalError
 from taskcal.files import write_whole
-from taskcal.geometry import normal_equations, se3, walk
+from taskcal.geometry import se3, walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
-from taskcal.geometry.normal_equations import Observations
+from taskcal.geometry.covariance_propagation import propagate
+from taskcal.geometry.observations import Observations
 from taskcal.identification.field import ResidualField
 from taskcal.identification.outlier import Outlier
 from taskcal.identification.problem import FrameLayout
@@ -251,7 +252,7 @@ class Calibration:
         at = self.layout.walked(q, self.z, self.model.prepare(q, conditions))
         T = walk.poses(at.chain, at.s, at.e)[:, :3, :3] if self.layout.pose else None
         nowhere = Observations(position=np.zeros((*shape, 3)), rotation=T, valid=np.ones(shape, dtype=bool))
-        _, spread = normal_equations.spread(at, nowhere, self.z_covariance)
+        _, spread = propagate(at, nowhere, self.z_covariance)
         if conditions is None and self.model.conditioned:
             spread = spread + self._sides(q)
         if not model_error:

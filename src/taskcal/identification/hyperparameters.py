@@ -11,7 +11,7 @@ from taskcal.estimation import evidence
 from taskcal.estimation.least_squares import Solution, Stopping, fit, solve_scaled
 from taskcal.estimation.loss import Loss
 from taskcal.estimation.prior import GaussianPrior
-from taskcal.geometry import normal_equations
+from taskcal.geometry.covariance_propagation import propagate
 from taskcal.identification.belief import Belief
 from taskcal.identification.problem import Problem, whitener
 
@@ -107,7 +107,7 @@ def _final(belief: Belief) -> Stopping:
 def _first_variances(problem: Problem, start: np.ndarray, groups: int) -> np.ndarray:
     """A tenth of what the nominal robot leaves: on the large side, for a first fit that the prior still steers."""
     nothing = np.zeros((len(start), len(start)))
-    residual, _ = normal_equations.spread(problem.walked(start), problem.seen, nothing)
+    residual, _ = propagate(problem.walked(start), problem.seen, nothing)
     return np.array([0.01 * np.nanmean(residual[..., 3 * g : 3 * g + 3] ** 2) for g in range(groups)])
 
 
@@ -137,7 +137,7 @@ def _fit_once(
             f"check the campaign with a robust loss (loss=Cauchy()), or {remedy}"
         )
     posterior = _invert(solution.information + precision)
-    residual, spread = normal_equations.spread(problem.walked(solution.z), problem.seen, posterior)
+    residual, spread = propagate(problem.walked(solution.z), problem.seen, posterior)
     rms = np.sqrt(np.mean(np.einsum("ntij,ntj->nti", white, np.nan_to_num(residual)) ** 2, axis=2))
     return Fitted(
         solution=solution,

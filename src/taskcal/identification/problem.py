@@ -7,9 +7,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.errors import ClosureError
-from taskcal.geometry import normal_equations, se3
+from taskcal.geometry import se3
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
-from taskcal.geometry.normal_equations import Observations, Points, Walked
+from taskcal.geometry.normal_equations import WhitenedEquations, normal_equations
+from taskcal.geometry.observations import Observations, Points, Walked
 from taskcal.geometry.walk import Columns
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration
@@ -171,9 +172,7 @@ class Problem:
         """Measurement noise and model error together: variance of position and, for poses, of rotation."""
         return self.noise + np.diag(np.repeat(variances, 3))
 
-    def equations(
-        self, whitener: Float[np.ndarray, "n targets b b"], loss: int, threshold: float
-    ) -> normal_equations.WhitenedEquations:
+    def equations(self, whitener: Float[np.ndarray, "n targets b b"], loss: int, threshold: float) -> WhitenedEquations:
         """Cost, gradient and information as functions of z; the cost is infinite where a closed loop does not close.
 
         A step may lead there on the way to lengths that do close: the fit takes a shorter one then.
@@ -184,7 +183,7 @@ class Problem:
                 walked = self.walked(z)
             except ClosureError:
                 return np.inf, np.zeros(len(z)), np.zeros((len(z), len(z)))
-            return normal_equations.normal_equations(walked, self.seen, whitener, loss, threshold)
+            return normal_equations(walked, self.seen, whitener, loss, threshold)
 
         return evaluate
 

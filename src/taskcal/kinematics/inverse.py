@@ -9,7 +9,7 @@ from scipy.stats import qmc
 
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
-from taskcal.geometry.pose_step import Goal, conditions, step_towards
+from taskcal.geometry.pose_step import Goal, step_towards, task_jacobian
 from taskcal.geometry.walk import in_chunks
 from taskcal.robot.error_model import ErrorModel, Walk
 
@@ -136,7 +136,7 @@ def conditioning(
         if closing.any():
             at = model.walk(q[rows][closing], x)
             goal = Goal(np.tile(np.eye(4), (len(at.s), 1, 1)), frame, spin == "free")
-            s = np.linalg.svd(conditions(goal, model.chain, at.s, at.e, _slope(model, at)), compute_uv=False)
+            s = np.linalg.svd(task_jacobian(goal, model.chain, at.s, at.e, _slope(model, at)), compute_uv=False)
             ratio[rows][closing] = s[:, -1] / s[:, 0]
 
     in_chunks(fill, len(q))

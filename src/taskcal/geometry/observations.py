@@ -1,0 +1,115 @@
+"""What is measured at the end of a chain, and the chain it is measured on, as the compiled passes take them.
+
+A pass goes over the poses, and at each over the targets that were seen. A kind of observation is a compiled function that
+fills a block's residual and derivative (`point_observation`, `pose_observation`); what is then done with the block is the
+same for every kind (`normal_equations`, `covariance_propagation`).
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from taskcal.geometry.chain import Chain, Steps
+from taskcal.geometry.compiled import inlined
+from taskcal.geometry.point_observation import linearise_point
+from taskcal.geometry.pose_observation import linearise_rotation
+from taskcal.geometry.walk import Axes, Columns, Layout, allocate_axes
+
+_NO_ROTATION = np.zeros((1, 3, 3))
+
+
+class Points(NamedTuple):
+    """Where the targets sit in the end's frame, and which columns belong to that."""
+
+    position: Float[np.ndarray, "targets 3"]
+    """Target centres, metres."""
+    columns: Int[np.ndarray, "targets 3"]
+    """Column of each coordinate, −1 where it is held fixed."""
+
+
+class WalkArrays(NamedTuple):
+    """The arrays of `Walked`."""
+
+    steps: Steps
+    s: Float[np.ndarray, "n joints"]
+    e: Float[np.ndarray, "frames 6"]
+    layout: Layout
+    factor: Float[np.ndarray, "n pairs"]
+    points: Points
+
+
+class SeenArrays(NamedTuple):
+    """The arrays of `Observations`; where only points were measured the rotation is never read."""
+
+    position: Float[np.ndarray, "n targets 3"]
+    rotation: Float[np.ndarray, "m 3 3"]
+    valid: Bool[np.ndarray, "n targets"]
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Points fixed to the chain's end, or its pose, as measured in the frame of its start."""
+
+    position: Float[np.ndarray, "n targets 3"]
+    """Measured positions, metres."""
+    rotation: Float[np.ndarray, "n 3 3"] | None
+    """Measured rotations; None where only points were measured."""
+    valid: Bool[np.ndarray, "n targets"]
+    """False where the beam was lost."""
+
+    @property
+    def rows(self) -> int:
+        """Rows of one block of residuals: 3 for a point, 6 for a pose."""
+        return 3 if self.rotation is None else 6
+
+    def arrays(self, rows: slice) -> SeenArrays:
+        """Some of the poses, for a compiled pass."""
+        # contiguous, so that one compilation serves a part of larger arrays too
+        rotation = _NO_ROTATION if self.rotation is None else np.ascontiguousarray(self.rotation[rows])
+        return SeenArrays(self.position[rows], rotation, self.valid[rows])
+
+
+@dataclass(frozen=True, eq=False)
+class Walked:
+    """A chain with everything that a pass over measured poses needs besides the measurements."""
+
+    chain: Chain
+    s: Float[np.ndarray, "n joints"]
+    e: Float[np.ndarray, "frames 6"]
+    layout: Columns
+    factor: Float[np.ndarray, "n pairs"]
+    points: Points
+
+    def arrays(self, rows: slice) -> WalkArrays:
+        """Some of the poses, for a compiled pass."""
+        return WalkArrays(self.chain.steps, self.s[rows], self.e, self.layout.arrays, self.factor[rows], self.points)
+
+
+class Block(NamedTuple):
+    """One pose as walked, and the residual of one of its targets."""
+
+    axes: Axes
+    T: Float[np.ndarray, "3 4"]
+    """Pose of the end."""
+    r: Float[np.ndarray, " rows"]
+    J: Float[np.ndarray, "rows p"]
+    """Derivative of the prediction."""
+    room: Float[np.ndarray, "3 3"]
+    """For what a kind of observation works out on the way."""
+
+
+@inlined
+def allocate_block(walk, rows, p):
+    """Room for a block of so many rows and columns."""
+    axes = allocate_axes(walk.s.shape[1], walk.e.shape[0])
+    return Block(axes, np.empty((3, 4)), np.zeros(rows), np.zeros((rows, p)), np.empty((3, 3)))
+
+
+@inlined
+def linearise(walk, seen, i, t, block):
+    """Residual and derivative of target t at pose i; their rows say which kind of observation it is."""
+    linearise_point(walk, seen, i, t, block)
+    if block.r.shape[0] == 6:
+        linearise_rotation(seen, i, block)
