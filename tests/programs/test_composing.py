@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 from taskcal.errors import FileError, TaskcalError
 from taskcal.files import write_whole
 from taskcal.geometry import se3
-from taskcal.programs.composing import COMPOSED, compose_program, moves_to_joints
+from taskcal.programs.composing import compose_program, moves_to_joints
+from taskcal.programs.languages import COMPOSED
 from taskcal.programs.program import Frame, Move, Target
 from taskcal.programs.reading import read_program
 from taskcal.programs.source import Place

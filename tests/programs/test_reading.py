@@ -7,18 +7,20 @@ import pytest
 
 import taskcal
 from taskcal.errors import FileError, TaskcalError
+from taskcal.programs.languages import LANGUAGES, language_of
 from taskcal.programs.program import Frame
-from taskcal.programs.reading import SUFFIXES, language_of, read_program
+from taskcal.programs.reading import read_program
 
 JOINTS = "id,J1_deg,J2_deg\n0,10,20\n"
 
 
 def test_every_suffix_has_one_language_whatever_its_letter_case():
-    every = [suffix for suffixes in SUFFIXES.values() for suffix in suffixes]
+    every = [suffix for language in LANGUAGES for suffix in language.suffixes]
     assert len(set(every)) == len(every)
-    for language, suffixes in SUFFIXES.items():
-        for suffix in suffixes:
-            assert language_of(Path(f"a.b{suffix.upper()}")) == language
+    for language in LANGUAGES:
+        assert set(language.composed) <= set(language.suffixes)
+        for suffix in language.suffixes:
+            assert language_of(Path(f"a.b{suffix.upper()}")) is language
 
 
 def test_a_file_is_read_by_its_suffix(tmp_path):

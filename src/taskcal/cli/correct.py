@@ -169,9 +169,9 @@ def _targets(programs: list[Path], output: Path) -> list[Path]:
 
 def _afresh(program: Path, output: Path | None) -> Path | None:
     """The file to write afresh, where it is named in another language than the program's."""
-    from taskcal.programs.reading import SUFFIXES, language_of
+    from taskcal.programs.languages import LANGUAGES, language_of
 
-    known = {suffix for suffixes in SUFFIXES.values() for suffix in suffixes}
+    known = {suffix for language in LANGUAGES for suffix in language.suffixes}
     if output is None or output.is_dir() or output.suffix.lower() not in known:
         return None
     return None if language_of(output) == language_of(program) else output

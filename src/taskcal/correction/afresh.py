@@ -9,8 +9,8 @@ import numpy as np
 from taskcal.correction.controller import Driven
 from taskcal.errors import TaskcalError
 from taskcal.programs.composing import compose_program
+from taskcal.programs.languages import language_of
 from taskcal.programs.program import Move, Program, Waypoint
-from taskcal.programs.reading import language_of
 from taskcal.programs.source import Source
 from taskcal.robot.robot import Robot
 
@@ -50,9 +50,9 @@ def _check_plain(program: Program) -> None:
     """
     path = program.sources[0].path
     language = language_of(path)
-    if language in ("RAPID", "KRL"):
+    if language.declares_frames:
         raise TaskcalError(
-            f"{path} is {language}, whose logic a program written afresh would lose; name an output of the same language"
+            f"{path} is {language.name}, whose logic a program written afresh would lose; name an output of the same language"
         )
     if program.remarks:
         raise TaskcalError(

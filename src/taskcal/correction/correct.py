@@ -21,8 +21,9 @@ from taskcal.correction.way import Ways
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
+from taskcal.programs.languages import language_of
 from taskcal.programs.program import Move, Program, Waypoint
-from taskcal.programs.reading import language_of, parse_program
+from taskcal.programs.reading import parse_program
 from taskcal.programs.source import Source
 from taskcal.programs.spinning import with_spins
 from taskcal.robot.robot import Robot
@@ -139,7 +140,7 @@ def _rewritten(
         return sources, program.reread(sources)
     first = program.moves[0]
     sources = (compose_afresh(Path(into), robot, program, ways, driven),)
-    tools = {} if language_of(Path(into)) in ("RAPID", "KRL") else {"tool": first.tool, "part": first.part}
+    tools = {} if language_of(Path(into)).declares_frames else {"tool": first.tool, "part": first.part}
     return sources, parse_program(sources, robot=robot, **tools)
 
 

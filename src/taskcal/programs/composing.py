@@ -8,13 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import FileError
+from taskcal.programs.languages import COMPOSED, Composition, language_of
 from taskcal.programs.program import Frame, Move, Target
-from taskcal.programs.reading import language_of
 from taskcal.programs.source import Place, Source
 from taskcal.robot.robot import Robot
-
-COMPOSED = (".mod", ".prg", ".src", ".csv")
-"""Suffixes of files that can be written afresh."""
 
 
 def compose_program(
@@ -48,24 +45,20 @@ def compose_program(
         TaskcalError: the language cannot say it.
     """
     path = Path(path)
-    if path.suffix.lower() not in COMPOSED:
+    language = language_of(path) if path.suffix.lower() in COMPOSED else None
+    if language is None or language.compose is None:
         raise FileError(path, f"cannot be composed; programs are written as {', '.join(COMPOSED)}")
-    match language_of(path):
-        case "RAPID":
-            from taskcal.programs.rapid.compose import compose_rapid
-
-            source = compose_rapid(path.stem, robot, moves, q=q, notes=notes, wait_s=wait_s, speed=speed)
-        case "KRL":
-            from taskcal.programs.krl.compose import compose_krl
-
-            source = compose_krl(
-                path.stem, robot, moves, q=q, notes=notes, wait_s=wait_s, joint_speed_percent=joint_speed_percent
-            )
-        case _:
-            from taskcal.programs.csv_path.compose import compose_csv_path
-
-            source = compose_csv_path(path.stem, robot, moves, notes=notes)
-    return replace(source, path=path)
+    program = Composition(
+        name=path.stem,
+        robot=robot,
+        moves=moves,
+        q=q,
+        notes=notes,
+        wait_s=wait_s,
+        speed=speed,
+        joint_speed_percent=joint_speed_percent,
+    )
+    return replace(language.compose(program), path=path)
 
 
 def moves_to_joints(robot: Robot, q: Float[np.ndarray, "n joints"], path: str | Path) -> tuple[Move, ...]:

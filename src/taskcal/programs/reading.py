@@ -1,33 +1,12 @@
 """Reading a robot program of any language, known by the suffix of its files."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from taskcal.errors import FileError, TaskcalError
+from taskcal.programs.languages import Surroundings, language_of
 from taskcal.programs.program import Frame, Program
 from taskcal.programs.source import Source, read_source
 from taskcal.robot.robot import Robot
-
-SUFFIXES: Mapping[str, tuple[str, ...]] = {
-    "RAPID": (".mod", ".sys", ".prg"),
-    "KRL": (".src", ".dat"),
-    "APT": (".apt", ".aptsource", ".cls", ".cl", ".ncl"),
-    "CSV": (".csv",),
-}
-"""How files of each language end; letter case does not matter."""
-
-
-def language_of(path: Path) -> str:
-    """The language that a file's suffix stands for.
-
-    Raises:
-        FileError: the suffix is not known.
-    """
-    for language, suffixes in SUFFIXES.items():
-        if path.suffix.lower() in suffixes:
-            return language
-    known = "; ".join(f"{language}: {' '.join(suffixes)}" for language, suffixes in SUFFIXES.items())
-    raise FileError(path, f"has no suffix of a robot program; known are {known}")
 
 
 def read_program(
@@ -51,13 +30,17 @@ def read_program(
     languages = {language_of(path): path for path in files}
     if len(languages) > 1:
         (one, first), (other, second) = list(languages.items())[:2]
-        raise TaskcalError(f"{first} is {one} and {second} is {other}; the files of a program have one language")
+        raise TaskcalError(
+            f"{first} is {one.name} and {second} is {other.name}; the files of a program have one language"
+        )
     twice = next((path for path in files if files.count(path) > 1), None)
     if twice is not None:
         raise FileError(twice, "is given twice; name each file once")
     (language,) = languages
-    if language in ("RAPID", "KRL") and (tool is not None or part is not None):
-        raise TaskcalError(f"{files[0]} is {language}, which says its own tools and frames; leave out tool and part")
+    if language.declares_frames and (tool is not None or part is not None):
+        raise TaskcalError(
+            f"{files[0]} is {language.name}, which says its own tools and frames; leave out tool and part"
+        )
     return parse_program(tuple(read_source(path) for path in files), robot=robot, tool=tool, part=part)
 
 
@@ -69,20 +52,4 @@ def parse_program(
     Raises:
         FileError: a text is no program.
     """
-    match language_of(sources[0].path):
-        case "RAPID":
-            from taskcal.programs.rapid.read import read_rapid
-
-            return read_rapid(sources)
-        case "KRL":
-            from taskcal.programs.krl.read import read_krl
-
-            return read_krl(sources)
-        case "APT":
-            from taskcal.programs.apt.read import read_apt
-
-            return read_apt(sources, robot=robot, tool=tool, part=part)
-        case _:
-            from taskcal.programs.csv_path.read import read_csv_path
-
-            return read_csv_path(sources, robot=robot, tool=tool, part=part)
+    return language_of(sources[0].path).read(sources, Surroundings(robot=robot, tool=tool, part=part))

@@ -1,0 +1,160 @@
+"""The languages of robot programs, in one table: to add one, write its folder and its entry here."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.errors import FileError
+from taskcal.programs.program import Frame, Move, Program
+from taskcal.programs.source import Source
+from taskcal.robot.robot import Robot
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Surroundings:
+    """What a program does not say itself, where its language cannot."""
+
+    robot: Robot | None = None
+    """Whose own tool moves where none is given, and whose joints columns name."""
+    tool: Frame | None = None
+    """What the positions are of."""
+    part: Frame | None = None
+    """Frame in which the positions are counted; the robot's base by default."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Composition:
+    """A program to be written; a language takes of it what it can say."""
+
+    name: str
+    robot: Robot
+    moves: Sequence[Move]
+    q: Float[np.ndarray, "moves joints"] | None = None
+    """Joint positions in which each motion ends, radians."""
+    notes: Sequence[str] = ()
+    """A comment before each motion."""
+    wait_s: float = 0.0
+    """Seconds to wait behind each motion that stops."""
+    speed: float = 0.25
+    """Of the tool point, for motions that do not say theirs, metres per second."""
+    joint_speed_percent: float = 10.0
+    """Of motions of all joints, of the axes' largest speeds."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Language:
+    """A language of robot programs."""
+
+    name: str
+    suffixes: tuple[str, ...]
+    """How its files end; letter case does not matter."""
+    read: Callable[[tuple[Source, ...], Surroundings], Program]
+    compose: Callable[[Composition], Source] | None
+    """Writes a fresh program; None where that cannot be done."""
+    composed: tuple[str, ...] = ()
+    """Suffixes of files that can be written afresh."""
+    declares_frames: bool
+    """Whether a program says its own tools and frames."""
+
+
+# A language is imported when a file of it is met.
+
+
+def _read_rapid(sources: tuple[Source, ...], _: Surroundings) -> Program:
+    from taskcal.programs.rapid.read import read_rapid
+
+    return read_rapid(sources)
+
+
+def _read_krl(sources: tuple[Source, ...], _: Surroundings) -> Program:
+    from taskcal.programs.krl.read import read_krl
+
+    return read_krl(sources)
+
+
+def _read_apt(sources: tuple[Source, ...], given: Surroundings) -> Program:
+    from taskcal.programs.apt.read import read_apt
+
+    return read_apt(sources, robot=given.robot, tool=given.tool, part=given.part)
+
+
+def _read_csv(sources: tuple[Source, ...], given: Surroundings) -> Program:
+    from taskcal.programs.csv_path.read import read_csv_path
+
+    return read_csv_path(sources, robot=given.robot, tool=given.tool, part=given.part)
+
+
+def _compose_rapid(to: Composition) -> Source:
+    from taskcal.programs.rapid.compose import compose_rapid
+
+    return compose_rapid(to.name, to.robot, to.moves, q=to.q, notes=to.notes, wait_s=to.wait_s, speed=to.speed)
+
+
+def _compose_krl(to: Composition) -> Source:
+    from taskcal.programs.krl.compose import compose_krl
+
+    percent = to.joint_speed_percent
+    return compose_krl(
+        to.name, to.robot, to.moves, q=to.q, notes=to.notes, wait_s=to.wait_s, joint_speed_percent=percent
+    )
+
+
+def _compose_csv(to: Composition) -> Source:
+    from taskcal.programs.csv_path.compose import compose_csv_path
+
+    return compose_csv_path(to.name, to.robot, to.moves, notes=to.notes)
+
+
+LANGUAGES = (
+    Language(
+        name="RAPID",
+        suffixes=(".mod", ".sys", ".prg"),
+        read=_read_rapid,
+        compose=_compose_rapid,
+        composed=(".mod", ".prg"),
+        declares_frames=True,
+    ),
+    Language(
+        name="KRL",
+        suffixes=(".src", ".dat"),
+        read=_read_krl,
+        compose=_compose_krl,
+        composed=(".src",),
+        declares_frames=True,
+    ),
+    Language(
+        name="APT",
+        suffixes=(".apt", ".aptsource", ".cls", ".cl", ".ncl"),
+        read=_read_apt,
+        compose=None,
+        declares_frames=False,
+    ),
+    Language(
+        name="CSV",
+        suffixes=(".csv",),
+        read=_read_csv,
+        compose=_compose_csv,
+        composed=(".csv",),
+        declares_frames=False,
+    ),
+)
+"""All of them, in the order in which messages name them."""
+
+COMPOSED = tuple(suffix for language in LANGUAGES for suffix in language.composed)
+"""Suffixes of files that can be written afresh."""
+
+
+def language_of(path: Path) -> Language:
+    """The language that a file's suffix stands for.
+
+    Raises:
+        FileError: the suffix is not known.
+    """
+    for language in LANGUAGES:
+        if path.suffix.lower() in language.suffixes:
+            return language
+    known = "; ".join(f"{language.name}: {' '.join(language.suffixes)}" for language in LANGUAGES)
+    raise FileError(path, f"has no suffix of a robot program; known are {known}")
