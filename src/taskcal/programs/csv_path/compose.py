@@ -10,7 +10,7 @@ import numpy as np
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.programs.csv_path.columns import POSITION, QUATERNION
-from taskcal.programs.csv_path.rewriting import DEGREES, MM, UNITS
+from taskcal.programs.csv_path.rewrite import DEGREES, MM, UNITS
 from taskcal.programs.numeral import numeral
 from taskcal.programs.program import Move, Target
 from taskcal.programs.source import Source

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskcal.errors import FileError
-from taskcal.programs.csv_path.rewriting import Written, rewritten
-from taskcal.programs.csv_path.sheet import Sheet, read_sheet
+from taskcal.programs.csv_path.path_table import PathTable, read_path_table
+from taskcal.programs.csv_path.rewrite import Written, rewritten
 from taskcal.programs.program import Frame, Move, Program, Remark, Target, Waypoint
 from taskcal.programs.source import Edit, Source
 from taskcal.programs.spinning import spun_alike
@@ -20,9 +20,9 @@ _YES, _NO = ("1", "yes", "true"), ("", "0", "no", "false")
 class CsvProgram(Program):
     """Paths read from CSV."""
 
-    sheets: tuple[Sheet, ...]
+    path_tables: tuple[PathTable, ...]
     written: tuple[tuple[int, Written], ...]
-    """Where each motion stands: number of its sheet, and rows."""
+    """Where each motion stands: number of its table, and rows."""
     robot: Robot | None
     tool: Frame | None
     part: Frame
@@ -33,11 +33,11 @@ class CsvProgram(Program):
         Raises:
             TaskcalError: a motion is to become something for which the file has no columns.
         """
-        edits: list[list[Edit]] = [[] for _ in self.sheets]
+        edits: list[list[Edit]] = [[] for _ in self.path_tables]
         for number, way in ways.items():
             s, written = self.written[number]
-            edits[s] += rewritten(self.sheets[s], written, way)
-        return tuple(sheet.source.edited(e) for sheet, e in zip(self.sheets, edits, strict=True))
+            edits[s] += rewritten(self.path_tables[s], written, way)
+        return tuple(path_table.source.edited(e) for path_table, e in zip(self.path_tables, edits, strict=True))
 
     def reread(self, sources: tuple[Source, ...]) -> "CsvProgram":
         """The program of other texts of the same files, with this one's spins along the way; see `Program.reread`."""
@@ -59,28 +59,30 @@ def read_csv_path(
         FileError: with file, line, column, value and a remedy, for anything that cannot be read as a path.
     """
     part = part or Frame(name="", T=np.eye(4))
-    sheets = tuple(read_sheet(source, robot) for source in sources)
+    path_tables = tuple(read_path_table(source, robot) for source in sources)
     moves: list[Move] = []
     written: list[tuple[int, Written]] = []
     remarks: list[Remark] = []
-    for s, sheet in enumerate(sheets):
-        if sheet.columns.position and tool is None and robot is None:
-            raise FileError(sheet.source.path, "does not say what its positions are of; give the tool, or the robot")
+    for s, path_table in enumerate(path_tables):
+        if path_table.columns.position and tool is None and robot is None:
+            raise FileError(
+                path_table.source.path, "does not say what its positions are of; give the tool, or the robot"
+            )
         own = tool or Frame(name="", T=np.eye(4) if robot is None else robot.T_flange_tool)
         before: int | None = None
         via: int | None = None
-        for row in range(len(sheet.rows)):
-            if sheet.is_via(row):
-                if via is not None or row + 1 == len(sheet.rows):
-                    raise sheet.error("a point on the way must be followed by the end of its arc", row)
+        for row in range(len(path_table.rows)):
+            if path_table.is_via(row):
+                if via is not None or row + 1 == len(path_table.rows):
+                    raise path_table.error("a point on the way must be followed by the end of its arc", row)
                 via = row
                 continue
-            strangers = _strangers(sheet, row, own, part)
+            strangers = _strangers(path_table, row, own, part)
             if strangers:
-                remarks.append(Remark(place=sheet.place(row), text=strangers))
+                remarks.append(Remark(place=path_table.place(row), text=strangers))
                 before = None
             else:
-                moves.append(_move(sheet, row, via, own, part, before))
+                moves.append(_move(path_table, row, via, own, part, before))
                 written.append((s, Written(row=row, via=via)))
                 before = len(moves) - 1
             via = None
@@ -88,7 +90,7 @@ def read_csv_path(
         sources=tuple(sources),
         moves=tuple(moves),
         remarks=tuple(remarks),
-        sheets=sheets,
+        path_tables=path_tables,
         written=tuple(written),
         robot=robot,
         tool=tool,
@@ -96,49 +98,49 @@ def read_csv_path(
     )
 
 
-def _strangers(sheet: Sheet, row: int, tool: Frame, part: Frame) -> str:
+def _strangers(path_table: PathTable, row: int, tool: Frame, part: Frame) -> str:
     """Why a row's tool or frame is not known; empty where both are."""
     for meaning, frame in (("tool", tool), ("frame", part)):
-        name = sheet.word(row, meaning)
+        name = path_table.word(row, meaning)
         if name and name != frame.name:
             return f"{meaning} '{name}' is not known; only '{frame.name}' was given, so the motion stays as it is"
     return ""
 
 
-def _move(sheet: Sheet, row: int, via: int | None, tool: Frame, part: Frame, before: int | None) -> Move:
-    kind = sheet.kind(row)
+def _move(path_table: PathTable, row: int, via: int | None, tool: Frame, part: Frame, before: int | None) -> Move:
+    kind = path_table.kind(row)
     if (kind == "circular") != (via is not None):
         message = "a row 'via' with the point on the way must stand before the end of an arc, and 'circular' at its end"
-        raise sheet.error(message, row, "move")
+        raise path_table.error(message, row, "move")
     return Move(
         kind=kind,
-        end=_target(sheet, row),
-        via=None if via is None else _target(sheet, via),
+        end=_target(path_table, row),
+        via=None if via is None else _target(path_table, via),
         tool=tool,
         part=part,
         part_in_hand=False,
-        speed=None if np.isnan(sheet.speed[row]) else float(sheet.speed[row]),
-        stops=_stops(sheet, row),
+        speed=None if np.isnan(path_table.speed[row]) else float(path_table.speed[row]),
+        stops=_stops(path_table, row),
         follows=before,
-        routine=sheet.source.path.stem,
-        place=sheet.place(row),
+        routine=path_table.source.path.stem,
+        place=path_table.place(row),
     )
 
 
-def _target(sheet: Sheet, row: int) -> Target:
-    posed = not np.isnan(sheet.T[row]).any()
+def _target(path_table: PathTable, row: int) -> Target:
+    posed = not np.isnan(path_table.T[row]).any()
     return Target(
-        name=sheet.word(row, "name") or sheet.word(row, "id"),
-        T=sheet.T[row] if posed else None,
-        q=None if posed else sheet.q[row],
+        name=path_table.word(row, "name") or path_table.word(row, "id"),
+        T=path_table.T[row] if posed else None,
+        q=None if posed else path_table.q[row],
         posture=None,
-        place=sheet.place(row),
-        free_spin=posed and sheet.columns.only_axis,
+        place=path_table.place(row),
+        free_spin=posed and path_table.columns.only_axis,
     )
 
 
-def _stops(sheet: Sheet, row: int) -> bool:
-    word = sheet.word(row, "stop").lower()
+def _stops(path_table: PathTable, row: int) -> bool:
+    word = path_table.word(row, "stop").lower()
     if word not in _YES + _NO:
-        raise sheet.error(f"'{word}' is neither yes nor no", row, sheet.columns.words["stop"])
+        raise path_table.error(f"'{word}' is neither yes nor no", row, path_table.columns.words["stop"])
     return word in _YES

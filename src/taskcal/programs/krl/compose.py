@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from taskcal.errors import TaskcalError
 from taskcal.programs.krl.position import AXES, DECIMALS, axis_values, pose_values
-from taskcal.programs.krl.rewriting import KEYWORDS, LONGEST_NAME
+from taskcal.programs.krl.rewrite import KEYWORDS, LONGEST_NAME
 from taskcal.programs.krl.status import Status
 from taskcal.programs.numeral import numeral
 from taskcal.programs.program import Move, Target

@@ -8,10 +8,10 @@ from taskcal.programs.krl.data import Data, File
 from taskcal.programs.krl.frames import Frames, State, merged
 from taskcal.programs.krl.lexer import lines_of_words
 from taskcal.programs.krl.parser import parse
-from taskcal.programs.krl.rewriting import Site, rewrite
+from taskcal.programs.krl.resolve import Findings, Walk
+from taskcal.programs.krl.rewrite import Site, rewrite
 from taskcal.programs.krl.routines import altering, callers_first, callers_of, routines_of
 from taskcal.programs.krl.syntax import Begin
-from taskcal.programs.krl.walk import Findings, Walk
 from taskcal.programs.program import Frame, Program, Remark, Waypoint
 from taskcal.programs.source import Source
 from taskcal.robot.robot import Robot

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Iterator, Sequence
 
 from taskcal.programs.rapid.expressions import RESERVED
+from taskcal.programs.rapid.lexer import Token
 from taskcal.programs.rapid.names import Scope, Unresolved
 from taskcal.programs.rapid.predefined import CHANGING, FUNCTIONS, MOVES, STILL
-from taskcal.programs.rapid.tokens import Token
 
 MayChange = Callable[[str, str], bool]
 """Whether an instruction or a function, by its key, may change data of a type that it is given."""
@@ -47,7 +47,7 @@ def type_of(name: str, scope: Scope) -> str:
     return symbol.type if symbol else ""
 
 
-def names_in_odd_text(
+def names_in_unparsed_text(
     tokens: Sequence[Token], scope: Scope, instruction: MayChange, function: MayChange
 ) -> Iterator[tuple[Token, bool]]:
     """Names in text that was not understood, and whether their data may change there.

@@ -9,13 +9,13 @@ from jaxtyping import Float
 
 from taskcal.errors import TaskcalError
 from taskcal.programs.program import Frame, Move, Target
-from taskcal.programs.rapid.aims import JOINTS, AimType, pose_numbers
 from taskcal.programs.rapid.configuration import Configuration
 from taskcal.programs.rapid.expressions import RESERVED
-from taskcal.programs.rapid.motions import NAMES
 from taskcal.programs.rapid.predefined import DATA
 from taskcal.programs.rapid.real import DEG_DECIMALS, MM_DECIMALS, quaternion_texts, real
+from taskcal.programs.rapid.resolve import NAMES
 from taskcal.programs.rapid.rewrite import LONGEST_NAME
+from taskcal.programs.rapid.target_argument import JOINTS, TargetType, pose_numbers
 from taskcal.programs.source import Source
 from taskcal.robot.robot import Robot
 
@@ -143,7 +143,7 @@ def _posture_at(via: Target, end: Float[np.ndarray, " joints"] | None) -> Float[
 def _point(
     target: Target, q: Float[np.ndarray, " joints"] | None, number: int, robot: Robot, declared: _Declarations
 ) -> str:
-    type_: AimType
+    type_: TargetType
     if target.q is not None:
         type_, letter = "jointtarget", "j"
         groups = [[real(float(v), DEG_DECIMALS) for v in np.degrees(target.q)]]

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from taskcal.programs.rapid.lexer import Token, number
 from taskcal.programs.rapid.syntax import (
     Aggregate,
     Argument,
@@ -15,7 +16,6 @@ from taskcal.programs.rapid.syntax import (
     Text,
     Truth,
 )
-from taskcal.programs.rapid.tokens import Token, number
 
 DEPTH = 60
 """Brackets and blocks nested deeper than this are no program."""

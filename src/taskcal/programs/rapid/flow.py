@@ -15,10 +15,10 @@ from taskcal.programs.rapid.syntax import (
     Label,
     Leave,
     Loop,
-    Odd,
     Operation,
     Reference,
     Statement,
+    Unparsed,
 )
 
 Before = frozenset[int | None]
@@ -95,7 +95,7 @@ class _Walker:
                 return before | self.block(statement.body, inside, before)
             case Leave():
                 return frozenset()
-            case Label() | Odd():
+            case Label() | Unparsed():
                 return ANY
             case _:
                 return ANY if _moves([statement], scope) else before
@@ -154,7 +154,7 @@ def _moves(block: Iterable[Statement], scope: Scope) -> bool:
             case Leave():
                 if statement.value is not None and _calls(statement.value, scope):
                     return True
-            case Label() | Odd():
+            case Label() | Unparsed():
                 return True
     return False
 

@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+from taskcal.programs.rapid.lexer import Token
 from taskcal.programs.rapid.predefined import DATA, TYPES, Value
 from taskcal.programs.rapid.syntax import Declaration, Module, Routine
-from taskcal.programs.rapid.tokens import Token
 from taskcal.programs.source import Source
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 
 from taskcal.programs.program import Waypoint
-from taskcal.programs.rapid.aims import Aim, AimType, configuration, leaves, pose_numbers
 from taskcal.programs.rapid.configuration import Configuration
 from taskcal.programs.rapid.real import DEG_DECIMALS, MM_DECIMALS, quaternion_texts, real
+from taskcal.programs.rapid.target_argument import TargetArgument, TargetType, configuration, leaves, pose_numbers
 from taskcal.robot.robot import Robot
 
 SAME_MM = 1e-4
@@ -17,38 +17,42 @@ Texts = tuple[str | None, ...]
 """A text for each number of a target before its external axes; None where it keeps its own."""
 
 
-def new_texts(aim: Aim, waypoint: Waypoint, robot: Robot) -> Texts:
+def new_texts(target: TargetArgument, waypoint: Waypoint, robot: Robot) -> Texts:
     """What to write for a waypoint where a target stood."""
-    if aim.type == "jointtarget":
+    if target.type == "jointtarget":
         degrees = np.degrees(waypoint.q)
         return tuple(
             None if abs(new - old) <= SAME_DEG else real(float(new), DEG_DECIMALS)
-            for new, old in zip(degrees, aim.meant, strict=True)
+            for new, old in zip(degrees, target.meant, strict=True)
         )
     pose = _pose(waypoint)
     texts: list[str | None] = [
         None if abs(new - old) <= SAME_MM else real(new, MM_DECIMALS)
-        for new, old in zip(pose[:3], aim.meant[:3], strict=True)
+        for new, old in zip(pose[:3], target.meant[:3], strict=True)
     ]
-    old = np.array(aim.meant[3:7])
+    old = np.array(target.meant[3:7])
     new = np.array(pose[3:])
     new = new if new @ old >= 0.0 else -new
     if np.abs(new - old).max() <= SAME_QUATERNION:
         texts += [None] * 4
     else:
         written = quaternion_texts(tuple(float(v) for v in new))
-        raw = [leaf.value for leaf in leaves(aim.literal)[3:7]] if aim.literal and not aim.shifted else [np.inf] * 4
+        raw = (
+            [leaf.value for leaf in leaves(target.literal)[3:7]]
+            if target.literal and not target.shifted
+            else [np.inf] * 4
+        )
         texts += [
             None if abs(float(text) - value) <= SAME_QUATERNION else text
             for text, value in zip(written, raw, strict=True)
         ]
-    stated = configuration(aim.meant[7:])
+    stated = configuration(target.meant[7:])
     cf = Configuration.of(robot, waypoint.q, stated)
     pairs = zip((cf.cf1, cf.cf4, cf.cf6, cf.cfx), (stated.cf1, stated.cf4, stated.cf6, stated.cfx), strict=True)
     return (*texts, *(None if new == old else str(new) for new, old in pairs))
 
 
-def fresh_text(type_: AimType, waypoint: Waypoint, robot: Robot, like: Aim) -> str:
+def fresh_text(type_: TargetType, waypoint: Waypoint, robot: Robot, like: TargetArgument) -> str:
     """An aggregate for a waypoint, with the external axes of a target."""
     if type_ == "jointtarget":
         numbers = [real(float(v), DEG_DECIMALS) for v in np.degrees(waypoint.q)]
@@ -73,10 +77,10 @@ def _pose(waypoint: Waypoint) -> tuple[float, ...]:
     return pose_numbers(waypoint.T)
 
 
-def meant_text(aim: Aim, texts: Texts) -> str:
+def meant_text(target: TargetArgument, texts: Texts) -> str:
     """An aggregate for a target, its numbers replaced where there are new ones."""
-    meant = aim.meant
-    if aim.type == "jointtarget":
+    meant = target.meant
+    if target.type == "jointtarget":
         own = [real(v, DEG_DECIMALS) for v in meant]
         groups = [6]
     else:
@@ -84,15 +88,15 @@ def meant_text(aim: Aim, texts: Texts) -> str:
         own += [str(int(v)) for v in meant[7:]]
         groups = [3, 4, 4]
     numbers = iter([new if new is not None else old for new, old in zip(texts, own, strict=True)])
-    return _aggregate([*([next(numbers) for _ in range(count)] for count in groups), external_texts(aim)])
+    return _aggregate([*([next(numbers) for _ in range(count)] for count in groups), external_texts(target)])
 
 
-def external_texts(aim: Aim) -> list[str]:
+def external_texts(target: TargetArgument) -> list[str]:
     """The positions of external axes as they are written, or as they would be."""
-    if aim.literal is None:
-        return [real(v, MM_DECIMALS) for v in aim.external]
-    text = aim.file.source.text
-    return [text[leaf.start : leaf.end] for leaf in leaves(aim.literal)[-6:]]
+    if target.literal is None:
+        return [real(v, MM_DECIMALS) for v in target.external]
+    text = target.file.source.text
+    return [text[leaf.start : leaf.end] for leaf in leaves(target.literal)[-6:]]
 
 
 def _aggregate(groups: list[list[str]]) -> str:

@@ -7,13 +7,13 @@ from itertools import chain
 from taskcal.errors import FileError
 from taskcal.programs.program import Program, Remark, Waypoint
 from taskcal.programs.rapid.flow import follow_routine, gets_target, is_motion, nested
-from taskcal.programs.rapid.motions import KINDS, Motion, Settings, resolve
+from taskcal.programs.rapid.lexer import Token
 from taskcal.programs.rapid.names import Context, File, Scope, Symbol, Unresolved, contexts
-from taskcal.programs.rapid.parse import parse
+from taskcal.programs.rapid.parser import parse
 from taskcal.programs.rapid.predefined import MOVES, MOVING, SHIFTING, STILL, TURNING
+from taskcal.programs.rapid.resolve import KINDS, Motion, Settings, resolve
 from taskcal.programs.rapid.rewrite import rewrite_files
-from taskcal.programs.rapid.syntax import Branches, Instruction, Loop, Module, Odd, Problem, Statement
-from taskcal.programs.rapid.tokens import Token
+from taskcal.programs.rapid.syntax import Branches, Instruction, Loop, Module, Problem, Statement, Unparsed
 from taskcal.programs.rapid.uses import Use, assigned, uses
 from taskcal.programs.rapid.values import Values
 from taskcal.programs.source import Source
@@ -141,13 +141,13 @@ def _words(everywhere: Iterable[Context]) -> Iterator[tuple[File, Token, frozens
     """Names of instructions with the options they are given; all names in text that is not understood."""
     for context in everywhere:
         routine = context.routine
-        blocks = (context.module.odd,) if routine is None else (routine.body, *routine.handlers)
+        blocks = (context.module.unparsed,) if routine is None else (routine.body, *routine.handlers)
         for statement in chain.from_iterable(map(nested, blocks)):
             match statement:
                 case Instruction():
                     options = frozenset(a.option for a in statement.arguments if a.option)
                     yield context.file, statement.name, options
-                case Odd():
+                case Unparsed():
                     options = frozenset(token.key for token in statement.tokens if token.kind == "name")
                     for token in statement.tokens:
                         if token.kind == "name":
@@ -159,8 +159,8 @@ def _words(everywhere: Iterable[Context]) -> Iterator[tuple[File, Token, frozens
 def _lost_motions(context: Context) -> Iterable[Remark]:
     """Motions in text that was not understood, and targets that are handed to a routine."""
     if context.routine is None:
-        for odd in context.module.odd:
-            yield from _motions_in(odd, context)
+        for unparsed in context.module.unparsed:
+            yield from _motions_in(unparsed, context)
         return
     for block in (context.routine.body, *context.routine.handlers):
         yield from _lost_in(block, context, context.scope)
@@ -169,7 +169,7 @@ def _lost_motions(context: Context) -> Iterable[Remark]:
 def _lost_in(block: Iterable[Statement], context: Context, scope: Scope) -> Iterable[Remark]:
     for statement in block:
         match statement:
-            case Odd():
+            case Unparsed():
                 yield from _motions_in(statement, context)
             case Branches():
                 for way in statement.ways:
@@ -184,8 +184,8 @@ def _lost_in(block: Iterable[Statement], context: Context, scope: Scope) -> Iter
                 pass
 
 
-def _motions_in(odd: Odd, context: Context) -> Iterable[Remark]:
-    for token in odd.tokens:
+def _motions_in(unparsed: Unparsed, context: Context) -> Iterable[Remark]:
+    for token in unparsed.tokens:
         if token.kind == "name" and token.key.startswith(MOVING) and token.key not in STILL:
-            text = f"{token.text} stays as it is: the text around it is not understood ({odd.trouble(context.file.source)})"
+            text = f"{token.text} stays as it is: the text around it is not understood ({unparsed.trouble(context.file.source)})"
             yield Remark(place=context.file.source.place(token.start), text=text)

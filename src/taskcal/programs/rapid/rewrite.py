@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 
 from taskcal.errors import TaskcalError
 from taskcal.programs.program import MoveKind, Waypoint
-from taskcal.programs.rapid.aims import JOINTS, Aim, AimType, leaves
 from taskcal.programs.rapid.expressions import RESERVED
-from taskcal.programs.rapid.motions import NAMES, Motion
+from taskcal.programs.rapid.lexer import tokenize
 from taskcal.programs.rapid.names import Symbol
 from taskcal.programs.rapid.numbers import Texts, fresh_text, meant_text, new_texts
 from taskcal.programs.rapid.predefined import DATA
+from taskcal.programs.rapid.resolve import NAMES, Motion
 from taskcal.programs.rapid.syntax import Declaration
-from taskcal.programs.rapid.tokens import tokenize
+from taskcal.programs.rapid.target_argument import JOINTS, TargetArgument, TargetType, leaves
 from taskcal.programs.rapid.uses import Use
 from taskcal.programs.source import Edit, Source
 from taskcal.robot.robot import Robot
@@ -32,7 +32,7 @@ FLY_BY = "z0"
 class _Want:
     """New numbers for a target argument."""
 
-    aim: Aim
+    target: TargetArgument
     motion: Motion
     texts: Texts
 
@@ -87,7 +87,7 @@ def rewrite_files(
     return tuple(source.edited(edits.by_path.get(str(source.path), ())) for source in sources)
 
 
-def _type(kind: MoveKind) -> AimType:
+def _type(kind: MoveKind) -> TargetType:
     return "jointtarget" if kind == "axes" else "robtarget"
 
 
@@ -101,14 +101,14 @@ def _end(motion: Motion, waypoint: Waypoint, robot: Robot, edits: _Edits) -> lis
         edits.add(source, name.start, name.end, NAMES[kind])
     if where.via is not None and motion.via is not None:
         if kind == "circular":
-            wants.append(_Want(aim=motion.via, motion=motion, texts=new_texts(motion.via, _via(waypoint), robot)))
+            wants.append(_Want(target=motion.via, motion=motion, texts=new_texts(motion.via, _via(waypoint), robot)))
         else:
             edits.add(source, where.via.start, where.to.start, "")
     elif kind == "circular":
         via = fresh_text("robtarget", _via(waypoint), robot, motion.end)
         edits.add(source, where.to.start, where.to.start, f"{via},")
     if _type(kind) == motion.end.type:
-        wants.append(_Want(aim=motion.end, motion=motion, texts=new_texts(motion.end, waypoint, robot)))
+        wants.append(_Want(target=motion.end, motion=motion, texts=new_texts(motion.end, waypoint, robot)))
     else:
         edits.add(source, where.to.start, where.behind_to, fresh_text(_type(kind), waypoint, robot, motion.end))
     return wants
@@ -161,33 +161,33 @@ def _write_targets(
     """Put the numbers where they belong: into the argument, into the declaration, or into clones of the declaration."""
     declared: dict[tuple[Symbol, tuple[int, ...]], list[_Want]] = {}
     for want in wants:
-        if want.aim.origin is not None:
-            declared.setdefault((want.aim.origin.symbol, want.aim.origin.path), []).append(want)
+        if want.target.origin is not None:
+            declared.setdefault((want.target.origin.symbol, want.target.origin.path), []).append(want)
         elif want.changes:
-            if want.aim.literal is not None and not want.aim.shifted:
+            if want.target.literal is not None and not want.target.shifted:
                 _edit_numbers(want, edits)
             else:
-                _replace_argument(want, meant_text(want.aim, want.texts), edits)
+                _replace_argument(want, meant_text(want.target, want.texts), edits)
     fresh = _FreshNames(sources)
     for (symbol, path), group in declared.items():
         _write_declared(group, _other_uses(uses.get(symbol, ()), path, group), fresh, edits)
 
 
 def _replace_argument(want: _Want, text: str, edits: _Edits) -> None:
-    edits.add(want.motion.file.source, want.aim.argument.start, want.aim.argument.end, text)
+    edits.add(want.motion.file.source, want.target.argument.start, want.target.argument.end, text)
 
 
 def _edit_numbers(want: _Want, edits: _Edits) -> None:
-    if want.aim.literal is None:
+    if want.target.literal is None:
         return
-    for leaf, text in zip(leaves(want.aim.literal), want.texts, strict=False):
+    for leaf, text in zip(leaves(want.target.literal), want.texts, strict=False):
         if text is not None:
-            edits.add(want.aim.file.source, leaf.start, leaf.end, text)
+            edits.add(want.target.file.source, leaf.start, leaf.end, text)
 
 
 def _other_uses(uses: Iterable[Use], path: tuple[int, ...], group: Iterable[_Want]) -> bool:
     """Whether a target is read by anything but the arguments that change."""
-    own = [(want.motion.file, want.aim.argument) for want in group if want.changes]
+    own = [(want.motion.file, want.target.argument) for want in group if want.changes]
 
     def is_own(use: Use) -> bool:
         return any(use.file is file and argument.start <= use.start < argument.end for file, argument in own)
@@ -202,7 +202,7 @@ def _write_declared(group: Sequence[_Want], others: bool, fresh: "_FreshNames", 
     RelTool, get clones.
     """
     kept: Texts | None = None
-    direct = [want for want in group if not want.aim.shifted and want.aim.literal is not None]
+    direct = [want for want in group if not want.target.shifted and want.target.literal is not None]
     if direct and not others:
         kept = Counter(want.texts for want in direct).most_common(1)[0][0]
         _edit_numbers(next(want for want in direct if want.texts == kept), edits)
@@ -218,27 +218,27 @@ def _write_declared(group: Sequence[_Want], others: bool, fresh: "_FreshNames", 
 
 def _clone_text(want: _Want) -> str:
     """The value of a clone, in the style of the declaration where that writes its numbers out."""
-    aim = want.aim
-    if aim.literal is None or aim.shifted:
-        return meant_text(aim, want.texts)
-    text, parts, at = aim.file.source.text, [], aim.literal.start
-    for leaf, new in zip(leaves(aim.literal), want.texts, strict=False):
+    target = want.target
+    if target.literal is None or target.shifted:
+        return meant_text(target, want.texts)
+    text, parts, at = target.file.source.text, [], target.literal.start
+    for leaf, new in zip(leaves(target.literal), want.texts, strict=False):
         if new is not None:
             parts += [text[at : leaf.start], new]
             at = leaf.end
-    return "".join([*parts, text[at : aim.literal.end]])
+    return "".join([*parts, text[at : target.literal.end]])
 
 
 def _clone(want: _Want, value: str, fresh: "_FreshNames", edits: _Edits) -> str:
     """Declare a clone of a target behind it, and say its name."""
-    origin = want.aim.origin
+    origin = want.target.origin
     if origin is None or origin.symbol.declaration is None or origin.symbol.file is None:
         raise ValueError("only a declared target can be cloned")
     declaration, source = origin.symbol.declaration, origin.symbol.file.source
     name = fresh.like(origin.symbol)
     text = source.text
     storage = text[declaration.start : declaration.type.start]
-    type_ = declaration.type.text if declaration.type.key == want.aim.type else want.aim.type
+    type_ = declaration.type.text if declaration.type.key == want.target.type else want.target.type
     assigns = ":="
     if declaration.value is not None and not declaration.array:
         assigns = text[declaration.name.end : declaration.value.start]

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from taskcal.programs.rapid.tokens import Token
+from taskcal.programs.rapid.lexer import Token
 from taskcal.programs.source import Source
 
 
@@ -190,7 +190,7 @@ class Problem:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Odd(Node):
+class Unparsed(Node):
     """Text that is no statement."""
 
     tokens: tuple[Token, ...]
@@ -202,7 +202,7 @@ class Odd(Node):
         return f"line {source.place(self.problem.position).line}: {self.problem.text}"
 
 
-Statement = Instruction | Assignment | Branches | Loop | Label | Leave | Odd
+Statement = Instruction | Assignment | Branches | Loop | Label | Leave | Unparsed
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -228,5 +228,5 @@ class Module(Node):
     declarations: tuple[Declaration, ...]
     records: tuple[Record, ...]
     routines: tuple[Routine, ...]
-    odd: tuple[Odd, ...]
+    unparsed: tuple[Unparsed, ...]
     """Text between declarations and routines that is neither."""

@@ -7,7 +7,7 @@ from taskcal.programs.rapid.changes import (
     MayChange,
     function_may_change,
     instruction_may_change,
-    names_in_odd_text,
+    names_in_unparsed_text,
     type_of,
 )
 from taskcal.programs.rapid.names import Context, File, Scope, Symbol, Unresolved
@@ -22,12 +22,12 @@ from taskcal.programs.rapid.syntax import (
     Instruction,
     Leave,
     Loop,
-    Odd,
     Operation,
     Parameter,
     Reference,
     Routine,
     Statement,
+    Unparsed,
 )
 from taskcal.programs.rapid.values import Values
 
@@ -41,7 +41,7 @@ class Mention:
     file: File
     changes: bool
     """The value may change here."""
-    odd: Odd | None = None
+    unparsed: Unparsed | None = None
     """The text that was not understood, where it stands in such."""
 
 
@@ -99,9 +99,9 @@ def uses(everywhere: Iterable[Context], values: Values) -> Mapping[Symbol, tuple
 def _assignment(mention: Mention) -> str:
     source = mention.file.source
     place = source.place(mention.reference.start)
-    if mention.odd is None:
+    if mention.unparsed is None:
         return f"is assigned to in {place}"
-    return f"may be assigned to in {place}, which is not understood ({mention.odd.trouble(source)})"
+    return f"may be assigned to in {place}, which is not understood ({mention.unparsed.trouble(source)})"
 
 
 def _symbol(mention: Mention) -> Symbol | None:
@@ -124,8 +124,8 @@ def mentions(everywhere: Iterable[Context], changed: frozenset[tuple[str, str]] 
             if symbol.declaration is not None and symbol.declaration.value is not None:
                 yield from walker.read(symbol.declaration.value, context.scope)
         if context.routine is None:
-            for odd in context.module.odd:
-                yield from walker.odd(odd, context.scope)
+            for unparsed in context.module.unparsed:
+                yield from walker.unparsed(unparsed, context.scope)
         else:
             for block in (context.routine.body, *context.routine.handlers):
                 yield from walker.statements(block, context.scope)
@@ -163,12 +163,12 @@ class _Walker:
                     yield from self.statements(statement.body, scope.with_counter(statement.counter))
                 case Leave() if statement.value is not None:
                     yield from self.read(statement.value, scope)
-                case Odd():
-                    yield from self.odd(statement, scope)
+                case Unparsed():
+                    yield from self.unparsed(statement, scope)
                 case _:
                     pass
 
-    def odd(self, odd: Odd, scope: Scope) -> Iterator[Mention]:
+    def unparsed(self, unparsed: Unparsed, scope: Scope) -> Iterator[Mention]:
         """Names in text that was not understood."""
 
         def given(otherwise: MayChange) -> MayChange:
@@ -181,9 +181,9 @@ class _Walker:
             return may_change
 
         may_change = given(instruction_may_change), given(function_may_change)
-        for token, changes in names_in_odd_text(odd.tokens, scope, *may_change):
+        for token, changes in names_in_unparsed_text(unparsed.tokens, scope, *may_change):
             reference = Reference(start=token.start, end=token.end, name=token, selectors=())
-            yield Mention(reference=reference, scope=scope, file=self.file, changes=changes, odd=odd)
+            yield Mention(reference=reference, scope=scope, file=self.file, changes=changes, unparsed=unparsed)
 
     def arguments(
         self, arguments: Iterable[Argument], key: str, may_change: MayChange, scope: Scope

@@ -22,7 +22,7 @@ _MOVES: dict[str, MoveKind] = {"joint": "joint", "linear": "linear", "circular":
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sheet:
+class PathTable:
     """A table with its place in the text and what was read from it, a row each."""
 
     source: Source
@@ -69,7 +69,7 @@ class Sheet:
         return self.kind(row) == "circular" and self.word(row, "move").lower() == "via"
 
 
-def read_sheet(source: Source, robot: Robot | None) -> Sheet:
+def read_path_table(source: Source, robot: Robot | None) -> PathTable:
     """Read the rows of a path.
 
     Raises:
@@ -91,7 +91,7 @@ def read_sheet(source: Source, robot: Robot | None) -> Sheet:
                 raise table.error(f"the {what} has length {size:.4f}; it must be 1", int(row), columns.rotation[0])
         R = with_axis(rotation) if columns.only_axis else se3.from_quaternion(rotation)
         T[posed] = se3.pose(R, cells[posed, :3] * 1e-3)
-    return Sheet(
+    return PathTable(
         source=source,
         table=table,
         columns=columns,

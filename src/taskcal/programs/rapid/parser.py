@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from taskcal.programs.rapid.expressions import ExpressionParser, NotUnderstood
+from taskcal.programs.rapid.lexer import Token, tokenize
 from taskcal.programs.rapid.syntax import (
     Assignment,
     Branches,
@@ -13,14 +14,13 @@ from taskcal.programs.rapid.syntax import (
     Leave,
     Loop,
     Module,
-    Odd,
     Parameter,
     Problem,
     Record,
     Routine,
     Statement,
+    Unparsed,
 )
-from taskcal.programs.rapid.tokens import Token, tokenize
 
 _STORAGE = ("const", "pers", "var")
 _ROUTINE_END = {"proc": "endproc", "func": "endfunc", "trap": "endtrap"}
@@ -73,7 +73,7 @@ class _Parser(ExpressionParser):
         declarations: list[Declaration] = []
         records: list[Record] = []
         routines: list[Routine] = []
-        odd: list[Odd] = []
+        unparsed: list[Unparsed] = []
         while self.next.kind != "end" and self.next.key not in ("module", "endmodule"):
             first = self.at
             try:
@@ -92,12 +92,12 @@ class _Parser(ExpressionParser):
                 self.depth = 0
                 noted = self.note(problem.position, problem.text)
                 self._recover(first, ("proc", "func", "trap", "record", "local", *_STORAGE, "module", "endmodule"))
-                odd.append(self._odd(first, noted))
+                unparsed.append(self._unparsed(first, noted))
         if not self.skip("endmodule"):
             self.note(self.end, f"ENDMODULE of the module '{name.text}' is missing")
         return Module(
             start=start, end=self.end, name=name, declarations=tuple(declarations), records=tuple(records),
-            routines=tuple(routines), odd=tuple(odd),
+            routines=tuple(routines), unparsed=tuple(unparsed),
         )  # fmt: skip
 
     def _or_nameless(self, read: Callable[[], Token]) -> Token:
@@ -118,10 +118,10 @@ class _Parser(ExpressionParser):
             if self.take().key == ";":
                 return
 
-    def _odd(self, first: int, problem: Problem) -> Odd:
+    def _unparsed(self, first: int, problem: Problem) -> Unparsed:
         """The text since its first word, which is not understood."""
         tokens = tuple(self.tokens[first : self.at])
-        return Odd(start=tokens[0].start, end=self.end, tokens=tokens, problem=problem)
+        return Unparsed(start=tokens[0].start, end=self.end, tokens=tokens, problem=problem)
 
     def _to_semicolon(self) -> None:
         while self.next.kind != "end" and self.take().key != ";":
@@ -205,7 +205,7 @@ class _Parser(ExpressionParser):
         while self.next.key in _INNER_ENDS:
             stray = self.take()
             noted = self.note(stray.start, f"'{stray.text}' closes nothing")
-            found += [self._odd(self.at - 1, noted), *self._block(declarations)]
+            found += [self._unparsed(self.at - 1, noted), *self._block(declarations)]
         return tuple(found)
 
     def _block(self, declarations: list[Declaration]) -> tuple[Statement, ...]:
@@ -226,7 +226,7 @@ class _Parser(ExpressionParser):
                 self.depth = depth
                 noted = self.note(problem.position, problem.text)
                 self._recover(first, _ROUTINE_ENDS)
-                found.append(self._odd(first, noted))
+                found.append(self._unparsed(first, noted))
         return tuple(found)
 
     def _statement(self, declarations: list[Declaration]) -> Statement:
@@ -296,7 +296,7 @@ class _Parser(ExpressionParser):
         self.take()
         name = self.name()
         self.expect(">")
-        return self._odd(
+        return self._unparsed(
             first, Problem(position=name.start, text=f"'<{name.text}>' stands for what is still to be written")
         )
 

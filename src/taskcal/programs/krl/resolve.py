@@ -10,7 +10,7 @@ from taskcal.programs.krl.data import Datum, File
 from taskcal.programs.krl.frames import NULL, Frames, State, merged
 from taskcal.programs.krl.parser import BLOCKS
 from taskcal.programs.krl.position import Unresolved, axes, check_external, has_axes, has_pose, pose, whole
-from taskcal.programs.krl.rewriting import Site, Written
+from taskcal.programs.krl.rewrite import Site, Written
 from taskcal.programs.krl.routines import Routine, altered_by
 from taskcal.programs.krl.status import ACCURATE_BIT, Status
 from taskcal.programs.krl.syntax import Aggregate, Assignment, Call, Control, Motion, Operand, Reference, Statement

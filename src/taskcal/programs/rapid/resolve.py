@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from taskcal.programs.program import Move, MoveKind
-from taskcal.programs.rapid.aims import Aim, aim
 from taskcal.programs.rapid.frames import Frames, frames_of
 from taskcal.programs.rapid.names import File, Scope, Unresolved
 from taskcal.programs.rapid.predefined import DATA, Value
 from taskcal.programs.rapid.syntax import Argument, Call, Expression, Instruction, Reference
+from taskcal.programs.rapid.target_argument import TargetArgument, resolve_target
 from taskcal.programs.rapid.values import Values
 
 KINDS: Mapping[str, MoveKind] = {"movej": "joint", "movel": "linear", "movec": "circular", "moveabsj": "axes"}
@@ -58,8 +58,8 @@ class Motion:
     file: File
     instruction: Instruction
     layout: Layout
-    end: Aim
-    via: Aim | None
+    end: TargetArgument
+    via: TargetArgument | None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -115,8 +115,8 @@ def resolve(
         raise Unresolved(settings.shift)
     frames = _frames(where, scope, file, values)
     type_ = "jointtarget" if kind == "axes" else "robtarget"
-    end = aim(where.to, type_, scope, values, file)
-    via = aim(where.via, type_, scope, values, file) if where.via else None
+    end = resolve_target(where.to, type_, scope, values, file)
+    via = resolve_target(where.via, type_, scope, values, file) if where.via else None
     if any(abs(axis) < 1e8 for axis in end.external):
         note = "external axes are in use; motions are taken as if they carried neither the robot nor the part"
         settings.notes.setdefault(note, (file, instruction.start))

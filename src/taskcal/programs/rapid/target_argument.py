@@ -16,17 +16,17 @@ from taskcal.programs.rapid.predefined import Value
 from taskcal.programs.rapid.syntax import Aggregate, Argument, Call, Expression, Number, Reference
 from taskcal.programs.rapid.values import Origin, Values
 
-AimType = Literal["robtarget", "jointtarget"]
+TargetType = Literal["robtarget", "jointtarget"]
 
 JOINTS = 6
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Aim:
+class TargetArgument:
     """A target argument: what it means, and where its numbers stand."""
 
     argument: Argument
-    type: AimType
+    type: TargetType
     origin: Origin | None
     """Declaration of its numbers; None where they stand in the argument."""
     literal: Aggregate | None
@@ -66,7 +66,7 @@ def configuration(cf: tuple[float, ...]) -> Configuration:
     return Configuration(cf1=cf1, cf4=cf4, cf6=cf6, cfx=cfx)
 
 
-def aim(argument: Argument, type_: AimType, scope: Scope, values: Values, file: File) -> Aim:
+def resolve_target(argument: Argument, type_: TargetType, scope: Scope, values: Values, file: File) -> TargetArgument:
     """What a target argument means.
 
     Raises:
@@ -74,14 +74,16 @@ def aim(argument: Argument, type_: AimType, scope: Scope, values: Values, file: 
     """
     if argument.value is None:
         raise Unresolved("the target is missing")
-    return _aim(argument.value, argument, type_, scope, values, file)
+    return _resolve(argument.value, argument, type_, scope, values, file)
 
 
-def _aim(node: Expression, argument: Argument, type_: AimType, scope: Scope, values: Values, file: File) -> Aim:
+def _resolve(
+    node: Expression, argument: Argument, type_: TargetType, scope: Scope, values: Values, file: File
+) -> TargetArgument:
     match node:
         case Aggregate():
             meant, external = _numbers(values.of(node, scope), type_, "the target")
-            return Aim(
+            return TargetArgument(
                 argument=argument, type=type_, origin=None, literal=_literal(node, type_), file=file, shifted=False,
                 meant=meant, external=external,
             )  # fmt: skip
@@ -91,7 +93,7 @@ def _aim(node: Expression, argument: Argument, type_: AimType, scope: Scope, val
                 raise Unresolved(f"'{node.name.text}' is {origin.type}, not {type_}")
             meant, external = _numbers(values.of(node, scope), type_, f"'{node.name.text}'")
             literal = _literal(origin.node, type_) if isinstance(origin.node, Aggregate) else None
-            return Aim(
+            return TargetArgument(
                 argument=argument, type=type_, origin=origin, literal=literal, file=origin.symbol.file or file,
                 shifted=False, meant=meant, external=external,
             )  # fmt: skip
@@ -103,7 +105,7 @@ def _aim(node: Expression, argument: Argument, type_: AimType, scope: Scope, val
             raise Unresolved(f"the target is no {type_}")
 
 
-def _shifted(call: Call, argument: Argument, scope: Scope, values: Values, file: File) -> Aim:
+def _shifted(call: Call, argument: Argument, scope: Scope, values: Values, file: File) -> TargetArgument:
     """What Offs or RelTool makes of a target.
 
     Offs shifts along the axes of the work object; RelTool shifts along those of the tool, then turns about its x, the new y
@@ -113,7 +115,7 @@ def _shifted(call: Call, argument: Argument, scope: Scope, values: Values, file:
     options = {a.option: a.value for a in call.arguments if a.option and not a.conditional and a.value is not None}
     if len(required) != 4 or len(required) + len(options) != len(call.arguments):
         raise Unresolved(f"{call.name.text}() is not given a target and three distances")
-    inner = _aim(required[0], argument, "robtarget", scope, values, file)
+    inner = _resolve(required[0], argument, "robtarget", scope, values, file)
     x, y, z = (values.number(node, scope) for node in required[1:])
     if not all(abs(v) <= 1e6 for v in (x, y, z)):
         raise Unresolved(f"{call.name.text}() shifts out of any range")
@@ -140,7 +142,7 @@ def pose_numbers(T: Float[np.ndarray, "4 4"]) -> tuple[float, ...]:
     return (*(float(v) for v in T[:3, 3] * 1e3), float(w), float(x), float(y), float(z))
 
 
-def _numbers(value: Value, type_: AimType, what: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _numbers(value: Value, type_: TargetType, what: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Numbers of a target, and of its external axes."""
     if type_ == "jointtarget":
         robax, extax = parts(value, 2, what)
@@ -166,7 +168,7 @@ def leaves(literal: Aggregate) -> tuple[Number, ...]:
     return tuple(found)
 
 
-def _literal(node: Aggregate, type_: AimType) -> Aggregate | None:
+def _literal(node: Aggregate, type_: TargetType) -> Aggregate | None:
     shape = (3, 4, 4, 6) if type_ == "robtarget" else (6, 6)
     if len(node.items) != len(shape):
         return None

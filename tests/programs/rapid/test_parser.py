@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taskcal.programs.rapid.expressions import DEPTH
-from taskcal.programs.rapid.parse import parse
+from taskcal.programs.rapid.lexer import tokenize
+from taskcal.programs.rapid.parser import parse
 from taskcal.programs.rapid.read import read_rapid
 from taskcal.programs.rapid.syntax import Branches, Instruction, Loop
-from taskcal.programs.rapid.tokens import tokenize
 from tests.laws.robots import generators
 from tests.programs.rapid.generator import generate
 from tests.programs.rapid.samples import module
