@@ -177,3 +177,18 @@ def test_more_than_there_are_means_all():
     found = choose(candidates, 9)
     assert sorted(found.chosen) == [0, 1, 2, 3, 4]
     assert found.exchanges == 0
+
+
+def test_ties_of_the_smallest_singular_value_are_broken_towards_full_rank():
+    """As long as some direction is unseen, E is nil whatever is chosen: what opens most new directions goes first."""
+    rng = np.random.default_rng(0)
+    d = 6
+    basis = np.linalg.qr(rng.normal(size=(d, d)))[0]
+    loud = np.stack([100.0 * rng.normal(size=(3, 2)) @ basis[:2] for _ in range(20)])
+    halves = np.stack([2.0 * basis[:3], 2.0 * basis[3:]])
+    rows = np.concatenate([loud, halves])
+    nil = np.zeros((d, d))
+    candidates = Candidates(rows=rows, prior=np.eye(d), task=np.eye(d), signal=nil)
+    found = choose(candidates, 2, "E")
+    assert sorted(found.started) == [20, 21]
+    assert found.value == pytest.approx(-2.0, rel=1e-4)
