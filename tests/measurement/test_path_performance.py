@@ -130,7 +130,7 @@ def test_orientations_turn_evenly_between_samples():
     angles = np.array([slerp.as_rotvec() for slerp in there])
     expected = 3 * angles.std(axis=0, ddof=1).max(axis=0)
     np.testing.assert_allclose(found.orientation_repeatability, expected, rtol=0.01)
-    keys = ["AT_a_deg", "AT_b_deg", "AT_c_deg", "RT_p_mm", "RT_a_deg", "RT_b_deg", "RT_c_deg"]
+    keys = ["AT_rx_deg", "AT_ry_deg", "AT_rz_deg", "RT_p_mm", "RT_rx_deg", "RT_ry_deg", "RT_rz_deg"]
     assert list(found.summary())[3:-2] == keys
 
 

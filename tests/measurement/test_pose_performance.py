@@ -31,9 +31,9 @@ def test_a_table_worked_out_by_hand():
 def test_the_summary_is_in_millimetres_and_degrees():
     turned = se3.exp(np.radians([[0.0, 0, 1], [0, 0, 3]]))
     found = assess_pose(CROSS[:2], COMMAND, rotations=turned, commanded_rotation=np.eye(3))
-    expected = {"cycles": 2, "AP_p_mm": 3, "AP_x_mm": 3, "AP_y_mm": 0, "AP_z_mm": 0, "AP_a_deg": 0, "AP_b_deg": 0}
+    expected = {"cycles": 2, "AP_p_mm": 3, "AP_x_mm": 3, "AP_y_mm": 0, "AP_z_mm": 0, "AP_rx_deg": 0, "AP_ry_deg": 0}
     # ±1° about 2°: S = √2, RP = 3√2
-    expected |= {"AP_c_deg": 2, "RP_l_mm": 1, "RP_a_deg": 0, "RP_b_deg": 0, "RP_c_deg": 3 * np.sqrt(2)}
+    expected |= {"AP_rz_deg": 2, "RP_l_mm": 1, "RP_rx_deg": 0, "RP_ry_deg": 0, "RP_rz_deg": 3 * np.sqrt(2)}
     assert list(found.summary()) == list(expected)
     assert found.summary() == pytest.approx(expected, abs=1e-9)
 
@@ -87,7 +87,7 @@ def test_directions_are_compared_by_their_means():
     found = compare_directions([here, near, there])
     assert found.position == pytest.approx(5.0)
     np.testing.assert_allclose(found.rotation, [0.0, 0.02, 0.0], atol=1e-12)
-    assert found.summary()["vAP_b_deg"] == pytest.approx(np.degrees(0.02))
+    assert found.summary()["vAP_ry_deg"] == pytest.approx(np.degrees(0.02))
     assert compare_directions([assess_pose(CROSS), here]).rotation is None
     with pytest.raises(CampaignError, match="1 is too few"):
         compare_directions([here])
@@ -98,3 +98,14 @@ def test_no_cycle_or_no_number_is_refused():
         assess_pose(np.zeros((0, 3)))
     with pytest.raises(CampaignError, match="cycle 2 is no number"):
         assess_pose(np.where(np.arange(4)[:, None] == 2, np.nan, CROSS))
+
+
+def test_rotations_do_not_go_by_the_names_of_the_standards_euler_angles():
+    """The difference of two Euler angles is another number: tens of degrees for a rotation of half a degree."""
+    commanded = Rotation.from_euler("ZYX", [0.0, 89.5, 0.0], degrees=True).as_matrix()
+    tilted = Rotation.from_rotvec(np.radians([0.5, 0.0, 0.0])).as_matrix() @ commanded
+    found = assess_pose(np.zeros((1, 3)), np.zeros(3), rotations=tilted[None], commanded_rotation=commanded).summary()
+    assert found["AP_rx_deg"] == pytest.approx(0.5)
+    euler = Rotation.from_matrix(tilted).as_euler("ZYX", degrees=True)
+    assert np.abs(euler - [0.0, 89.5, 0.0]).max() > 10.0
+    assert not any(key.endswith(("_a_deg", "_b_deg", "_c_deg")) for key in found)

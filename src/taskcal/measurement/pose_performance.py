@@ -26,7 +26,7 @@ class PosePerformance:
     angles: Float[np.ndarray, "cycles 3"] | None
     """Rotations from the mean orientation to each attained one, about the frame's axes, radians."""
     turn: Float[np.ndarray, " 3"] | None
-    """Rotation from the commanded to the mean orientation about the frame's axes (AP_a, AP_b, AP_c), radians."""
+    """Rotation from the commanded to the mean orientation about the frame's axes, radians; no Euler angles."""
 
     @property
     def cycles(self) -> int:
@@ -45,7 +45,7 @@ class PosePerformance:
 
     @property
     def orientation_repeatability(self) -> Float[np.ndarray, " 3"] | None:
-        """Orientation repeatability RP_a, RP_b, RP_c, which is to be read as ±, radians (7.2.2)."""
+        """Three deviations of each rotation, to be read as ±, radians; the standard's (7.2.2) are of Euler angles."""
         return None if self.angles is None or self.cycles < 2 else 3.0 * self.angles.std(axis=0, ddof=1)
 
     def summary(self) -> dict[str, float | int]:
@@ -67,7 +67,7 @@ class DirectionVariation:
     position: float
     """Largest distance between two barycentres (vAP_p), metres."""
     rotation: Float[np.ndarray, " 3"] | None
-    """Largest angle between two mean orientations about each axis (vAP_a, vAP_b, vAP_c), radians; None for positions."""
+    """Largest angle between two mean orientations about each axis, radians; None for positions."""
 
     def summary(self) -> dict[str, float]:
         """The variation in millimetres and degrees."""
@@ -83,8 +83,8 @@ def assess_pose(
 ) -> PosePerformance:
     """Accuracy and repeatability of one pose (ISO 9283:1998, 7.2.1 and 7.2.2).
 
-    The standard's angles a, b, c are taken as the rotation vector from one orientation to the other in the axes of the
-    frame, which depends on no sequence of angles and is the same for small errors.
+    Instead of the standard's differences of Euler angles a, b, c, orientations are compared by the rotation vector from one to
+    the other in the axes of the frame, which depends on no sequence of angles; it is named rx, ry, rz.
 
     Args:
         attained: measured positions, in the frame of the command, metres.
@@ -149,7 +149,12 @@ def mean_orientation(
 
 
 def in_degrees(symbol: str, angles: Float[np.ndarray, " 3"] | None) -> dict[str, float]:
-    """Angles a, b, c of a characteristic for a summary, degrees; nothing where they are not known."""
+    """Rotations about x, y, z for a summary, degrees; nothing where they are not known.
+
+    They are called rx, ry, rz and not a, b, c: those of the standard are differences of Euler angles.
+    """
     if angles is None:
         return {}
-    return {f"{symbol}_{axis}_deg": float(np.degrees(value)) for axis, value in zip("abc", angles, strict=True)}
+    return {
+        f"{symbol}_{axis}_deg": float(np.degrees(value)) for axis, value in zip(("rx", "ry", "rz"), angles, strict=True)
+    }
