@@ -5,7 +5,7 @@ import pytest
 from taskcal.correction.cell_file import load_cell
 from taskcal.csv_table import read_csv
 from taskcal.errors import FileError
-from taskcal.identification.calibration import load_calibration
+from taskcal.identification.calibration_file import load_calibration
 from taskcal.measurement.station import load_station
 from taskcal.programs.source import read_source
 from taskcal.robot.file import read_robot

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from taskcal.estimation.loss import Squared as Squared
     from taskcal.estimation.prior import GaussianPrior as GaussianPrior
     from taskcal.identification.calibration import Calibration as Calibration
-    from taskcal.identification.calibration import load_calibration as load_calibration
+    from taskcal.identification.calibration_file import load_calibration as load_calibration
     from taskcal.identification.explain import Explanation as Explanation
     from taskcal.identification.explain import explain as explain
     from taskcal.identification.identify import identify as identify
@@ -122,7 +122,7 @@ _HOME = {
     "follow_nests": "measurement.drift",
     "identifiability": "analysis.identifiability",
     "identify": "identification.identify",
-    "load_calibration": "identification.calibration",
+    "load_calibration": "identification.calibration_file",
     "load_robot": "robot.catalogue",
     "load_station": "measurement.station",
     "load_task": "task.task",

@@ -7,7 +7,7 @@ import pytest
 
 from taskcal.demo.milling import milling_program
 from taskcal.geometry import se3
-from taskcal.identification.calibration import load_calibration
+from taskcal.identification.calibration_file import load_calibration
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.programs.rapid.configuration import Configuration

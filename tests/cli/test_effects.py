@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taskcal.cli.effects import read_effects, strongest_harmonics
-from taskcal.identification.calibration import load_calibration
+from taskcal.identification.calibration_file import load_calibration
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.measurement.writer import write_campaign
 from taskcal.robot.catalogue import load_robot

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.identification.calibration import load_calibration
+from taskcal.identification.calibration_file import load_calibration
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.dh_table import robot_toml
 from tests.cli.conftest import IRB6660, Ended, Run

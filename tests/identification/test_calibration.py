@@ -6,7 +6,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import CampaignError, FileError
-from taskcal.identification.calibration import Calibration, load_calibration
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.calibration_file import load_calibration
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -113,7 +114,109 @@ def edit(text, *path, value=None, remove=False):
     return json.dumps(data)
 
 
+def other(text, key, change):
+    """The file with a matrix or list changed."""
+    data = json.loads(text)
+    data[key] = change(data[key])
+    return json.dumps(data)
+
+
+def scaled(T):
+    return [[1.001 * c if i < 3 and j < 3 else c for j, c in enumerate(row)] for i, row in enumerate(T)]
+
+
+def mirrored(T):
+    return [[-c if j == 0 else c for j, c in enumerate(row)] for row in T]
+
+
+def lopsided(C):
+    C[0][1] += 0.1 * (C[0][0] * C[1][1]) ** 0.5
+    return C
+
+
+def doubtless(C):
+    """Correlations of 0.99, −0.99 and 0.99: each is possible, not all."""
+    for i, j, r in ((0, 1, 0.99), (1, 2, 0.99), (0, 2, -0.99)):
+        C[i][j] = C[j][i] = r * (C[i][i] * C[j][j]) ** 0.5
+    return C
+
+
 BROKEN = {
+    "scaled frame": (
+        lambda text: other(text, "T_tracker_base", scaled),
+        r"'T_tracker_base' is no rigid transform: its axes have length 1\.001",
+    ),
+    "mirrored frame": (lambda text: other(text, "T_tracker_base", mirrored), "'T_tracker_base' is no rigid transform"),
+    "sheared target": (
+        lambda text: edit(text, "T_tool_target", 0, 0, 1, value=0.5),
+        "'T_tool_target' 1 is no rigid transform",
+    ),
+    "frame with another last row": (
+        lambda text: edit(text, "registration", "T_tracker_base", 3, 0, value=1.0),
+        "'registration, T_tracker_base' is no rigid transform",
+    ),
+    "covariance that is not symmetric": (
+        lambda text: other(text, "covariance", lopsided),
+        r"'covariance' is none: of 'J1\.tx' and 'J1\.ty'",
+    ),
+    "covariance with a negative variance": (
+        lambda text: edit(text, "covariance", 1, 1, value=-1e-8),
+        r"'covariance' is none: the variance of 'J1\.ty' is -1e-08",
+    ),
+    "covariance with impossible correlations": (
+        lambda text: other(text, "covariance", doubtless),
+        "'covariance' is none: a combination of the parameters has the variance -",
+    ),
+    "names reversed": (
+        lambda text: other(text, "names", lambda n: n[::-1]),
+        r"'names' 1 is '\w+\.tz', where 'J1\.tx' belongs",
+    ),
+    "unknown name": (
+        lambda text: edit(text, "names", 2, value="J9.tx"),
+        r"'names' 3 is 'J9\.tx', where 'J1\.tz' belongs",
+    ),
+    "one name less": (lambda text: other(text, "names", lambda n: n[1:]), r"'names' has \d+ entries, .* are \d+"),
+    "other units": (
+        lambda text: edit(text, "units", value="millimetres"),
+        "units: must be 'metres and radians' .got 'millimetres'",
+    ),
+    "negative prior": (
+        lambda text: edit(text, "prior_scale", value=-1.0),
+        r"prior_scale: must be above 0 \(got -1\.0\)",
+    ),
+    "negative model error": (
+        lambda text: edit(text, "model_error", 0, value=-1e-4),
+        r"model_error 1: must be 0 or more \(got -0\.0001\)",
+    ),
+    "a changed robot": (
+        lambda text: edit(text, "robot", "joint", 0, "limits_deg", value=[-10.0, 10.0]),
+        "its robot was changed: its digest is",
+    ),
+    "endless iterations": (
+        lambda text: edit(text, "iterations", value=float("inf")),
+        r"iterations: is not a whole number; .*\(got inf\)",
+    ),
+    "number as text": (lambda text: edit(text, "rounds", value="3"), r"rounds: is not a whole number.*\(got '3'\)"),
+    "flag as text": (
+        lambda text: edit(text, "pose", value="false"),
+        r"pose: is neither true nor false \(got 'false'\)",
+    ),
+    "outlier of text": (
+        lambda text: edit(text, "outliers", value=["much"]),
+        r"outliers 1: is not a table of keys and values \(got 'much'\)",
+    ),
+    "effects of numbers": (lambda text: edit(text, "effects", value=[3]), "effects 1: is not a table"),
+    "effect without kind": (lambda text: edit(text, "effects", value=[{}]), "effect 1 lacks 'kind'"),
+    "effect with wrong options": (
+        lambda text: edit(text, "effects", value=[{"kind": "Harmonics", "mood": 1}]),
+        "effect 1 is none: .*mood",
+    ),
+    "robot of text": (lambda text: edit(text, "robot", value="ur5"), "robot: is not a table of keys and values"),
+    "an integer of 5000 digits": (
+        lambda text: text.replace('"rounds": ', '"rounds": ' + "9" * 5000),
+        "a number has too many digits",
+    ),
+    "deep brackets": (lambda text: "[" * 100_000, "its JSON is nested too deeply"),
     "empty": (lambda text: "", r"cal\.json:1: is no whole JSON file .*cut off"),
     "truncated": (
         lambda text: text[: len(text) // 2],
@@ -129,7 +232,7 @@ BROKEN = {
     "no version": (lambda text: edit(text, "format_version", remove=True), "has format version None"),
     "no robot": (
         lambda text: edit(text, "robot", remove=True),
-        "lacks 'robot'; it may have been edited: identify again",
+        r"cal\.json: robot: is missing; it may have been edited: identify again",
     ),
     "robot edited": (
         lambda text: edit(text, "robot", "joint", 0, "name", value="J2"),
@@ -140,17 +243,23 @@ BROKEN = {
         lambda text: edit(text, "estimate", value=[0.0]),
         r"is inconsistent: 'estimate' has shape \(1,\), not",
     ),
-    "estimate of text": (lambda text: edit(text, "estimate", 0, value="much"), "is inconsistent: .*much"),
-    "estimate with a gap": (lambda text: edit(text, "estimate", 0, value=None), "is inconsistent: 'estimate'"),
-    "covariance with a gap": (lambda text: edit(text, "covariance", 2, 3, value=None), "is inconsistent: 'covariance'"),
+    "estimate of text": (lambda text: edit(text, "estimate", 0, value="much"), "estimate 1: is not a number.*much"),
+    "estimate with a gap": (lambda text: edit(text, "estimate", 0, value=None), "estimate 1: is not a number"),
+    "covariance with a gap": (
+        lambda text: edit(text, "covariance", 2, 3, value=None),
+        "covariance 3 4: is not a number",
+    ),
     "frame with a gap": (
         lambda text: edit(text, "T_tracker_base", 0, 0, value=None),
-        "is inconsistent: 'T_tracker_base'",
+        "T_tracker_base 1 1: is not a number",
     ),
     "ragged covariance": (lambda text: edit(text, "covariance", 0, value=[1.0]), "is inconsistent"),
     "residuals of other rows": (lambda text: edit(text, "ids", value=["a"]), "is inconsistent: 'residuals' has shape"),
-    "provenance edited": (lambda text: edit(text, "provenance", "mood", value="good"), "is inconsistent: .*mood"),
-    "registration lost": (lambda text: edit(text, "registration", "rms", remove=True), "lacks 'rms'"),
+    "provenance edited": (
+        lambda text: edit(text, "provenance", "mood", value="good"),
+        "provenance: 'mood' is no key",
+    ),
+    "registration lost": (lambda text: edit(text, "registration", "rms", remove=True), "registration, rms: is missing"),
 }
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taskcal.identification.calibration import load_calibration
+from taskcal.identification.calibration_file import load_calibration
 from taskcal.identification.explain import explain
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate

@@ -11,7 +11,7 @@ from taskcal.estimation.loss import Cauchy, Huber, Squared
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.identification import identify as identification
 from taskcal.identification.belief import BASE_PRIOR, TARGET_PRIOR
-from taskcal.identification.calibration import load_calibration
+from taskcal.identification.calibration_file import load_calibration
 from taskcal.identification.identify import identify
 from taskcal.measurement.registration import Registration, register
 from taskcal.measurement.tracker import TrackerNoise

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from taskcal.errors import CampaignError
-from taskcal.identification.calibration import Calibration, load_calibration
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.calibration_file import load_calibration
 from taskcal.identification.explain import explain
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taskcal.errors import TaskcalError
-from taskcal.identification.calibration import load_calibration
+from taskcal.identification.calibration_file import load_calibration
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.catalogue import load_robot

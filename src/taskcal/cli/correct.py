@@ -116,7 +116,7 @@ def command(
     from taskcal.correction.cell_file import load_cell
     from taskcal.correction.correct import correct
     from taskcal.correction.correction import Bounds
-    from taskcal.identification.calibration import load_calibration
+    from taskcal.identification.calibration_file import load_calibration
     from taskcal.programs.reading import read_program
 
     known = load_calibration(calibration)

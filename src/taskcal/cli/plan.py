@@ -119,7 +119,7 @@ def command(
 
     from taskcal.adaptation.plan import plan
     from taskcal.errors import CampaignError, FileError
-    from taskcal.identification.calibration import load_calibration
+    from taskcal.identification.calibration_file import load_calibration
     from taskcal.measurement.reader import read_campaign
     from taskcal.measurement.station import load_station
     from taskcal.measurement.writer import joints_text

@@ -71,7 +71,7 @@ def command(
     read = [robot, calibration, *files_of_task(task), campaign]
     outputs = check_outputs("select", [("--report", report)], read, force=force)
     from taskcal.adaptation.selection import Scales, select
-    from taskcal.identification.calibration import load_calibration
+    from taskcal.identification.calibration_file import load_calibration
     from taskcal.measurement.reader import read_campaign
     from taskcal.task.task import load_task
 

@@ -31,7 +31,7 @@ def command(
     wanted, fixed = split_names(targets, "--targets"), split_names(nests, "--nests")
     from taskcal.cli.errors_table import show_errors
     from taskcal.cli.rows import choose_rows
-    from taskcal.identification.calibration import load_calibration
+    from taskcal.identification.calibration_file import load_calibration
     from taskcal.identification.validation import validate
     from taskcal.measurement.reader import read_campaign
 

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.errors import CampaignError, FileError, TaskcalError
+from taskcal.errors import CampaignError
 from taskcal.files import write_whole
 from taskcal.geometry import se3, walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
@@ -22,13 +22,9 @@ from taskcal.identification.field import ResidualField
 from taskcal.identification.outlier import Outlier
 from taskcal.identification.problem import FrameLayout
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import Registration
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects import Effect, effect_from
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
 from taskcal.robot.load import Load
-from taskcal.text_file import read_text
 
 FORMAT = "taskcal-calibration"
 FORMAT_VERSION = 1
@@ -400,107 +396,3 @@ def _without_nan(array: np.ndarray) -> list[Any]:
     out = array.astype(object)
     out[np.isnan(array)] = None
     return out.tolist()
-
-
-def load_calibration(path: str | Path) -> Calibration:
-    """Read a calibration saved by `Calibration.save`.
-
-    Raises:
-        FileError: the file is missing, truncated, of another format or version, or inconsistent in itself.
-    """
-    path = Path(path)
-    text = read_text(path, otherwise="is no calibration: it is no UTF-8 text")
-    try:
-        data = json.loads(text)
-    except RecursionError as error:
-        raise FileError(path, "is no calibration: its JSON is nested too deeply") from error
-    except json.JSONDecodeError as error:
-        message = f"is no whole JSON file ({error.msg}); it may have been cut off: save the calibration again"
-        raise FileError(path, message, line=error.lineno) from error
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise FileError(
-            path, f"is JSON, but no calibration: 'format' is not '{FORMAT}'; write one with taskcal identify"
-        )
-    if data.get("format_version") != FORMAT_VERSION:
-        found = data.get("format_version")
-        raise FileError(
-            path,
-            f"has format version {found!r}, this Taskcal reads {FORMAT_VERSION}; identify again, or use the Taskcal that wrote it",
-        )
-    try:
-        return _from_json(data, _effects(path, data["effects"]))
-    except FileError:
-        raise
-    except TaskcalError as error:
-        raise FileError(path, f"its robot: {error}") from error
-    except KeyError as error:
-        raise FileError(path, f"lacks {error.args[0]!r}; it may have been edited: identify again") from error
-    except (TypeError, ValueError) as error:
-        raise FileError(path, f"is inconsistent: {error}; it may have been edited: identify again") from error
-
-
-def _effects(path: Path, described: Sequence[Mapping[str, Any]]) -> list[Effect]:
-    """The effects of a file.
-
-    Raises:
-        FileError: one is not known, or comes from a module that is not imported.
-    """
-    try:
-        return [effect_from(effect) for effect in described]
-    except TaskcalError as error:
-        raise FileError(path, str(error)) from error
-
-
-def _from_json(data: Mapping[str, Any], effects: Sequence[Effect]) -> Calibration:
-    model = ErrorModel(
-        robot_from(data["robot"]),
-        lengths_only=bool(data["lengths_only"]),
-        effects=effects,
-    )
-    registration = Registration(
-        T_tracker_base=_array(data["registration"], "T_tracker_base", (4, 4)),
-        T_tool_target=_array(data["registration"], "T_tool_target", (len(data["targets"]), 4, 4)),
-        rms=float(data["registration"]["rms"]),
-        unlocated=_array(data["registration"], "unlocated", (3 * len(data["targets"]),) * 2),
-    )
-    layout = FrameLayout(
-        model=model,
-        kept=model.indices(data["kept"]),
-        registration=registration,
-        targets=tuple(data["targets"]),
-        pose=bool(data["pose"]),
-        fixed_frames=bool(data["fixed_frames"]),
-    )
-    size, rows = len(layout.names), len(data["ids"])
-    return Calibration(
-        model=model,
-        layout=layout,
-        z=_array(data, "estimate", (size,)),
-        z_covariance=_array(data, "covariance", (size, size)),
-        T_tracker_base=_array(data, "T_tracker_base", (4, 4)),
-        T_tool_target=_array(data, "T_tool_target", (len(layout.targets), 4, 4)),
-        residuals=_array(data, "residuals", (rows, len(layout.targets), 6 if layout.pose else 3), gaps=True),
-        studentised=_array(data, "studentised", (rows, len(layout.targets)), gaps=True),
-        outliers=tuple(Outlier(**outlier) for outlier in data["outliers"]),
-        ids=tuple(data["ids"]),
-        model_error=tuple(float(value) for value in data["model_error"]),
-        prior_scale=None if data["prior_scale"] is None else float(data["prior_scale"]),
-        log_evidence=None if data["log_evidence"] is None else float(data["log_evidence"]),
-        field=None if data["field"] is None else ResidualField.from_json(data["field"]),
-        iterations=int(data["iterations"]),
-        rounds=int(data["rounds"]),
-        reason=str(data["reason"]),
-        remarks=tuple(str(remark) for remark in data["remarks"]),
-        provenance=Provenance(**data["provenance"]),
-    )
-
-
-def _array(data: Mapping[str, Any], key: str, shape: tuple[int, ...], *, gaps: bool = False) -> np.ndarray:
-    array = np.array(data[key], dtype=float)  # None becomes NaN
-    if not array.size and not np.prod(shape):  # lists do not tell the shape of nothing
-        array = array.reshape(shape)
-    if array.shape != shape:
-        raise ValueError(f"'{key}' has shape {array.shape}, not {shape}")
-    if not gaps and not np.isfinite(array).all():
-        raise ValueError(f"'{key}' holds what is no finite number")
-    return array

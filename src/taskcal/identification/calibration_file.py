@@ -1,0 +1,317 @@
+"""The calibration file: its schema, and the calibration it describes."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import Field, ValidationError
+
+from taskcal.errors import FileError, TaskcalError, shown
+from taskcal.identification.calibration import FORMAT, FORMAT_VERSION, Calibration, Provenance
+from taskcal.identification.field import ResidualField
+from taskcal.identification.outlier import Outlier
+from taskcal.identification.problem import FrameLayout
+from taskcal.measurement.registration import Registration
+from taskcal.robot.effects import Effect, effect_from
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.file import robot_from
+from taskcal.text_file import read_text
+from taskcal.toml_file import Finite, NotNegative, Section, explain
+
+RIGID = 1e-6
+"""How far a transform's rotation may be from one; files keep sixteen digits."""
+
+SYMMETRIC = 1e-6
+"""Of a covariance, relative to the two standard deviations; rounding of the fit leaves 10⁻⁹ at the worst."""
+
+Count = Annotated[int, Field(strict=True, ge=0, le=10**9)]
+Real = Annotated[float, Field(strict=True, ge=-1e300, le=1e300, allow_inf_nan=False)]
+AboveNil = Annotated[float, Field(strict=True, gt=0, le=1e6, allow_inf_nan=False)]
+Ratio = Annotated[float, Field(strict=True, ge=0, le=1e300, allow_inf_nan=False)]
+Flag = Annotated[bool, Field(strict=True)]
+Texts = list[str]
+Vector = list[Finite]
+Matrix = list[list[Finite]]
+
+
+class RegistrationSection(Section):
+    """Frames as found before the fit."""
+
+    T_tracker_base: Matrix
+    T_tool_target: list[Matrix]
+    rms: NotNegative
+    unlocated: Matrix
+
+
+class FieldSection(Section):
+    """A residual field."""
+
+    q: Matrix
+    weights: Matrix
+    lengths: list[AboveNil]
+    deviation: list[AboveNil]
+    noise: list[NotNegative]
+
+
+class OutlierSection(Section):
+    """A point that the fit cannot believe."""
+
+    row: Count
+    id: str
+    target: str
+    studentised: Ratio
+    residual: NotNegative
+
+
+class ProvenanceSection(Section):
+    """Where a calibration comes from."""
+
+    robot: str
+    robot_digest: str
+    campaign: str
+    campaign_digest: str
+    rows: Count
+    version: str
+    created: str
+    options: dict[str, Any]
+
+
+class CalibrationFile(Section):
+    """A calibration file."""
+
+    format: str
+    format_version: int
+    provenance: ProvenanceSection
+    robot: dict[str, Any]
+    lengths_only: Flag
+    units: Literal["metres and radians"]
+    effects: list[dict[str, Any]]
+    kept: Texts
+    targets: Texts = Field(min_length=1)
+    pose: Flag
+    fixed_frames: Flag
+    registration: RegistrationSection
+    names: Texts
+    estimate: Vector
+    covariance: Matrix
+    T_tracker_base: Matrix
+    T_tool_target: list[Matrix]
+    model_error: list[NotNegative]
+    prior_scale: AboveNil | None
+    log_evidence: Real | None
+    field: FieldSection | None
+    ids: Texts
+    residuals: list[list[list[Finite | None]]]
+    studentised: list[list[Ratio | None]]
+    outliers: list[OutlierSection]
+    iterations: Count
+    rounds: Count
+    reason: str
+    remarks: Texts
+
+    def calibration(self, effects: Sequence[Effect]) -> Calibration:
+        """The calibration it describes, with its effects.
+
+        Raises:
+            TaskcalError: the robot or a parameter is not one, or the parts do not belong together.
+        """
+        try:
+            robot = robot_from(self.robot)
+        except TaskcalError as error:
+            raise TaskcalError(f"its robot: {error}") from error
+        if robot.digest != self.provenance.robot_digest:
+            raise TaskcalError(
+                f"its robot was changed: its digest is {robot.digest}, that of the robot that was fitted "
+                f"'{shown(self.provenance.robot_digest)}'"
+            )
+        model = ErrorModel(robot, lengths_only=self.lengths_only, effects=effects)
+        registration = self._registration()
+        layout = FrameLayout(
+            model=model,
+            kept=model.indices(self.kept),
+            registration=registration,
+            targets=tuple(self.targets),
+            pose=self.pose,
+            fixed_frames=self.fixed_frames,
+        )
+        size, rows, width = len(layout.names), len(self.ids), 6 if self.pose else 3
+        self._same_names(layout.names)
+        _of_shape("model_error", np.array(self.model_error), (width // 3,))
+        if self.provenance.rows < rows:
+            raise TaskcalError(f"'ids' names {rows} rows, 'provenance' {self.provenance.rows}")
+        return Calibration(
+            model=model,
+            layout=layout,
+            z=_array("estimate", self.estimate, (size,)),
+            z_covariance=_covariance(_array("covariance", self.covariance, (size, size)), layout.names),
+            T_tracker_base=_rigid("T_tracker_base", _array("T_tracker_base", self.T_tracker_base, (4, 4))),
+            T_tool_target=_rigid(
+                "T_tool_target", _array("T_tool_target", self.T_tool_target, (len(self.targets), 4, 4))
+            ),
+            residuals=_array("residuals", self.residuals, (rows, len(self.targets), width)),
+            studentised=_array("studentised", self.studentised, (rows, len(self.targets))),
+            outliers=tuple(Outlier(**section.model_dump()) for section in self.outliers),
+            ids=tuple(self.ids),
+            model_error=tuple(self.model_error),
+            prior_scale=self.prior_scale,
+            log_evidence=self.log_evidence,
+            field=self._field(len(robot.joints), width),
+            iterations=self.iterations,
+            rounds=self.rounds,
+            reason=self.reason,
+            remarks=tuple(self.remarks),
+            provenance=Provenance(**self.provenance.model_dump()),
+        )
+
+    def _registration(self) -> Registration:
+        found, count = self.registration, len(self.targets)
+        base, target = "registration, T_tracker_base", "registration, T_tool_target"
+        return Registration(
+            T_tracker_base=_rigid(base, _array(base, found.T_tracker_base, (4, 4))),
+            T_tool_target=_rigid(target, _array(target, found.T_tool_target, (count, 4, 4))),
+            rms=found.rms,
+            unlocated=_array("registration, unlocated", found.unlocated, (3 * count, 3 * count)),
+        )
+
+    def _same_names(self, expected: tuple[str, ...]) -> None:
+        """Estimate and covariance stand in the order of the names, so that others would give other parameters."""
+        if len(self.names) != len(expected):
+            raise TaskcalError(
+                f"'names' has {len(self.names)} entries, the parameters kept and frames are {len(expected)}"
+            )
+        for number, (found, wanted) in enumerate(zip(self.names, expected, strict=True), start=1):
+            if found != wanted:
+                raise TaskcalError(f"'names' {number} is '{shown(found)}', where '{wanted}' belongs")
+
+    def _field(self, joints: int, width: int) -> ResidualField | None:
+        if self.field is None:
+            return None
+        rows = len(self.field.q)
+        shapes = {
+            "q": (rows, joints),
+            "weights": (rows, width),
+            "lengths": (joints,),
+            "deviation": (width,),
+            "noise": (width,),
+        }
+        return ResidualField.from_json({
+            name: _array(f"field, {name}", getattr(self.field, name), shape) for name, shape in shapes.items()
+        })  # fmt: skip
+
+
+def _array(key: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """Nested lists of numbers as an array; NaN for null."""
+    try:
+        array = np.array(values, dtype=float)
+    except ValueError as error:
+        raise TaskcalError(f"the rows of '{key}' differ in length") from error
+    if array.size == 0 and 0 in shape:  # nothing was estimated: JSON has no empty matrix
+        array = np.zeros(shape)
+    return _of_shape(key, array, shape)
+
+
+def _of_shape(key: str, array: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    if array.shape != shape:
+        raise TaskcalError(f"'{key}' has shape {array.shape}, not {shape}")
+    return array
+
+
+def _rigid(key: str, T: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4"]:
+    """Transforms, where they neither scale, shear nor reflect."""
+    for number, one in enumerate(T.reshape(-1, 4, 4), start=1):
+        R = one[:3, :3]
+        off = float(np.abs(R.T @ R - np.eye(3)).max())
+        if off > RIGID or np.linalg.det(R) < 0.0 or (one[3] != (0.0, 0.0, 0.0, 1.0)).any():
+            place = f"'{key}'" if T.ndim == 2 else f"'{key}' {number}"
+            scale = float(np.linalg.norm(R) / np.sqrt(3.0))
+            raise TaskcalError(f"{place} is no rigid transform: its axes have length {scale:.6g} and are {off:.2g} off")
+    return T
+
+
+def _covariance(C: Float[np.ndarray, "z z"], names: tuple[str, ...]) -> Float[np.ndarray, "z z"]:
+    """A covariance, where it is one: symmetric and nowhere negative."""
+    if not len(C):
+        return C
+    variance = np.diag(C)
+    if (variance < 0.0).any():
+        i = int(variance.argmin())
+        raise TaskcalError(f"'covariance' is none: the variance of '{names[i]}' is {variance[i]:g}")
+    deviation = np.sqrt(variance)
+    # an entry held exactly has no variance, and then no covariance
+    scale = np.where(deviation > 0.0, deviation, 1.0)
+    correlation = C / scale / scale[:, None]
+    i, j = np.unravel_index(int(np.abs(correlation - correlation.T).argmax()), C.shape)
+    if abs(correlation[i, j] - correlation[j, i]) > SYMMETRIC:
+        raise TaskcalError(
+            f"'covariance' is none: of '{names[i]}' and '{names[j]}' it is {C[i, j]:g}, the other way round {C[j, i]:g}"
+        )
+    lowest = float(np.linalg.eigvalsh((correlation + correlation.T) / 2.0).min(initial=0.0))
+    if lowest < -SYMMETRIC * len(C):
+        raise TaskcalError(
+            f"'covariance' is none: a combination of the parameters has the variance {lowest:.2g} of theirs"
+        )
+    return C
+
+
+def load_calibration(path: str | Path) -> Calibration:
+    """Read a calibration saved by `Calibration.save`.
+
+    Raises:
+        FileError: the file is missing, truncated, of another format or version, or inconsistent in itself; the message
+            names the key and its value.
+    """
+    path = Path(path)
+    data = _json(path)
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        raise FileError(
+            path, f"is JSON, but no calibration: 'format' is not '{FORMAT}'; write one with taskcal identify"
+        )
+    found = data.get("format_version")
+    if type(found) is not int or found != FORMAT_VERSION:
+        raise FileError(
+            path,
+            f"has format version {shown(repr(found))}, this Taskcal reads {FORMAT_VERSION}; identify again, or use the Taskcal "
+            "that wrote it",
+        )
+    try:
+        content = CalibrationFile.model_validate(data)
+    except ValidationError as error:
+        raise FileError(path, f"{explain(error)}; it may have been edited: identify again") from error
+    effects = [_effect(path, number, effect) for number, effect in enumerate(content.effects, start=1)]
+    try:
+        return content.calibration(effects)
+    except TaskcalError as error:
+        raise FileError(path, f"is inconsistent: {error}; it may have been edited: identify again") from error
+
+
+def _effect(path: Path, number: int, described: Mapping[str, Any]) -> Effect:
+    """An effect of a file.
+
+    Raises:
+        FileError: it is not known, comes from a module that is not imported, or its options are not its own.
+    """
+    try:
+        return effect_from(described)
+    except TaskcalError as error:
+        raise FileError(path, str(error)) from error
+    except KeyError as error:
+        raise FileError(path, f"effect {number} lacks {error}; it may have been edited: identify again") from error
+    except (TypeError, ValueError, AttributeError) as error:
+        message = f"effect {number} is none: {shown(error)}; it may have been edited: identify again"
+        raise FileError(path, message) from error
+
+
+def _json(path: Path) -> Any:
+    text = read_text(path, otherwise="is no calibration: it is no UTF-8 text")
+    try:
+        return json.loads(text)
+    except RecursionError as error:
+        raise FileError(path, "is no calibration: its JSON is nested too deeply") from error
+    except json.JSONDecodeError as error:
+        message = f"is no whole JSON file ({error.msg}); it may have been cut off: save the calibration again"
+        raise FileError(path, message, line=error.lineno) from error
+    except ValueError as error:
+        raise FileError(path, "is no calibration: a number has too many digits") from error
