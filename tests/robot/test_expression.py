@@ -72,3 +72,16 @@ def test_a_constant_belongs_into_the_offset():
 def test_an_unknown_joint_is_named_with_its_nearest():
     with pytest.raises(UnknownName, match=r"no joint 'J11' \(in 'J11 - J2'\); did you mean 'J1'"):
         parse_linear("J11 - J2", NAMES)
+
+
+@pytest.mark.parametrize(
+    "text", ["(" * 5000 + "J1" + ")" * 5000, "J1" + "+J1" * 20_000, "9" * 5000, "J1\0", "-" * 5000 + "J1"]
+)
+def test_hostile_text_is_refused_with_a_short_message(text):
+    with pytest.raises(RobotError) as caught:
+        parse_linear(text, ["J1"])
+    assert len(str(caught.value)) < 400
+
+
+def test_nesting_as_deep_as_an_expression_may_be_is_followed():
+    np.testing.assert_array_equal(parse_linear("-" * 190 + "J1", ["J1"]), [1.0])

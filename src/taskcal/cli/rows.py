@@ -5,10 +5,10 @@ from pathlib import Path
 
 import typer
 
-from taskcal.errors import CampaignError, FileError
+from taskcal.errors import CampaignError, FileError, shown
 from taskcal.text_file import read_text
 
-_RANGE = re.compile(r"(\d*):(\d*)$")
+_RANGE = re.compile(r"(\d{0,15}):(\d{0,15})$", re.ASCII)
 
 
 def choose_rows(text: str, count: int, source: Path) -> list[int]:
@@ -25,7 +25,7 @@ def choose_rows(text: str, count: int, source: Path) -> list[int]:
         return _from_file(path, count, source)
     if not match:
         raise typer.BadParameter(
-            f"'{text}' is no range of rows; write a:b with a < b, such as 0:60", param_hint="--rows"
+            f"'{shown(text)}' is no range of rows; write a:b with a < b, such as 0:60", param_hint="--rows"
         )
     first, last = int(match[1] or 0), int(match[2] or count)
     if first >= last and match[2]:
@@ -56,8 +56,8 @@ def _from_file(path: Path, count: int, source: Path) -> list[int]:
         text = line.split("#", 1)[0].strip()
         if not text:
             continue
-        if not re.fullmatch(r"\d+", text, re.ASCII):
-            raise FileError(path, f"'{text}' is no row number; write one per line, counted from 0", line=number)
+        if not re.fullmatch(r"\d{1,15}", text, re.ASCII):
+            raise FileError(path, f"'{shown(text)}' is no row number; write one per line, counted from 0", line=number)
         row = int(text)
         if row >= count:
             raise FileError(path, f"row {row}: {source} has {count} rows, numbered 0 to {count - 1}", line=number)

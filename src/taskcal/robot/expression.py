@@ -6,7 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.errors import RobotError, UnknownName
+from taskcal.errors import RobotError, UnknownName, shown
+
+LONGEST = 200
+"""Characters; so that brackets and signs are never nested deeper than Python follows."""
 
 
 def parse_linear(text: str, names: Sequence[str]) -> Float[np.ndarray, " names"]:
@@ -16,17 +19,19 @@ def parse_linear(text: str, names: Sequence[str]) -> Float[np.ndarray, " names"]
         RobotError: the text is no linear expression without a constant.
         UnknownName: it uses a name that is not among `names`.
     """
+    if len(text) > LONGEST:
+        raise RobotError(f"'{shown(text)}' is longer than {LONGEST} characters; write for example '-(J2 + J3)'")
     try:
         tree = ast.parse(text.strip(), mode="eval").body
-    except SyntaxError as error:
-        raise RobotError(f"'{text}' is no expression; write for example '-(J2 + J3)'") from error
+    except (SyntaxError, ValueError, MemoryError) as error:  # of the parser: syntax, NUL, nesting
+        raise RobotError(f"'{shown(text)}' is no expression; write for example '-(J2 + J3)'") from error
     terms = _terms(tree, text)
     if "" in terms:
-        raise RobotError(f"'{text}' has a constant {terms['']:g}; put it into the joint's offset")
+        raise RobotError(f"'{shown(text)}' has a constant {terms['']:g}; put it into the joint's offset")
     out = np.zeros(len(names))
     for name, value in terms.items():
         if name not in names:
-            raise UnknownName("joint", name, names, f"(in '{text}')")
+            raise UnknownName("joint", name, names, f"(in '{shown(text)}')")
         out[list(names).index(name)] = value
     return out
 
@@ -61,4 +66,4 @@ def _terms(node: ast.expr, text: str) -> dict[str, float]:
                 }
         case _:
             pass
-    raise RobotError(f"'{text}' is not linear in joint names; write for example '-(J2 + J3)'")
+    raise RobotError(f"'{shown(text)}' is not linear in joint names; write for example '-(J2 + J3)'")
