@@ -47,14 +47,64 @@ def test_an_edit_of_any_kernel_source_starts_a_new_folder(sources, name):
     assert folder_now() != before
 
 
-def test_a_folder_that_cannot_be_written_falls_back_to_a_temporary_one(sources, monkeypatch):
+def test_a_folder_that_cannot_be_made_costs_a_compilation_and_leaves_nothing(sources, monkeypatch, caplog):
     blocked = sources.parent / "file"
     blocked.write_text("")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(blocked / "cache"))
     monkeypatch.setattr(tempfile, "tempdir", str(sources.parent))
-    folder = folder_now()
-    assert folder.is_dir()
-    assert folder.is_relative_to(sources.parent)
+    before = sorted(sources.parent.rglob("*"))
+    folder_now()
+    assert compiled.compiled(kernel)(1.0) == 2.0
+    assert "cannot be kept there" in caplog.text
+    assert sorted(sources.parent.rglob("*")) == before
+
+
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+@pytest.mark.parametrize(
+    "damage", [lambda old: b"", lambda old: old[:-9], lambda old: b"\x93" * 99, lambda old: old[:-9] + b"\0" * 9]
+)
+def test_a_damaged_kernel_is_said_compiled_afresh_and_mended(sources, caplog, suffix, damage):
+    compiled._say_once.cache_clear()
+    folder_now()
+    assert compiled.compiled(kernel)(1.0) == 2.0
+    (path,) = folder_now().rglob(f"*.{suffix}")
+    path.write_bytes(damage(path.read_bytes()))
+    assert compiled.compiled(kernel)(1.0) == 2.0
+    assert "is damaged" in caplog.text
+    caplog.clear()
+    again = compiled.compiled(kernel)
+    assert again(1.0) == 2.0
+    assert caplog.text == ""
+    assert sum(again.stats.cache_hits.values()) == 1
+
+
+def test_a_full_disk_is_said_and_the_kernel_runs(sources, monkeypatch, caplog):
+    compiled._say_once.cache_clear()
+    folder_now()
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(compiled._File, "_open_for_write", full)
+    assert compiled.compiled(kernel)(1.0) == 2.0
+    assert "No space left on device" in caplog.text
+    assert str(folder_now()) in caplog.text
+
+
+def test_a_warm_cache_that_is_read_only_is_used(sources, monkeypatch, caplog):
+    folder_now()
+    compiled.compiled(kernel)(1.0)
+
+    def read_only(*_, **__):
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr(compiled.os, "makedirs", read_only)
+    monkeypatch.setattr(tempfile, "TemporaryFile", read_only)
+    monkeypatch.setattr(compiled._File, "_open_for_write", read_only)
+    again = compiled.compiled(kernel)
+    assert again(1.0) == 2.0
+    assert sum(again.stats.cache_hits.values()) == 1
+    assert caplog.text == ""
 
 
 def kernel(a):
