@@ -17,7 +17,7 @@ from taskcal.identification.cross_validation import split_postures
 from taskcal.identification.regressor import Regressor, list_regressors
 from taskcal.measurement.campaign import Campaign
 
-FEWEST = 30
+MIN_POSES = 30
 """Poses from which on something can be said."""
 
 KNOTS, PER_KNOT = (6, 40), 15
@@ -96,8 +96,8 @@ def examine_remainder(
             "name the calibration's targets"
         )
     campaign = campaign.take(np.flatnonzero(campaign.valid.any(axis=1)))
-    if len(campaign) < FEWEST:
-        raise CampaignError(f"{len(campaign)} poses are too few to say what residuals go with; at least {FEWEST}")
+    if len(campaign) < MIN_POSES:
+        raise CampaignError(f"{len(campaign)} poses are too few to say what residuals go with; at least {MIN_POSES}")
     each = calibration.residuals_on(campaign, frame="base")[..., :3]
     residual = np.nanmean(each, axis=1)
     noise = np.where(campaign.valid, np.trace(campaign.covariances()[..., :3, :3], axis1=2, axis2=3), 0.0)

@@ -21,7 +21,7 @@ POSITION, ROTATION = 1e-9, 1e-9
 MARGIN = 0.1
 """Share of them at which the steps end."""
 
-SAME = 1e-6
+SAME_POSTURE_RAD = 1e-6
 """Postures nearer to each other than this are one, radians."""
 
 JUMP = np.pi / 3
@@ -195,7 +195,7 @@ def find_postures(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.nd
     q = q[np.argsort(-depth(model, q), kind="stable")]
     different: list[np.ndarray] = []
     for posture in q:
-        if all(np.abs(posture - other).max() > SAME for other in different):
+        if all(np.abs(posture - other).max() > SAME_POSTURE_RAD for other in different):
             different.append(posture)
     return np.stack(different)
 

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.geometry.pose_step import WEIGHT
-from taskcal.kinematics.inverse import JUMP, SAME, depth, find_postures, solve_near
+from taskcal.kinematics.inverse import JUMP, SAME_POSTURE_RAD, depth, find_postures, solve_near
 from taskcal.kinematics.tracing import refusals, trace
 from taskcal.robot.error_model import ErrorModel
 
@@ -258,7 +258,7 @@ def _search(guide: _Guide, first: _States, steps: tuple[int, ...]) -> list[_Stat
 
 def _cheapest(states: _States) -> Int[np.ndarray, " k"]:
     """Of states that are one posture with one spin, the one that costs least."""
-    alike = np.column_stack([np.round(states.q / (100.0 * SAME)), states.turn % ANGLES])
+    alike = np.column_stack([np.round(states.q / (100.0 * SAME_POSTURE_RAD)), states.turn % ANGLES])
     order = np.argsort(states.cost, kind="stable")
     _, first = np.unique(alike[order], axis=0, return_index=True)
     return np.sort(order[first])

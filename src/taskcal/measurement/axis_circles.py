@@ -19,10 +19,10 @@ from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration, place_targets
 from taskcal.robot.error_model import ErrorModel
 
-FEWEST, ARC = 4, np.radians(20.0)
+MIN_ROWS, ARC = 4, np.radians(20.0)
 """A circle needs so many points, over so large an arc."""
 
-STILL = np.radians(1e-3)
+SAME_ANGLE_RAD = np.radians(1e-3)
 """A joint that moves less than this has not moved."""
 
 
@@ -80,9 +80,9 @@ def find_axis(model: ErrorModel, campaign: Campaign, s: Float[np.ndarray, "n coo
     if model.robot.joints[axis].kind == "prismatic":
         raise CampaignError(f"axis {axis + 1} of {model.robot.name} slides, so it describes no circle; use register")
     rows = _sweep(np.delete(s, axis, axis=1), s[:, axis], np.asarray(campaign.valid.all(axis=1)))
-    if len(rows) < FEWEST:
+    if len(rows) < MIN_ROWS:
         raise CampaignError(
-            f"no {FEWEST} rows over at least {np.degrees(ARC):.0f}° in which only axis {axis + 1} turns and every target is "
+            f"no {MIN_ROWS} rows over at least {np.degrees(ARC):.0f}° in which only axis {axis + 1} turns and every target is "
             f"seen (at most {len(rows)}); "
             "measure such a sweep, or use register, which needs none"
         )
@@ -106,7 +106,7 @@ def _sweep(
     """The largest set of rows with the other coordinates alike and the angle over a sufficient arc."""
     best = np.zeros(0, dtype=np.int64)
     for i in range(len(angle)):
-        alike = np.flatnonzero((np.abs(others - others[i]) < STILL).all(axis=1) & seen)
+        alike = np.flatnonzero((np.abs(others - others[i]) < SAME_ANGLE_RAD).all(axis=1) & seen)
         if len(alike) > len(best) and np.ptp(angle[alike]) >= ARC:
             best = alike
     return best

@@ -15,7 +15,7 @@ from taskcal.measurement.tracker import TrackerNoise
 LEVEL = 0.01
 """Chance of following nests that stand still."""
 
-FEWEST = 5
+MIN_ROWS = 5
 """Rows that have to tell a motion."""
 
 NAMED = 6
@@ -62,8 +62,8 @@ def follow_nests(campaign: Campaign, noise: TrackerNoise | None = None) -> Drift
         return Drift(campaign=campaign, followed=False, largest=0.0, noise=0.0, probability=1.0, remarks=())
     motion = observe_nests(campaign.nests)
     told = ~np.isnan(motion.values[:, 0])
-    if told.sum() < FEWEST:
-        remark = f"the nests tell their motion in {told.sum()} rows, too few to follow it; {FEWEST} are needed"
+    if told.sum() < MIN_ROWS:
+        remark = f"the nests tell their motion in {told.sum()} rows, too few to follow it; {MIN_ROWS} are needed"
         return Drift(campaign=campaign, followed=False, largest=0.0, noise=0.0, probability=1.0, remarks=(remark,))
     deviation, probability = _proof(motion, told)
     remarks = _misplaced(campaign, motion)

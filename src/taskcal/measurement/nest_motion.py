@@ -17,7 +17,7 @@ MISPLACED = 10.0
 FINEST = 1e-6
 """Smallest standard deviation of that distance, metres."""
 
-ROUNDS = 20
+MAX_ROUNDS = 20
 """Of nests placed by the motions and motions by the nests."""
 
 
@@ -64,7 +64,7 @@ def observe_nests(nests: Mapping[str, Float[np.ndarray, "_ 3"]]) -> NestMotion:
     if seen.shape[1] < 3 or extent[1] < LINE * extent[0]:
         return _shift(seen, there, usual, lost)
     R, place = np.broadcast_to(np.eye(3), (len(seen), 3, 3)), np.zeros((len(seen), 3))
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         R, place = _rigid(seen, there, usual)
         usual = np.nanmean(np.einsum("kji,knj->kni", R, seen - place[:, None]), axis=0)
     centre = usual.mean(axis=0)
@@ -109,7 +109,7 @@ def _shift(
     """Translations alone."""
     count, nests = there.sum(axis=1)[:, None], seen.shape[1]
     moved = np.zeros((len(seen), 3))
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         moved = np.where(there[..., None], seen - usual, 0.0).sum(axis=1) / np.maximum(count, 1)
         usual = np.nanmean(seen - moved[:, None], axis=0)
     freedom = int(3 * (there.sum() - (count > 0).sum() - nests + 1))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 from taskcal.errors import CampaignError, ClosureError
 from taskcal.estimation.blas import single_threaded
@@ -211,7 +212,7 @@ def _search(
     """From the closed form, and from many orientations if that ends where no robot would be."""
     best = _refine(_closed_form(R, p, y, target, count), R, p, y, target, count)
     if best[2] > PLAUSIBLE * reach:
-        for Z in _orientations():
+        for Z in orientations():
             found = _refine(Z, R, p, y, target, count)
             if found[2] < best[2] * (1.0 - 1e-9):
                 best = found
@@ -318,20 +319,9 @@ def _refine(
     return Z, (t, offsets), _rms(residual)
 
 
-def _orientations() -> list[np.ndarray]:
+def orientations() -> list[np.ndarray]:
     """The 24 rotations of a cube, and the same turned by 45° about a skew axis."""
-    cube = [
-        np.array(
-            [
-                [s[0] * (p[0] == j) for j in range(3)],
-                [s[1] * (p[1] == j) for j in range(3)],
-                [s[2] * (p[2] == j) for j in range(3)],
-            ]
-        )
-        for p in itertools.permutations(range(3))
-        for s in itertools.product((1.0, -1.0), repeat=3)
-    ]
-    proper = [R for R in cube if np.linalg.det(R) > 0]
+    proper = list(Rotation.create_group("O").as_matrix().round())
     skew = se3.exp(np.array([0.5, 0.4, 0.45]))
     return proper + [skew @ R for R in proper]
 
@@ -349,7 +339,7 @@ def _register_poses(T: np.ndarray, campaign: Campaign, reach: float) -> Registra
     starts = [_closed_form_rotations(R, Y), _alternate(by_points, R, Y), (by_points, _target_rotation(by_points, R, Y))]
     best = min(starts, key=cost)
     if cost(best) > len(y) * (PLAUSIBLE * reach) ** 2:
-        best = min([best, *(_alternate(Z, R, Y) for Z in _orientations())], key=cost)
+        best = min([best, *(_alternate(Z, R, Y) for Z in orientations())], key=cost)
     Z, X = best
     t, offsets, residual = _place(Z, R, p, y, target, 1)
     rms = _rms(residual)

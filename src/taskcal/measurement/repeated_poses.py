@@ -12,7 +12,7 @@ from taskcal.errors import CampaignError
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.pose_performance import PosePerformance, assess_pose, mean_and_three_deviations
 
-SAME = float(np.radians(0.01))
+SAME_POSE_RAD = float(np.radians(0.01))
 """Joint positions within this of each other are one pose, radians."""
 
 NORMAL = float(2.0 * np.sqrt(2.0 / np.pi) + 3.0 * np.sqrt(3.0 - 8.0 / np.pi))
@@ -83,7 +83,7 @@ def group_postures(q: Float[np.ndarray, "n joints"], same: float) -> Int[np.ndar
     return connected_components(graph, directed=False)[1]
 
 
-def pose_repeatability(campaign: Campaign, *, same: float = SAME) -> RepeatedPoses:
+def pose_repeatability(campaign: Campaign, *, same: float = SAME_POSE_RAD) -> RepeatedPoses:
     """Repeatability at the poses that a campaign measured more than once (ISO 9283:1998, 7.2.2).
 
     It contains the tracker's noise, and what the recorded joints of a pose differ by.
