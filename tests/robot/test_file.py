@@ -230,3 +230,15 @@ def test_what_a_robot_weighs_is_read_in_si_units():
     plain = load_robot("ur5").statics
     assert (plain.links, plain.payload.mass, plain.spring, set(plain.stiffness)) == (None, 0.0, None, {None})
     assert plain.gravity.tolist() == [0.0, 0.0, -1.0]
+
+
+@pytest.mark.parametrize("pattern", ["{", "t{x}", "{0.__class__}", "{:>999999999}"])
+def test_a_pattern_of_symbols_knows_no_other_braces(pattern):
+    assert robot_from(edited("symbols", value={"tx": pattern})).symbols["J1.tx"] == pattern
+
+
+def test_an_endless_name_of_a_joint_is_refused_with_a_short_message():
+    with pytest.raises(RobotError) as caught:
+        robot_from(edited("joint", 0, "name", value="J" * 5000))
+    assert "joint 1, name: is not a name" in str(caught.value)
+    assert len(str(caught.value)) < 400

@@ -61,7 +61,7 @@ class DHSection(Section):
 class JointSection(Section):
     """A joint with the parts that lead to it: elementary steps, or a row of a table."""
 
-    name: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
+    name: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,79}$")
     type: Literal["revolute", "prismatic"] = "revolute"
     steps: tuple[StepSection, ...] = ()
     dh: DHSection | None = None
@@ -339,7 +339,7 @@ def _symbols(section: Mapping[str, str], names: list[str]) -> dict[str, str]:
     out = {key: value for key, value in section.items() if "." in key}
     for key in set(section) - set(out):
         for number, name in enumerate(names, start=1):
-            out[f"{name}.{key}"] = section[key].format(number)
+            out[f"{name}.{key}"] = section[key].replace("{}", str(number))
     return out
 
 
