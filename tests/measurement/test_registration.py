@@ -6,6 +6,7 @@ import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+
 from taskcal.demo.reference_task import reference_task
 from taskcal.errors import CampaignError
 from taskcal.measurement import registration
@@ -16,7 +17,6 @@ from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from taskcal.task.task import reach_task
-
 from tests.laws.campaigns import measure
 from tests.laws.robots import generators, industrial, industrial_positions
 
