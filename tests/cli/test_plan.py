@@ -176,7 +176,7 @@ def test_plan_and_page_are_two_files(run: Run, ask: list[object], tmp_path: Path
     ("change", "said"),
     [
         (("1711.0", "8711.0"), "does not reach the tool pose at x 8711"),
-        (("[500.0, 700.0, 500.0]", "[0.0, 700.0, 500.0]"), "size_mm 1: Input should be greater than 0 (got 0.0)"),
+        (("[500.0, 700.0, 500.0]", "[0.0, 700.0, 500.0]"), "size_mm 1: must be 1e-06 or more (got 0.0)"),
         (("position_mm = 0.1", "position_mm = 0.00001"), "accuracy of 1e-05 mm is out of reach"),
         (("quaternion", "quarternion"), "orientation 1, quaternion: is missing"),
         (("[workspace]", "[workspace"), "is no TOML"),
