@@ -5,7 +5,7 @@ import pytest
 
 from taskcal.adaptation.candidates import find_measurable, make_experiment
 from taskcal.adaptation.expected_error import design
-from taskcal.demo.reference_task import reference_task
+from taskcal.demo.reference import reference_task
 from taskcal.estimation.experiment_design import Candidates, choose
 from taskcal.task.task import reach_task
 

@@ -15,7 +15,7 @@ from taskcal.demo.closed_loop import largest_errors, prepare_closed_loop, run_cl
 from taskcal.demo.closed_loop_report import draw_closed_loop
 from taskcal.demo.prediction_figures import draw_error_over_angle
 from taskcal.demo.procedure import ONE, run_procedure
-from taskcal.demo.reference_task import ROBOT
+from taskcal.demo.reference import ROBOT
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 

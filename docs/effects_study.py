@@ -13,7 +13,7 @@ import numpy as np
 
 from taskcal.demo.elastic_robot import GEARS, elastic_model
 from taskcal.demo.model_trial import try_models
-from taskcal.demo.reference_task import ROBOT, reference_task
+from taskcal.demo.reference import ROBOT, reference_task
 from taskcal.estimation.blas import single_threaded
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.explain import explain

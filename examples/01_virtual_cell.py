@@ -8,7 +8,7 @@ model = tc.ErrorModel(tc.load_robot("abb-irb6660-205-1.9"))
 print(model)
 
 # the task: a box of 500 × 700 × 500 mm, in which the tool tilts and turns by up to 20°
-task = tc.reference_task(spread=np.radians(20.0))
+task = tc.demo.reference_task(spread=np.radians(20.0))
 measured = tc.reach_task(model, task, count=60)
 new = tc.reach_task(model, task, count=200, seed=1)
 

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 
 import taskcal as tc
-from taskcal.measurement.writer import write_campaign
 
 TABLE = """\
 joint,alpha_deg,a_mm,d_mm,theta_offset_deg,lower_deg,upper_deg
@@ -26,7 +25,7 @@ model = tc.ErrorModel(robot)
 # in place of a tracker's file: a virtual robot, one reflector at the tool point, written as you would export it
 rng = np.random.default_rng(0)
 q = rng.uniform(*0.5 * robot.limits.T, size=(100, 6))
-write_campaign(folder / "campaign.csv", tc.simulate(model, q, rng=rng, lost=0.02)[0], robot)
+tc.write_campaign(folder / "campaign.csv", tc.simulate(model, q, rng=rng, lost=0.02)[0], robot)
 print(*(folder / "campaign.csv").read_text().splitlines()[:3], sep="\n")
 
 campaign = tc.read_campaign(folder / "campaign.csv", robot)

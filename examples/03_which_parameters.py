@@ -3,7 +3,7 @@
 import taskcal as tc
 
 model = tc.ErrorModel(tc.load_robot("abb-irb6660-205-1.9"))
-task = tc.reference_task()  # one tool orientation
+task = tc.demo.reference_task()  # one tool orientation
 q = tc.reach_task(model, task, count=60).q
 
 table = tc.sensitivity(model, q).to_frame().nlargest(5, "max_space_um")

@@ -5,17 +5,16 @@ from functools import partial
 import numpy as np
 
 import taskcal as tc
-from taskcal.analysis.elimination_table import published_kept
-from taskcal.demo.elastic_robot import GEARS, RIPPLE, elastic_model
-from taskcal.demo.model_trial import try_models
-from taskcal.robot.effects import PERIODIC, SOFT
+from taskcal.analysis import published_kept
+from taskcal.demo import GEARS, RIPPLE, elastic_model, try_models
+from taskcal.effects import PERIODIC, SOFT
 
 ROBOTS, EXPLAINED = 20, 3
 robot = tc.load_robot("abb-irb6660-205-1.9")
 geometry = tc.ErrorModel(robot)
 
 # as published: 60 poses in one tool orientation, one reflector, a Leica AT901, weight not compensated
-task = tc.reference_task()
+task = tc.demo.reference_task()
 measured, new = tc.reach_task(geometry, task, 60).q, tc.reach_task(geometry, task, 200, seed=1).q
 
 

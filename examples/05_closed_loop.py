@@ -3,7 +3,7 @@
 import numpy as np
 
 import taskcal as tc
-from taskcal.demo.closed_loop import prepare_closed_loop, run_closed_loop
+from taskcal.demo import prepare_closed_loop, run_closed_loop
 
 loop = prepare_closed_loop(tc.load_robot("abb-irb6660-205-1.9"), poses=60)
 print(f"{len(loop.program.moves)} motions in {loop.milling.source.path}, {len(loop.q)} poses to measure")

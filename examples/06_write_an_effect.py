@@ -14,7 +14,7 @@ x = np.zeros(len(true))
 x[[true.names.index(name) for name in ("J2.belt_sin", "J3.belt_sin")]] = 5e-4, -5e-4
 campaign, truth = tc.simulate(true, rng.uniform(-1.0, 1.0, (80, 6)), rng=rng, x=x)
 
-found = tc.explain(model, campaign, candidates=[tc.EncoderGain(), tc.Compliance(), Belt()], folds=3)
+found = tc.explain(model, campaign, candidates=[tc.effects.EncoderGain(), tc.Compliance(), Belt()], folds=3)
 for stage in found.stages:
     print(f"{stage.name:14} {stage.cross_validated * 1e3:.4f} mm left   taken: {stage.accepted}")
 

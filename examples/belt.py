@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taskcal.robot.effects import Effect, LinearTerm, at_joints
+from taskcal.effects import Effect, LinearTerm, at_joints
 
 
 @dataclass(frozen=True, kw_only=True)

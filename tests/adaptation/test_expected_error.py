@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from taskcal.adaptation.expected_error import design
-from taskcal.demo.reference_task import reference_task
+from taskcal.demo.reference import reference_task
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot

@@ -9,7 +9,7 @@ from taskcal.adaptation import plan as planning
 from taskcal.adaptation.candidates import enlarge, find_measurable, keep_measurable, make_experiment
 from taskcal.adaptation.expected_error import design
 from taskcal.adaptation.plan import Plan, plan
-from taskcal.demo.reference_task import reference_task
+from taskcal.demo.reference import reference_task
 from taskcal.errors import CampaignError, ReachError
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify

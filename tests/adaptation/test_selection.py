@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taskcal.adaptation.selection import SUFFICIENT, select
-from taskcal.demo.reference_task import reference_task
+from taskcal.demo.reference import reference_task
 from taskcal.errors import CampaignError, ReachError
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot

@@ -11,7 +11,7 @@ from taskcal.adaptation import study as studying
 from taskcal.adaptation.selection import select
 from taskcal.adaptation.study import study
 from taskcal.analysis.elimination_table import published_kept
-from taskcal.demo.reference_task import reference_task
+from taskcal.demo.reference import reference_task
 from taskcal.errors import FileError, TaskcalError, UnknownName
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import simulate

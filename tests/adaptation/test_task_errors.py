@@ -8,7 +8,7 @@ from taskcal.adaptation.selection import assume_design
 from taskcal.adaptation.task_errors import TaskCurves, TaskMaps, map_task
 
 MODEL = tc.ErrorModel(tc.load_robot("abb-irb6660-205-1.9"))
-TASK = tc.reference_task()
+TASK = tc.demo.reference_task()
 
 
 @pytest.fixture(scope="module")

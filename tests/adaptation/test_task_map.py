@@ -13,7 +13,7 @@ from taskcal.adaptation.task_map import (
     map_uncertainty,
     slice_workspace,
 )
-from taskcal.demo.reference_task import reference_task
+from taskcal.demo.reference import reference_task
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify

@@ -7,7 +7,7 @@ import taskcal as tc
 from taskcal.adaptation.task_uncertainty import uncertainty_over
 
 MODEL = tc.ErrorModel(tc.load_robot("abb-irb6660-205-1.9"))
-TASK = tc.reference_task()
+TASK = tc.demo.reference_task()
 
 
 @pytest.fixture(scope="module")

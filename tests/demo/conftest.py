@@ -3,7 +3,7 @@
 import pytest
 
 from taskcal.demo.procedure import Procedure, run_procedure
-from taskcal.demo.reference_task import ROBOT
+from taskcal.demo.reference import ROBOT
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot

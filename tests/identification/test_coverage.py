@@ -7,7 +7,7 @@ from taskcal.adaptation.expected_error import design
 from taskcal.adaptation.selection import select
 from taskcal.analysis.elimination_table import published_kept
 from taskcal.analysis.identifiability import identifiability
-from taskcal.demo.reference_task import reference_task
+from taskcal.demo.reference import reference_task
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot

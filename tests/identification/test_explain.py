@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taskcal.demo.procedure import SPREAD
-from taskcal.demo.reference_task import reference_task
+from taskcal.demo.reference import reference_task
 from taskcal.identification.calibration_file import load_calibration
 from taskcal.identification.explain import PROOF, explain, with_field
 from taskcal.identification.field import learn_field

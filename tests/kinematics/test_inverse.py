@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from taskcal.demo.reference_task import reference_task
+from taskcal.demo.reference import reference_task
 from taskcal.errors import ReachError
 from taskcal.kinematics.inverse import JUMP, closes, conditioning, find_posture, follow, solve_near
 from taskcal.robot.catalogue import load_robot

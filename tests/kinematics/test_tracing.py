@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from taskcal.demo.reference_task import reference_task
+from taskcal.demo.reference import reference_task
 from taskcal.kinematics.inverse import JUMP, conditioning, find_posture, solve_near
 from taskcal.kinematics.tracing import STEEPEST, STRIDE, Outcome, Traced, refusals, retrace, trace
 from taskcal.robot.catalogue import load_robot

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taskcal.demo.reference_task import reference_task
+from taskcal.demo.reference import reference_task
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import simulate

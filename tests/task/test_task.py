@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
-from taskcal.demo.reference_task import reference_task
+from taskcal.demo.reference import reference_task
 from taskcal.errors import FileError, ReachError
 from taskcal.geometry import se3
 from taskcal.robot.catalogue import load_robot

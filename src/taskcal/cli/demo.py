@@ -56,7 +56,7 @@ def demo(
     from taskcal.demo.procedure_files import procedure_contents
     from taskcal.demo.procedure_json import procedure_json
     from taskcal.demo.procedure_report import procedure_html
-    from taskcal.demo.reference_task import ROBOT
+    from taskcal.demo.reference import ROBOT
     from taskcal.errors import FileError
     from taskcal.identification.calibration import package_version
     from taskcal.robot.catalogue import load_robot
@@ -133,7 +133,7 @@ def _close_the_loop(
 
 def _next_steps(folder: Path, files: dict[str, Path]) -> str:
     from taskcal.demo.procedure import ONE, SEVERAL
-    from taskcal.demo.reference_task import ROBOT
+    from taskcal.demo.reference import ROBOT
 
     one, several = files[f"campaign {ONE}"], files[f"campaign {SEVERAL}"]
     taskcal = started_as()

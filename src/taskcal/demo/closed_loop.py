@@ -22,7 +22,7 @@ from taskcal.correction.correction import Correction
 from taskcal.correction.placement import Placed, Placement
 from taskcal.correction.relation import fit_points
 from taskcal.demo.milling import ROWS, Milling, milling_program
-from taskcal.demo.reference_task import reference_task
+from taskcal.demo.reference import reference_task
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.identify import identify

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from taskcal.analysis.elimination_table import EliminationTable, published_kept, tabulate_elimination
 from taskcal.analysis.sensitivity import Sensitivity, sensitivity
 from taskcal.demo.predictions import Predictions
-from taskcal.demo.reference_task import reference_task
+from taskcal.demo.reference import reference_task
 from taskcal.demo.tool_point_errors import Errors, errors_in_base
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration

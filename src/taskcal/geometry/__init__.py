@@ -1,1 +1,5 @@
 """Rigid transforms, the compiled walk along a chain, and the four-bar closure. Numbers only: knows no robot."""
+
+from taskcal.public_names import load_lazily
+
+__getattr__, __dir__, __all__ = load_lazily(__name__, __file__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -1,1 +1,5 @@
 """Robot programs: RAPID, KRL, APT and CSV, from text to motions and back."""
+
+from taskcal.public_names import load_lazily
+
+__getattr__, __dir__, __all__ = load_lazily(__name__, __file__)  # pyright: ignore[reportUnsupportedDunderAll]

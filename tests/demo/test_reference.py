@@ -3,7 +3,7 @@
 import numpy as np
 
 import taskcal as tc
-from taskcal.demo.reference_task import reference_task
+from taskcal.demo.reference import reference_task
 
 
 def test_the_file_says_the_published_box_to_the_last_bit():
@@ -14,7 +14,7 @@ def test_the_file_says_the_published_box_to_the_last_bit():
 
 
 def test_the_spread_opens_tilt_and_turn():
-    (orientation,) = tc.reference_task(0.3).workspace.orientations
+    (orientation,) = tc.demo.reference_task(0.3).workspace.orientations
     assert orientation.cone == orientation.spin == 0.3
-    (closed,) = tc.reference_task().workspace.orientations
+    (closed,) = tc.demo.reference_task().workspace.orientations
     assert closed.cone == closed.spin == 0.0

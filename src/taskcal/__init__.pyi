@@ -1,0 +1,64 @@
+# The public names, each once: __init__.py reads this list and loads them as they are used.
+
+from taskcal.adaptation.plan import Plan as Plan
+from taskcal.adaptation.plan import plan as plan
+from taskcal.adaptation.selection import Selection as Selection
+from taskcal.adaptation.selection import select as select
+from taskcal.adaptation.study import Study as Study
+from taskcal.adaptation.study import study as study
+from taskcal.analysis.identifiability import identifiability as identifiability
+from taskcal.analysis.sensitivity import sensitivity as sensitivity
+from taskcal.correction.cell import Cell as Cell
+from taskcal.correction.cell_file import load_cell as load_cell
+from taskcal.correction.correct import correct as correct
+from taskcal.correction.correction import Bounds as Bounds
+from taskcal.correction.correction import Correction as Correction
+from taskcal.errors import FileError as FileError
+from taskcal.errors import TaskcalError as TaskcalError
+from taskcal.estimation.loss import Huber as Huber
+from taskcal.estimation.prior import GaussianPrior as GaussianPrior
+from taskcal.identification.calibration import Calibration as Calibration
+from taskcal.identification.calibration_file import load_calibration as load_calibration
+from taskcal.identification.explain import explain as explain
+from taskcal.identification.identify import identify as identify
+from taskcal.identification.validation import Validation as Validation
+from taskcal.identification.validation import validate as validate
+from taskcal.measurement.campaign import Campaign as Campaign
+from taskcal.measurement.reader import read_campaign as read_campaign
+from taskcal.measurement.registration import register as register
+from taskcal.measurement.station import Station as Station
+from taskcal.measurement.station import load_station as load_station
+from taskcal.measurement.tracker import TrackerNoise as TrackerNoise
+from taskcal.measurement.virtual_cell import simulate as simulate
+from taskcal.measurement.writer import write_campaign as write_campaign
+from taskcal.measurement.writer import write_joints as write_joints
+from taskcal.programs.reading import read_program as read_program
+from taskcal.robot.catalogue import catalogue_names as catalogue_names
+from taskcal.robot.catalogue import load_robot as load_robot
+from taskcal.robot.conditions import Conditions as Conditions
+from taskcal.robot.dh_table import read_dh_table as read_dh_table
+from taskcal.robot.effects import Compliance as Compliance
+from taskcal.robot.error_model import ErrorModel as ErrorModel
+from taskcal.robot.robot import Robot as Robot
+from taskcal.task.task import Task as Task
+from taskcal.task.task import load_task as load_task
+from taskcal.task.task import reach_task as reach_task
+from taskcal.task.workspace import Orientation as Orientation
+from taskcal.task.workspace import Workspace as Workspace
+
+from . import adaptation as adaptation
+from . import analysis as analysis
+from . import correction as correction
+from . import demo as demo
+from . import effects as effects
+from . import errors as errors
+from . import estimation as estimation
+from . import geometry as geometry
+from . import identification as identification
+from . import kinematics as kinematics
+from . import measurement as measurement
+from . import performance as performance
+from . import programs as programs
+from . import task as task
+
+__version__: str

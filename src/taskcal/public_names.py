@@ -1,0 +1,87 @@
+"""Public names: each stands once, in the stub beside its package's ``__init__``, and is loaded when it is first used."""
+
+import ast
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+from warnings import warn
+
+RENAMED = {
+    "taskcal": {
+        "Backlash": "taskcal.effects.Backlash",
+        "Cauchy": "taskcal.estimation.Cauchy",
+        "Coupling": "taskcal.effects.Coupling",
+        "EncoderGain": "taskcal.effects.EncoderGain",
+        "Explanation": "taskcal.identification.Explanation",
+        "Harmonics": "taskcal.effects.Harmonics",
+        "Load": "taskcal.effects.Load",
+        "MotorHarmonics": "taskcal.effects.MotorHarmonics",
+        "Overrun": "taskcal.effects.Overrun",
+        "PathPerformance": "taskcal.performance.PathPerformance",
+        "PosePerformance": "taskcal.performance.PosePerformance",
+        "Registration": "taskcal.measurement.Registration",
+        "Settling": "taskcal.effects.Settling",
+        "Spring": "taskcal.effects.Spring",
+        "Squared": "taskcal.estimation.Squared",
+        "Thermal": "taskcal.effects.Thermal",
+        "WarmUp": "taskcal.effects.WarmUp",
+        "assess_distance": "taskcal.performance.assess_distance",
+        "assess_path": "taskcal.performance.assess_path",
+        "assess_pose": "taskcal.performance.assess_pose",
+        "follow_nests": "taskcal.measurement.follow_nests",
+        "pose_repeatability": "taskcal.performance.pose_repeatability",
+        "read_path_cycles": "taskcal.performance.read_path_cycles",
+        "read_pose_cycles": "taskcal.performance.read_pose_cycles",
+        "reference_task": "taskcal.demo.reference_task",
+        "register_from_circles": "taskcal.measurement.register_from_circles",
+        "solve_calibrated": "taskcal.correction.solve_calibrated",
+        "solve_near": "taskcal.kinematics.solve_near",
+    },
+}
+"""Of each package: former names, which still work for one release, and what they are called now."""
+
+
+def names_in_stub(package: str, file: str) -> dict[str, str]:
+    """Names that a package's stub re-exports, and the module that each comes from; its own name for one of its modules.
+
+    Args:
+        package: its name.
+        file: its ``__init__.py``; the stub stands beside it.
+    """
+    stub = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8"))
+    imports = [statement for statement in stub.body if isinstance(statement, ast.ImportFrom)]
+    return {alias.name: statement.module or package for statement in imports for alias in statement.names}
+
+
+def load_lazily(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """``__getattr__``, ``__dir__`` and ``__all__`` (PEP 562) of a package whose names stand in its stub.
+
+    Args:
+        package: its name.
+        file: its ``__init__.py``.
+    """
+    home = names_in_stub(package, file)
+    renamed = RENAMED.get(package, {})
+
+    def load(name: str) -> Any:
+        if name in renamed:
+            now = renamed[name]
+            warn(
+                f"{package}.{name} is called {now} now; the old name goes with the next release",
+                DeprecationWarning,
+                stacklevel=2,
+            )
+            module, _, attribute = now.rpartition(".")
+            return getattr(import_module(module), attribute)
+        if name == "__version__" and "." not in package:
+            from importlib.metadata import version
+
+            return version(package)
+        if name not in home:
+            raise AttributeError(f"module '{package}' has no attribute '{name}'")
+        if home[name] == package:
+            return import_module(f"{package}.{name}")
+        return getattr(import_module(home[name]), name)
+
+    return load, lambda: sorted(home), sorted(name for name, module in home.items() if module != package)

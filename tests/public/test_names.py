@@ -1,0 +1,100 @@
+"""The public names: few at the top, each standing once, none shadowed, old ones still working with a warning."""
+
+import ast
+import pkgutil
+import subprocess
+import sys
+import warnings
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import taskcal
+from taskcal.public_names import RENAMED, load_lazily
+
+ROOT = Path(taskcal.__file__).parent
+STUBS = sorted(ROOT.rglob("__init__.pyi"))
+NAMESPACES = sorted(set(dir(taskcal)) - set(taskcal.__all__) - {"__version__"})
+
+PROMISED = (
+    "load_robot", "ErrorModel", "sensitivity", "identifiability", "read_campaign", "identify", "validate", "load_task", "plan",
+    "select", "study", "simulate", "correct", "read_program", "load_calibration", "explain", "Compliance", "Campaign",
+    "Calibration", "Validation", "Workspace", "Orientation", "Station", "FileError", "TaskcalError",
+)  # fmt: skip
+"""What users and their scripts call, and what a user must build."""
+
+
+def package_of(stub: Path) -> str:
+    return ".".join(stub.parent.relative_to(ROOT.parent).parts)
+
+
+def test_some_forty_names_stand_at_the_top() -> None:
+    assert set(PROMISED) <= set(taskcal.__all__)
+    assert 35 <= len(taskcal.__all__) <= 50
+
+
+@pytest.mark.parametrize("namespace", NAMESPACES)
+def test_every_name_of_a_namespace_is_what_its_stub_says(namespace: str) -> None:
+    module = getattr(taskcal, namespace)
+    assert isinstance(module, ModuleType)
+    public = [name for name in dir(module) if not name.startswith("_")]
+    assert public
+    for name in public:
+        assert getattr(module, name) is getattr(module, name)
+
+
+def test_every_name_at_the_top_loads() -> None:
+    for name in taskcal.__all__:
+        assert getattr(taskcal, name).__name__ == name
+    assert set(taskcal.__all__) < set(dir(taskcal))
+
+
+@pytest.mark.parametrize("stub", STUBS, ids=package_of)
+def test_no_function_is_shadowed_by_a_module_of_its_name(stub: Path) -> None:
+    """An import of `taskcal.x.y` sets y in `taskcal.x`: a public function y there would turn into the module."""
+    package = import_module(package_of(stub))
+    modules = {module.name for module in pkgutil.iter_modules([str(stub.parent)])}
+    assert not modules & set(package.__all__)
+
+
+@pytest.mark.parametrize("stub", STUBS, ids=package_of)
+def test_a_stub_names_each_once_and_re_exports_it(stub: Path) -> None:
+    body = ast.parse(stub.read_text(encoding="utf-8")).body
+    names = [alias for line in body if isinstance(line, ast.ImportFrom) for alias in line.names]
+    assert all(alias.asname == alias.name for alias in names)
+    assert len({alias.name for alias in names}) == len(names)
+
+
+@pytest.mark.parametrize("old", sorted(RENAMED["taskcal"]))
+def test_an_old_name_works_and_warns_once_with_the_new_one(old: str) -> None:
+    with warnings.catch_warnings(record=True) as given:
+        warnings.simplefilter("always")
+        value = getattr(taskcal, old)
+    (warning,) = given
+    new = RENAMED["taskcal"][old]
+    assert warning.category is DeprecationWarning
+    assert new in str(warning.message)
+    assert warning.filename == __file__
+    namespace, _, name = new.rpartition(".")
+    assert value is getattr(import_module(namespace), name)
+    assert old not in dir(taskcal)
+    assert name in dir(import_module(namespace))
+
+
+def test_an_unknown_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match=r"module 'taskcal' has no attribute 'identfy'"):
+        _ = taskcal.identfy
+
+
+def test_names_come_from_the_stub_beside_the_package(tmp_path: Path) -> None:
+    (tmp_path / "__init__.pyi").write_text("from math import tau as tau\n")
+    load, names, everything = load_lazily("some", str(tmp_path / "__init__.py"))
+    assert (names(), everything, load("tau")) == (["tau"], ["tau"], import_module("math").tau)
+
+
+def test_importing_the_package_loads_no_stage() -> None:
+    code = "import taskcal, sys; print(sorted(m for m in sys.modules if m.startswith('taskcal.') or m == 'numpy'))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "['taskcal.public_names']"
