@@ -62,7 +62,7 @@ def test_inconsistent_options(
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('shape = "box"', 'shape = "ball"', "workspace, shape: Input should be 'box' or 'cylinder' (got 'ball')"),
+        ('shape = "box"', 'shape = "ball"', "workspace, shape: must be 'box' or 'cylinder' (got 'ball')"),
         ("0.296]", "0.9]", "has length 1.3"),
         ("size_mm = [500.0, 700.0, 500.0]", "", "a box has size_mm"),
         ("[workspace]", "[workspace", "is no TOML"),
