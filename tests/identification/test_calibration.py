@@ -95,11 +95,26 @@ def test_the_file_is_plain_json_that_names_format_version_units_and_parameters(s
     found, text = saved
     data = json.loads(text, parse_constant=lambda constant: pytest.fail(f"{constant} is no JSON"))
     assert data["format"] == "taskcal-calibration"
-    assert data["format_version"] == 1
+    assert data["format_version"] == 2
     assert data["units"] == "metres and radians"
     assert data["names"] == list(found.all_names)
     assert data["provenance"]["rows"] == 50
     assert data["provenance"]["robot"] == "abb-irb6660-205-1.9"
+
+
+def test_a_file_of_the_first_version_is_read(tmp_path):
+    """It held estimate and covariance of the estimated parameters alone, and took the others for certain."""
+    found = calibration(keep=["J2", "J4.rz"])
+    data = found.to_json()
+    k = [*found.estimated, *range(45, len(found.z))]
+    data |= {"format_version": 1, "names": [found.all_names[i] for i in k], "estimate": found.z[k].tolist()}
+    data |= {"covariance": found.z_covariance[np.ix_(k, k)].tolist()}
+    (tmp_path / "first.json").write_text(json.dumps(data))
+    again = load_calibration(tmp_path / "first.json")
+    q = irb6660_positions(np.random.default_rng(1), 20)
+    np.testing.assert_array_equal(again.predict(q), found.predict(q))
+    assert again.kept == found.kept
+    assert not np.delete(again.covariance, found.estimated, axis=0).any()
 
 
 def edit(text, *path, value=None, remove=False):
@@ -227,7 +242,7 @@ BROKEN = {
     "foreign": (lambda text: '{"format": "other"}', "is JSON, but no calibration"),
     "later version": (
         lambda text: edit(text, "format_version", value=99),
-        r"has format version 99, this Taskcal reads 1",
+        r"has format version 99, this Taskcal reads 1 to 2",
     ),
     "no version": (lambda text: edit(text, "format_version", remove=True), "has format version None"),
     "no robot": (
@@ -296,9 +311,11 @@ def test_an_estimate_is_nil_where_not_kept_and_its_errors_are_the_covariances():
     found = calibration(keep=["J2", "J4.rz"])
     kept = found.model.indices(["J2", "J4.rz"])
     others = np.setdiff1d(np.arange(45), kept)
-    np.testing.assert_array_equal(found.estimate[kept], found.z[: len(kept)])
+    np.testing.assert_array_equal(found.estimate, found.z[:45])
+    assert found.estimate[kept].all()
     assert not found.estimate[others].any()
-    np.testing.assert_allclose(found.standard_errors[kept], np.sqrt(np.diag(found.z_covariance)[: len(kept)]))
+    np.testing.assert_allclose(found.standard_errors, np.sqrt(np.diag(found.z_covariance)[:45]))
+    np.testing.assert_allclose(found.standard_errors[others], found.prior_scale * found.model.tolerances[others])
     np.testing.assert_allclose(np.diag(found.correlation), 1.0)
     np.testing.assert_allclose(found.z_covariance, found.z_covariance.T)
 

@@ -9,10 +9,12 @@ from scipy.linalg import qr
 from taskcal.errors import CampaignError, FitError, UnknownName
 from taskcal.estimation.loss import Cauchy, Huber, Squared
 from taskcal.estimation.prior import GaussianPrior
+from taskcal.geometry.covariance_propagation import propagate
 from taskcal.identification import identify as identification
-from taskcal.identification.belief import BASE_PRIOR, TARGET_PRIOR
+from taskcal.identification.belief import BASE_PRIOR, TARGET_PRIOR, frame_precision
 from taskcal.identification.calibration_file import load_calibration
 from taskcal.identification.identify import identify
+from taskcal.identification.problem import observe
 from taskcal.measurement.registration import Registration, register
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.catalogue import load_robot
@@ -33,6 +35,16 @@ def arm(seed, tolerance_mm=0.5):
     rng = np.random.default_rng(seed)
     tolerance = {"translation_mm": tolerance_mm, "rotation_mrad": tolerance_mm}
     return rng, ErrorModel(robot_from({**industrial(rng), "tolerance": tolerance}))
+
+
+def dense_jacobian(layout, campaign, z):
+    """∂(predicted)/∂z of every block by central differences, rotations as the residual has them: (n, targets, b, z)."""
+
+    def residual(z):
+        return propagate(layout.walked(campaign.q, z), observe(campaign), np.zeros((len(z),) * 2))[0]
+
+    steps = 1e-6 * np.eye(len(z))
+    return np.stack([(residual(z - h) - residual(z + h)) / 2e-6 for h in steps], axis=-1)
 
 
 def defects(rng, model, factor=1.0):
@@ -322,8 +334,53 @@ def test_parameters_are_kept_by_name_symbol_or_joint(keep, expected):
     assert list(calibration.kept) == expected
     others = np.setdiff1d(np.arange(45), model.indices(keep))
     assert not calibration.estimate[others].any()
-    assert not calibration.covariance[others].any()
-    assert calibration.all_names[: len(expected)] == tuple(expected)
+    without = identify(model, campaign, keep=keep, prior=None)
+    assert not without.covariance[others].any()  # without a prior nothing is believed of them
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_not_estimated_is_considered_as_an_independent_calculation_does(kind):
+    """The covariance of an estimator x = G·y, whatever its gain, from the dense matrices of the whole problem."""
+    rng, model = arm(6)
+    campaign, _ = measure(rng, model, industrial_positions(rng, 30), defects(rng, model), sigma=3e-5, **KINDS[kind])
+    keep = ["J2", "J4.rz", "tool.tx"]
+    found = identify(model, campaign, keep=keep)
+    whole = identify(model, campaign)
+    assert found.model_error == pytest.approx(whole.model_error)
+    assert found.prior_scale == pytest.approx(whole.prior_scale)
+    reduced = identify(model, campaign, keep=keep, prior=GaussianPrior.of_deviations(model.tolerances[found.estimated]))
+    layout, valid = found.layout, campaign.valid
+    b = campaign.covariances(None).shape[-1]
+    J = dense_jacobian(layout, campaign, found.z)[valid].reshape(-1, len(found.z))
+    tracker = campaign.covariances(None)[valid]
+    blocks = np.arange(len(tracker) * b).reshape(-1, b)
+
+    def noise(deviations):
+        R = np.zeros((J.shape[0], J.shape[0]))
+        for rows, C in zip(blocks, tracker, strict=True):
+            R[np.ix_(rows, rows)] = C + np.diag(np.repeat(np.square(deviations), 3))
+        return R
+
+    k = np.concatenate([found.estimated, np.arange(len(model), len(found.z))])
+    frames = frame_precision(layout)
+    P = np.zeros((len(k), len(k)))
+    P[: len(found.estimated), : len(found.estimated)] = np.diag(
+        1.0 / (reduced.prior_scale * model.tolerances[found.estimated]) ** 2
+    )
+    P[len(found.estimated) :, len(found.estimated) :] = frames
+    W, Jk = np.linalg.inv(noise(reduced.model_error)), J[:, k]
+    gain = np.linalg.solve(Jk.T @ W @ Jk + P, Jk.T @ W)
+    prior = np.zeros((len(found.z),) * 2)
+    prior[: len(model), : len(model)] = np.diag((whole.prior_scale * model.tolerances) ** 2)
+    prior[len(model) :, len(model) :] = np.linalg.inv(frames)
+    follow = np.zeros((len(found.z), J.shape[0]))
+    follow[k] = gain
+    rest = np.eye(len(found.z)) - follow @ J
+    expected = rest @ prior @ rest.T + follow @ noise(whole.model_error) @ follow.T
+    scale = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(
+        found.z_covariance / np.outer(scale, scale), expected / np.outer(scale, scale), atol=2e-5
+    )
 
 
 def test_an_unknown_parameter_cannot_be_kept():
@@ -457,9 +514,13 @@ def test_with_nothing_to_estimate_the_residuals_are_those_of_the_registration(ki
     np.testing.assert_allclose(found.residuals[..., :3], campaign.points - ends[..., :3, 3], atol=1e-12)
     off = found.residuals[campaign.valid][:, :3]
     assert np.sqrt((off**2).sum(axis=1).mean()) == pytest.approx(frames.rms)
-    # nothing was fitted, so that their mean square is the model error's variance, but for the tracker's noise
-    assert found.model_error[0] ** 2 == pytest.approx(np.mean(off**2), rel=0.1)
-    assert (found.all_names, found.reason) == ((), "nothing was to be estimated")
-    np.testing.assert_array_equal(found.predict_covariance(q, model_error=False), 0.0)
+    assert (found.kept, found.reason) == ((), "nothing was to be estimated")
+    if prior is None:
+        # nothing was fitted, so that their mean square is the model error's variance, but for the tracker's noise
+        assert found.model_error[0] ** 2 == pytest.approx(np.mean(off**2), rel=0.1)
+        np.testing.assert_array_equal(found.predict_covariance(q, model_error=False), 0.0)
+    else:  # the robot's tolerances explain it
+        stated = np.trace(found.predict_covariance(q)[..., :3, :3], axis1=2, axis2=3).mean()
+        assert 0.2 < (off**2).sum(axis=1).mean() / stated < 5.0
     found.save(tmp_path / "nothing.json")
     np.testing.assert_array_equal(load_calibration(tmp_path / "nothing.json").predict(q), found.predict(q))

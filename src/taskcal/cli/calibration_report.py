@@ -78,7 +78,7 @@ def report(
 def _parameters(calibration: Calibration) -> list[dict[str, Any]]:
     out: list[dict[str, Any]] = []
     seen = seen_parameters(calibration)
-    for i in calibration.layout.kept:
+    for i in calibration.estimated:
         p = calibration.model.parameters[i]
         unit = p.shown
         values = {
@@ -91,8 +91,11 @@ def _parameters(calibration: Calibration) -> list[dict[str, Any]]:
 
 
 def _correlations(calibration: Calibration) -> list[dict[str, Any]]:
-    """The largest, between parameters, tracker frame and targets."""
-    names, correlation = calibration.all_names, calibration.correlation
+    """The largest, between estimated parameters, tracker frame and targets."""
+    p, size = len(calibration.model), len(calibration.all_names)
+    fitted = np.concatenate([calibration.estimated, np.arange(p, size)])
+    names = [calibration.all_names[i] for i in fitted]
+    correlation = calibration.correlation[np.ix_(fitted, fitted)]
     i, j = np.triu_indices(len(names), 1)
     largest = np.argsort(-np.abs(correlation[i, j]), kind="stable")[:CORRELATIONS]
     return [{"a": names[i[k]], "b": names[j[k]], "correlation": float(correlation[i[k], j[k]])} for k in largest]

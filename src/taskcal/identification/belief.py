@@ -33,6 +33,15 @@ class Belief:
         out[k:, k:] = self.frames
         return out
 
+    def covariance(self, factor: float) -> Float[np.ndarray, "z z"]:
+        """Of a whole estimate z, where something is believed of every parameter."""
+        k, count = len(self.sizes), len(self.sizes) + len(self.frames)
+        out = np.zeros((count, count))
+        if self.prior is not None:
+            out[:k, :k] = factor * self.prior.covariance
+        out[k:, k:] = np.linalg.inv(self.frames)
+        return out
+
     def mean(self, start: Float[np.ndarray, " z"]) -> Float[np.ndarray, " z"]:
         """Of a whole estimate z, whose frames are believed where they start."""
         out = start.copy()

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from taskcal.errors import CampaignError
 from taskcal.files import write_whole
@@ -27,7 +27,8 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.load import Load
 
 FORMAT = "taskcal-calibration"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+"""Version 1 held estimate and covariance of the parameters that were estimated, and of no others."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,10 +77,12 @@ class Calibration:
     model: ErrorModel
     layout: FrameLayout
     """How z is laid out."""
+    estimated: Int[np.ndarray, " kept"]
+    """Model parameters that were estimated; the others stay nil and are considered."""
     z: Float[np.ndarray, " z"]
-    """Kept parameters, tracker frame and targets, in the order of `all_names`."""
+    """All parameters, tracker frame and targets, in the order of `all_names`."""
     z_covariance: Float[np.ndarray, "z z"]
-    """Their posterior covariance."""
+    """Covariance of their error; of a parameter that was not estimated its prior's."""
     T_tracker_base: Float[np.ndarray, "4 4"]
     """Pose of the robot's base in the tracker frame."""
     T_tool_target: Float[np.ndarray, "targets 4 4"]
@@ -113,7 +116,7 @@ class Calibration:
     def __repr__(self) -> str:
         scale = "" if self.prior_scale is None else f", prior × {self.prior_scale:.2g}"
         return (
-            f"Calibration({self.model.robot.name}: {len(self.layout.kept)} parameters from {len(self.residuals)} rows, "
+            f"Calibration({self.model.robot.name}: {len(self.estimated)} parameters from {len(self.residuals)} rows, "
             f"model error {self.model_error[0] * 1e3:.3f} mm{scale})"
         )
 
@@ -130,11 +133,11 @@ class Calibration:
     @property
     def kept(self) -> tuple[str, ...]:
         """Names of the parameters that were estimated."""
-        return tuple(self.model.names[i] for i in self.layout.kept)
+        return tuple(self.model.names[i] for i in self.estimated)
 
     @property
     def all_names(self) -> tuple[str, ...]:
-        """Names of the entries of z: kept parameters, ``base.*``, targets."""
+        """Names of the entries of z: parameters, ``base.*``, targets."""
         return self.layout.names
 
     @cached_property
@@ -144,11 +147,9 @@ class Calibration:
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "p p"]:
-        """Posterior covariance of the model's parameters, nil where not kept."""
-        p, kept = len(self.model), self.layout.kept
-        out = np.zeros((p, p))
-        out[np.ix_(kept, kept)] = self.z_covariance[: len(kept), : len(kept)]
-        return out
+        """Covariance of the model's parameters; of one that was not estimated its prior's."""
+        p = len(self.model)
+        return self.z_covariance[:p, :p]
 
     @cached_property
     def standard_errors(self) -> Float[np.ndarray, " p"]:

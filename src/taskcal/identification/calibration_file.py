@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,6 +12,7 @@ from pydantic import Field, ValidationError
 
 from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.identification.calibration import FORMAT, FORMAT_VERSION, Calibration, Provenance
+from taskcal.identification.considered import spread_out
 from taskcal.identification.field import ResidualField
 from taskcal.identification.outlier import Outlier
 from taskcal.identification.problem import FrameLayout
@@ -131,22 +133,27 @@ class CalibrationFile(Section):
         registration = self._registration()
         layout = FrameLayout(
             model=model,
-            kept=model.indices(self.kept),
+            kept=np.arange(len(model)),
             registration=registration,
             targets=tuple(self.targets),
             pose=self.pose,
             fixed_frames=self.fixed_frames,
         )
-        size, rows, width = len(layout.names), len(self.ids), 6 if self.pose else 3
-        self._same_names(layout.names)
+        estimated = model.indices(self.kept)
+        written = layout if self.format_version > 1 else replace(layout, kept=estimated)
+        size, rows, width = len(written.names), len(self.ids), 6 if self.pose else 3
+        self._same_names(written.names)
         _of_shape("model_error", np.array(self.model_error), (width // 3,))
         if self.provenance.rows < rows:
             raise TaskcalError(f"'ids' names {rows} rows, 'provenance' {self.provenance.rows}")
+        z = _array("estimate", self.estimate, (size,))
+        covariance = _covariance(_array("covariance", self.covariance, (size, size)), written.names)
         return Calibration(
             model=model,
             layout=layout,
-            z=_array("estimate", self.estimate, (size,)),
-            z_covariance=_covariance(_array("covariance", self.covariance, (size, size)), layout.names),
+            estimated=estimated,
+            z=spread_out(z, written, layout),
+            z_covariance=spread_out(covariance, written, layout),
             T_tracker_base=_rigid("T_tracker_base", _array("T_tracker_base", self.T_tracker_base, (4, 4))),
             T_tool_target=_rigid(
                 "T_tool_target", _array("T_tool_target", self.T_tool_target, (len(self.targets), 4, 4))
@@ -270,11 +277,11 @@ def load_calibration(path: str | Path) -> Calibration:
             path, f"is JSON, but no calibration: 'format' is not '{FORMAT}'; write one with taskcal identify"
         )
     found = data.get("format_version")
-    if type(found) is not int or found != FORMAT_VERSION:
+    if type(found) is not int or not 1 <= found <= FORMAT_VERSION:
         raise FileError(
             path,
-            f"has format version {shown(repr(found))}, this Taskcal reads {FORMAT_VERSION}; identify again, or use the Taskcal "
-            "that wrote it",
+            f"has format version {shown(repr(found))}, this Taskcal reads 1 to {FORMAT_VERSION}; identify again, or use the "
+            "Taskcal that wrote it",
         )
     try:
         content = CalibrationFile.model_validate(data)

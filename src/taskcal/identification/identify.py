@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -10,8 +10,9 @@ import numpy as np
 from taskcal.estimation.blas import single_threaded
 from taskcal.estimation.loss import Loss, Squared
 from taskcal.estimation.prior import GaussianPrior
-from taskcal.identification.belief import Belief, belief_of
+from taskcal.identification.belief import belief_of
 from taskcal.identification.calibration import Calibration, Provenance
+from taskcal.identification.considered import Outcome, consider, fitted_alone, fitted_whole
 from taskcal.identification.hyperparameters import MAX_ROUNDS, Fitted, fit_with_hyperparameters
 from taskcal.identification.outlier import studentise
 from taskcal.identification.problem import FrameLayout, Problem, observe
@@ -51,7 +52,9 @@ def identify(
     Args:
         model: the model.
         campaign: the measurements.
-        keep: names of the parameters to estimate, the others staying nil; all by default.
+        keep: names of the parameters to estimate; all by default. The others stay nil in the estimate. With the tolerances as
+            prior, theirs stay in its covariance: the true robot varies in them all the same (`considered`). A prior that is
+            given is taken for all that is believed.
         prior: ``tolerances`` for the robot's own; a prior over the kept parameters; or None, when only Levenberg's
             damping holds undetermined directions, and the fit ends as soon as the objective falls by less than 10⁻⁶ of
             itself or the Newton decrement is below 10⁻².
@@ -82,23 +85,32 @@ def identify(
     if registration is None:
         registration = register(model, campaign, poses)
         check_plausible(registration, model, campaign)
-    layout = FrameLayout(
-        model=model,
-        kept=kept,
-        registration=registration,
-        targets=campaign.targets,
-        pose=campaign.rotations is not None,
-        fixed_frames=frames == "fixed",
-    )
-    problem = Problem(
-        frames=layout,
+    whole = Problem(
+        frames=FrameLayout(
+            model=model,
+            kept=np.arange(len(model)),
+            registration=registration,
+            targets=campaign.targets,
+            pose=campaign.rotations is not None,
+            fixed_frames=frames == "fixed",
+        ),
         q=np.ascontiguousarray(campaign.q),
         seen=observe(campaign),
         noise=campaign.covariances(noise),
         conditions=campaign.conditions,
     )
-    belief = belief_of(layout, prior)
-    found = fit_with_hyperparameters(problem, belief, loss, model_error, 1.0 if prior is None else prior_scale)
+    problem = replace(whole, frames=replace(whole.frames, kept=kept))
+    belief = belief_of(problem.frames, prior)
+    scale = 1.0 if prior is None else prior_scale
+    found = fit_with_hyperparameters(problem, belief, loss, model_error, scale)
+    if len(kept) == len(model):
+        outcome = fitted_whole(found, problem)
+    elif prior != "tolerances":
+        outcome = fitted_alone(found, problem, whole.frames)
+    else:
+        believed = belief_of(whole.frames, prior)
+        hyper = fit_with_hyperparameters(whole, believed, loss, model_error, scale).hyper
+        outcome = consider(found, problem, belief, whole, believed, hyper)
     options = {
         "keep": "all" if len(kept) == len(model) else [model.names[i] for i in kept],
         "prior": "given" if isinstance(prior, GaussianPrior) else prior,
@@ -112,7 +124,7 @@ def identify(
         "outlier_level": outlier_level,
     }
     # as the file will hold them: lists for tuples
-    return _conclude(found, problem, belief, campaign, json.loads(json.dumps(options)))
+    return _conclude(found, outcome, campaign, json.loads(json.dumps(options)))
 
 
 def check_options(prior: object, frames: object, model_error: object, prior_scale: object) -> None:
@@ -128,60 +140,57 @@ def check_options(prior: object, frames: object, model_error: object, prior_scal
         raise ValueError(f"prior_scale is {prior_scale!r}; give 'estimate', or a factor above zero")
 
 
-def _conclude(
-    found: Fitted,
-    problem: Problem,
-    belief: Belief,
-    campaign: Campaign,
-    options: Mapping[str, Any],
-) -> Calibration:
+def _conclude(found: Fitted, outcome: Outcome, campaign: Campaign, options: Mapping[str, Any]) -> Calibration:
     """Everything that is reported, from the converged fit."""
-    frames, z = problem.frames, found.solution.z
-    T_tracker_base, T_tool_target = frames.frames(z)
-    studentised, outliers = studentise(found, problem, campaign, options["outlier_level"])
-    deviations = np.sqrt(found.hyper.variances)
+    layout, has_prior = outcome.layout, options["prior"] is not None
+    T_tracker_base, T_tool_target = layout.frames(outcome.z)
+    studentised, outliers = studentise(
+        found.residual, outcome.residual_covariance, found.covariance, campaign, options["outlier_level"]
+    )
     return Calibration(
-        model=frames.model,
-        layout=frames,
-        z=z,
-        z_covariance=found.posterior,
+        model=layout.model,
+        layout=layout,
+        estimated=outcome.estimated,
+        z=outcome.z,
+        z_covariance=outcome.covariance,
         T_tracker_base=T_tracker_base,
         T_tool_target=T_tool_target,
         residuals=found.residual,
         studentised=studentised,
         outliers=outliers,
         ids=campaign.ids,
-        model_error=tuple(float(d) for d in deviations),
-        prior_scale=float(np.sqrt(found.hyper.prior_factor)) if belief.prior is not None else None,
-        log_evidence=found.log_evidence if belief.prior is not None else None,
+        model_error=tuple(float(d) for d in np.sqrt(outcome.hyper.variances)),
+        prior_scale=float(np.sqrt(outcome.hyper.prior_factor)) if has_prior else None,
+        log_evidence=found.log_evidence if has_prior else None,
         field=None,
         iterations=found.solution.iterations,
         rounds=found.rounds,
         reason=found.solution.reason,
-        remarks=_remarks(found, frames, campaign, belief.prior is not None),
-        provenance=Provenance.of(frames.model, campaign, options),
+        remarks=_remarks(found, outcome, campaign, has_prior),
+        provenance=Provenance.of(layout.model, campaign, options),
     )
 
 
-def _remarks(found: Fitted, frames: FrameLayout, campaign: Campaign, has_prior: bool) -> tuple[str, ...]:
+def _remarks(found: Fitted, outcome: Outcome, campaign: Campaign, has_prior: bool) -> tuple[str, ...]:
     """What is unusual about a fit, in words."""
     out: list[str] = []
-    scale = float(np.sqrt(found.hyper.prior_factor))
-    if has_prior and len(frames.kept) and scale > WIDE:
+    layout, unknowns = outcome.layout, len(found.solution.z)
+    scale = float(np.sqrt(outcome.hyper.prior_factor))
+    if has_prior and len(outcome.estimated) and scale > WIDE:
         out.append(
             f"the robot deviates {scale:.0f} times as much as its tolerances say: check the joints' order, signs and zero "
             "positions and the lengths in the robot file, or state wider tolerances"
         )
     measured = int(campaign.valid.sum()) * found.residual.shape[2]
-    if measured < 2 * len(frames.names):
+    if measured < 2 * unknowns:
         out.append(
-            f"{measured} measured numbers for {len(frames.names)} unknowns: residuals of the fitted rows say little; hold rows out"
+            f"{measured} measured numbers for {unknowns} unknowns: residuals of the fitted rows say little; hold rows out"
         )
     if found.rounds > MAX_ROUNDS:
         out.append("model error and prior scale had not settled when the search for them ended")
-    if found.hyper.variances[0] == 0.0 and measured < 2 * len(frames.names):
+    if outcome.hyper.variances[0] == 0.0 and measured < 2 * unknowns:
         out.append("no model error could be told from so few rows, so the stated uncertainty leaves it out")
-    errors = np.sqrt(np.diag(found.posterior))
-    estimates = {name: (float(z), float(e)) for name, z, e in zip(frames.names, found.solution.z, errors, strict=True)}
-    model = frames.model
+    errors = np.sqrt(np.diag(outcome.covariance))
+    estimates = {layout.names[i]: (float(outcome.z[i]), float(errors[i])) for i in outcome.estimated}
+    model = layout.model
     return (*out, *(remark for effect in model.effects for remark in effect.remarks(model.robot, estimates)))

@@ -6,8 +6,6 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import chdtri
 
-from taskcal.identification.hyperparameters import Fitted
-from taskcal.identification.problem import Problem
 from taskcal.measurement.campaign import Campaign
 
 
@@ -26,21 +24,29 @@ class Outlier:
 
 
 def studentise(
-    found: Fitted, problem: Problem, campaign: Campaign, level: float
+    residual: Float[np.ndarray, "n targets b"],
+    own: Float[np.ndarray, "n targets b b"],
+    covariance: Float[np.ndarray, "n targets b b"],
+    campaign: Campaign,
+    level: float,
 ) -> tuple[Float[np.ndarray, "n targets"], tuple[Outlier, ...]]:
     """Length of each residual over its own standard deviation, and the points too long for chance.
 
-    The residual's covariance is R − J·A⁻¹·Jᵀ. The level is shared among all points (Bonferroni), so that a sound campaign
-    names any at all with that probability.
+    The level is shared among all points (Bonferroni), so that a sound campaign names any at all with that probability.
+
+    Args:
+        residual: measured less predicted, metres (and radians, for poses).
+        own: covariance of the residuals after the fit.
+        covariance: of the measurements, model error included: the scale below which a direction has no residual to judge.
+        campaign: the measurements.
+        level: chance of naming any where there is none.
     """
-    valid = problem.seen.valid
-    b = problem.noise.shape[-1]
+    valid, b = campaign.valid, residual.shape[2]
     out = np.full(valid.shape, np.nan)
-    own = (found.covariance - found.spread)[valid]
-    values, vectors = np.linalg.eigh(own)
+    values, vectors = np.linalg.eigh(own[valid])
     # directions that the fit follows entirely have no residual to judge
-    floor = 1e-6 * np.trace(found.covariance[valid], axis1=1, axis2=2)[:, None] / b
-    along = np.einsum("kij,ki->kj", vectors, found.residual[valid])
+    floor = 1e-6 * np.trace(covariance[valid], axis1=1, axis2=2)[:, None] / b
+    along = np.einsum("kij,ki->kj", vectors, residual[valid])
     square = np.sum(np.where(values > floor, along**2 / np.maximum(values, floor), 0.0), axis=1)
     out[valid] = np.sqrt(square)
     limit = np.sqrt(chdtri(b, level / max(int(valid.sum()), 1)))
@@ -51,7 +57,7 @@ def studentise(
             id=campaign.ids[i],
             target=campaign.targets[t],
             studentised=s,
-            residual=float(np.linalg.norm(found.residual[i, t, :3])),
+            residual=float(np.linalg.norm(residual[i, t, :3])),
         )
         for s, i, t in sorted(rows, reverse=True)
     ]

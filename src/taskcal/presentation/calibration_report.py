@@ -164,7 +164,7 @@ def _uncertainty(over: Uncertainty) -> Section:
 def _parameters(calibration: Calibration) -> Section:
     rows: list[tuple[str, ...]] = []
     seen = seen_parameters(calibration)
-    for i in calibration.layout.kept:
+    for i in calibration.estimated:
         p = calibration.model.parameters[i]
         unit = p.shown
         values = calibration.estimate[i], calibration.standard_errors[i], p.tolerance

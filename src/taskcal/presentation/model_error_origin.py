@@ -14,6 +14,4 @@ def model_error_origin(calibration: Calibration) -> str:
 
 def prior_scale_origin(calibration: Calibration) -> str:
     """What is to be added to the prior's scale, if anything."""
-    if not calibration.layout.kept.size:
-        return "no parameter was fitted"
     return "as given" if calibration.provenance.options.get("prior_scale", "estimate") != "estimate" else ""

@@ -15,4 +15,4 @@ def seen_parameters(calibration: Calibration) -> dict[str, bool | None]:
     if scale is None or calibration.provenance.options.get("prior") == "given":
         return dict.fromkeys(calibration.kept)
     limit = NOT_SEEN * scale * calibration.model.tolerances
-    return {calibration.names[i]: bool(calibration.standard_errors[i] < limit[i]) for i in calibration.layout.kept}
+    return {calibration.names[i]: bool(calibration.standard_errors[i] < limit[i]) for i in calibration.estimated}
