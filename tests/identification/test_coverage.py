@@ -37,14 +37,16 @@ def test_intervals_cover_the_truth_as_often_as_they_say_and_the_error_is_near_th
     assert 0.95 < rms / bound < 1.05, (rms, bound)
 
 
-@pytest.mark.slow
-def test_away_from_the_measured_orientation_only_the_full_model_knows_what_it_does_not_know():
-    """The documentation's figures, over fewer robots: what was not kept is missing from the covariance."""
+@pytest.mark.parametrize(
+    "robots", [pytest.param(100, marks=pytest.mark.slow), pytest.param(1000, marks=pytest.mark.long)]
+)
+def test_intervals_hold_whichever_parameters_are_estimated(robots):
+    """Of a robot that varies in all 45, measured in one orientation, there and where the tool is turned away from it."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = reach_task(model, reference_task(), 60).q
     places = {
-        "measured": reach_task(model, reference_task(), 50, seed=1).q,
-        "turned": reach_task(model, reference_task(np.radians(40.0)), 50, seed=1).q,
+        "measured": reach_task(model, reference_task(), 20, seed=1).q,
+        "turned": reach_task(model, reference_task(np.radians(40.0)), 20, seed=1).q,
     }
     kept = {
         "all": None,
@@ -54,7 +56,7 @@ def test_away_from_the_measured_orientation_only_the_full_model_knows_what_it_do
     }
     assert [len(kept[name] or model.names) for name in kept] == [45, 33, 24, 18]
     covered = {(name, place): [] for name in kept for place in places}
-    for seed in range(12):
+    for seed in range(robots):
         campaign, truth = simulate(model, q, rng=np.random.default_rng(seed))
         for name, names in kept.items():
             calibration = identify(model, campaign, keep=names)
@@ -62,8 +64,5 @@ def test_away_from_the_measured_orientation_only_the_full_model_knows_what_it_do
                 error = (truth.points(there) - calibration.predict(there))[:, 0]
                 deviation = np.sqrt(np.einsum("ntii->nti", calibration.predict_covariance(there)))[:, 0]
                 covered[name, place].append((np.abs(error) < 1.959964 * deviation).mean())
-    share = {key: np.mean(values) for key, values in covered.items()}
-    assert all(0.9 < share[name, "measured"] < 0.99 for name in kept), share
-    assert share["all", "turned"] > 0.82
-    assert share["all", "turned"] > share["published", "turned"] > share["identifiable", "turned"] + 0.05
-    assert share["selected", "turned"] < 0.5
+    share = {key: float(np.mean(values)) for key, values in covered.items()}
+    assert all(0.9 < value < 0.98 for value in share.values()), share
