@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import LinAlgError
 
-from taskcal.estimation.least_squares import Stopping, fit, solve_scaled
+from taskcal.estimation.least_squares import Stopping, fit
 from taskcal.estimation.loss import Cauchy, Huber, Squared
 from tests.laws.robots import generators
 
@@ -134,19 +134,3 @@ def test_a_fit_stops_at_the_decrease_asked_for():
     assert loose.converged
     assert "0.5 of itself" in loose.reason
     assert loose.iterations < tight.iterations
-
-
-@given(generators, st.floats(0, 12))
-def test_scaled_solving_survives_parameters_of_very_different_sizes(rng, decades):
-    root = rng.normal(size=(9, 5))
-    A = root.T @ root + 0.1 * np.eye(5)
-    size = 10.0 ** rng.uniform(-decades, decades, 5)
-    b = rng.normal(size=(5, 2))
-    x = solve_scaled(A * size * size[:, None], b * size[:, None])
-    np.testing.assert_allclose(x * size[:, None], np.linalg.solve(A, b), rtol=1e-9, atol=1e-10)
-    np.testing.assert_allclose(solve_scaled(A * size * size[:, None], b[:, 0] * size), x[:, 0])
-
-
-def test_scaled_solving_refuses_what_is_not_positive_definite():
-    with pytest.raises(LinAlgError):
-        solve_scaled(np.array([[1.0, 2.0], [2.0, 1.0]]), np.ones(2))

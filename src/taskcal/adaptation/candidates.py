@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import ReachError
 from taskcal.estimation.experiment_design import Candidates
+from taskcal.estimation.scaled import invert_scaled
 from taskcal.geometry import se3, walk
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.problem import FrameLayout, whitener
@@ -289,8 +290,7 @@ def _information_of(
     covariance = np.eye(len(basis))
     covariance[:z, :z] = calibration.z_covariance / deviations / deviations[:, None]
     inner = basis.T @ covariance @ basis
-    scale = 1.0 / np.sqrt(np.diag(inner))
-    information = np.linalg.inv(inner * scale * scale[:, None]) * scale * scale[:, None]
+    information = invert_scaled(inner)
     return 0.5 * (information + information.T)
 
 

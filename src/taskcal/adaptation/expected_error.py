@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.estimation.scaled import pseudo_invert_scaled
 from taskcal.geometry.covariance_propagation import propagate
 from taskcal.geometry.normal_equations import normal_equations
 from taskcal.geometry.observations import Observations
@@ -204,10 +205,8 @@ def _without_frames(
 ) -> Design:
     """Eliminate tracker frame and targets, of which nothing is known beforehand."""
     m = np.arange(len(layout.model))
-    A_ff = A[np.ix_(f, f)]
-    scale = 1.0 / np.sqrt(np.diag(A_ff))
-    # directions that the campaign does not see, as of a target's offset against the base in one orientation, stay at nil
-    inverse = np.linalg.pinv(A_ff * scale * scale[:, None], rcond=1e-10, hermitian=True) * scale * scale[:, None]
+    # directions that the campaign does not see, as of a target's offset against the base in one orientation, stay at zero
+    inverse = pseudo_invert_scaled(A[np.ix_(f, f)], rcond=1e-10)
     K = inverse @ A[np.ix_(f, m)]
     W_mf, W_ff = W[np.ix_(m, f)], W[np.ix_(f, f)]
     return Design(

@@ -14,6 +14,7 @@ from taskcal.analysis.elimination_table import describe_combination, published_k
 from taskcal.analysis.identifiability import Identifiability, identifiability
 from taskcal.errors import CampaignError
 from taskcal.estimation.blas import single_threaded
+from taskcal.estimation.scaled import pseudo_invert_scaled
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.cross_validation import mean_over_rows, predict_left_out, split_postures
 from taskcal.identification.identify import identify
@@ -276,8 +277,7 @@ def _relation(made: Design, j: int, kept: list[int]) -> dict[str, float]:
     if not kept or both[j, j] <= 0.0:
         return {}
     inner = both[np.ix_(kept, kept)]
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
-    c = scale * (np.linalg.pinv(inner * scale * scale[:, None], rcond=1e-12, hermitian=True) @ (scale * both[kept, j]))
+    c = pseudo_invert_scaled(inner, rcond=1e-12) @ both[kept, j]
     left = both[j, j] - 2.0 * c @ both[kept, j] + c @ inner @ c
     if left > 1e-9 * both[j, j]:
         return {}

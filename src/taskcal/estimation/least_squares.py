@@ -4,11 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import LinAlgError, get_lapack_funcs
+from scipy.linalg import LinAlgError
 
+from taskcal.estimation.scaled import solve_scaled
 from taskcal.geometry.normal_equations import WhitenedEquations
-
-(dposv,) = get_lapack_funcs(("posv",), dtype=np.float64)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,22 +36,6 @@ class Solution:
     iterations: int
     converged: bool
     reason: str
-
-
-def solve_scaled(A: Float[np.ndarray, "p p"], b: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-    """Solve A·x = b for a positive definite A of very different scales, by Cholesky on unit diagonal.
-
-    Raises:
-        scipy.linalg.LinAlgError: A is not positive definite.
-    """
-    if not len(A):  # which LAPACK refuses
-        return b.copy()
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(A), 1e-300))
-    right = scale * b if b.ndim == 1 else scale[:, None] * b
-    _, x, info = dposv(A * scale * scale[:, None], right, lower=True)
-    if info:
-        raise LinAlgError(f"leading minor {info} is not positive definite")
-    return scale * x if b.ndim == 1 else scale[:, None] * x
 
 
 def fit(

@@ -6,6 +6,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.estimation.scaled import invert_scaled
+
 
 @dataclass(frozen=True, eq=False)
 class GaussianPrior:
@@ -30,12 +32,11 @@ class GaussianPrior:
     @cached_property
     def precision(self) -> Float[np.ndarray, "p p"]:
         """Inverse of the covariance."""
-        scale = 1.0 / np.sqrt(np.diag(self.covariance))
-        return np.linalg.inv(self._correlation()) * scale * scale[:, None]
+        return invert_scaled(self.covariance)
 
     @classmethod
     def of_deviations(cls, deviations: Float[np.ndarray, " p"]) -> "GaussianPrior":
-        """Independent parameters about nil, with these standard deviations."""
+        """Independent parameters about zero, with these standard deviations."""
         return cls(np.zeros(len(deviations)), np.diag(np.asarray(deviations, dtype=float) ** 2))
 
     def mapped(self, B: Float[np.ndarray, "k p"]) -> "GaussianPrior":

@@ -8,9 +8,10 @@ from scipy.linalg import LinAlgError
 
 from taskcal.errors import FitError
 from taskcal.estimation import evidence
-from taskcal.estimation.least_squares import Solution, Stopping, fit, solve_scaled
+from taskcal.estimation.least_squares import Solution, Stopping, fit
 from taskcal.estimation.loss import Loss
 from taskcal.estimation.prior import GaussianPrior
+from taskcal.estimation.scaled import pseudo_invert_scaled, solve_scaled
 from taskcal.geometry.covariance_propagation import propagate
 from taskcal.identification.belief import Belief
 from taskcal.identification.problem import Problem, whitener
@@ -170,8 +171,7 @@ def _invert(A: Float[np.ndarray, "z z"]) -> Float[np.ndarray, "z z"]:
     try:
         inverse = solve_scaled(A, np.eye(len(A)))
     except LinAlgError:
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(A), 1e-300))
-        inverse = np.linalg.pinv(A * scale * scale[:, None], rcond=1e-12, hermitian=True) * scale * scale[:, None]
+        inverse = pseudo_invert_scaled(A, rcond=1e-12)
     return 0.5 * (inverse + inverse.T)
 
 

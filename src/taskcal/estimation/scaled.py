@@ -1,0 +1,44 @@
+"""Positive semidefinite matrices of very different scales, inverted and solved on unit diagonal."""
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import LinAlgError, get_lapack_funcs
+
+(dposv,) = get_lapack_funcs(("posv",), dtype=np.float64)
+
+
+def inverse_scale(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, " p"]:
+    """1/√diagonal, finite where the diagonal is zero: scale·A·scale has a unit diagonal."""
+    return 1.0 / np.sqrt(np.maximum(np.diag(A), 1e-300))
+
+
+def solve_scaled(A: Float[np.ndarray, "p p"], b: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    """Solve A·x = b for a positive definite A of very different scales, by Cholesky on unit diagonal.
+
+    Raises:
+        scipy.linalg.LinAlgError: A is not positive definite.
+    """
+    if not len(A):  # which LAPACK refuses
+        return b.copy()
+    scale = inverse_scale(A)
+    right = scale * b if b.ndim == 1 else scale[:, None] * b
+    _, x, info = dposv(A * scale * scale[:, None], right, lower=True)
+    if info:
+        raise LinAlgError(f"leading minor {info} is not positive definite")
+    return scale * x if b.ndim == 1 else scale[:, None] * x
+
+
+def invert_scaled(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
+    """Inverse of a symmetric matrix, by elimination on unit diagonal.
+
+    Raises:
+        numpy.linalg.LinAlgError: A is singular.
+    """
+    scale = inverse_scale(A)
+    return np.linalg.inv(A * scale * scale[:, None]) * scale * scale[:, None]
+
+
+def pseudo_invert_scaled(A: Float[np.ndarray, "p p"], rcond: float) -> Float[np.ndarray, "p p"]:
+    """Pseudo-inverse of a positive semidefinite matrix; scaled eigenvalues under `rcond` of the largest give zero."""
+    scale = inverse_scale(A)
+    return np.linalg.pinv(A * scale * scale[:, None], rcond=rcond, hermitian=True) * scale * scale[:, None]

@@ -1,0 +1,38 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.linalg import LinAlgError
+
+from taskcal.estimation.scaled import invert_scaled, pseudo_invert_scaled, solve_scaled
+from tests.laws.robots import generators
+
+
+@given(generators, st.floats(0, 12))
+def test_scaled_solving_survives_parameters_of_very_different_sizes(rng, decades):
+    root = rng.normal(size=(9, 5))
+    A = root.T @ root + 0.1 * np.eye(5)
+    size = 10.0 ** rng.uniform(-decades, decades, 5)
+    b = rng.normal(size=(5, 2))
+    x = solve_scaled(A * size * size[:, None], b * size[:, None])
+    np.testing.assert_allclose(x * size[:, None], np.linalg.solve(A, b), rtol=1e-9, atol=1e-10)
+    np.testing.assert_allclose(solve_scaled(A * size * size[:, None], b[:, 0] * size), x[:, 0])
+
+
+def test_scaled_solving_refuses_what_is_not_positive_definite():
+    with pytest.raises(LinAlgError):
+        solve_scaled(np.array([[1.0, 2.0], [2.0, 1.0]]), np.ones(2))
+
+
+@given(generators, st.floats(0, 12))
+def test_scaled_inverses_survive_parameters_of_very_different_sizes(rng, decades):
+    root = rng.normal(size=(9, 5))
+    A = root.T @ root + 0.1 * np.eye(5)
+    size = 10.0 ** rng.uniform(-decades, decades, 5)
+    for inverse in (invert_scaled(A * size * size[:, None]), pseudo_invert_scaled(A * size * size[:, None], rcond=1e-12)):
+        np.testing.assert_allclose(inverse * size * size[:, None], np.linalg.inv(A), rtol=1e-9, atol=1e-10)
+
+
+def test_a_pseudo_inverse_gives_zero_along_what_is_not_seen():
+    A = np.diag([4.0, 0.0, 1e-12])
+    np.testing.assert_allclose(pseudo_invert_scaled(A, rcond=1e-10), np.diag([0.25, 0.0, 1e12]))
