@@ -1,9 +1,7 @@
 import numpy as np
-import pytest
 import scipy.optimize
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.linalg import LinAlgError
 
 from taskcal.estimation.least_squares import Stopping, fit
 from taskcal.estimation.loss import Cauchy, Huber, Squared

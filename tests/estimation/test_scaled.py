@@ -29,7 +29,10 @@ def test_scaled_inverses_survive_parameters_of_very_different_sizes(rng, decades
     root = rng.normal(size=(9, 5))
     A = root.T @ root + 0.1 * np.eye(5)
     size = 10.0 ** rng.uniform(-decades, decades, 5)
-    for inverse in (invert_scaled(A * size * size[:, None]), pseudo_invert_scaled(A * size * size[:, None], rcond=1e-12)):
+    for inverse in (
+        invert_scaled(A * size * size[:, None]),
+        pseudo_invert_scaled(A * size * size[:, None], rcond=1e-12),
+    ):
         np.testing.assert_allclose(inverse * size * size[:, None], np.linalg.inv(A), rtol=1e-9, atol=1e-10)
 
 

@@ -4,6 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pytransform3d import rotations as pr
 from pytransform3d import transformations as pt
+from scipy.spatial.transform import Rotation
 
 from taskcal.geometry import se3
 from tests.laws import plain
@@ -73,3 +74,24 @@ def test_apply_moves_points_as_homogeneous_coordinates_do(rng):
     T, points = rigid(rng), rng.normal(size=(4, 3))
     expected = (T @ np.c_[points, np.ones(4)].T).T[:, :3]
     np.testing.assert_allclose(se3.apply(T, points), expected, atol=1e-14)
+
+
+@given(generators)
+def test_fitted_points_agree_with_scipy_and_are_carried_onto_each_other(rng):
+    a, T = rng.normal(size=(5, 3)), rigid(rng)
+    np.testing.assert_allclose(se3.fit_points(a, se3.apply(T, a)), T, atol=1e-10)
+    b = se3.apply(T, a) + 0.1 * rng.normal(size=a.shape)
+    expected = Rotation.align_vectors(b - b.mean(axis=0), a - a.mean(axis=0))[0].as_matrix()
+    fitted = se3.fit_points(a, b)
+    np.testing.assert_allclose(fitted[:3, :3], expected, atol=1e-7)
+    np.testing.assert_allclose(se3.apply(fitted, a.mean(axis=0)), b.mean(axis=0), atol=1e-12)
+
+
+@given(generators)
+def test_a_twist_moves_points_as_a_small_transform_does(rng):
+    points, twist, h = rng.normal(size=(4, 3)), rng.normal(size=6), 1e-7
+    moved = se3.apply(se3.pose(se3.exp(h * twist[3:]), h * twist[:3]), points)
+    np.testing.assert_allclose(se3.by_twist(points) @ twist, (moved - points) / h, atol=1e-6)
+    carried = se3.carry(np.broadcast_to(twist[:, None], (4, 6, 1)), points)
+    np.testing.assert_allclose(carried[:, :3, 0], se3.by_twist(points) @ twist, atol=1e-12)
+    np.testing.assert_array_equal(carried[:, 3:, 0], np.broadcast_to(twist[3:], (4, 3)))

@@ -11,6 +11,7 @@ from scipy.linalg import qr, solve_triangular
 
 from taskcal.analysis.near_dependence import LEVEL, NearDependence, find_near_dependences
 from taskcal.estimation.information import Observability, observability
+from taskcal.geometry import se3
 from taskcal.robot.error_model import COMPONENTS, ErrorModel
 
 NIL = 1e-9
@@ -141,8 +142,7 @@ def _frame_columns(T: Float[np.ndarray, "n 4 4"], pose: bool) -> Float[np.ndarra
     n = len(T)
     out = np.zeros((n, 6, 12))
     R, p = T[:, :3, :3], T[:, :3, 3]
-    out[:, :3, :3] = np.eye(3)
-    out[:, :3, 3:6] = np.cross(np.eye(3)[None], p[:, None]).swapaxes(1, 2)
+    out[:, :3, :6] = se3.by_twist(p)
     out[:, 3:, 3:6] = np.eye(3)
     out[:, :3, 6:9] = R
     out[:, 3:, 9:12] = R

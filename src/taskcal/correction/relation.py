@@ -96,7 +96,7 @@ class Relation:
         elif self.standing.twist is not None:
             T = calibration.predict_tool(q) @ self.held.T_tool_held
             twist = np.broadcast_to(self.standing.twist, (len(q), *self.standing.twist.shape))
-            J = J - _carried(twist, T[:, :3, 3])[:, :3]
+            J = J - se3.carry(twist, T[:, :3, 3])[:, :3]
         R = (calibration.T_tracker_base @ self.standing.T_base_standing)[:3, :3]
         J = R.T @ J
         known = J @ calibration.z_covariance @ np.swapaxes(J, 1, 2)
@@ -286,12 +286,10 @@ def fit_points(
     Raises:
         TaskcalError: the points lie in a line and do not locate a frame.
     """
-    a, b = own - own.mean(axis=0), there - there.mean(axis=0)
-    spread = np.linalg.svd(a, compute_uv=False)
-    if spread[1] < 1e-3 * spread[0] or spread[0] < 1e-3:
+    extent = np.linalg.svd(own - own.mean(axis=0), compute_uv=False)
+    if extent[1] < 1e-3 * extent[0] or extent[0] < 1e-3:
         raise TaskcalError("the points lie in a line or at one place; three that span a triangle locate a frame")
-    R = se3.nearest_rotation(b.T @ a)
-    T = se3.pose(R, there.mean(axis=0) - R @ own.mean(axis=0))
+    T = se3.fit_points(own, there)
     return T, float(np.linalg.norm(se3.apply(T, own) - there, axis=1).max())
 
 
@@ -299,23 +297,12 @@ def _columns(calibration: Calibration, prefix: str) -> list[int]:
     return [i for i, name in enumerate(calibration.all_names) if name.startswith(prefix)]
 
 
-def _carried(twist: Float[np.ndarray, "n 6 z"], by: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 6 z"]:
-    """Twists at points that lie `by` beside the ones they are given at."""
-    out = twist.copy()
-    out[:, :3] += np.cross(out[:, 3:], by[:, :, None], axis=1)
-    return out
-
-
 def _rigid_fit(
     points: Float[np.ndarray, "n k 3"], J: Float[np.ndarray, "n k 3 z"], at: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, "n 6 z"]:
     """The twists at given points of the rigid motions that come nearest to how some points move."""
     n, k = points.shape[:2]
-    arm = points - at[:, None]
-    G = np.zeros((n, k, 3, 6))
-    G[..., :3] = np.eye(3)
-    G[..., 3:] = np.cross(np.eye(3)[None, None], arm[:, :, None, :], axis=3).swapaxes(2, 3)
-    return np.linalg.pinv(G.reshape(n, 3 * k, 6)) @ J.reshape(n, 3 * k, -1)
+    return np.linalg.pinv(se3.by_twist(points - at[:, None]).reshape(n, 3 * k, 6)) @ J.reshape(n, 3 * k, -1)
 
 
 def _flange_twists(
@@ -324,7 +311,7 @@ def _flange_twists(
     """Of a frame fixed to the flange, which the errors of the robot's own tool do not move."""
     J = calibration.tool_jacobian(q)
     J[:, :, _columns(calibration, "tool.")] = 0.0
-    return _carried(J, calibration.predict_tool(q)[:, :3, :3] @ T_tool_held[:3, 3])
+    return se3.carry(J, calibration.predict_tool(q)[:, :3, :3] @ T_tool_held[:3, 3])
 
 
 def _reflector_twists(
@@ -335,7 +322,7 @@ def _reflector_twists(
     arms = [tool[:, :3, :3] @ calibration.T_tool_target[k, :3, 3] for k in rows]
     moved: list[np.ndarray] = []
     for k, arm in zip(rows, arms, strict=True):
-        point = _carried(J, arm)[:, :3]
+        point = se3.carry(J, arm)[:, :3]
         columns = calibration.layout.point_columns[k]
         if columns[0] >= 0:
             point[:, :, columns] = tool[:, :3, :3]
@@ -352,4 +339,4 @@ def _target_twists(
     J = walk.columns(at.chain, at.s, at.e, at.layout, at.factor, angular=True)
     target = calibration.predict_tool(q) @ calibration.T_tool_target[0]
     offset = np.zeros(3) if known.in_target is None else known.in_target[:3, 3]
-    return _carried(J, target[:, :3, :3] @ offset)
+    return se3.carry(J, target[:, :3, :3] @ offset)

@@ -8,6 +8,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+JointKind = Literal["revolute", "prismatic"]
+"""Whether a joint turns or slides."""
+
 FIXED, REVOLUTE, PRISMATIC, ERROR_FRAME = range(4)
 
 
@@ -23,7 +26,7 @@ class Fixed:
 class Joint:
     """A joint about, or along, the local z axis."""
 
-    kind: Literal["revolute", "prismatic"] = "revolute"
+    kind: JointKind = "revolute"
     number: int | None = None
     """Chain coordinate that moves it; joints without a number are counted in the order they are met."""
 

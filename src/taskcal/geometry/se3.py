@@ -65,6 +65,27 @@ def nearest_rotation(M: Float[np.ndarray, "*b 3 3"]) -> Float[np.ndarray, "*b 3 
     return U @ Vt
 
 
+def fit_points(a: Float[np.ndarray, "k 3"], b: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "4 4"]:
+    """The rigid transform that carries points a nearest to points b (Kabsch 1976)."""
+    R = nearest_rotation((b - b.mean(axis=0)).T @ (a - a.mean(axis=0)))
+    return pose(R, b.mean(axis=0) - R @ a.mean(axis=0))
+
+
+def carry(J: Float[np.ndarray, "n 6 k"], arm: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 6 k"]:
+    """Twists, rows vx vy vz wx wy wz, of points that lie `arm` beside the ones they are given at: v + w × arm."""
+    out = J.copy()
+    out[:, :3] += np.cross(out[:, 3:], arm[:, :, None], axis=1)
+    return out
+
+
+def by_twist(points: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3 6"]:
+    """Derivative of points with respect to a twist v, w of the body at the origin: v + w × p."""
+    out = np.zeros((*points.shape, 6))
+    out[..., :3] = np.eye(3)
+    out[..., 3:] = np.swapaxes(np.cross(np.eye(3), points[..., None, :]), -1, -2)
+    return out
+
+
 def from_quaternion(xyzw: Float[np.ndarray, "*b 4"]) -> Float[np.ndarray, "*b 3 3"]:
     """Rotations of quaternions with the scalar last; they need not be of unit length."""
     return Rotation.from_quat(xyzw.reshape(-1, 4)).as_matrix().reshape(*xyzw.shape[:-1], 3, 3)

@@ -68,8 +68,7 @@ def list_regressors(calibration: Calibration, campaign: Campaign) -> tuple[Regre
 def _of_joints(calibration: Calibration, campaign: Campaign, arm: Float[np.ndarray, "n 3"]) -> Iterator[Regressor]:
     """Position, gravity's lever, approach and last move of every joint, each of which would turn it."""
     robot, q = calibration.model.robot, campaign.q
-    J = calibration.model.joint_jacobian(q, calibration.estimate)
-    columns = J[:, :3] + np.cross(np.swapaxes(J[:, 3:], 1, 2), arm[:, None]).swapaxes(1, 2)
+    columns = se3.carry(calibration.model.joint_jacobian(q, calibration.estimate), arm)[:, :3]
     lever = np.einsum("i,nij->nj", robot.statics.gravity, columns)
     for j, joint in enumerate(robot.joint_names):
         slides = bool(robot.prismatic[j])

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.errors import CampaignError
+from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.cross_validation import split_postures
 from taskcal.identification.regressor import Regressor, list_regressors
@@ -209,11 +210,7 @@ def _move_as_one(
     if targets < 3 or not whole.any():
         return None, None
     offset = position[whole] - position[whole].mean(axis=1, keepdims=True)
-    M = np.zeros((len(offset), targets, 3, 6))
-    M[..., :3] = np.eye(3)
-    # a small rotation w moves a point at p by w × p
-    M[..., 3:] = np.swapaxes(np.cross(np.eye(3), offset[..., None, :]), -1, -2)
-    M = M.reshape(len(offset), 3 * targets, 6)
+    M = se3.by_twist(offset).reshape(len(offset), 3 * targets, 6)
     moved = each[whole].reshape(len(offset), -1)
     common = np.einsum("nij,nj->ni", M, np.einsum("nij,nj->ni", np.linalg.pinv(M), moved))
     apart = (moved - common).ravel()

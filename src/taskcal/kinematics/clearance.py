@@ -58,7 +58,7 @@ def place_links(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Links:
     for k, joint in enumerate(robot.joints):
         fix(joint.before)
         origins.append(here(k))
-        steps.append(Joint("prismatic" if joint.kind == "prismatic" else "revolute"))
+        steps.append(Joint(joint.kind))
         fix(joint.after)
     fix(robot.tool)
     origins.append(here(len(robot.joints)))

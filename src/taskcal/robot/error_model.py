@@ -380,7 +380,7 @@ def _defect_steps(robot: Robot) -> tuple[list[Step], list[list[str]]]:
     slots: list[list[str]] = []
     for joint in robot.joints:
         steps += [Fixed(part.transform) for part in joint.before]
-        steps += [Joint("prismatic" if joint.kind == "prismatic" else "revolute"), ErrorFrame()]
+        steps += [Joint(joint.kind), ErrorFrame()]
         steps += [Fixed(part.transform) for part in joint.after]
         slots.append([f"{joint.name}.{c}" for c in COMPONENTS])
     steps += [Fixed(part.transform) for part in robot.tool] + [ErrorFrame()]
@@ -402,7 +402,7 @@ def _length_steps(robot: Robot) -> tuple[list[Step], list[list[str]]]:
 
     for joint in robot.joints:
         add(joint.before)
-        steps.append(Joint("prismatic" if joint.kind == "prismatic" else "revolute"))
+        steps.append(Joint(joint.kind))
         add(joint.after)
     steps += [Fixed(part.transform) for part in robot.tool]
     return steps, slots

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal, Self
+from typing import Self
 
 import numpy as np
 from jaxtyping import Float
@@ -10,6 +10,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from taskcal.errors import FileError, RobotError, TaskcalError
 from taskcal.geometry import se3
+from taskcal.geometry.chain import JointKind
 from taskcal.geometry.four_bar import FourBar
 from taskcal.robot.expression import parse_linear
 from taskcal.robot.joint_side import FourBarDrive, JointMap
@@ -62,7 +63,7 @@ class JointSection(Section):
     """A joint with the parts that lead to it: elementary steps, or a row of a table."""
 
     name: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,79}$")
-    type: Literal["revolute", "prismatic"] = "revolute"
+    type: JointKind = "revolute"
     steps: tuple[StepSection, ...] = ()
     dh: DHSection | None = None
     mdh: DHSection | None = None

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
-from taskcal.geometry.chain import Fixed, Joint, Step
+from taskcal.geometry.chain import Fixed, Joint, JointKind, Step
 from taskcal.robot.joint_side import FourBarDrive, JointMap
 from taskcal.robot.statics import Statics
 
@@ -34,8 +34,7 @@ class RobotJoint:
     """A motorised joint with the fixed parts around it."""
 
     name: str
-    kind: str
-    """``revolute`` or ``prismatic``."""
+    kind: JointKind
     before: tuple[Part, ...]
     """Fixed parts from the previous joint frame to the joint's axis, its local z."""
     after: tuple[Part, ...]
@@ -162,7 +161,7 @@ class Robot:
         out: list[Step] = []
         for joint in self.joints:
             out += [Fixed(part.transform) for part in joint.before]
-            out.append(Joint("prismatic" if joint.kind == "prismatic" else "revolute"))
+            out.append(Joint(joint.kind))
             out += [Fixed(part.transform) for part in joint.after]
         return out + [Fixed(part.transform) for part in self.tool]
 

@@ -96,7 +96,7 @@ def _weights(robot: Robot, load: Load) -> list[_Weight]:
     steps: list[Step] = []
     for joint, link in zip(robot.joints, robot.statics.links or (), strict=True):
         steps += [Fixed(part.transform) for part in joint.before]
-        steps.append(Joint("prismatic" if joint.kind == "prismatic" else "revolute"))
+        steps.append(Joint(joint.kind))
         steps += [Fixed(part.transform) for part in joint.after]
         out.append(_Weight(chain=Chain.of(steps), body=link))
     steps += [Fixed(part.transform) for part in robot.flange]
