@@ -21,8 +21,8 @@ threadpool_limits(1)  # a pytest plugin may have loaded NumPy, and its BLAS, bef
 # robot and task files, which pydantic checks.
 _CHECKED = """
 csv_table files geometry.chain geometry.polyline geometry.se3 estimation measurement identification analysis adaptation kinematics
-robot.approach robot.catalogue robot.conditions robot.dh_table robot.effects robot.error_model robot.expression robot.joint_side
-robot.coil_spring robot.mechanism robot.robot robot.statics
+robot.approach robot.catalogue robot.conditions robot.dh_table robot.effects robot.error_frames robot.error_model robot.expression
+robot.joint_side robot.mechanism robot.parameter robot.robot robot.statics
 task programs.apt programs.composing programs.csv_path programs.program programs.krl programs.spinning programs.tool_axis
 programs.rapid.compose programs.rapid.configuration programs.rapid.numbers
 correction.assessment correction.cell correction.chords correction.controller correction.correct correction.correction

@@ -18,7 +18,8 @@ from taskcal.identification.problem import observe
 from taskcal.measurement.registration import Registration, register
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.error_model import COMPONENTS, ErrorModel
+from taskcal.robot.error_frames import COMPONENTS
+from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from tests.laws import plain
 from tests.laws.campaigns import measure

@@ -4,7 +4,8 @@ from hypothesis import given
 
 from taskcal.errors import ClosureError, UnknownName
 from taskcal.robot.catalogue import catalogue_names, load_robot
-from taskcal.robot.error_model import COMPONENTS, ErrorModel
+from taskcal.robot.error_frames import COMPONENTS
+from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from tests.laws import plain
 from tests.laws.robots import cases, four_bar_cases, irb6660_description, irb6660_positions

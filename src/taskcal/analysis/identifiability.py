@@ -12,7 +12,8 @@ from scipy.linalg import qr, solve_triangular
 from taskcal.analysis.near_dependence import LEVEL, NearDependence, find_near_dependences
 from taskcal.estimation.information import Observability, observability
 from taskcal.geometry import se3
-from taskcal.robot.error_model import COMPONENTS, ErrorModel
+from taskcal.robot.error_frames import COMPONENTS
+from taskcal.robot.error_model import ErrorModel
 
 NIL = 1e-9
 """Share of the largest singular value, or column, under which one is nil."""

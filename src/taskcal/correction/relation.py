@@ -17,7 +17,8 @@ from taskcal.errors import TaskcalError
 from taskcal.geometry import se3, walk
 from taskcal.identification.calibration import Calibration
 from taskcal.programs.program import Move
-from taskcal.robot.error_model import COMPONENTS, ErrorModel
+from taskcal.robot.error_frames import COMPONENTS
+from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
 SAME = 1e-6

@@ -4,7 +4,9 @@ from taskcal.analysis.elimination_table import published_kept
 from taskcal.demo.procedure import ONE, Procedure
 from taskcal.demo.tool_point_errors import Errors
 from taskcal.presentation.content import Table
-from taskcal.robot.error_model import COMPONENTS, ErrorModel, Parameter
+from taskcal.robot.error_frames import COMPONENTS
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.parameter import Parameter
 
 PUBLISHED_RESIDUALS = "180.3", "95.7", "122.2", "91.9"
 """Largest residuals in space and on X, Y, Z of Gutiérrez et al., measured robot, 33 parameters, µm."""

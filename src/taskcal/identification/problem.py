@@ -15,7 +15,8 @@ from taskcal.geometry.walk import Columns
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.error_model import COMPONENTS, ErrorModel, Prepared
+from taskcal.robot.error_frames import COMPONENTS
+from taskcal.robot.error_model import ErrorModel, Prepared
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

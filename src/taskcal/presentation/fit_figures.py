@@ -11,7 +11,7 @@ from plotly.subplots import make_subplots
 from taskcal.identification.calibration import Calibration
 from taskcal.presentation.theme import AXIS_COLOURS, AXIS_SHAPES, INK, SERIES, VERMILION, label_panels, styled, switch
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.shown_unit import ShownUnit
+from taskcal.robot.parameter import ShownUnit
 
 
 def draw_residuals(calibrations: Mapping[str, Mapping[str, Calibration]], start: str = "") -> go.Figure:

@@ -10,7 +10,7 @@ STILL = 1e-4
 """Largest motion of a drive that leaves it as it is, radians or metres: what a controller reports of a joint at rest."""
 
 
-def own_sense(robot: Robot) -> Float[np.ndarray, " joints"]:
+def joint_sign(robot: Robot) -> Float[np.ndarray, " joints"]:
     """Whether the chain coordinate of each joint grows (1) or falls (−1) with the joint's own value."""
     return np.where(np.diag(robot.joint_map.matrix) < 0.0, -1.0, 1.0)
 
@@ -23,7 +23,7 @@ def drive_motion(robot: Robot) -> Float[np.ndarray, "joints joints"]:
     """
     if robot.four_bar is not None:
         return np.eye(len(robot.joints))
-    return robot.joint_map.matrix * own_sense(robot)[:, None]
+    return robot.joint_map.matrix * joint_sign(robot)[:, None]
 
 
 def conditions_in_order(

@@ -9,40 +9,16 @@ from jaxtyping import Float, Int
 
 from taskcal.errors import TaskcalError, UnknownName
 from taskcal.geometry import walk
-from taskcal.geometry.chain import Chain, ErrorFrame, Fixed, Joint, Step
+from taskcal.geometry.chain import Chain, Step
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Effect, LinearTerm
+from taskcal.robot.error_frames import defect_steps, length_steps
 from taskcal.robot.joint_side import JointTerm, Shift
 from taskcal.robot.load import Load
-from taskcal.robot.robot import Part, Robot
-from taskcal.robot.shown_unit import ShownUnit
+from taskcal.robot.parameter import Parameter
+from taskcal.robot.robot import Robot
 
 Prepared = tuple[Float[np.ndarray, "_ _"] | None, ...]
-
-COMPONENTS = ("tx", "ty", "tz", "rx", "ry", "rz")
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One defect."""
-
-    name: str
-    unit: str
-    """``m`` or ``rad``; of an effect also ``rad/rad``, ``rad/m`` (of lever), ``rad/Nm`` …"""
-    tolerance: float
-    """Standard deviation that manufacturing leaves, in that unit."""
-    symbol: str = ""
-    """Its name in the robot file, if it has one there."""
-
-    @property
-    def label(self) -> str:
-        """The name, with the robot file's symbol behind it."""
-        return f"{self.name} ({self.symbol})" if self.symbol else self.name
-
-    @property
-    def shown(self) -> ShownUnit:
-        """The unit in which people see it."""
-        return ShownUnit.of(self.unit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +65,7 @@ class ErrorModel:
         added = [_term(effect, robot) for effect in self.effects]
         self.effect_names = tuple(name for term in added for name in term.names)
         self.terms = (*_terms(robot), *added)
-        steps, slots = _length_steps(robot) if lengths_only else _defect_steps(robot)
+        steps, slots = length_steps(robot) if lengths_only else defect_steps(robot)
         for effect in self.effects:
             steps = effect.extend(robot, steps)
         self.steps = tuple(steps)
@@ -372,37 +348,3 @@ def _term(effect: Effect, robot: Robot) -> LinearTerm:
 def _terms(robot: Robot) -> tuple[JointTerm, ...]:
     """Joint-side effects that the robot's structure brings."""
     return () if robot.four_bar is None else (robot.four_bar,)
-
-
-def _defect_steps(robot: Robot) -> tuple[list[Step], list[list[str]]]:
-    """Steps with an error frame behind every joint and the tool, and the names of each frame's six slots."""
-    steps: list[Step] = []
-    slots: list[list[str]] = []
-    for joint in robot.joints:
-        steps += [Fixed(part.transform) for part in joint.before]
-        steps += [Joint(joint.kind), ErrorFrame()]
-        steps += [Fixed(part.transform) for part in joint.after]
-        slots.append([f"{joint.name}.{c}" for c in COMPONENTS])
-    steps += [Fixed(part.transform) for part in robot.tool] + [ErrorFrame()]
-    slots.append([f"tool.{c}" for c in COMPONENTS])
-    return steps, slots
-
-
-def _length_steps(robot: Robot) -> tuple[list[Step], list[list[str]]]:
-    """Steps with an error frame at every nominal length, of which only the length's own slot has a name."""
-    steps: list[Step] = []
-    slots: list[list[str]] = []
-
-    def add(parts: tuple[Part, ...]) -> None:
-        for part in parts:
-            steps.append(Fixed(part.transform))
-            if part.symbol:
-                steps.append(ErrorFrame())
-                slots.append([part.symbol if c == part.axis else "" for c in range(6)])
-
-    for joint in robot.joints:
-        add(joint.before)
-        steps.append(Joint(joint.kind))
-        add(joint.after)
-    steps += [Fixed(part.transform) for part in robot.tool]
-    return steps, slots

@@ -14,8 +14,8 @@ from taskcal.robot.effects.load_path import LoadPath, at_motors, sample_poses
 from taskcal.robot.effects.lumped_weights import yield_under_lumped_weights
 from taskcal.robot.effects.motor_torque import motor_torque, motor_torque_by_joint
 from taskcal.robot.load import Load
+from taskcal.robot.parameter import ShownUnit
 from taskcal.robot.robot import Robot
-from taskcal.robot.shown_unit import ShownUnit
 
 STATED = 0.3
 """Share by which a stated stiffness is expected to be wrong (1σ): it is rarely measured, and drives differ."""

@@ -6,11 +6,11 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import TaskcalError
-from taskcal.robot.coil_spring import CoilSpring
 from taskcal.robot.effects.effect import Effect
 from taskcal.robot.effects.linear_term import LinearTerm
 from taskcal.robot.effects.load_path import LoadPath, at_motors, sample_poses
 from taskcal.robot.robot import Robot
+from taskcal.robot.statics import CoilSpring
 
 
 @dataclass(frozen=True, kw_only=True)

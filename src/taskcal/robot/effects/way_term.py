@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.robot.approach import own_sense
+from taskcal.robot.approach import joint_sign
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects.linear_term import LinearTerm
 from taskcal.robot.effects.load_path import drive
@@ -32,7 +32,7 @@ def at_drives(
         tolerance: of every parameter.
         way: what counts of the conditions; where they do not have it, the term is nil.
     """
-    turned = drive(robot) if robot.four_bar is not None else np.diag(own_sense(robot))
+    turned = drive(robot) if robot.four_bar is not None else np.diag(joint_sign(robot))
     parameter, coordinate = np.nonzero(turned[:, joints].T)
     gear = turned[coordinate, joints[parameter]]
 

@@ -7,7 +7,7 @@ from taskcal.analysis.sensitivity import sensitivity
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Backlash, Compliance, EncoderGain, Harmonics
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.shown_unit import ShownUnit
+from taskcal.robot.parameter import ShownUnit
 
 
 @pytest.mark.parametrize(

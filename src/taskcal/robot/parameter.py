@@ -1,4 +1,4 @@
-"""Units of parameters as files, tables and figures show them; inside they are SI."""
+"""A parameter of an error model, and the unit in which people see it; inside, values are SI."""
 
 from dataclasses import dataclass
 
@@ -28,3 +28,26 @@ class ShownUnit:
     def influence(self) -> str:
         """Unit of millimetres for one of it."""
         return f"mm/({self.name})" if "/" in self.name else f"mm/{self.name}"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One defect."""
+
+    name: str
+    unit: str
+    """``m`` or ``rad``; of an effect also ``rad/rad``, ``rad/m`` (of lever), ``rad/Nm`` …"""
+    tolerance: float
+    """Standard deviation that manufacturing leaves, in that unit."""
+    symbol: str = ""
+    """Its name in the robot file, if it has one there."""
+
+    @property
+    def label(self) -> str:
+        """The name, with the robot file's symbol behind it."""
+        return f"{self.name} ({self.symbol})" if self.symbol else self.name
+
+    @property
+    def shown(self) -> ShownUnit:
+        """The unit in which people see it."""
+        return ShownUnit.of(self.unit)

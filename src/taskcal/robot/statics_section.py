@@ -7,8 +7,7 @@ import numpy as np
 from pydantic import model_validator
 
 from taskcal.errors import RobotError, UnknownName
-from taskcal.robot.coil_spring import CoilSpring
-from taskcal.robot.statics import Body
+from taskcal.robot.statics import Body, CoilSpring
 from taskcal.toml_file import Finite, NotNegative, Positive, Section
 
 Point = tuple[Finite, Finite, Finite]

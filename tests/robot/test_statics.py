@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taskcal.robot.coil_spring import CoilSpring
+from taskcal.robot.statics import CoilSpring
 
 
 def spring(**changed) -> CoilSpring:
