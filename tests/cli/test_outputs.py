@@ -103,7 +103,7 @@ def test_two_outputs_are_never_one_file(tmp_path: Path, exists: bool) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "a")
     if exists:
         (tmp_path / "a").write_text("")
-    with pytest.raises(typer.BadParameter, match="cannot be two files"):
+    with pytest.raises(typer.BadParameter, match="cannot be one file"):
         check_outputs("plan", [("--output", tmp_path / "a"), ("--report", tmp_path / "link")], force=True)
 
 

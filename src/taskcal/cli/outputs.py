@@ -83,7 +83,7 @@ def check_outputs(
         for other, earlier in named[:number]:
             if _are_one(path, earlier):
                 raise typer.BadParameter(
-                    f"'{path}' cannot be two files; name different ones", param_hint=f"{option} / {other}"
+                    f"both name '{path}' and cannot be one file; name different ones", param_hint=f"{option} / {other}"
                 )
         if any(_are_one(path, given) for given in read):
             raise FileError(path, "would overwrite what is read, and that is never overwritten; name another file")
