@@ -1,8 +1,10 @@
 """Reading a file whole: an ordinary one, and no larger than a bound that its reader can lift."""
 
+import json
 import os
 import stat
 from pathlib import Path
+from typing import Any
 
 from taskcal.errors import FileError
 
@@ -74,3 +76,26 @@ def _bound(path: str | Path, largest_mb: float) -> float:
     if not 0.0 < bound <= 1e6:
         raise FileError(path, f"{VARIABLE} is {stated[:40]!r}; give megabytes above 0 and up to 1e6, such as 200")
     return bound
+
+
+def read_json(path: str | Path, what: str, remedy: str) -> Any:
+    """The content of a JSON file.
+
+    Args:
+        path: the file.
+        what: it should be, for messages, such as ``calibration``.
+        remedy: for a file that was cut off.
+
+    Raises:
+        FileError: it cannot be read, or is not JSON.
+    """
+    text = read_text(path, otherwise=f"is no {what}: it is no UTF-8 text")
+    try:
+        return json.loads(text)
+    except RecursionError as error:
+        raise FileError(path, f"is no {what}: its JSON is nested too deeply") from error
+    except json.JSONDecodeError as error:
+        message = f"is no whole JSON file ({error.msg}); it may have been cut off: {remedy}"
+        raise FileError(path, message, line=error.lineno) from error
+    except ValueError as error:
+        raise FileError(path, f"is no {what}: a number has too many digits") from error

@@ -93,6 +93,22 @@ def test_the_published_choice(run: Run, cell: Path, tmp_path: Path) -> None:
     assert result["prior_scale"] is None
 
 
+def test_the_nominal_lengths_alone(run: Run, cell: Path, tmp_path: Path) -> None:
+    """The publication's first model: six lengths, which leave far more than the defects do."""
+    result = identify(run, cell / "one.csv", tmp_path / "a.json", "--lengths-only", "--json").json
+    assert [p["name"] for p in result["parameters"]] == ["RL1", "d2", "d3", "d4", "RL4", "RL6"]
+    whole = identify(run, cell / "one.csv", tmp_path / "b.json", "--json").json
+    assert result["fitted"]["rms_mm"] > 3.0 * whole["fitted"]["rms_mm"]
+    predicted = run("validate", tmp_path / "a.json", cell / "one.csv", "--json").json
+    assert predicted["rms_mm"] == pytest.approx(result["fitted"]["rms_mm"])
+
+
+def test_lengths_are_no_published_choice(run: Run, cell: Path, tmp_path: Path) -> None:
+    ended = identify(run, cell / "one.csv", tmp_path / "a.json", "--lengths-only", "--keep", "published")
+    assert ended.status == 2
+    assert "--lengths-only" in ended.err
+
+
 @pytest.mark.parametrize("campaign", ["one.csv", "poses.csv"])
 def test_the_nominal_robot_in_its_registered_frame(run: Run, cell: Path, tmp_path: Path, campaign: str) -> None:
     """Nothing is estimated at all: the residuals of the registration."""

@@ -16,7 +16,7 @@ HEAVY = ("numpy", "scipy", "numba", "pandas", "jaxtyping")
 
 COMMANDS = [
     ["robots"], ["robots", "import"], ["sensitivity"], ["select"], ["plan"], ["study"], ["simulate"], ["identify"], ["validate"],
-    ["performance"],
+    ["performance"], ["register"],
     ["report"], ["warm"], ["doctor"],
 ]  # fmt: skip
 

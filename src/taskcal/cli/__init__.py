@@ -16,6 +16,7 @@ from taskcal.cli import (
     identify,
     performance,
     plan,
+    register,
     report,
     robots,
     select,
@@ -33,8 +34,8 @@ from taskcal.cli.outputs import begin_account, interrupted
 from taskcal.errors import TaskcalError, shortened
 
 ORDER = (
-    "demo", "robots", "sensitivity", "select", "plan", "study", "simulate", "identify", "validate", "performance", "correct",
-    "report", "doctor", "warm",
+    "demo", "robots", "sensitivity", "select", "plan", "study", "simulate", "register", "identify", "validate", "performance",
+    "correct", "report", "doctor", "warm",
 )  # fmt: skip
 """The user's road, and then what keeps the installation in order."""
 
@@ -138,6 +139,7 @@ app.command("select", cls=NamesEffects)(select.command)
 app.command("plan", cls=NamesEffects)(plan.command)
 app.command("study")(study.command)
 app.command("simulate")(simulate.command)
+app.command("register")(register.command)
 app.command("identify", cls=NamesEffects)(identify.command)
 app.command("validate")(validate.command)
 app.command("performance")(performance.command)

@@ -19,6 +19,7 @@ from taskcal.cli.options import (
 )
 from taskcal.cli.output import announce_compilation, note, working, write_json
 from taskcal.cli.outputs import check_outputs
+from taskcal.cli.registration import Method, RegistrationOption, registration_file, registration_of
 
 if TYPE_CHECKING:
     from taskcal.measurement.campaign import Campaign
@@ -72,6 +73,13 @@ def command(
             "robot's publication, 'none' for tracker frame and targets alone. All by default.",
         ),
     ] = None,
+    lengths_only: Annotated[
+        bool,
+        typer.Option(
+            "--lengths-only",
+            help="Fit the nominal lengths of the robot file alone (such as d2 and RL4), not the defects of its frames.",
+        ),
+    ] = False,
     prior: Annotated[PriorChoice, typer.Option("--prior", help="Prior of the parameters.")] = PriorChoice.tolerances,
     loss: Annotated[
         LossChoice, typer.Option("--loss", help="Robust losses give outliers less weight.")
@@ -80,6 +88,7 @@ def command(
         FramesChoice,
         typer.Option("--frames", help="Refine tracker frame and targets with the fit, or hold them as registered."),
     ] = FramesChoice.fit,
+    registration: RegistrationOption = Method.poses.value,
     model_error: Annotated[
         float | None,
         typer.Option("--model-error", metavar="MM", help="What geometry cannot explain (1σ); estimated by default."),
@@ -145,7 +154,12 @@ def command(
         from taskcal.cli.effects import read_effects
 
         asked = read_effects(effects)
-    outputs = check_outputs("identify", [("--output", output)], [campaign, robot, rows], force=force)
+    if lengths_only and names == ["published"]:
+        raise typer.BadParameter(
+            "the published choice is one of defects, not of lengths", param_hint="--lengths-only / --keep"
+        )
+    read = [campaign, robot, rows, registration_file(registration)]
+    outputs = check_outputs("identify", [("--output", output)], read, force=force)
     from taskcal.cli.calibration_report import report, show
     from taskcal.estimation.loss import Cauchy, Huber, Squared
     from taskcal.identification.identify import identify
@@ -154,7 +168,7 @@ def command(
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
 
-    model = ErrorModel(load_robot(robot))
+    model = ErrorModel(load_robot(robot), lengths_only=lengths_only)
     measured = read_campaign(campaign, model.robot, targets=wanted, nests=fixed)
     if mpe_to_sigma is not None and measured.uncertainty is not None:
         note("--mpe-to-sigma has no effect: the campaign states its own uncertainties (u_mm)")
@@ -167,6 +181,7 @@ def command(
         "prior": None if prior is PriorChoice.none else "tolerances",
         "loss": {LossChoice.squared: Squared, LossChoice.huber: Huber, LossChoice.cauchy: Cauchy}[loss](),
         "noise": noise,
+        "registration": registration_of(registration, model, measured.take(chosen)),
         "frames": frames.value,
         "model_error": "estimate" if model_error is None else model_error * 1e-3,
         "prior_scale": "estimate" if prior_scale is None else prior_scale,

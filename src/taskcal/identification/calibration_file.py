@@ -1,6 +1,5 @@
 """The calibration file: its schema, and the calibration it describes."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,20 +10,18 @@ from jaxtyping import Float
 from pydantic import Field, ValidationError
 
 from taskcal.errors import FileError, TaskcalError, shown
+from taskcal.geometry.described_arrays import array_of, of_shape, rigid
 from taskcal.identification.calibration import FORMAT, FORMAT_VERSION, Calibration, Provenance
 from taskcal.identification.considered import spread_out
 from taskcal.identification.field import ResidualField
 from taskcal.identification.outlier import Outlier
 from taskcal.identification.problem import FrameLayout
-from taskcal.measurement.registration import Registration
+from taskcal.measurement.registration_file import RegistrationSection
 from taskcal.robot.effects import Effect, effect_from
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
-from taskcal.text_file import read_text
+from taskcal.text_file import read_json
 from taskcal.toml_file import Finite, NotNegative, Section, explain
-
-RIGID = 1e-6
-"""How far a transform's rotation may be from one; files keep sixteen digits."""
 
 SYMMETRIC = 1e-6
 """Of a covariance, relative to the two standard deviations; rounding of the fit leaves 10⁻⁹ at the worst."""
@@ -37,15 +34,6 @@ Flag = Annotated[bool, Field(strict=True)]
 Texts = list[str]
 Vector = list[Finite]
 Matrix = list[list[Finite]]
-
-
-class RegistrationSection(Section):
-    """Frames as found before the fit."""
-
-    T_tracker_base: Matrix
-    T_tool_target: list[Matrix]
-    rms: NotNegative
-    unlocated: Matrix
 
 
 class FieldSection(Section):
@@ -130,7 +118,7 @@ class CalibrationFile(Section):
                 f"'{shown(self.provenance.robot_digest)}'"
             )
         model = ErrorModel(robot, lengths_only=self.lengths_only, effects=effects)
-        registration = self._registration()
+        registration = self.registration.registration(len(self.targets))
         layout = FrameLayout(
             model=model,
             kept=np.arange(len(model)),
@@ -143,23 +131,23 @@ class CalibrationFile(Section):
         written = layout if self.format_version > 1 else replace(layout, kept=estimated)
         size, rows, width = len(written.names), len(self.ids), 6 if self.pose else 3
         self._same_names(written.names)
-        _of_shape("model_error", np.array(self.model_error), (width // 3,))
+        of_shape("model_error", np.array(self.model_error), (width // 3,))
         if self.provenance.rows < rows:
             raise TaskcalError(f"'ids' names {rows} rows, 'provenance' {self.provenance.rows}")
-        z = _array("estimate", self.estimate, (size,))
-        covariance = _covariance(_array("covariance", self.covariance, (size, size)), written.names)
+        z = array_of("estimate", self.estimate, (size,))
+        covariance = _covariance(array_of("covariance", self.covariance, (size, size)), written.names)
         return Calibration(
             model=model,
             layout=layout,
             estimated=estimated,
             z=spread_out(z, written, layout),
             z_covariance=spread_out(covariance, written, layout),
-            T_tracker_base=_rigid("T_tracker_base", _array("T_tracker_base", self.T_tracker_base, (4, 4))),
-            T_tool_target=_rigid(
-                "T_tool_target", _array("T_tool_target", self.T_tool_target, (len(self.targets), 4, 4))
+            T_tracker_base=rigid("T_tracker_base", array_of("T_tracker_base", self.T_tracker_base, (4, 4))),
+            T_tool_target=rigid(
+                "T_tool_target", array_of("T_tool_target", self.T_tool_target, (len(self.targets), 4, 4))
             ),
-            residuals=_array("residuals", self.residuals, (rows, len(self.targets), width)),
-            studentised=_array("studentised", self.studentised, (rows, len(self.targets))),
+            residuals=array_of("residuals", self.residuals, (rows, len(self.targets), width)),
+            studentised=array_of("studentised", self.studentised, (rows, len(self.targets))),
             outliers=tuple(Outlier(**section.model_dump()) for section in self.outliers),
             ids=tuple(self.ids),
             model_error=tuple(self.model_error),
@@ -171,16 +159,6 @@ class CalibrationFile(Section):
             reason=self.reason,
             remarks=tuple(self.remarks),
             provenance=Provenance(**self.provenance.model_dump()),
-        )
-
-    def _registration(self) -> Registration:
-        found, count = self.registration, len(self.targets)
-        base, target = "registration, T_tracker_base", "registration, T_tool_target"
-        return Registration(
-            T_tracker_base=_rigid(base, _array(base, found.T_tracker_base, (4, 4))),
-            T_tool_target=_rigid(target, _array(target, found.T_tool_target, (count, 4, 4))),
-            rms=found.rms,
-            unlocated=_array("registration, unlocated", found.unlocated, (3 * count, 3 * count)),
         )
 
     def _same_names(self, expected: tuple[str, ...]) -> None:
@@ -205,37 +183,8 @@ class CalibrationFile(Section):
             "noise": (width,),
         }
         return ResidualField.from_json({
-            name: _array(f"field, {name}", getattr(self.field, name), shape) for name, shape in shapes.items()
+            name: array_of(f"field, {name}", getattr(self.field, name), shape) for name, shape in shapes.items()
         })  # fmt: skip
-
-
-def _array(key: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """Nested lists of numbers as an array; NaN for null."""
-    try:
-        array = np.array(values, dtype=float)
-    except ValueError as error:
-        raise TaskcalError(f"the rows of '{key}' differ in length") from error
-    if array.size == 0 and 0 in shape:  # nothing was estimated: JSON has no empty matrix
-        array = np.zeros(shape)
-    return _of_shape(key, array, shape)
-
-
-def _of_shape(key: str, array: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    if array.shape != shape:
-        raise TaskcalError(f"'{key}' has shape {array.shape}, not {shape}")
-    return array
-
-
-def _rigid(key: str, T: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4"]:
-    """Transforms, where they neither scale, shear nor reflect."""
-    for number, one in enumerate(T.reshape(-1, 4, 4), start=1):
-        R = one[:3, :3]
-        off = float(np.abs(R.T @ R - np.eye(3)).max())
-        if off > RIGID or np.linalg.det(R) < 0.0 or (one[3] != (0.0, 0.0, 0.0, 1.0)).any():
-            place = f"'{key}'" if T.ndim == 2 else f"'{key}' {number}"
-            scale = float(np.linalg.norm(R) / np.sqrt(3.0))
-            raise TaskcalError(f"{place} is no rigid transform: its axes have length {scale:.6g} and are {off:.2g} off")
-    return T
 
 
 def _covariance(C: Float[np.ndarray, "z z"], names: tuple[str, ...]) -> Float[np.ndarray, "z z"]:
@@ -271,7 +220,7 @@ def load_calibration(path: str | Path) -> Calibration:
             names the key and its value.
     """
     path = Path(path)
-    data = _json(path)
+    data = read_json(path, "calibration", "save the calibration again")
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise FileError(
             path, f"is JSON, but no calibration: 'format' is not '{FORMAT}'; write one with taskcal identify"
@@ -309,16 +258,3 @@ def _effect(path: Path, number: int, described: Mapping[str, Any]) -> Effect:
     except (TypeError, ValueError, AttributeError) as error:
         message = f"effect {number} is none: {shown(error)}; it may have been edited: identify again"
         raise FileError(path, message) from error
-
-
-def _json(path: Path) -> Any:
-    text = read_text(path, otherwise="is no calibration: it is no UTF-8 text")
-    try:
-        return json.loads(text)
-    except RecursionError as error:
-        raise FileError(path, "is no calibration: its JSON is nested too deeply") from error
-    except json.JSONDecodeError as error:
-        message = f"is no whole JSON file ({error.msg}); it may have been cut off: save the calibration again"
-        raise FileError(path, message, line=error.lineno) from error
-    except ValueError as error:
-        raise FileError(path, "is no calibration: a number has too many digits") from error

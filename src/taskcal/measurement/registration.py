@@ -140,7 +140,7 @@ def _few_wrong_rows(model: ErrorModel, campaign: Campaign) -> list[tuple[int, fl
             found = register(model, rest, T[kept])
         except CampaignError:
             return []
-        off = _distances(found, campaign, T)
+        off = np.nan_to_num(distances(found, campaign, T)).max(axis=1)
         if found.rms <= PLAUSIBLE * model.robot.reach:
             wrong = [row for row in range(len(campaign)) if off[row] > 3.0 * PLAUSIBLE * model.robot.reach]
             return [(row, float(off[row])) for row in wrong] if len(wrong) <= max(len(campaign) // 10, 1) else []
@@ -148,10 +148,10 @@ def _few_wrong_rows(model: ErrorModel, campaign: Campaign) -> list[tuple[int, fl
     return []
 
 
-def _distances(found: Registration, campaign: Campaign, T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, " n"]:
-    """How far the farthest target of every row is from where the nominal robot has it, metres."""
+def distances(found: Registration, campaign: Campaign, T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n targets"]:
+    """How far every target is from where tool poses T have it, metres; NaN where it was not seen."""
     ends = (found.T_tracker_base @ T)[:, None] @ found.T_tool_target
-    return np.nan_to_num(np.linalg.norm(campaign.points - ends[..., :3, 3], axis=2)).max(axis=1)
+    return np.linalg.norm(campaign.points - ends[..., :3, 3], axis=2)
 
 
 def _cloud(T: np.ndarray, campaign: Campaign) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

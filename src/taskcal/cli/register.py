@@ -1,0 +1,182 @@
+"""``taskcal register``: tracker frame and targets from a raw campaign and the nominal robot."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from taskcal.cli.drift import DriftChoice, DriftOption, settle
+from taskcal.cli.options import (
+    ForceOption,
+    JsonOption,
+    NestsOption,
+    RobotOption,
+    RowsOption,
+    TargetsOption,
+    split_names,
+)
+from taskcal.cli.output import announce_compilation, show_facts, show_table, write_json
+from taskcal.cli.outputs import check_outputs
+from taskcal.cli.registration import Method, register_by
+
+if TYPE_CHECKING:
+    from taskcal.measurement.axis_circles import AxisCircle
+    from taskcal.measurement.campaign import Campaign
+    from taskcal.measurement.registration import Registration
+    from taskcal.robot.error_model import ErrorModel
+
+WORST = 5
+"""How many of the rows that fit worst are shown."""
+
+
+def command(
+    campaign: Annotated[
+        Path, typer.Argument(metavar="CAMPAIGN.csv", readable=False, help="Joints and where the targets were seen.")
+    ],
+    robot: RobotOption,
+    method: Annotated[
+        Method,
+        typer.Option("--method", help="From all poses, or from the circles of axes that turn alone (two or more)."),
+    ] = Method.poses,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="REG.json", readable=False, help="Write it, for identify --registration."
+        ),
+    ] = None,
+    rows: RowsOption = None,
+    targets: TargetsOption = None,
+    nests: NestsOption = None,
+    drift: DriftOption = DriftChoice.follow,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Find the tracker's frame and the targets with the nominal robot, and what it leaves of the measurements.
+
+    The fit of taskcal identify refines what is found here; nothing of the robot is identified yet.
+    """
+    wanted, fixed = split_names(targets, "--targets"), split_names(nests, "--nests")
+    outputs = check_outputs("register", [("--output", output)], [campaign, robot, rows], force=force)
+    from taskcal.cli.rows import choose_rows
+    from taskcal.measurement.axis_circles import find_circles
+    from taskcal.measurement.reader import read_campaign
+    from taskcal.measurement.registration_file import registration_text
+    from taskcal.robot.catalogue import load_robot
+    from taskcal.robot.error_model import ErrorModel
+
+    model = ErrorModel(load_robot(robot))
+    measured = read_campaign(campaign, model.robot, targets=wanted, nests=fixed)
+    measured, moved = settle(measured, drift)
+    chosen = list(range(len(measured))) if rows is None else choose_rows(rows, len(measured), campaign)
+    measured = measured.take(chosen)
+    announce_compilation()
+    found = register_by(method, model, measured)
+    circles = find_circles(model, measured) if method is Method.circles else ()
+    if output is not None:
+        outputs.write({output: registration_text(found, model, measured)})
+    result = {
+        "registration": output,
+        "robot": model.robot.name,
+        "method": method.value,
+        **_found(found, model, measured, chosen),
+        "circles": [_circle(circle, model, measured) for circle in circles],
+        "drift": moved,
+    }
+    if as_json:
+        write_json(result)
+    else:
+        _show(result)
+
+
+def _found(
+    registration: "Registration", model: "ErrorModel", campaign: "Campaign", chosen: list[int]
+) -> dict[str, Any]:
+    """Frames and residuals, in millimetres."""
+    import numpy as np
+
+    from taskcal.cli.robot_sheet import placement
+    from taskcal.measurement.registration import distances, nominal_poses
+    from taskcal.presentation.unlocated import describe_unlocated
+
+    off = distances(registration, campaign, nominal_poses(model, campaign)) * 1e3
+    seen = off[np.isfinite(off)]
+    return {
+        "rows": len(campaign),
+        "tracker_frame": placement(registration.T_tracker_base),
+        "targets": {
+            name: {**placement(T), "unlocated": unlocated or None}
+            for name, T, unlocated in zip(
+                campaign.targets, registration.T_tool_target, describe_unlocated(registration), strict=True
+            )
+        },
+        "mean_mm": float(seen.mean()),
+        "rms_mm": float(np.sqrt((seen**2).mean())),
+        "max_mm": float(seen.max()),
+        "residuals": [
+            {"row": row, "id": name, **dict(zip((f"{t}_mm" for t in campaign.targets), values, strict=True))}
+            for row, name, values in zip(chosen, campaign.ids, off, strict=True)
+        ],
+    }
+
+
+def _circle(circle: "AxisCircle", model: "ErrorModel", campaign: "Campaign") -> dict[str, Any]:
+    import numpy as np
+
+    return {
+        "axis": model.robot.joint_names[circle.axis],
+        "target": campaign.targets[circle.target],
+        "rows": len(circle.rows),
+        "arc_deg": float(np.degrees(circle.arc)),
+        "radius_mm": circle.radius * 1e3,
+        "centre_mm": circle.centre * 1e3,
+        "normal": circle.normal,
+        "residual_mm": circle.residual * 1e3,
+    }
+
+
+def _show(result: Mapping[str, Any]) -> None:
+    """Print it for people."""
+    if result["circles"]:
+        show_table(
+            "Circles, seen by the tracker",
+            ("axis", "target", "rows", "arc °", "radius mm", "off the circle mm, rms"),
+            [
+                (
+                    c["axis"],
+                    c["target"],
+                    str(c["rows"]),
+                    f"{c['arc_deg']:.1f}",
+                    f"{c['radius_mm']:.2f}",
+                    f"{c['residual_mm']:.3f}",
+                )
+                for c in result["circles"]
+            ],
+            left=(0, 1),
+        )
+    frames = {"robot's base, in the tracker frame": result["tracker_frame"]} | {
+        f"target {name}, in the tool frame": target for name, target in result["targets"].items()
+    }
+    show_table(
+        f"Registration of {result['robot']} from {result['method']}, {result['rows']} rows",
+        ("", "x mm", "y mm", "z mm", "qx", "qy", "qz", "qw"),
+        [
+            (name, *(f"{v:.3f}" for v in frame["position_mm"]), *(f"{v:.6f}" for v in frame["quaternion"]))
+            for name, frame in frames.items()
+        ],
+    )
+    worst = sorted(result["residuals"], key=_largest, reverse=True)[:WORST]
+    show_facts([
+        (
+            "the nominal robot is off by",
+            f"{result['mean_mm']:.3f} mm on average, {result['rms_mm']:.3f} rms, {result['max_mm']:.3f} at most",
+        ),
+        ("worst rows", ", ".join(f"{row['row']} (id {row['id']}) {_largest(row):.3f} mm" for row in worst)),
+        *([("registration", f"wrote {result['registration']}")] if result["registration"] else []),
+        *((f"target {name}", target["unlocated"]) for name, target in result["targets"].items() if target["unlocated"]),
+    ])  # fmt: skip
+
+
+def _largest(row: Mapping[str, Any]) -> float:
+    """The residual of the target that is farthest off; nil where none was seen."""
+    return max((v for key, v in row.items() if key.endswith("_mm") and v == v), default=0.0)
