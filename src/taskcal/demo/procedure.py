@@ -15,13 +15,16 @@ from jaxtyping import Float
 
 from taskcal.analysis.elimination_table import EliminationTable, published_kept, tabulate_elimination
 from taskcal.analysis.sensitivity import Sensitivity, sensitivity
+from taskcal.demo.axis_sweeps import sweep_motors
 from taskcal.demo.predictions import Predictions
 from taskcal.demo.reference import reference_task
 from taskcal.demo.tool_point_errors import Errors, errors_in_base
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.identify import identify
+from taskcal.measurement.axis_circles import AxisCircle, find_circles, register_from_circles
 from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.registration import Registration
 from taskcal.measurement.virtual_cell import Truth, draw_defects, simulate
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.mechanism import Mechanism, analyse_mechanism
@@ -30,6 +33,8 @@ from taskcal.task.task import TaskPoses, reach_task
 ONE, SEVERAL = "one orientation", "±20°"
 SPREAD = np.radians(20.0)
 INSIDE, OUTSIDE = "same orientations", "turned farther"
+CIRCLES = "circles held"
+"""How the names of models begin whose tracker frame and target are held as the circles have them."""
 
 Progress = Callable[[str], None]
 
@@ -63,6 +68,12 @@ class Procedure:
     sensitivities: Mapping[str, Sensitivity]
     elimination: EliminationTable
     campaigns: Mapping[str, Campaign]
+    sweeps: Campaign
+    """Each motor alone, for the registration of the publication's figure 6."""
+    circles: tuple[AxisCircle, ...]
+    """Of these sweeps."""
+    registration: Registration
+    """From the circles."""
     truth: Truth
     fits: tuple[Fitted, ...]
     predictions: tuple[Predictions, ...]
@@ -97,14 +108,16 @@ def run_procedure(
     x = draw_defects(model, rng)
     simulated = {label: simulate(model, found.q, rng=rng, x=x) for label, found in poses.items()}
     truth = simulated[ONE][1]
+    sweeps, _ = simulate(model, sweep_motors(model.robot, poses[ONE].q), rng=rng, x=x)
+    registration = register_from_circles(model, sweeps)
     new = {label: reach_task(model, task, held_out, seed=seed + 1).q for label, task in tasks.items()}
     far = reach_task(model, reference_task(2.0 * SPREAD), held_out, seed=seed + 1).q
     fits: list[Fitted] = []
     predictions: list[Predictions] = []
     for label, (campaign, _) in simulated.items():
-        for name, options in _models(model, elimination, label).items():
+        for name, (fitted, options) in _models(model, elimination, label, registration).items():
             progress(f"identification in {label}: {name}")
-            calibration = identify(model, campaign, **options)
+            calibration = identify(fitted, campaign, **options)
             inside, outside = (
                 _predict(label, name, where, calibration, truth, q)
                 for where, q in ((INSIDE, new[label]), (OUTSIDE, far))
@@ -128,6 +141,9 @@ def run_procedure(
         sensitivities=sensitivities,
         elimination=elimination,
         campaigns={label: campaign for label, (campaign, _) in simulated.items()},
+        sweeps=sweeps,
+        circles=find_circles(model, sweeps),
+        registration=registration,
         truth=truth,
         fits=tuple(fits),
         predictions=tuple(predictions),
@@ -135,16 +151,22 @@ def run_procedure(
     )
 
 
-def _models(model: ErrorModel, elimination: EliminationTable, label: str) -> dict[str, dict[str, Any]]:
-    """The models to compare: names for a reader, and the options of their identification."""
+def _models(
+    model: ErrorModel, elimination: EliminationTable, label: str, circles: Registration
+) -> dict[str, tuple[ErrorModel, dict[str, Any]]]:
+    """The models to compare: names for a reader, what is identified, and the options of its identification."""
     published = published_kept(model)
     independent = elimination.eliminations[label].kept
+    lengths = ErrorModel(model.robot, lengths_only=True)
+    held = {"registration": circles, "frames": "fixed"}
     return {
-        "nominal, frames only": {"keep": ()},
-        f"published {len(published)}, damped, no prior": {"keep": published, "prior": None},
-        f"published {len(published)}, prior": {"keep": published},
-        f"identifiable {len(independent)}, prior": {"keep": independent},
-        f"all {len(model)}, prior": {},
+        "nominal, frames only": (model, {"keep": ()}),
+        f"lengths {len(lengths)}, prior": (lengths, {}),
+        f"{CIRCLES}, published {len(published)}, damped": (model, {"keep": published, "prior": None, **held}),
+        f"published {len(published)}, damped, no prior": (model, {"keep": published, "prior": None}),
+        f"published {len(published)}, prior": (model, {"keep": published}),
+        f"identifiable {len(independent)}, prior": (model, {"keep": independent}),
+        f"all {len(model)}, prior": (model, {}),
     }
 
 

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from taskcal.demo.axis_sweeps import frame_error
 from taskcal.demo.procedure import INSIDE, OUTSIDE, Procedure
 from taskcal.demo.tool_point_errors import Errors
 
@@ -9,6 +10,7 @@ from taskcal.demo.tool_point_errors import Errors
 def procedure_json(procedure: Procedure) -> dict[str, Any]:
     """Machine-readable, in millimetres and micrometres."""
     mechanism, elimination = procedure.mechanism, procedure.elimination
+    off, turned = frame_error(procedure.registration.T_tracker_base, procedure.truth.T_tracker_base)
     scaled = {label: found.maximum(scaled=True) * 1e6 for label, found in procedure.sensitivities.items()}
     covered = {(p.campaign, p.model, p.where): p.share_inside(0.95) for p in procedure.predictions}
     return {
@@ -41,6 +43,20 @@ def procedure_json(procedure: Procedure) -> dict[str, Any]:
                 "condition_number": found.condition_number,
             }
             for label, found in elimination.eliminations.items()
+        },
+        "registration": {
+            "poses": len(procedure.sweeps),
+            "circles": [
+                {
+                    "axis": procedure.model.robot.joint_names[circle.axis],
+                    "rows": len(circle.rows),
+                    "radius_mm": circle.radius * 1e3,
+                    "residual_mm": circle.residual * 1e3,
+                }
+                for circle in procedure.circles
+            ],
+            "frame_error_mm": off * 1e3,
+            "frame_error_mrad": turned * 1e3,
         },
         "fits": [
             {

@@ -28,14 +28,17 @@ def identification_section(procedure: Procedure) -> Section:
             Text(
                 (
                     "The tracker frame and the target are fitted together with the parameters; nothing has to be registered "
-                    "beforehand. “Damped, no prior” is after the published way, Levenberg–Marquardt without a prior; it ends "
+                    "beforehand. The publication registers the tracker from circles that single motors draw; that way, held, "
+                    "stands beside it. “Damped, no prior” is after the published way, Levenberg–Marquardt without a prior; it ends "
                     "early, once the objective falls by less than a millionth of itself or the next step is small beside the "
                     "standard errors.",
-                    "All calibrated models leave nearly the same residuals, close to the tracker's noise. Residuals therefore "
+                    "All models of defects with fitted frames leave nearly the same residuals, close to the tracker's noise; "
+                    "the lengths alone do not. Residuals therefore "
                     "cannot say which model is better; new poses can. The published residuals are those of a real robot, with "
                     "gravity and all else that geometry does not explain, so they are larger.",
                 )
             ),
+            tables.tabulate_registration(procedure),
             tables.tabulate_residuals(procedure),
             Chart(
                 title="Residuals, pose by pose",
