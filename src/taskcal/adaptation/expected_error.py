@@ -28,9 +28,11 @@ from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import register
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.error_model import ErrorModel
+from taskcal.short_repr import short_repr
 from taskcal.task.task import TaskPoses
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Design:
     """What a campaign says of the parameters, and how they move the task, tracker frame and targets eliminated."""

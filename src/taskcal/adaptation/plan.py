@@ -71,6 +71,13 @@ class Plan:
     extends: bool = False
     """Whether it plans on from a calibration."""
 
+    def __repr__(self) -> str:
+        return (
+            f"Plan({len(self.q)} poses: {self.expected * 1e3:.4f} mm expected over the task, random "
+            f"{float(np.mean(self.random)) * 1e3:.4f} mm, spread evenly {self.grid * 1e3:.4f} mm, "
+            f"before {self.before * 1e3:.4f} mm)"
+        )
+
     @property
     def enough(self) -> int | None:
         """How many poses the accuracy needs; None if these do not reach it or none is stated."""

@@ -12,7 +12,7 @@ from taskcal.adaptation.candidates import measuring_task
 from taskcal.adaptation.expected_error import Design, design
 from taskcal.analysis.elimination_table import describe_combination, published_kept
 from taskcal.analysis.identifiability import Identifiability, identifiability
-from taskcal.errors import CampaignError
+from taskcal.errors import CampaignError, shortened
 from taskcal.estimation.blas import single_threaded
 from taskcal.estimation.scaled import pseudo_invert_scaled
 from taskcal.identification.calibration import Calibration
@@ -66,6 +66,12 @@ class Selection:
     design: Design | None = field(default=None, repr=False)
     """By which it was chosen: what the measured or assumed poses say over the task. None if the selection was put together
     by hand."""
+
+    def __repr__(self) -> str:
+        return (
+            f"Selection({len(self.kept)} of {len(self.kept) + len(self.dropped)} parameters kept: "
+            f"{shortened(', '.join(self.kept), 120)}; {shortened(self.why, 120)})"
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Machine-readable, in millimetres."""

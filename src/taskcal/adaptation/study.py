@@ -51,6 +51,13 @@ class Study:
     robots: int
     seed: int
 
+    def __repr__(self) -> str:
+        plans, models = ({row[key] for row in self.rows} for key in ("plan", "model"))
+        return (
+            f"Study({self.robots} robots, {len(plans)} plans, {len({row['count'] for row in self.rows})} numbers of poses, "
+            f"{len(models)} models: {len(self.rows)} rows, seed {self.seed})"
+        )
+
     def to_frame(self) -> "pd.DataFrame":
         """All rows."""
         import pandas as pd

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from scipy.linalg import qr, solve_triangular
 
 from taskcal.analysis.near_dependence import LEVEL, NearDependence, find_near_dependences
+from taskcal.errors import shortened
 from taskcal.estimation.information import Observability, observability
 from taskcal.geometry import se3
 from taskcal.robot.error_frames import COMPONENTS
@@ -44,6 +45,13 @@ class Identifiability:
     scales: Float[np.ndarray, " p"] = field(repr=False)
     """Tolerances of the columns, metres and radians."""
     poses: int
+
+    def __repr__(self) -> str:
+        zero = f", {len(self.zero)} without effect" if self.zero else ""
+        return (
+            f"Identifiability(rank {self.rank} of {len(self.names)} parameters at {self.poses} poses{zero}, "
+            f"{len(self.dependent)} dependent: {shortened(', '.join(self.dependent), 120)})"
+        )
 
     @property
     def gap(self) -> float:

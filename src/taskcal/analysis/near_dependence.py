@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from taskcal.short_repr import short_repr
+
 LEVEL = 0.99
 """Share of a column's squared length from which on a few others are said to nearly repeat it."""
 
@@ -16,6 +18,7 @@ NULL = 1e-6
 """Share of a unit vector that counts as nothing."""
 
 
+@short_repr
 @dataclass(frozen=True, kw_only=True)
 class NearDependence:
     """A parameter that others nearly repeat."""

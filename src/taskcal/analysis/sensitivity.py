@@ -20,6 +20,9 @@ class Sensitivity:
     matrix: Float[np.ndarray, "n 3 p"]
     """Metres per metre and metres per radian."""
 
+    def __repr__(self) -> str:
+        return f"Sensitivity({self.model.robot.name}: {len(self.matrix)} poses, {len(self.model)} parameters)"
+
     def maximum(self, *, scaled: bool = False) -> Float[np.ndarray, "3 p"]:
         """Largest influence of each parameter on |X|, |Y| and |Z| over the poses.
 

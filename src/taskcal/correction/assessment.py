@@ -10,8 +10,10 @@ from taskcal.correction.controller import Driven
 from taskcal.correction.placement import Placed
 from taskcal.correction.way import Ways
 from taskcal.geometry import se3
+from taskcal.short_repr import short_repr
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Deviations:
     """Where the true tool is against where the program wants it."""

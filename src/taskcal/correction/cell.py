@@ -6,7 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.short_repr import short_repr
 
+
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Measured:
     """What is known of one tool or part beside the controller's value; at most one of the ways to know it."""
@@ -31,6 +34,7 @@ class Measured:
     """Standard uncertainty of what was measured, per axis, metres: of each reflector's centre, or of the position."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Cell:
     """Tools and parts by name, letter case aside."""

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from taskcal.correction.assessment import Deviations
 from taskcal.correction.motion import JointMotion
 from taskcal.correction.way import Ways
-from taskcal.errors import FileError
+from taskcal.errors import FileError, shortened
 from taskcal.files import write_all
 from taskcal.programs.program import Move, Program, Remark
 from taskcal.programs.source import Source
@@ -68,6 +68,14 @@ class Correction:
     """Relative to which frames, and with which tools, the program is accurate."""
     motion: JointMotion
     """How the corrected program moves the joints."""
+
+    def __repr__(self) -> str:
+        refused = f", {len(self.refused)} refused" if self.refused else ""
+        return (
+            f"Correction({shortened(', '.join(str(source.path) for source in self.sources), 120)}: {len(self.corrected)} of "
+            f"{len(self.program.moves)} motions corrected{refused}, targets moved by up to "
+            f"{np.nanmax(self.shift, initial=0.0) * 1e3:.3f} mm)"
+        )
 
     def destinations(self, out: str | Path) -> tuple[Path, ...]:
         """Where the corrected files go: one to a file or into a folder, several into a folder, under their own names.

@@ -11,6 +11,7 @@ from taskcal.correction.controller import Driven
 from taskcal.programs.program import Move
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
+from taskcal.short_repr import short_repr
 
 SHORTEST = 1e-9
 """Samples that lie nearer together in time are one, seconds."""
@@ -26,6 +27,7 @@ SINGULAR = 0.02
 """Nearer to a singular posture than this share, small corrections take large joint motions."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class JointMotion:
     """Largest joint speeds and accelerations along lines and arcs of known speed, and the posture nearest to singular.

@@ -34,6 +34,7 @@ from taskcal.programs.rapid.read import read_rapid
 from taskcal.robot.effects import Compliance, Harmonics
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
+from taskcal.short_repr import short_repr
 
 REFLECTORS: Mapping[str, tuple[float, float, float]] = {
     "smr1": (0.06, 0.0, -0.12), "smr2": (-0.05, 0.11, -0.2), "smr3": (-0.05, -0.11, -0.2),
@@ -52,6 +53,7 @@ MARKED = 2e-5
 POSES = 60
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LoopRun:
     """One true robot, measured, identified and corrected."""

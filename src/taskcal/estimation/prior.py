@@ -7,8 +7,10 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.estimation.scaled import invert_scaled
+from taskcal.short_repr import short_repr
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class GaussianPrior:
     """A normal distribution of parameters."""

@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 
 from taskcal.analysis.identifiability import identifiability
 from taskcal.analysis.near_dependence import NearDependence
-from taskcal.errors import CampaignError, TaskcalError
+from taskcal.errors import CampaignError, TaskcalError, shortened
 from taskcal.estimation.blas import single_threaded
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.cross_validation import mean_over_rows, predict_left_out, split_postures
@@ -62,6 +62,10 @@ class Explanation:
     """What the tracker's noise alone would leave, metres in space."""
     alike: tuple[NearDependence, ...]
     """Parameters of effects that geometry nearly repeats at the fitted poses, the most repeated first."""
+
+    def __repr__(self) -> str:
+        taken = ", ".join(stage.name for stage in self.stages if stage.accepted)
+        return f"Explanation({shortened(taken, 150)}: {self.calibration!r})"
 
     def to_json(self) -> list[dict[str, Any]]:
         """The table, in millimetres."""

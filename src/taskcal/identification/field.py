@@ -23,6 +23,7 @@ from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.spatial import KDTree
 
 from taskcal.errors import CampaignError
+from taskcal.short_repr import short_repr
 
 FEWEST, SEARCHED, LARGEST = 20, 500, 10_000
 """Rows that a field needs; rows among which the hyper-parameters are sought; rows it keeps at most, where more are thinned
@@ -38,6 +39,7 @@ BATCH = 256
 """Poses evaluated at a time."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ResidualField:
     """Corrections of the tool pose in base axes: of position, metres, and where poses were measured of rotation, radians."""

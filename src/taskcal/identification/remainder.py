@@ -17,6 +17,7 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.cross_validation import split_postures
 from taskcal.identification.regressor import Regressor, list_regressors
 from taskcal.measurement.campaign import Campaign
+from taskcal.short_repr import short_repr
 
 MIN_POSES = 30
 """Poses from which on something can be said."""
@@ -44,6 +45,7 @@ class Explained:
         return self.p_value is not None and self.p_value <= PROVEN and self.share >= WORTH
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Remainder:
     """What is left at every pose, and what it goes with."""

@@ -26,6 +26,13 @@ class Validation:
     remarks: tuple[str, ...] = ()
     """What a user should look at before believing the result."""
 
+    def __repr__(self) -> str:
+        remarks = f", {len(self.remarks)} remarks" if self.remarks else ""
+        return (
+            f"Validation({len(self)} points: mean {self.mean * 1e3:.4f} mm, rms {self.rms * 1e3:.4f} mm, 95 % "
+            f"{self.p95 * 1e3:.4f} mm, largest {self.maximum * 1e3:.4f} mm{remarks})"
+        )
+
     def __len__(self) -> int:
         return len(self.errors)
 

@@ -9,11 +9,13 @@ from taskcal.geometry import se3, walk
 from taskcal.geometry.chain import Chain, Fixed, Joint, Step
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Part
+from taskcal.short_repr import short_repr
 
 SAMPLES = 9
 """Points along a link's axis that are compared with a box."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Box:
     """A box that the robot must keep out of, in the robot's base."""

@@ -12,6 +12,7 @@ from taskcal.geometry import se3
 from taskcal.geometry.pose_step import Goal, step_towards, task_jacobian
 from taskcal.geometry.walk import in_chunks
 from taskcal.robot.error_model import ErrorModel, Walk
+from taskcal.short_repr import short_repr
 
 Spin = Literal["fixed", "free"]
 
@@ -28,6 +29,7 @@ JUMP = np.pi / 3
 """Within a short step of the tool, a joint that turns farther has left its branch."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Reached:
     """Joint positions for some poses."""

@@ -15,6 +15,7 @@ from taskcal.geometry.pose_step import WEIGHT
 from taskcal.kinematics.inverse import JUMP, SAME_POSTURE_RAD, depth, find_postures, solve_near
 from taskcal.kinematics.tracing import refusals, trace
 from taskcal.robot.error_model import ErrorModel
+from taskcal.short_repr import short_repr
 
 ANGLES = 24
 """Spins tried, a whole turn of them."""
@@ -32,6 +33,7 @@ SMOOTHINGS = 6
 """How often a spin that changes is averaged with its neighbours."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Spun:
     """A path with its spin."""

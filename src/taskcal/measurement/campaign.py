@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.errors import CampaignError, UnknownName
+from taskcal.errors import CampaignError, UnknownName, shortened
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.conditions import Conditions
 
@@ -43,6 +43,16 @@ class Campaign:
     """How each row was reached, and how warm the robot was there."""
     source: str = ""
     """File the campaign was read from."""
+
+    def __repr__(self) -> str:
+        told = [name for name in _TOLD if getattr(self.conditions, name) is not None]
+        parts = [
+            f"{len(self)} {'points' if self.rotations is None else 'poses'} of {shortened(', '.join(self.targets), 80)}",
+            f"{int((~self.valid).sum())} beams lost" if not self.valid.all() else "",
+            f"nests {shortened(', '.join(self.nests), 80)}" if self.nests else "",
+            f"with {', '.join(told)}" if told else "",
+        ]
+        return f"Campaign({shortened(self.source, 80) or 'unnamed'}: {', '.join(part for part in parts if part)})"
 
     def __post_init__(self) -> None:
         n, targets = len(self.ids), len(self.targets)

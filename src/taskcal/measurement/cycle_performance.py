@@ -9,8 +9,10 @@ from taskcal.errors import CampaignError, UnknownName
 from taskcal.measurement.cycles import PoseCycles
 from taskcal.measurement.distance_performance import DistancePerformance, assess_distance
 from taskcal.measurement.pose_performance import DirectionVariation, PosePerformance, assess_pose, compare_directions
+from taskcal.short_repr import short_repr
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CyclePerformance:
     """Poses, directions of approach, and distances."""

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from taskcal.csv_table import CsvTable, read_csv
 from taskcal.errors import FileError
 from taskcal.geometry import se3
+from taskcal.short_repr import short_repr
 
 _AXES, _QUATERNION = ("x_mm", "y_mm", "z_mm"), ("qx", "qy", "qz", "qw")
 _UNIT_QUATERNION = 1e-3
@@ -19,6 +20,7 @@ _COMMAND = "command_x_mm …, command_qx …"
 _LEAVE_OUT = "give a number, or leave out the row"
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PoseCycles:
     """One commanded pose, approached from one direction again and again."""
@@ -39,6 +41,7 @@ class PoseCycles:
     """Commanded orientation."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PathCycles:
     """A commanded path, and passes along it."""

@@ -6,8 +6,10 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import CampaignError
+from taskcal.short_repr import short_repr
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DistancePerformance:
     """How the distance between two commanded positions was attained."""

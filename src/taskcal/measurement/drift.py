@@ -11,6 +11,7 @@ from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.nest_motion import NestMotion, observe_nests
 from taskcal.measurement.tracker import TrackerNoise
+from taskcal.short_repr import short_repr
 
 LEVEL = 0.01
 """Chance of following nests that stand still."""
@@ -22,6 +23,7 @@ NAMED = 6
 """Rows of misplaced nests that are named."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Drift:
     """A campaign with its nests followed, as far as they moved."""

@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 from taskcal.errors import CampaignError
 from taskcal.geometry import polyline, se3
 from taskcal.measurement.pose_performance import in_degrees, mean_and_three_deviations, mean_orientation
+from taskcal.short_repr import short_repr
 
 _CORNER = 2.0
 """In a plane that halves a corner of 60° or more, a path crosses at most so many times its distance away."""
@@ -17,6 +18,7 @@ _ROUNDING = 1e-9
 """Metres that an exact pass may seem to leave its path by."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PathPerformance:
     """How a commanded path was attained, in planes normal to it at its points."""

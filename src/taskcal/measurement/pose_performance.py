@@ -9,8 +9,10 @@ from jaxtyping import Float
 
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
+from taskcal.short_repr import short_repr
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PosePerformance:
     """How a commanded pose was attained, over cycles in one direction of approach."""
@@ -60,6 +62,7 @@ class PosePerformance:
         return out | in_degrees("RP", self.orientation_repeatability)
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DirectionVariation:
     """How far the mean poses lie apart that one command gives from several directions of approach (7.2.3)."""

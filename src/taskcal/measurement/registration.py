@@ -12,6 +12,7 @@ from taskcal.estimation.blas import single_threaded
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
 from taskcal.robot.error_model import ErrorModel
+from taskcal.short_repr import short_repr
 
 PLAUSIBLE = 0.02
 """Nominal residual, as a share of the robot's reach, beyond which joints and points do not belong together."""
@@ -23,6 +24,7 @@ LOCATED = 0.02
 """A direction of the target offsets is determined if its standard deviation is below this, metres."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Registration:
     """The tracker's frame and the targets, as found."""

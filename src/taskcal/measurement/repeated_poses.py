@@ -11,6 +11,7 @@ from scipy.spatial import KDTree
 from taskcal.errors import CampaignError
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.pose_performance import PosePerformance, assess_pose, mean_and_three_deviations
+from taskcal.short_repr import short_repr
 
 SAME_POSE_RAD = float(np.radians(0.01))
 """Joint positions within this of each other are one pose, radians."""
@@ -20,6 +21,7 @@ NORMAL = float(2.0 * np.sqrt(2.0 / np.pi) + 3.0 * np.sqrt(3.0 - 8.0 / np.pi))
 directions: mean and three standard deviations of the Maxwell distribution, 3.616."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RepeatedPoses:
     """The poses of a campaign that were measured more than once."""

@@ -11,9 +11,11 @@ from pydantic import Field
 from taskcal.errors import FileError
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import Box, Links, beam_is_free
+from taskcal.short_repr import short_repr
 from taskcal.toml_file import Direction, Finite, HalfTurn, NotNegative, Positive, Quaternion, Section, read_toml
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Reflector:
     """A reflector on the tool."""
@@ -27,6 +29,7 @@ class Reflector:
     """Largest angle between its axis and the beam, radians."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Station:
     """Where and what the tracker measures."""

@@ -5,7 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.short_repr import short_repr
 
+
+@short_repr
 @dataclass(frozen=True, kw_only=True)
 class TrackerNoise:
     """Maximum permissible errors of range and transverse position, linear in the distance, and what share is 1σ.

@@ -12,11 +12,13 @@ from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
+from taskcal.short_repr import short_repr
 
 TRACKER_POSE = se3.pose(se3.exp(np.array([0.02, -0.01, 2.1])), np.array([3.2, -1.9, -0.35]))
 """Where the base is seen by default: a tracker some four metres away that stands nearly upright."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Truth:
     """What a simulated campaign was made from."""

@@ -8,9 +8,11 @@ from typing import Literal, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float
 
+from taskcal.errors import shortened
 from taskcal.geometry import se3
 from taskcal.programs.source import Place, Source
 from taskcal.robot.robot import Robot
+from taskcal.short_repr import short_repr
 
 MoveKind = Literal["joint", "linear", "circular", "axes"]
 """To a pose with all joints at once, along a line, along an arc; or to joint positions."""
@@ -25,6 +27,7 @@ class Posture(Protocol):
         ...
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Frame:
     """A tool, or a part's frame."""
@@ -35,6 +38,7 @@ class Frame:
     """Its pose: of what the robot holds in the flange, of what stands still in the base; metres."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Target:
     """Where a motion goes: a pose, or joint positions."""
@@ -53,6 +57,7 @@ class Target:
     """The rotation of the tool about its own z axis is left open; T has some."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Move:
     """One motion instruction whose target, tool and frame are known."""
@@ -124,6 +129,11 @@ class Program(ABC):
     """Those that were resolved, in the order of the text."""
     remarks: tuple[Remark, ...]
     """Motions that could not be resolved, and warnings."""
+
+    def __repr__(self) -> str:
+        paths = shortened(", ".join(str(source.path) for source in self.sources), 120)
+        remarks = f", {len(self.remarks)} remarks" if self.remarks else ""
+        return f"{type(self).__name__}({paths}: {len(self.moves)} motions{remarks})"
 
     @abstractmethod
     def rewrite(self, robot: Robot, ways: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:

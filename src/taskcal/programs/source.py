@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+from taskcal.short_repr import short_repr
 from taskcal.text_file import read_bytes
 
 
@@ -32,6 +33,7 @@ class Place:
         return f"{self.path}:{self.line}"
 
 
+@short_repr
 @dataclass(frozen=True, kw_only=True)
 class Source:
     """A program file as text."""

@@ -6,8 +6,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.errors import TaskcalError
+from taskcal.short_repr import short_repr
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Conditions:
     """What is known of the way to each pose, and of how warm the robot was there."""

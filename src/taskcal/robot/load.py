@@ -7,10 +7,12 @@ import numpy as np
 
 from taskcal.errors import TaskcalError
 from taskcal.robot.statics import Body
+from taskcal.short_repr import short_repr
 
 Vector = tuple[float, float, float]
 
 
+@short_repr
 @dataclass(frozen=True, kw_only=True)
 class Load:
     """A payload and a constant force and moment at the tool point, such as those of a cut.

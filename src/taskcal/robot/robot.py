@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from taskcal.errors import ReachError
+from taskcal.errors import ReachError, shortened
 from taskcal.geometry import se3
 from taskcal.geometry.chain import Fixed, Joint, JointKind, Step
 from taskcal.robot.joint_side import FourBarDrive, JointMap
@@ -111,6 +111,12 @@ class Robot:
     published: Published
     description: Mapping[str, Any]
     """Content of the robot file, so that a calibration can carry its robot."""
+
+    def __repr__(self) -> str:
+        prismatic = sum(self.prismatic)
+        slides = f", {prismatic} sliding" if prismatic else ""
+        loop = ", four-bar" if self.four_bar else ""
+        return f"Robot({shortened(self.name, 80)}: {len(self.joints)} joints{slides}{loop}, reach {self.reach:.2f} m)"
 
     @cached_property
     def digest(self) -> str:

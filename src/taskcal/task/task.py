@@ -13,12 +13,14 @@ from taskcal.errors import FileError, ReachError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture, follow, solve_near
 from taskcal.robot.error_model import ErrorModel
+from taskcal.short_repr import short_repr
 from taskcal.task.workspace import Orientation, Workspace
 from taskcal.toml_file import Direction, Finite, HalfTurn, Positive, Quaternion, Section, read_toml
 
 Triple = tuple[Finite, Finite, Finite]
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Task:
     """What the robot has to do."""
@@ -38,6 +40,7 @@ class Task:
     """Position error allowed in space, metres."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TaskPoses:
     """Poses of a task that the robot reaches, with the joints that do."""

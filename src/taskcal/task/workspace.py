@@ -8,8 +8,10 @@ from jaxtyping import Bool, Float
 from scipy.stats import qmc
 
 from taskcal.geometry import se3
+from taskcal.short_repr import short_repr
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Orientation:
     """A direction of the tool, possibly with room around it."""
@@ -31,6 +33,7 @@ class Orientation:
         return self.rotation @ se3.exp(tilt[:, None] * axis) @ se3.exp(turn)
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Workspace:
     """A box or a cylinder of tool points, with the orientations the tool takes in it."""

@@ -16,7 +16,7 @@ from taskcal.programs.spinning import spun_alike
 from taskcal.robot.robot import Robot
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class AptProgram(Program):
     """Tool paths read from APT."""
 

@@ -16,7 +16,7 @@ from taskcal.robot.robot import Robot
 _YES, _NO = ("1", "yes", "true"), ("", "0", "no", "false")
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class CsvProgram(Program):
     """Paths read from CSV."""
 

@@ -17,7 +17,7 @@ from taskcal.programs.source import Source
 from taskcal.robot.robot import Robot
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class KrlProgram(Program):
     """What was read from ``.src`` and ``.dat`` files."""
 

@@ -20,7 +20,7 @@ from taskcal.programs.source import Source
 from taskcal.robot.robot import Robot
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class RapidProgram(Program):
     """A program of one or several RAPID modules."""
 
