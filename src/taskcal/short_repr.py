@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-T = TypeVar("T", bound=type)
+T = TypeVar("T", bound=type[Any])
 
 LONGEST = 380
 """Characters of a representation; a console's page is soon full of arrays."""
@@ -17,7 +17,7 @@ LONGEST_VALUE = 60
 
 def short_repr(cls: T) -> T:
     """Class decorator: show arrays by their shape, long collections by their size, and leave out what is empty."""
-    cls.__repr__ = _represent
+    setattr(cls, "__repr__", _represent)  # noqa: B010  (a type checker takes it for that of the class itself)
     return cls
 
 

@@ -72,7 +72,7 @@ def assess(
     original, along = come[move], first + share * (last - first)
     at_target = along >= 1.0 - 1e-12
     told = at_target | np.isfinite(wanted.start[original, 0, 0])
-    original, along, q, at_target = (values[told] for values in (original, along, q, at_target))
+    original, along, q, at_target = original[told], along[told], q[told], at_target[told]
     # the way's start is not known where only its end is asked for
     T = np.where(at_target[:, None, None], wanted.end[original], wanted.at(original, along))
     true = placed.tool_in_part(original, q)
