@@ -20,6 +20,7 @@ from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import LOCATED, Registration, nominal_poses, place_targets
 from taskcal.robot.error_model import ErrorModel
+from taskcal.short_repr import short_repr
 
 MIN_ANGLES, ARC = 4, np.radians(20.0)
 """A circle needs so many different angles, over so large an arc."""
@@ -41,6 +42,7 @@ MODEL_ERROR = 1e-3
 """How far the circle of a robot may be from that of the nominal one, metres, in judging what the circles place."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AxisCircle:
     """The circle that a target describes while one axis turns, in the tracker frame."""
