@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -153,13 +154,50 @@ def shift(source: Path, target: Path, row: int, mm: float) -> None:
     target.write_text("\n".join(lines))
 
 
-def test_outliers_are_named_by_the_row_of_the_file(run: Run, cell: Path, tmp_path: Path) -> None:
-    shift(cell / "one.csv", tmp_path / "bad.csv", 33, 5.0)
-    options = ["--rows", "20:60", "--loss", "cauchy"]
-    result = identify(run, tmp_path / "bad.csv", tmp_path / "a.json", *options, "--json").json
-    assert [(o["row"], o["id"], o["target"]) for o in result["outliers"]] == [(33, "33", "tool")]
+def commented(path: Path, row: int) -> None:
+    """Two lines of comment before a row, so that its line follows from its row in no simple way."""
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[: row + 1], "# the tracker", "# was moved", *lines[row + 1 :]]))
+
+
+@pytest.mark.parametrize("choice", ["a gap", "held out at random"])
+def test_a_wrong_row_has_one_number_in_table_json_page_and_file(
+    run: Run, cell: Path, tmp_path: Path, choice: str
+) -> None:
+    """Row 33 of the campaign is in line 37 of its file, whichever rows are fitted."""
+    bad, cal, page = tmp_path / "bad.csv", tmp_path / "a.json", tmp_path / "page.html"
+    shift(cell / "one.csv", bad, 33, 5.0)
+    commented(bad, 12)
+    (tmp_path / "rows.txt").write_text("\n".join(str(row) for row in range(60) if not 5 <= row < 20))
+    # the seed is one with which row 33 is fitted, after rows that are not
+    chosen = ["--rows", tmp_path / "rows.txt"] if choice == "a gap" else ["--holdout", "0.2", "--seed", "0"]
+    options = [*chosen, "--loss", "cauchy"]
+    result = identify(run, bad, cal, *options, "--json").json
+    named = [(o["row"], o["line"], o["id"], o["target"]) for o in result["outliers"]]
+    assert named == [(33, 37, "33", "tool")]
     assert result["outliers"][0]["residual_mm"] == pytest.approx(5.0, abs=0.5)
-    assert "Outliers" in identify(run, tmp_path / "bad.csv", tmp_path / "a.json", *options).out
+    fitted = load_calibration(cal)
+    assert fitted.ids.index("33") < 33
+    assert [(o.row, o.line, o.id) for o in fitted.outliers] == [(33, 37, "33")]
+    text = identify(run, bad, cal, *options).out
+    assert re.search(r"^ *33 +37 +33 +tool ", text[text.index("Outliers") :], re.MULTILINE)
+    assert run("report", cal, "-o", page).status == 0
+    table = page.read_text(encoding="utf-8").split("Outliers, too far for chance")[1]
+    assert re.findall(r"<td[^>]*>([^<]*)</td>", table)[:4] == ["33", "37", "33", "tool"]
+
+
+@pytest.mark.parametrize("choice", ["a gap", "held out at random"])
+def test_a_row_that_cannot_be_right_is_named_as_the_file_has_it(
+    run: Run, cell: Path, tmp_path: Path, choice: str
+) -> None:
+    bad = tmp_path / "bad.csv"
+    shift(cell / "one.csv", bad, 33, 900.0)
+    commented(bad, 12)
+    (tmp_path / "rows.txt").write_text("\n".join(str(row) for row in range(60) if not 5 <= row < 20))
+    options = ["--rows", tmp_path / "rows.txt"] if choice == "a gap" else ["--holdout", "0.2", "--seed", "0"]
+    ended = identify(run, bad, tmp_path / "a.json", *options)
+    assert ended.status == 1
+    assert "row 33 (id 33, line 37), off by 900 mm" in " ".join(ended.err.split())
 
 
 def test_an_old_calibration_is_replaced_only_by_a_whole_new_one(run: Run, cell: Path, tmp_path: Path) -> None:

@@ -95,7 +95,7 @@ def test_the_file_is_plain_json_that_names_format_version_units_and_parameters(s
     found, text = saved
     data = json.loads(text, parse_constant=lambda constant: pytest.fail(f"{constant} is no JSON"))
     assert data["format"] == "taskcal-calibration"
-    assert data["format_version"] == 2
+    assert data["format_version"] == 3
     assert data["units"] == "metres and radians"
     assert data["names"] == list(found.all_names)
     assert data["provenance"]["rows"] == 50
@@ -115,6 +115,14 @@ def test_a_file_of_the_first_version_is_read(tmp_path):
     np.testing.assert_array_equal(again.predict(q), found.predict(q))
     assert again.kept == found.kept
     assert not np.delete(again.covariance, found.estimated, axis=0).any()
+
+
+def test_a_file_that_counted_outliers_among_the_fitted_rows_keeps_their_ids_alone(tmp_path):
+    found = calibration()
+    outlier = {"row": 7, "id": found.ids[7], "target": found.targets[0], "studentised": 9.0, "residual": 1e-3}
+    (tmp_path / "second.json").write_text(json.dumps(found.to_json() | {"format_version": 2, "outliers": [outlier]}))
+    (again,) = load_calibration(tmp_path / "second.json").outliers
+    assert (again.row, again.line, again.id, again.residual) == (None, None, found.ids[7], 1e-3)
 
 
 def edit(text, *path, value=None, remove=False):

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -40,6 +42,16 @@ def test_taking_rows_takes_them_from_every_array(rows):
         np.testing.assert_array_equal(getattr(some, name), getattr(whole, name)[index])
     np.testing.assert_array_equal(some.nests["base"], whole.nests["base"][index])
     assert some.targets == whole.targets
+
+
+def test_rows_keep_their_number_and_line_however_often_rows_are_taken():
+    whole = replace(campaign(), lines=np.arange(12) * 2 + 3)
+    some = whole.take([1, 4, 7, 10]).take(np.array([False, True, True, True])).take(slice(1, None))
+    assert [(some.row_of(i), some.line_of(i), some.row(i)) for i in range(2)] == [
+        (7, 17, "row 7 (id row 7, line 17)"),
+        (10, 23, "row 10 (id row 10, line 23)"),
+    ]
+    assert (campaign().row_of(3), campaign().line_of(3), campaign().row(3)) == (3, None, "row 3 (id row 3)")
 
 
 @pytest.mark.parametrize("rows", [[12], [0, 99], np.ones(5, dtype=bool)], ids=str)

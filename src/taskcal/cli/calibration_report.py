@@ -60,7 +60,8 @@ def report(
         },
         "outliers": [
             {
-                "row": int(chosen[o.row]),
+                "row": o.row,
+                "line": o.line,
                 "id": o.id,
                 "target": o.target,
                 "residual_mm": o.residual * 1e3,
@@ -123,12 +124,18 @@ def show(result: Mapping[str, Any]) -> None:
     show_harmonics(result["parameters"])
     show_errors(f"Position error of {result['robot']}: axes of the robot's base, then in space", summaries)
     if result["outliers"]:
-        header = ("row", "id", "target", "residual mm", "over its 1σ")
+        header = ("row", "line", "id", "target", "residual mm", "over its 1σ")
         cells = [
-            (str(o["row"]), o["id"], o["target"], f"{o['residual_mm']:.3f}", f"{o['studentised']:.1f}")
+            (
+                *("–" if o[key] is None else str(o[key]) for key in ("row", "line")),
+                o["id"],
+                o["target"],
+                f"{o['residual_mm']:.3f}",
+                f"{o['studentised']:.1f}",
+            )
             for o in result["outliers"]
         ]
-        show_table("Outliers, too far for chance: measure again, or leave out", header, cells, left=(1, 2))
+        show_table("Outliers, too far for chance: measure again, or leave out", header, cells, left=(2, 3))
     show_facts(_facts(result))
 
 

@@ -232,9 +232,8 @@ def _divide(
         chosen = choose_rows(rows, len(measured), source)
         return chosen, sorted(set(everything) - set(chosen))
     if holdout is not None:
-        row = {name: i for i, name in enumerate(measured.ids)}
         fitted, held_out = measured.split(holdout, np.random.default_rng(seed))
-        return [row[name] for name in fitted.ids], [row[name] for name in held_out.ids]
+        return [fitted.row_of(i) for i in range(len(fitted))], [held_out.row_of(i) for i in range(len(held_out))]
     return list(everything), []
 
 

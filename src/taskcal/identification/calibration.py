@@ -27,8 +27,9 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.load import Load
 
 FORMAT = "taskcal-calibration"
-FORMAT_VERSION = 2
-"""Version 1 held estimate and covariance of the parameters that were estimated, and of no others."""
+FORMAT_VERSION = 3
+"""Version 1 held estimate and covariance of the parameters that were estimated, and of no others; versions 1 and 2 counted
+the rows of outliers among those fitted, and named no line."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -49,11 +49,19 @@ class FieldSection(Section):
 class OutlierSection(Section):
     """A point that the fit cannot believe."""
 
-    row: Count
+    row: Count | None
+    line: Count | None = None
     id: str
     target: str
     studentised: Ratio
     residual: NotNegative
+
+    def outlier(self, version: int) -> Outlier:
+        """The outlier; in a file of an older version it has its id, but no row of the campaign."""
+        content = self.model_dump()
+        if version < 3:
+            content["row"] = None
+        return Outlier(**content)
 
 
 class ProvenanceSection(Section):
@@ -148,7 +156,7 @@ class CalibrationFile(Section):
             ),
             residuals=array_of("residuals", self.residuals, (rows, len(self.targets), width)),
             studentised=array_of("studentised", self.studentised, (rows, len(self.targets))),
-            outliers=tuple(Outlier(**section.model_dump()) for section in self.outliers),
+            outliers=tuple(section.outlier(self.format_version) for section in self.outliers),
             ids=tuple(self.ids),
             model_error=tuple(self.model_error),
             prior_scale=self.prior_scale,

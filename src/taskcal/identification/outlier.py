@@ -13,8 +13,11 @@ from taskcal.measurement.campaign import Campaign
 class Outlier:
     """A measured point that the fit cannot believe."""
 
-    row: int
-    """Row of the campaign, counted from 0."""
+    row: int | None
+    """Row of the whole campaign, counted from 0, whichever rows were fitted; None where a file of an older version counted the
+    fitted rows alone."""
+    line: int | None = None
+    """Line of the campaign's file, counted from 1; None where it is not known."""
     id: str
     target: str
     studentised: float
@@ -53,7 +56,8 @@ def studentise(
     rows = [(float(out[i, t]), int(i), int(t)) for i, t in zip(*np.nonzero(out > limit), strict=True)]
     named = [
         Outlier(
-            row=i,
+            row=campaign.row_of(i),
+            line=campaign.line_of(i),
             id=campaign.ids[i],
             target=campaign.targets[t],
             studentised=s,

@@ -43,6 +43,10 @@ class Campaign:
     """How each row was reached, and how warm the robot was there."""
     source: str = ""
     """File the campaign was read from."""
+    rows: Int[np.ndarray, " n"] | None = None
+    """Row of the whole campaign that each was, counted from 0; None where these are all."""
+    lines: Int[np.ndarray, " n"] | None = None
+    """Line of the file that each stands in, counted from 1; None where there is no file."""
 
     def __repr__(self) -> str:
         told = [name for name in _TOLD if getattr(self.conditions, name) is not None]
@@ -65,6 +69,8 @@ class Campaign:
             "time": (self.time, (n,)),
             "approach": (self.approach, self.q.shape),
             "move": (self.move, self.q.shape),
+            "rows": (self.rows, (n,)),
+            "lines": (self.lines, (n,)),
             **{f"nest {name}": (points, (n, 3)) for name, points in self.nests.items()},
         }
         for name, (array, shape) in shapes.items():
@@ -78,8 +84,18 @@ class Campaign:
         return len(self.q)
 
     def row(self, number: int) -> str:
-        """A row in words, for messages."""
-        return f"row {number} (id {self.ids[number]})"
+        """A row in words, for messages: as the whole campaign counts it, and as its file does."""
+        line = self.line_of(number)
+        at = "" if line is None else f", line {line}"
+        return f"row {self.row_of(number)} (id {self.ids[number]}{at})"
+
+    def row_of(self, number: int) -> int:
+        """Row of the whole campaign, counted from 0, whichever rows were taken of it."""
+        return number if self.rows is None else int(self.rows[number])
+
+    def line_of(self, number: int) -> int | None:
+        """Line of the campaign's file, counted from 1; None where it is not known."""
+        return None if self.lines is None else int(self.lines[number])
 
     @cached_property
     def valid(self) -> Bool[np.ndarray, "n targets"]:
@@ -182,6 +198,7 @@ class Campaign:
         changed = {
             f.name: pick(getattr(self, f.name)) for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)
         }
+        changed.setdefault("rows", chosen)
         nests = {name: points[chosen] for name, points in self.nests.items()}
         ids = tuple(self.ids[i] for i in chosen)
         return replace(self, ids=ids, nests=nests, conditions=self.conditions.take(chosen), **changed)

@@ -116,6 +116,7 @@ def read_campaign(
         nests={name: found[name] for name in nest_names},
         conditions=conditions,
         source=Path(path).name,
+        lines=np.array(table.lines),
     )
 
 

@@ -69,17 +69,25 @@ def _summary(calibration: Calibration, over: Uncertainty | None) -> Section:
             (f"{over.target * 1e3:.4f}", "mm", f"uncertainty of the target over {over.task} (1σ in space, rms)")
         )
     outliers = [
-        (str(o.row), o.id, o.target, f"{o.residual * 1e3:.3f}", f"{o.studentised:.1f}") for o in calibration.outliers
+        (
+            "–" if o.row is None else str(o.row),
+            "–" if o.line is None else str(o.line),
+            o.id,
+            o.target,
+            f"{o.residual * 1e3:.3f}",
+            f"{o.studentised:.1f}",
+        )
+        for o in calibration.outliers
     ]
     blocks: list[Block] = [Numbers(tuple(items))]
     if outliers:
         blocks.append(
             Table.of_rows(
                 "Outliers, too far for chance: measure again, or leave out",
-                ("row", "id", "target", "residual mm", "over its 1σ"),
+                ("row", "line", "id", "target", "residual mm", "over its 1σ"),
                 outliers,
-                text_columns=(1, 2),
-                note="Rows of those fitted, counted from 0.",
+                text_columns=(2, 3),
+                note="Rows of the campaign, counted from 0, and lines of its file, counted from 1.",
             )
         )
     else:
