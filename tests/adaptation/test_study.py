@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from taskcal.adaptation import study as studying
+from taskcal.adaptation.expected_error import design
 from taskcal.adaptation.selection import select
 from taskcal.adaptation.study import study
 from taskcal.analysis.elimination_table import published_kept
@@ -94,7 +95,15 @@ def test_an_interrupted_study_goes_on_where_it_was(model, task, rows, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "changed", [{"seed": 5}, {"counts": (9,)}, {"models": ("all",)}, {"plans": ("grid",)}, {"robot": "scaled"}]
+    "changed",
+    [
+        {"seed": 5},
+        {"model_error": 1e-4},
+        {"counts": (9,)},
+        {"models": ("all",)},
+        {"plans": ("grid",)},
+        {"robot": "scaled"},
+    ],
 )
 def test_a_file_of_another_study_is_refused(model, task, tmp_path, changed):
     path = tmp_path / "study.json"
@@ -107,6 +116,24 @@ def test_a_file_of_another_study_is_refused(model, task, tmp_path, changed):
     with pytest.raises(FileError, match="holds a study of other settings; name another file"):
         study(model, task, robots=1, engine="sequential", resume=path, **{**CASES, **changed})
     assert path.read_text() == before
+
+
+@pytest.mark.parametrize("model_error", [0.0, None, 2e-4])
+def test_stated_and_achieved_errors_agree_with_a_model_error(model, task, model_error):
+    """Robots that are off by a model error are measured and used with it, and the closed form says how well that goes."""
+    made = study(
+        model, task, robots=24, counts=(20,), plans=("grid",), model_error=model_error, engine="sequential", seed=1
+    )
+    u = 5e-5 if model_error is None else model_error
+    assert made.model_error == pytest.approx(u)
+    assert made.model_error_origin.startswith("Gutiérrez" if model_error is None else "as given")
+    q = studying.reach_task(model, studying.measuring_task(model, task), 20, 0).q
+    campaign, _ = simulate(model, q, rng=np.random.default_rng(0), x=np.zeros(len(model)))
+    goal = studying.reach_task(model, task, 200, 1)
+    stated = design(model, campaign, goal, model_error=(u,)).expected_error(np.arange(len(model)))
+    (line,) = made.summary()
+    assert 0.9 < line["rms_mm"] / (stated * 1e3) < 1.1
+    assert 0.9 < line["rms_with_model_error_mm"] / (np.hypot(stated, np.sqrt(3.0) * u) * 1e3) < 1.1
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"study": "x", "robots": {"first": []}}', "id,J1\n"])

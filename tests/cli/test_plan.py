@@ -81,9 +81,11 @@ def test_the_same_seed_gives_the_same_plan_and_a_page_changes_nothing(
 
 
 def test_the_tables_for_people(run: Run, ask: list[object]) -> None:
-    ended = run(*ask)
+    assert "0.05 mm per axis at every pose: Gutiérrez et al." in " ".join(run(*ask).out.split())
+    ended = run(*ask, "--model-error", "0")
     assert ended.status == 0
     for part in (
+        "0 mm per axis at every pose: as given",
         "this plan",
         "random poses",
         "spread evenly",

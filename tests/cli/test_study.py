@@ -16,7 +16,8 @@ def ask(cell: Path) -> list[object]:
 
 
 def test_more_poses_make_the_task_more_accurate(run: Run, ask: list[object], tmp_path: Path) -> None:
-    ended = run(*ask, "-o", tmp_path / "rows.csv", "--report", tmp_path / "study.html", "--json")
+    outputs = ["-o", tmp_path / "rows.csv", "--report", tmp_path / "study.html"]
+    ended = run(*ask, *outputs, "--model-error", "0", "--json")
     assert ended.status == 0
     result = ended.json
     assert [(line["plan"], line["count"]) for line in result["summary"]] == [
@@ -28,9 +29,11 @@ def test_more_poses_make_the_task_more_accurate(run: Run, ask: list[object], tmp
     assert all(0.0 <= line["share_accurate"] <= 1.0 for line in result["summary"])
     rows = read_csv(tmp_path / "rows.csv")
     assert len(rows) == 3 * 4
-    assert rows.header == ("robot", "plan", "count", "model", "rms_mm", "max_mm")
+    assert rows.header == ("robot", "plan", "count", "model", "rms_mm", "max_mm", "rms_with_model_error_mm")
+    assert (result["model_error_mm"], result["model_error_origin"]) == (0.0, "as given")
     page = (tmp_path / "study.html").read_text(encoding="utf-8")
     assert page.count("<figure>") == 1
+    assert "Model error: 0 mm per axis at every pose: as given" in page
 
 
 def test_an_interrupted_study_goes_on_with_the_same_result(
@@ -64,7 +67,7 @@ def test_every_model_in_a_table_for_people(run: Run, ask: list[object]) -> None:
     models = "all,selected,published,published-damped"
     ended = run(*ask, "--robots", "1", "--counts", "12", "--plans", "random", "--models", models)
     assert ended.status == 0
-    for part in ("published-damped", "selected", "median", "within 0.1 mm", "seed 0"):
+    for part in ("published-damped", "selected", "median", "within 0.1 mm", "seed 0", "0.05 mm per axis"):
         assert part in ended.out
 
 

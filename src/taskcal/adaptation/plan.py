@@ -31,6 +31,7 @@ from taskcal.measurement.station import Station
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.model_error import model_error_of
 from taskcal.task.task import Task, TaskPoses, reach_task
 
 CANDIDATES = 10_000
@@ -70,6 +71,15 @@ class Plan:
     """Needed by the task, metres."""
     extends: bool = False
     """Whether it plans on from a calibration."""
+    model_error: float = 0.0
+    """Standard deviation per axis of what geometry does not explain, with which it was chosen, metres."""
+    model_error_origin: str = ""
+    """Where that comes from, in words."""
+
+    @property
+    def expected_at_a_pose(self) -> float:
+        """Expected rms error in space of a single pose of the task: the prediction's, and the model error beside it, metres."""
+        return float(np.hypot(self.expected, np.sqrt(3.0) * self.model_error))
 
     def __repr__(self) -> str:
         return (
@@ -92,6 +102,9 @@ class Plan:
             "count": len(self.q),
             "criterion": self.criterion,
             "expected_error_mm": self.expected * 1e3,
+            "expected_with_model_error_mm": self.expected_at_a_pose * 1e3,
+            "model_error_mm": self.model_error * 1e3,
+            "model_error_origin": self.model_error_origin,
             "random_expected_error_mm": float(np.mean(self.random)) * 1e3,
             "random_expected_error_range_mm": [float(self.random.min()) * 1e3, float(self.random.max()) * 1e3],
             "grid_expected_error_mm": self.grid * 1e3,
@@ -120,7 +133,7 @@ def plan(
     refine: int = 2,
     registration: Registration | None = None,
     noise: TrackerNoise | None = None,
-    model_error: float = 0.0,
+    model_error: float | None = None,
     prior_scale: float = 1.0,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Plan:
@@ -140,7 +153,8 @@ def plan(
         refine: rounds of continuous refinement after the exchange.
         registration: where tracker and targets are, if known; a campaign or a calibration brings its own.
         noise: the tracker's.
-        model_error: standard deviation of what geometry does not explain, metres.
+        model_error: standard deviation per axis of what geometry does not explain, metres; by default that of the robot's file,
+            or of a typical robot (`model_error_of`). A campaign or a calibration brings its own.
         prior_scale: factor of the tolerances.
         progress: told what is being done.
 
@@ -163,7 +177,13 @@ def plan(
     elif calibration is not None:
         prior = prior_from_calibration(model, calibration, station)
     else:
-        prior = PlanPrior(model_error=model_error, prior_scale=prior_scale, registration=registration)
+        assumed = model_error_of(model.robot, model_error)
+        prior = PlanPrior(
+            model_error=assumed.position,
+            model_error_origin=assumed.source,
+            prior_scale=prior_scale,
+            registration=registration,
+        )
     experiment, weighing = (
         make_experiment(
             model,
@@ -201,13 +221,15 @@ def plan(
         by_count=_errors_by_count(experiment, found, chosen.started),
         before=experiment.before
         if calibration is not None
-        else _before(model, goal, station, _with_measured(prior.campaign, q), noise, prior.prior_scale),
+        else _before(model, goal, station, _with_measured(prior.campaign, q), noise, prior),
         criterion=criterion,
         exchanges=chosen.exchanges,
         lost=dict(found.lost),
         candidates=len(found.q),
         accuracy=task.accuracy,
         extends=calibration is not None,
+        model_error=prior.model_error,
+        model_error_origin=prior.model_error_origin,
     )
 
 
@@ -335,10 +357,12 @@ def _before(
     station: Station | None,
     q: Float[np.ndarray, "n joints"],
     noise: TrackerNoise | None,
-    prior_scale: float,
+    prior: PlanPrior,
 ) -> float:
     """Expected error when the measurements only serve to find tracker frame and targets."""
     targets = None if station is None else {r.name: r.position for r in station.reflectors}
     rng, x = np.random.default_rng(0), np.zeros(len(model))
     nominal, _ = simulate(model, q, rng=rng, x=x, targets=targets, noise=noise)
-    return design(model, nominal, goal, noise=noise, prior_scale=prior_scale).before
+    return design(
+        model, nominal, goal, noise=noise, model_error=(prior.model_error,), prior_scale=prior.prior_scale
+    ).before

@@ -18,6 +18,8 @@ class PlanPrior:
 
     model_error: float
     """Standard deviation per axis of what the model does not explain, metres."""
+    model_error_origin: str
+    """Where that comes from, in words."""
     prior_scale: float
     """Factor of the tolerances."""
     registration: Registration | None
@@ -43,6 +45,7 @@ def prior_from_campaign(
     fitted = identify(model, campaign, noise=noise)
     return PlanPrior(
         model_error=fitted.model_error[0],
+        model_error_origin="what the campaign shows",
         prior_scale=fitted.prior_scale or 1.0,
         registration=register(model, campaign),
         campaign=campaign,
@@ -75,6 +78,7 @@ def prior_from_calibration(model: ErrorModel, calibration: Calibration, station:
         )
     return PlanPrior(
         model_error=calibration.model_error[0],
+        model_error_origin="as calibrated",
         prior_scale=calibration.prior_scale,
         registration=None,
         calibration=calibration,

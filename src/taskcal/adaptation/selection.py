@@ -22,6 +22,7 @@ from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.model_error import model_error_of
 from taskcal.task.task import Task, TaskPoses, reach_task
 
 SUFFICIENT = 1.02
@@ -66,6 +67,10 @@ class Selection:
     design: Design | None = field(default=None, repr=False)
     """By which it was chosen: what the measured or assumed poses say over the task. None if the selection was put together
     by hand."""
+    model_error: float = 0.0
+    """Standard deviation per axis of what the complete model does not explain, with which it was chosen, metres."""
+    model_error_origin: str = ""
+    """Where that comes from, in words."""
 
     def __repr__(self) -> str:
         return (
@@ -80,6 +85,8 @@ class Selection:
             "dropped": dict(self.dropped),
             "why": self.why,
             "before_mm": self.before * 1e3,
+            "model_error_mm": self.model_error * 1e3,
+            "model_error_origin": self.model_error_origin,
             "unreachable": self.unreachable,
             "references": {name: {"size": size, "expected_mm": e * 1e3} for name, (size, e) in self.references.items()},
             "ladder": [
@@ -105,6 +112,7 @@ def select(
     folds: int = 5,
     noise: TrackerNoise | None = None,
     scales: "Scales | None" = None,
+    model_error: float | None = None,
 ) -> Selection:
     """Choose the smallest model that serves the task.
 
@@ -121,12 +129,16 @@ def select(
         folds: of the cross-validation.
         noise: the tracker's.
         scales: what is known of model error and prior scale without a campaign.
+        model_error: standard deviation per axis of what the complete model does not explain, metres, without a campaign and
+            scales; by default that of the robot's file, or of a typical robot (`model_error_of`).
 
     Raises:
         ReachError: the robot does not reach the task.
         CampaignError: the accuracy is below what even the full model is expected to reach, or too few rows.
     """
     reached = reach_task(model, task, count, seed)
+    if scales is None:
+        scales = assume_scales(model, model_error)
     made, hyper = assume_design(model, reached, task, campaign, seed, noise, scales)
     order, expected = made.ladder()
     p = len(model)
@@ -156,6 +168,8 @@ def select(
         references=_references(model, made, found),
         unreachable=float(reached.unreachable.mean()),
         design=made,
+        model_error=hyper.model_error[0],
+        model_error_origin=hyper.origin,
     )
 
 
@@ -167,11 +181,19 @@ class Scales:
     """Standard deviation per axis of what the model does not explain, metres (and radians, for poses)."""
     prior_scale: float = 1.0
     """Factor of the tolerances."""
+    origin: str = "as given"
+    """Where the model error comes from, in words."""
 
     @classmethod
-    def of(cls, calibration: Calibration) -> "Scales":
+    def of(cls, calibration: Calibration, origin: str = "as calibrated") -> "Scales":
         """Those of a calibration."""
-        return cls(model_error=calibration.model_error, prior_scale=calibration.prior_scale or 1.0)
+        return cls(model_error=calibration.model_error, prior_scale=calibration.prior_scale or 1.0, origin=origin)
+
+
+def assume_scales(model: ErrorModel, model_error: float | None = None) -> Scales:
+    """Those of a robot that was not measured: its tolerances, and the model error given, of its file, or typical."""
+    assumed = model_error_of(model.robot, model_error)
+    return Scales(model_error=(assumed.position, 0.0), origin=assumed.source)
 
 
 def assume_design(
@@ -187,10 +209,10 @@ def assume_design(
     if campaign is None:
         assumed = reach_task(model, measuring_task(model, task), ASSUMED_POSES, seed + 1)
         measured, _ = simulate(model, assumed.q, rng=np.random.default_rng(seed), x=np.zeros(len(model)), noise=noise)
-        scales = scales or Scales()
+        scales = scales or assume_scales(model)
     else:
         measured = campaign
-        scales = Scales.of(identify(model, campaign, noise=noise))
+        scales = Scales.of(identify(model, campaign, noise=noise), "what the campaign shows")
     made = design(model, measured, reached, noise=noise, model_error=scales.model_error, prior_scale=scales.prior_scale)
     return made, scales
 

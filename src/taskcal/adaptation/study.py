@@ -2,6 +2,9 @@
 
 Each true robot is drawn, measured by every plan and identified with every model from random numbers of its own, so that
 the result depends on the seed alone, not on the engine, the number of workers or an interruption.
+
+The robots have a model error: at every pose, measured or of the task, the point is off by white noise that no parameter
+explains. On real robots it is alike at neighbouring poses.
 """
 
 import hashlib
@@ -27,6 +30,7 @@ from taskcal.identification.identify import identify
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.model_error import ModelError, model_error_of
 from taskcal.task.task import Task, reach_task
 from taskcal.text_file import read_text
 
@@ -47,9 +51,14 @@ class Study:
     """Task errors of every robot, plan, number of poses and model."""
 
     rows: tuple[Mapping[str, Any], ...]
-    """One for each: robot, plan, count, model, rms_mm and max_mm of the true error over the task."""
+    """One for each: robot, plan, count, model; rms_mm and max_mm of the error of the predicted geometry over the task, and
+    rms_with_model_error_mm of single poses, which have the model error beside it."""
     robots: int
     seed: int
+    model_error: float = 0.0
+    """Standard deviation per axis of what no parameter explains at a pose, metres."""
+    model_error_origin: str = ""
+    """Where that comes from, in words."""
 
     def __repr__(self) -> str:
         plans, models = ({row[key] for row in self.rows} for key in ("plan", "model"))
@@ -67,8 +76,11 @@ class Study:
     def summary(self) -> list[dict[str, Any]]:
         """Quantiles over the robots of the rms error, for each plan, count and model, in the order asked for."""
         groups: dict[tuple[str, int, str], list[float]] = {}
+        single: dict[tuple[str, int, str], list[float]] = {}
         for row in self.rows:
-            groups.setdefault((row["plan"], row["count"], row["model"]), []).append(row["rms_mm"])
+            key = (row["plan"], row["count"], row["model"])
+            groups.setdefault(key, []).append(row["rms_mm"])
+            single.setdefault(key, []).append(row["rms_with_model_error_mm"])
         return [
             {
                 "plan": kind,
@@ -78,6 +90,7 @@ class Study:
                 "p05_mm": float(np.percentile(values, 5)),
                 "p95_mm": float(np.percentile(values, 95)),
                 "rms_mm": float(np.sqrt(np.mean(np.square(values)))),
+                "rms_with_model_error_mm": float(np.sqrt(np.mean(np.square(single[kind, count, model])))),
             }
             for (kind, count, model), values in groups.items()
         ]
@@ -97,6 +110,7 @@ class _Setting:
     models: Mapping[str, Mapping[str, Any]]
     noise: TrackerNoise
     seed: int
+    model_error: ModelError
 
 
 def study(
@@ -109,6 +123,7 @@ def study(
     models: Iterable[str] = ("all",),
     seed: int = 0,
     noise: TrackerNoise | None = None,
+    model_error: float | None = None,
     engine: str = "loky",
     workers: int = -1,
     resume: str | Path | None = None,
@@ -126,6 +141,8 @@ def study(
             without prior.
         seed: of everything.
         noise: the tracker's.
+        model_error: standard deviation per axis of what no parameter explains, metres, which every robot has at every pose; by
+            default that of the robot's file, or of a typical robot (`model_error_of`).
         engine: of joblib: ``loky``, ``threading``, ``sequential``, or ``dask:ADDRESS`` of a scheduler.
         workers: how many; −1 for one per core.
         resume: a file that keeps what is done; a study that was interrupted goes on from it.
@@ -136,7 +153,8 @@ def study(
         FileError: the file to resume from belongs to another study.
         ReachError: the robot does not reach the task.
     """
-    setting = _prepare(model, task, tuple(counts), tuple(plans), tuple(models), seed, noise or TrackerNoise())
+    assumed = model_error_of(model.robot, model_error)
+    setting = _prepare(model, task, tuple(counts), tuple(plans), tuple(models), seed, noise or TrackerNoise(), assumed)
     done = _read(resume, setting)
     progress(len(done), robots)
     left = [index for index in range(robots) if index not in done]
@@ -147,7 +165,13 @@ def study(
                 _append(Path(resume), setting, done)
             progress(len(done), robots)
     rows = [row for index in range(robots) for row in done[index]]
-    return Study(rows=tuple(rows), robots=robots, seed=seed)
+    return Study(
+        rows=tuple(rows),
+        robots=robots,
+        seed=seed,
+        model_error=assumed.position,
+        model_error_origin=assumed.source,
+    )
 
 
 def _prepare(
@@ -158,6 +182,7 @@ def _prepare(
     models: tuple[str, ...],
     seed: int,
     noise: TrackerNoise,
+    model_error: ModelError,
 ) -> _Setting:
     for kind in plans:
         if kind not in PLANS:
@@ -166,7 +191,9 @@ def _prepare(
     fixed: dict[str, np.ndarray] = {}
     for count in counts:
         if "planned" in plans:
-            fixed[f"planned {count}"] = plan(model, task, count, seed=seed, noise=noise).q
+            fixed[f"planned {count}"] = plan(
+                model, task, count, seed=seed, noise=noise, model_error=model_error.position
+            ).q
         if "grid" in plans:
             fixed[f"grid {count}"] = reach_task(model, measuring_task(model, task), count, 0).q
     return _Setting(
@@ -176,18 +203,19 @@ def _prepare(
         plans=fixed,
         pool=reach_task(model, measuring_task(model, task), POOL, seed + 1).q,
         cases=tuple((kind, count) for count in counts for kind in plans),
-        models={name: _options(model, task, name) for name in models},
+        models={name: _options(model, task, name, model_error) for name in models},
         noise=noise,
         seed=seed,
+        model_error=model_error,
     )
 
 
-def _options(model: ErrorModel, task: Task, name: str) -> dict[str, Any]:
+def _options(model: ErrorModel, task: Task, name: str, model_error: ModelError) -> dict[str, Any]:
     """Options of the identification that a model's name stands for."""
     if name not in MODELS:
         raise UnknownName("model", name, MODELS)
     if name == "selected":
-        return {"keep": select(model, task).kept}
+        return {"keep": select(model, task, model_error=model_error.position).kept}
     if name.startswith("published"):
         if not model.robot.published.source:
             raise TaskcalError(f"nothing is published of {model.robot.name}; leave out the model '{name}'")
@@ -199,16 +227,20 @@ def _options(model: ErrorModel, task: Task, name: str) -> dict[str, Any]:
 def _one_robot(setting: _Setting, index: int) -> tuple[int, list[dict[str, Any]]]:
     """All plans and models of one true robot."""
     rng = np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index,)))
-    x = draw_defects(setting.model, rng)
+    x, sigma = draw_defects(setting.model, rng), setting.model_error.position
+    unexplained = sigma * np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index, 1))).normal(
+        size=(len(setting.task_q), 3)
+    )
     out: list[dict[str, Any]] = []
     for kind, count in setting.cases:
         q = setting.plans.get(f"{kind} {count}")
         if q is None:
             q = setting.pool[rng.permutation(len(setting.pool))[:count]]
-        campaign, truth = simulate(setting.model, q, rng=rng, x=x, noise=setting.noise)
+        campaign, truth = simulate(setting.model, q, rng=rng, x=x, noise=setting.noise, model_error=sigma)
         for name, options in setting.models.items():
             found = identify(setting.model, campaign, noise=setting.noise, **options)
-            error = np.linalg.norm(found.predict(setting.task_q) - truth.points(setting.task_q), axis=2)[:, 0] * 1e3
+            off = (found.predict(setting.task_q) - truth.points(setting.task_q))[:, 0] * 1e3
+            error, single = np.linalg.norm(off, axis=1), np.linalg.norm(off - unexplained * 1e3, axis=1)
             out.append(
                 {
                     "robot": index,
@@ -217,6 +249,7 @@ def _one_robot(setting: _Setting, index: int) -> tuple[int, list[dict[str, Any]]
                     "model": name,
                     "rms_mm": float(np.sqrt(np.sum(setting.weights * error**2))),
                     "max_mm": float(error.max()),
+                    "rms_with_model_error_mm": float(np.sqrt(np.sum(setting.weights * single**2))),
                 }
             )
     return index, out
@@ -227,7 +260,11 @@ def _fingerprint(setting: _Setting) -> str:
     for array in (setting.task_q, setting.weights, setting.pool, *setting.plans.values()):
         out.update(np.round(array, 9).tobytes())
     models = {name: {k: list(v) if v else v for k, v in options.items()} for name, options in setting.models.items()}
-    out.update(json.dumps([setting.cases, models, setting.seed, vars(setting.noise)], sort_keys=True).encode())
+    out.update(
+        json.dumps(
+            [setting.cases, models, setting.seed, vars(setting.noise), setting.model_error.position], sort_keys=True
+        ).encode()
+    )
     return out.hexdigest()[:16]
 
 
@@ -247,8 +284,9 @@ def _read(resume: str | Path | None, setting: _Setting) -> dict[int, list[dict[s
 
 def _row(row: Mapping[str, Any]) -> dict[str, Any]:
     """A row as it was written; a KeyError where it is not whole."""
-    kinds = {"robot": int, "plan": str, "count": int, "model": str, "rms_mm": float, "max_mm": float}
-    return {key: kind(row[key]) for key, kind in kinds.items()}
+    kinds = {"robot": int, "plan": str, "count": int, "model": str}
+    errors = {"rms_mm": float, "max_mm": float, "rms_with_model_error_mm": float}
+    return {key: kind(row[key]) for key, kind in (kinds | errors).items()}
 
 
 def _append(path: Path, setting: _Setting, done: Mapping[int, list[dict[str, Any]]]) -> None:

@@ -31,6 +31,15 @@ ReportOption = Annotated[
     Path | None,
     typer.Option("--report", metavar="REPORT.html", readable=False, help="Write a page with figures here."),
 ]
+ModelErrorOption = Annotated[
+    float | None,
+    typer.Option(
+        "--model-error",
+        metavar="MM",
+        help="What geometry cannot explain (1σ per axis, 0 for nothing); by default as the robot's file states it, or a typical "
+        "robot's.",
+    ),
+]
 ForceOption = Annotated[
     bool, typer.Option("--force", help="Replace files that this command did not write, or that were edited since.")
 ]
@@ -63,6 +72,19 @@ def check_source(robot: str | None, calibration: Path | None) -> None:
     if (robot is None) == (calibration is None):
         said = "give one of them" if robot is None else "give one of them: a calibration contains its robot"
         raise typer.BadParameter(said, param_hint="--robot / --calibration")
+
+
+def check_model_error(millimetres: float | None) -> float | None:
+    """The model error that was stated, metres.
+
+    Raises:
+        typer.BadParameter: it is negative or not finite.
+    """
+    if millimetres is None:
+        return None
+    if not 0 <= millimetres < float("inf"):
+        raise typer.BadParameter(f"{millimetres:g} is not zero or above", param_hint="--model-error")
+    return millimetres * 1e-3
 
 
 def split_names(text: str | None, option: str) -> list[str] | None:

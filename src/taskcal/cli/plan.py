@@ -13,10 +13,12 @@ from taskcal.cli.options import (
     CalibrationOption,
     ForceOption,
     JsonOption,
+    ModelErrorOption,
     OptionalRobotOption,
     ReportOption,
     SeedOption,
     TaskOption,
+    check_model_error,
     check_source,
 )
 from taskcal.cli.output import announce_compilation, show_facts, show_table, working, write_json
@@ -78,10 +80,7 @@ def command(
     candidates: Annotated[
         int, typer.Option("--candidates", min=1, metavar="N", help="Poses to choose among.")
     ] = 10_000,
-    model_error: Annotated[
-        float | None,
-        typer.Option("--model-error", metavar="MM", help="What geometry cannot explain (1σ per axis); 0 by default."),
-    ] = None,
+    model_error: ModelErrorOption = None,
     program: ProgramsOption = None,
     wait_s: WaitOption = 3.0,
     speed_mm_s: SpeedOption = 250.0,
@@ -98,8 +97,7 @@ def command(
     With --calibration they are chosen for what the calibration still leaves uncertain.
     """
     check_source(robot, calibration)
-    if model_error is not None and not 0 <= model_error < float("inf"):
-        raise typer.BadParameter(f"{model_error:g} is not zero or above", param_hint="--model-error")
+    stated = check_model_error(model_error)
     if extend is not None and model_error is not None:
         raise typer.BadParameter("the campaign says how large it is", param_hint="--extend / --model-error")
     if calibration is not None and extend is not None:
@@ -146,7 +144,7 @@ def command(
                 campaign=measured,
                 calibration=known,
                 candidates=candidates,
-                model_error=(model_error or 0.0) * 1e-3,
+                model_error=stated,
                 progress=say,
             )
         except CampaignError as error:
@@ -221,6 +219,8 @@ def _page(model: "ErrorModel", task: "Task", made: "Plan", seed: int) -> str:
 
 
 def _show(result: Mapping[str, Any], task: "Task") -> None:
+    from taskcal.presentation.model_error_origin import state_model_error
+
     low, high = result["random_expected_error_range_mm"]
     count = result["count"]
     rows = [
@@ -241,7 +241,12 @@ def _show(result: Mapping[str, Any], task: "Task") -> None:
     shown = sorted({n for n in COUNTS if n < count} | {count})
     cells = [(str(n), f"{by_count[n - 1]:.4f}") for n in shown if by_count[n - 1] < result["before_mm"]]
     show_table("After so many poses, chosen one by one", ("poses", "expected"), cells, left=())
-    facts = [("accuracy", _accuracy(result))]
+    single = f"a single pose is expected to be {result['expected_with_model_error_mm']:.4f} mm off (rms in space)"
+    facts = [
+        ("accuracy", _accuracy(result)),
+        ("model error", state_model_error(result["model_error_mm"], result["model_error_origin"])),
+        ("with it", single),
+    ]
     lost = ", ".join(f"{number} {reason}" for reason, number in result["lost"].items() if number)
     facts += [
         ("candidates", f"{result['candidates']} can be measured; fell away: {lost or 'none'}"),
@@ -251,7 +256,7 @@ def _show(result: Mapping[str, Any], task: "Task") -> None:
     if "visible" in result:
         seen = [len(names) for names in result["visible"]]
         number = f"{min(seen)} to {max(seen)}" if min(seen) < max(seen) else str(max(seen))
-        facts.insert(2, ("reflectors", f"{number} seen at each pose"))
+        facts.insert(4, ("reflectors", f"{number} seen at each pose"))
     facts += [("program", f"wrote {path}, {result['count']} poses") for path in result.get("programs", [])]
     if "report" in result:
         facts.append(("report", f"wrote {result['report']}"))

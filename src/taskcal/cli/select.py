@@ -11,10 +11,12 @@ from taskcal.cli.options import (
     CalibrationOption,
     ForceOption,
     JsonOption,
+    ModelErrorOption,
     OptionalRobotOption,
     ReportOption,
     SeedOption,
     TaskOption,
+    check_model_error,
     check_source,
 )
 from taskcal.cli.output import (
@@ -56,6 +58,7 @@ def command(
             help="Error in space (rms) that the task allows: the smallest model that meets it.",
         ),
     ] = None,
+    model_error: ModelErrorOption = None,
     seed: SeedOption = 0,
     report: ReportOption = None,
     force: ForceOption = False,
@@ -68,6 +71,10 @@ def command(
     check_source(robot, calibration)
     if accuracy is not None and not 0 < accuracy < float("inf"):
         raise typer.BadParameter(f"{accuracy:g} is not above zero", param_hint="--accuracy")
+    stated = check_model_error(model_error)
+    for source, option in ((campaign, "--campaign"), (calibration, "--calibration")):
+        if source is not None and stated is not None:
+            raise typer.BadParameter(f"the {option[2:]} says how large it is", param_hint=f"{option} / --model-error")
     read = [robot, calibration, *files_of_task(task), campaign]
     outputs = check_outputs("select", [("--report", report)], read, force=force)
     from taskcal.adaptation.selection import Scales, select
@@ -83,7 +90,7 @@ def command(
     if measured is not None:
         note(f"cross-validating {len(model) + 1} sizes of the model on {len(measured)} rows")
     wanted = None if accuracy is None else accuracy * 1e-3
-    found = select(model, asked, measured, wanted, seed=seed, scales=scales)
+    found = select(model, asked, measured, wanted, seed=seed, scales=scales, model_error=stated)
     result = found.to_json()
     if report is not None:
         with working("maps over the task"):
@@ -120,6 +127,8 @@ def _page(
 
 
 def _show(model: Any, result: Mapping[str, Any]) -> None:
+    from taskcal.presentation.model_error_origin import state_model_error
+
     symbols = {p.name: p.symbol for p in model.parameters}
     crossed = any(nested["cross_validated_mm"] is not None for nested in result["ladder"])
     chosen = len(result["kept"])
@@ -143,6 +152,7 @@ def _show(model: Any, result: Mapping[str, Any]) -> None:
     facts = [
         ("kept", f"{chosen}: {', '.join(result['kept'])}"),
         ("why", result["why"]),
+        ("model error", state_model_error(result["model_error_mm"], result["model_error_origin"])),
         ("nominal robot", f"{result['before_mm']:.4f} mm expected, with the frames fitted"),
     ]
     facts += [

@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from taskcal.cli.options import ForceOption, JsonOption, ReportOption, RobotOption, SeedOption, TaskOption, split_names
+from taskcal.cli.options import (
+    ForceOption,
+    JsonOption,
+    ModelErrorOption,
+    ReportOption,
+    RobotOption,
+    SeedOption,
+    TaskOption,
+    check_model_error,
+    split_names,
+)
 from taskcal.cli.output import announce_compilation, note, show_facts, show_table, write_json
 from taskcal.cli.outputs import check_outputs, count_as_written, files_of_task
 
@@ -31,6 +41,7 @@ def command(
             "--models", metavar="MODEL,…", help="What is identified: all, selected, published, published-damped."
         ),
     ] = "all",
+    model_error: ModelErrorOption = None,
     engine: Annotated[
         str, typer.Option("--engine", metavar="ENGINE", help="loky, threading, sequential, or dask:ADDRESS.")
     ] = "loky",
@@ -57,10 +68,10 @@ def command(
 ) -> None:
     """See what error to expect over a task, from many virtual robots.
 
-    Each is drawn from the tolerances, measured by every plan, identified with every model,
-    and compared with the truth.
+    Each is drawn from the tolerances, off by its model error at every pose, measured by every plan,
+    identified with every model, and compared with the truth.
     """
-    numbers = _numbers(counts)
+    numbers, stated = _numbers(counts), check_model_error(model_error)
     if engine not in ENGINES and not engine.startswith("dask:"):
         raise typer.BadParameter(
             f"'{engine}' is none; choose {', '.join(ENGINES)}, or dask:ADDRESS of a scheduler", param_hint="--engine"
@@ -96,6 +107,7 @@ def command(
             plans=kinds,
             models=wanted,
             seed=seed,
+            model_error=stated,
             engine=engine,
             workers=-1 if workers is None else workers,
             resume=resume,
@@ -172,7 +184,7 @@ def _result(
         limit = accuracy * 1e3
         for line in lines:
             mine = [
-                row["rms_mm"]
+                row["rms_with_model_error_mm"]
                 for row in made.rows
                 if (row["plan"], row["count"], row["model"]) == (line["plan"], line["count"], line["model"])
             ]
@@ -183,28 +195,36 @@ def _result(
         "robots": made.robots,
         "seed": made.seed,
         "accuracy_mm": None if accuracy is None else accuracy * 1e3,
+        "model_error_mm": made.model_error * 1e3,
+        "model_error_origin": made.model_error_origin,
         "summary": lines,
         **files,
     }
 
 
 def _show(result: Mapping[str, Any], task: str) -> None:
+    from taskcal.presentation.model_error_origin import state_model_error
+
     accurate = result["accuracy_mm"] is not None
     rows = [
         (
             line["plan"],
             str(line["count"]),
             line["model"],
-            *(f"{line[key]:.4f}" for key in ("median_mm", "p05_mm", "p95_mm", "rms_mm")),
+            *(f"{line[key]:.4f}" for key in ("median_mm", "p05_mm", "p95_mm", "rms_mm", "rms_with_model_error_mm")),
             *([f"{line['share_accurate']:.0%}"] if accurate else []),
         )
         for line in result["summary"]
     ]
-    header = ("plan", "poses", "model", "median", "5 % below", "95 % below", "rms")
+    header = ("plan", "poses", "model", "median", "5 % below", "95 % below", "rms", "at a pose")
     if accurate:
         header = (*header, f"within {result['accuracy_mm']:g} mm")
-    title = f"True error over '{task}' of {result['robots']} virtual robots: rms in space, mm"
+    title = f"True error of the identified geometry over '{task}', {result['robots']} virtual robots: rms in space, mm"
     show_table(title, header, rows, left=(0, 2))
     facts = [("robots", f"{result['robots']} {result['robot']} drawn from the tolerances, seed {result['seed']}")]
+    facts.append(("model error", state_model_error(result["model_error_mm"], result["model_error_origin"])))
+    facts.append(
+        ("at a pose", "rms with the model error beside what identification leaves; the accuracy is judged by it")
+    )
     facts += [(name, f"wrote {result[name]}") for name in ("rows", "report") if name in result]
     show_facts(facts)

@@ -111,7 +111,9 @@ def prepare_closed_loop(
     )
     progress("the milling program")
     milling = milling_program(robot, task, rows)
-    chosen = plan(_known_model(robot), task, poses, seed=seed, station=station, candidates=500, progress=progress)
+    known = _known_model(robot)
+    # what the robots have beside geometry is in the model that is fitted
+    chosen = plan(known, task, poses, seed=seed, station=station, candidates=500, model_error=0.0, progress=progress)
     return ClosedLoop(robot=robot, milling=milling, program=read_rapid((milling.source,)), q=chosen.q, station=station)
 
 

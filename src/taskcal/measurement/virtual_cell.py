@@ -60,6 +60,7 @@ def simulate(
     T_tracker_base: Float[np.ndarray, "4 4"] | None = None,
     lost: float = 0.0,
     conditions: Conditions | None = None,
+    model_error: float = 0.0,
 ) -> tuple[Campaign, Truth]:
     """Measure a virtual robot.
 
@@ -75,6 +76,7 @@ def simulate(
         lost: share of beams that are lost.
         conditions: how the poses were reached; one after another in the order of the rows by default, where an effect of
             the model depends on it, and at its reference where it grows.
+        model_error: standard deviation per axis of what the model does not explain, metres; white, at every measured point.
 
     Returns:
         the campaign, and the truth it was made from.
@@ -98,7 +100,7 @@ def simulate(
         conditions = conditions_in_order(model.robot, q)
     T = truth.poses(q, conditions)
     points = T[..., :3, 3]
-    factor = np.linalg.cholesky(noise.covariance(points))
+    factor = np.linalg.cholesky(noise.covariance(points) + model_error**2 * np.eye(3))
     points = points + (factor @ rng.normal(size=(*points.shape, 1)))[..., 0]
     rotations = None
     if pose:

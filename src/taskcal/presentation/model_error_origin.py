@@ -12,6 +12,11 @@ def model_error_origin(calibration: Calibration) -> str:
     return f"what geometry {'and effects leave' if calibration.model.effects else 'leaves'} unexplained"
 
 
+def state_model_error(millimetres: float, origin: str) -> str:
+    """The model error that a plan, a study or a choice of parameters rests on, and where it comes from."""
+    return f"{millimetres:.3g} mm per axis at every pose: {origin}"
+
+
 def prior_scale_origin(calibration: Calibration) -> str:
     """What is to be added to the prior's scale, if anything."""
     return "as given" if calibration.provenance.options.get("prior_scale", "estimate") != "estimate" else ""

@@ -4,6 +4,7 @@ import numpy as np
 
 from taskcal.adaptation.plan import Plan
 from taskcal.presentation.content import Chart, Numbers, Section, Table, Text
+from taskcal.presentation.model_error_origin import state_model_error
 from taskcal.presentation.plan_figures import draw_by_count, draw_plan
 from taskcal.presentation.report import report_html
 from taskcal.robot.error_model import ErrorModel
@@ -28,6 +29,8 @@ def plan_html(model: ErrorModel, task: Task, made: Plan, *, seed: int, version: 
                 Numbers(_numbers(made)),
                 Text(
                     (
+                        f"Model error: {state_model_error(made.model_error * 1e3, made.model_error_origin)}. It counts as noise of "
+                        f"the measurements; with it a single pose is expected to be {made.expected_at_a_pose * 1e3:.4f} mm off. ",
                         "Expected errors are root mean squares in space over the task, of the measured targets in the tracker's "
                         f"frame, from {_sources(made)} alone: no true robot is simulated. Random poses and poses spread "
                         "evenly lie in the task's own workspace; the plan may leave it a little and turn the tool farther, which "
@@ -64,7 +67,11 @@ def plan_html(model: ErrorModel, task: Task, made: Plan, *, seed: int, version: 
 
 
 def _sources(made: Plan) -> str:
-    return "the calibration's covariance, its model error and noise" if made.extends else "tolerances and noise"
+    return (
+        "the calibration's covariance, its model error and noise"
+        if made.extends
+        else "tolerances, model error and noise"
+    )
 
 
 def _numbers(made: Plan) -> tuple[tuple[str, str, str], ...]:

@@ -6,6 +6,7 @@ from taskcal.analysis.sensitivity import Sensitivity
 from taskcal.presentation.content import Chart, Numbers, Points, Section, Table, Text
 from taskcal.presentation.effect_figures import draw_effects
 from taskcal.presentation.effect_tables import tabulate_effects
+from taskcal.presentation.model_error_origin import state_model_error
 from taskcal.presentation.report import report_html
 from taskcal.presentation.selection_figures import REFERENCES, draw_ladder
 from taskcal.presentation.task_section import task_section
@@ -54,6 +55,7 @@ def selection_html(
                 Points(
                     (
                         f"Chosen is {found.why}.",
+                        f"Model error: {state_model_error(found.model_error * 1e3, found.model_error_origin)}.",
                         *(
                             f"The {REFERENCES[name][0]} has {size} parameters and is expected to leave {error * 1e3:.4f} mm."
                             for name, (size, error) in found.references.items()

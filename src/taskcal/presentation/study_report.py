@@ -2,6 +2,7 @@
 
 from taskcal.adaptation.study import Study
 from taskcal.presentation.content import Chart, Section, Table, Text
+from taskcal.presentation.model_error_origin import state_model_error
 from taskcal.presentation.report import report_html
 from taskcal.presentation.study_figures import draw_study
 from taskcal.robot.error_model import ErrorModel
@@ -22,7 +23,7 @@ def study_html(model: ErrorModel, task: Task, made: Study, *, version: str) -> s
             line["plan"],
             str(line["count"]),
             line["model"],
-            *(f"{line[key]:.4f}" for key in ("median_mm", "p05_mm", "p95_mm", "rms_mm")),
+            *(f"{line[key]:.4f}" for key in ("median_mm", "p05_mm", "p95_mm", "rms_mm", "rms_with_model_error_mm")),
         )
         for line in made.summary()
     ]
@@ -33,8 +34,10 @@ def study_html(model: ErrorModel, task: Task, made: Study, *, version: str) -> s
                 Text(
                     (
                         "Each robot is drawn from the tolerances, measured by every plan with the tracker's noise, identified, and "
-                        "compared with the truth over the task in the tracker's frame. The robots follow the model exactly: what "
-                        "geometry leaves unexplained on real robots comes on top.",
+                        "compared with the truth over the task in the tracker's frame.",
+                        f"Model error: {state_model_error(made.model_error * 1e3, made.model_error_origin)}. Every robot has it in "
+                        "its measurements; the last column has it at the task's poses too. It is white noise here, while on a real "
+                        "robot it is alike at neighbouring poses.",
                     )
                 ),
                 Chart(
@@ -44,7 +47,7 @@ def study_html(model: ErrorModel, task: Task, made: Study, *, version: str) -> s
                 ),
                 Table.of_rows(
                     "Root mean square error over the task (mm), over the robots",
-                    ("plan", "poses", "model", "median", "5 % below", "95 % below", "rms"),
+                    ("plan", "poses", "model", "median", "5 % below", "95 % below", "rms", "with the model error"),
                     rows,
                     text_columns=(0, 2),
                 ),

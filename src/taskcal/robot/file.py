@@ -13,10 +13,11 @@ from taskcal.geometry.four_bar import FourBar
 from taskcal.robot.expression import parse_linear
 from taskcal.robot.joint_section import JointSection, StepSection
 from taskcal.robot.joint_side import FourBarDrive, JointMap
+from taskcal.robot.model_error import ModelError
 from taskcal.robot.robot import CoupledLimit, Published, Robot, RobotJoint, Tolerances
 from taskcal.robot.statics import Body, Statics
 from taskcal.robot.statics_section import PayloadSection, SpringSection, body
-from taskcal.toml_file import Direction, Finite, Positive, Section, Sign, explain, read_toml
+from taskcal.toml_file import Direction, Finite, NotNegative, Positive, Section, Sign, explain, read_toml
 
 
 class FourBarSection(Section):
@@ -59,6 +60,17 @@ class ToleranceSection(Section):
     parameter_mrad: dict[str, Positive] = Field(default_factory=dict)
 
 
+class ModelErrorSection(Section):
+    """What geometry does not explain."""
+
+    position_mm: NotNegative
+    source: str = "the robot file"
+
+    def model_error(self) -> ModelError:
+        """In metres."""
+        return ModelError(position=self.position_mm * 1e-3, source=self.source)
+
+
 class PublishedSection(Section):
     """What a publication says of the parameters."""
 
@@ -88,6 +100,7 @@ class RobotFile(Section):
     gravity: Direction = (0.0, 0.0, -1.0)
     link_radii_mm: tuple[Positive, ...] | None = None
     tolerance: ToleranceSection = ToleranceSection()
+    model_error: ModelErrorSection | None = None
     symbols: dict[str, str] = Field(default_factory=dict)
     published: PublishedSection | None = None
 
@@ -142,6 +155,7 @@ class RobotFile(Section):
             statics=self._statics(names),
             link_radii=None if self.link_radii_mm is None else tuple(r * 1e-3 for r in self.link_radii_mm),
             tolerances=_tolerances(self.tolerance),
+            model_error=None if self.model_error is None else self.model_error.model_error(),
             symbols=_symbols(self.symbols, names),
             published=Published(**self.published.model_dump()) if self.published else Published(),
             description=self.model_dump(mode="json", exclude_defaults=True),

@@ -14,6 +14,7 @@ from taskcal.errors import ReachError, shortened
 from taskcal.geometry import se3
 from taskcal.geometry.chain import Fixed, Joint, JointKind, Step
 from taskcal.robot.joint_side import FourBarDrive, JointMap
+from taskcal.robot.model_error import ModelError
 from taskcal.robot.statics import Statics
 
 
@@ -111,6 +112,8 @@ class Robot:
     published: Published
     description: Mapping[str, Any]
     """Content of the robot file, so that a calibration can carry its robot."""
+    model_error: ModelError | None = None
+    """What geometry does not explain; None where the file does not say."""
 
     def __repr__(self) -> str:
         prismatic = sum(self.prismatic)
