@@ -31,7 +31,7 @@ class Measured:
     reflectors: Mapping[str, Float[np.ndarray, " 3"]] = field(default_factory=dict[str, np.ndarray])
     """Centres of the calibration's reflectors in the frame of what the robot holds, metres."""
     uncertainty: float = 0.0
-    """Standard uncertainty of what was measured, per axis, metres: of each reflector's centre, or of the position."""
+    """Standard uncertainty of what was measured, per axis, metres: of each reflector's centre, of the position, or of one touch."""
 
 
 @short_repr

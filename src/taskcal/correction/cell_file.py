@@ -54,10 +54,8 @@ class MeasuredSection(Section):
             raise ValueError(f"'{self.name}': touched_deg and touched_with, the tool that touched, belong together")
         if self.touched_deg and len({len(row) for row in self.touched_deg}) > 1:
             raise ValueError(f"'{self.name}': the rows of touched_deg differ in length; each has one angle per joint")
-        if self.uncertainty_mm is not None and (not given or self.touched_deg is not None):
-            raise ValueError(
-                f"'{self.name}': uncertainty_mm is of what is measured as tracker, flange, target or reflectors_mm"
-            )
+        if self.uncertainty_mm is not None and not given:
+            raise ValueError(f"'{self.name}': uncertainty_mm is of what is measured: give one of {', '.join(ways)}")
         return self
 
     def measured(self) -> Measured:

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.correction.controller import Driven
+from taskcal.correction.fixed_frame import nominal_flange
 from taskcal.correction.inverse import solve_calibrated
 from taskcal.correction.placement import Placed
-from taskcal.correction.relation import nominal_flange
 from taskcal.correction.way import Ways
 from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.inverse import solve_near

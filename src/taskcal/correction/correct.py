@@ -12,10 +12,10 @@ from taskcal.correction.cell import Cell
 from taskcal.correction.chords import Chords, Wish, cut
 from taskcal.correction.controller import Driven, drive
 from taskcal.correction.correction import Bounds, Correction
+from taskcal.correction.frame_calibration import FrameCalibration, calibrate_frames
 from taskcal.correction.motion import move_joints
 from taskcal.correction.placement import Placed
 from taskcal.correction.refusals import refuse
-from taskcal.correction.relation import Relation, relate
 from taskcal.correction.remarks import remark, remark_unused
 from taskcal.correction.way import Ways
 from taskcal.errors import TaskcalError
@@ -70,10 +70,10 @@ def correct(
     program = with_spins(program, robot)
     moves = program.moves
     driven = drive(robot, moves)
-    relations, number = _relate(calibration, moves, cell)
+    frames, number = _frames(calibration, moves, cell)
     placed = Placed(
         tool_in_base=calibration.tool_in_base,
-        placements=tuple(relation.placement for relation in relations),
+        placements=tuple(frame.placement for frame in frames),
         number=number,
     )
     wanted = wanted_ways(driven, placed, moves)
@@ -118,11 +118,11 @@ def correct(
         pieces=pieces,
         shift=np.where(written, shift, 0.0),
         turn=np.where(written, turn, 0.0),
-        uncertainty=_uncertainty(relations, number, driven),
+        uncertainty=_uncertainty(frames, number, driven),
         joint_change=np.where(written, joint_change, 0.0),
         refused=refused,
         remarks=(*remark_unused(cell, program), *remark(program, driven, redriven, origin, chords, bounds, motion)),
-        statements=tuple(dict.fromkeys(relation.statement for relation in relations)),
+        statements=tuple(dict.fromkeys(frame.statement for frame in frames)),
         motion=motion,
     )
 
@@ -154,20 +154,20 @@ def _joint_changes(robot: Robot, chords: Chords, driven: Driven) -> Float[np.nda
     return out
 
 
-def _relate(
+def _frames(
     calibration: Calibration, moves: Sequence[Move], cell: Cell
-) -> tuple[list[Relation], Int[np.ndarray, " m"]]:
-    """Relations of tools and parts, those in common once, and the number of every motion's."""
+) -> tuple[list[FrameCalibration], Int[np.ndarray, " m"]]:
+    """Calibrated frames of tools and parts, those in common once, and the number of every motion's."""
     numbers: dict[tuple[object, ...], int] = {}
-    relations: list[Relation] = []
+    frames: list[FrameCalibration] = []
     own: list[int] = []
     for move in moves:
         key = (move.tool.name, move.tool.T.tobytes(), move.part.name, move.part.T.tobytes(), move.part_in_hand)
         if key not in numbers:
-            numbers[key] = len(relations)
-            relations.append(relate(calibration, move, cell))
+            numbers[key] = len(frames)
+            frames.append(calibrate_frames(calibration, move, cell))
         own.append(numbers[key])
-    return relations, np.array(own, dtype=np.int64)
+    return frames, np.array(own, dtype=np.int64)
 
 
 def wanted_ways(driven: Driven, placed: Placed, moves: Sequence[Move]) -> Ways:
@@ -185,14 +185,14 @@ def wanted_ways(driven: Driven, placed: Placed, moves: Sequence[Move]) -> Ways:
 
 
 def _uncertainty(
-    relations: Sequence[Relation], number: Int[np.ndarray, " m"], driven: Driven
+    frames: Sequence[FrameCalibration], number: Int[np.ndarray, " m"], driven: Driven
 ) -> Float[np.ndarray, " m"]:
     """Root mean square of the error in space that the calibration must expect at every target, metres."""
     out = np.full(len(number), np.nan)
     ended = np.isfinite(driven.end[:, 0])
-    for k, relation in enumerate(relations):
+    for k, frame in enumerate(frames):
         rows = np.flatnonzero(ended & (number == k))
-        out[rows] = relation.uncertainty(driven.end[rows])
+        out[rows] = frame.uncertainty(driven.end[rows])
     return out
 
 

@@ -20,7 +20,7 @@ from taskcal.correction.controller import drive
 from taskcal.correction.correct import correct, piece_origins, wanted_ways
 from taskcal.correction.correction import Correction
 from taskcal.correction.placement import Placed, Placement
-from taskcal.correction.relation import fit_points
+from taskcal.correction.rigid_motion import fit_points
 from taskcal.demo.milling import ROWS, Milling, milling_program
 from taskcal.demo.reference import reference_task
 from taskcal.geometry import se3

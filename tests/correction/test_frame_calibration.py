@@ -1,4 +1,4 @@
-"""Which frame, which tool: relations between what is held and what stands still."""
+"""Which frame, which tool: calibrated frames of what is held and what stands still."""
 
 from dataclasses import replace
 
@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from taskcal.correction.cell import Cell, Measured
-from taskcal.correction.relation import fit_points, nominal_flange, relate
+from taskcal.correction.fixed_frame import nominal_flange
+from taskcal.correction.frame_calibration import calibrate_frames
+from taskcal.correction.rigid_motion import fit_points
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.programs.program import Frame
@@ -58,7 +60,7 @@ def cutting(robot, make_moves, middle):
 @pytest.mark.parametrize("name", NAMES)
 def test_tool_in_part_and_robot_tool_are_inverse(name, calibration, robot, measured, cutting):
     for move in (cutting, replace(cutting, part_in_hand=False)):
-        relation = relate(calibration, move, cells(calibration, robot, measured)[name])
+        relation = calibrate_frames(calibration, move, cells(calibration, robot, measured)[name])
         B = calibration.tool_in_base(measured)
         np.testing.assert_allclose(relation.placement.robot_tool(relation.placement.tool_in_part(B)), B, atol=1e-12)
 
@@ -69,7 +71,7 @@ def test_the_covariance_is_that_of_small_changes_of_the_estimate(
 ):
     """Against differences: every entry of the estimate is moved, and everything is related anew."""
     cell, q = cells(calibration, robot, measured)[name], measured[5:8]
-    relation = relate(calibration, cutting, cell)
+    relation = calibrate_frames(calibration, cutting, cell)
     J = np.empty((len(q), 3, len(calibration.z)))
     for k in range(len(calibration.z)):
         h = 1e-6
@@ -78,7 +80,7 @@ def test_the_covariance_is_that_of_small_changes_of_the_estimate(
             z = calibration.z.copy()
             z[k] += sign * h
             other = perturbed(calibration, z)
-            moved = relate(other, cutting, cell)
+            moved = calibrate_frames(other, cutting, cell)
             at.append(moved.placement.tool_in_part(other.tool_in_base(q))[:, :3, 3])
         J[:, :, k] = (at[0] - at[1]) / (2.0 * h)
     expected = J @ calibration.z_covariance @ np.swapaxes(J, 1, 2)
@@ -91,7 +93,7 @@ def test_the_covariance_is_that_of_small_changes_of_the_estimate(
 
 def test_a_cutter_known_by_its_reflectors_is_where_they_say(calibration, robot, measured, cutting):
     """Moving the estimated reflectors on the tool, by what the data cannot tell, moves the cutter along."""
-    relation = relate(calibration, cutting, cells(calibration, robot, measured)["reflectors and tracker"])
+    relation = calibrate_frames(calibration, cutting, cells(calibration, robot, measured)["reflectors and tracker"])
     there = se3.apply(relation.held.T_tool_held, np.array(list(reflectors_in(CUTTER).values())))
     np.testing.assert_allclose(there, calibration.T_tool_target[:, :3, 3], atol=1e-4)
 
@@ -99,7 +101,9 @@ def test_a_cutter_known_by_its_reflectors_is_where_they_say(calibration, robot, 
 def test_measured_relations_are_sharper_than_the_controllers(calibration, robot, measured, cutting):
     """What the data cannot tell apart, base and first axis, tool and last axis, cancels where both sides are measured."""
     spread = {
-        name: float(np.sqrt(np.trace(relate(calibration, cutting, cell).covariance(measured), axis1=1, axis2=2).max()))
+        name: float(
+            np.sqrt(np.trace(calibrate_frames(calibration, cutting, cell).covariance(measured), axis1=1, axis2=2).max())
+        )
         for name, cell in cells(calibration, robot, measured).items()
     }
     assert spread["reflectors and tracker"] < 0.1 * spread["as the controller has them"]
@@ -112,12 +116,42 @@ def test_a_part_touched_by_the_robot_is_right_where_it_was_touched(calibration, 
     probe = robot.T_flange_tool @ se3.translation(z=0.05)
     cell = cells(calibration, robot, measured)["touched"]
     touched = replace(cell.parts["part"], touched=q)
-    relation = relate(calibration, cutting, Cell(tools=cell.tools, parts={"part": touched}))
+    relation = calibrate_frames(calibration, cutting, Cell(tools=cell.tools, parts={"part": touched}))
     believed = se3.inverse(PART) @ nominal_flange(robot, q) @ probe
     flange = calibration.tool_in_base(q) @ se3.inverse(_own_tool(calibration))
     truly = se3.inverse(relation.standing.T_base_standing) @ flange @ probe
     # three points of a robot that is not rigid in its errors fit a rigid motion only so far
     assert np.linalg.norm(truly[:, :3, 3] - believed[:, :3, 3], axis=1).max() < 3e-4
+
+
+@pytest.mark.parametrize(("model_error", "repeats"), [(0.0, 0.0), (1e-4, 0.0), (0.0, 5e-5), (1e-4, 5e-5)])
+def test_stated_and_true_errors_on_a_touched_part_agree(
+    model_error, repeats, calibration, robot, measured, cutting, perturbed
+):
+    """True robots drawn from the calibration's own covariance touch the part, off by model error and touch, and work on it."""
+    rng = np.random.default_rng(11)
+    known = replace(calibration, model_error=(model_error, 0.0))
+    touches, q = measured[[0, 9, 23, 41]], measured[[5, 17, 33, 50]]
+    cell = cells(known, robot, measured)["touched"]
+    cell = Cell(tools=cell.tools, parts={"part": replace(cell.parts["part"], touched=touches, uncertainty=repeats)})
+    stated = calibrate_frames(known, cutting, cell)
+    probe = robot.T_flange_tool @ se3.translation(z=0.05)
+    believed = (nominal_flange(robot, touches) @ probe)[:, :3, 3]
+    placed = stated.placement.tool_in_part(known.tool_in_base(q))[:, :3, 3]
+    root = np.linalg.cholesky(known.z_covariance + 1e-24 * np.eye(len(known.z)))
+    errors = []
+    for _ in range(150):
+        true = perturbed(known, known.z + root @ rng.normal(size=len(known.z)))
+        cutter = calibrate_frames(true, cutting, cell).held.T_tool_held
+        flange = true.tool_in_base(touches) @ se3.inverse(_own_tool(true))
+        tips = (flange @ probe)[:, :3, 3]
+        tips += np.hypot(model_error, repeats) * rng.normal(size=tips.shape)
+        part = fit_points(believed, tips)[0] @ cutting.part.T
+        tool = true.tool_in_base(q) @ cutter
+        tool[:, :3, 3] += model_error * rng.normal(size=(len(q), 3))
+        errors.append((se3.inverse(part) @ tool)[:, :3, 3] - placed)
+    achieved = np.sqrt(np.mean(np.sum(np.square(errors), axis=2)))
+    assert 0.9 < achieved / np.sqrt(np.mean(stated.uncertainty(q) ** 2)) < 1.1
 
 
 def _own_tool(calibration):
@@ -133,7 +167,7 @@ def _own_tool(calibration):
 def test_a_part_in_hand_is_the_same_robot_seen_from_the_other_side(calibration, robot, measured, make_moves, middle):
     tool, part = Frame(name="disc", T=middle), Frame(name="blade", T=robot.T_flange_tool)
     (move,) = make_moves([np.eye(4)], tool=tool, part=part, in_hand=True)
-    relation = relate(calibration, move, Cell())
+    relation = calibrate_frames(calibration, move, Cell())
     B = calibration.tool_in_base(measured)
     np.testing.assert_allclose(relation.placement.tool_in_part(B), se3.inverse(B) @ middle, atol=1e-12)
     np.testing.assert_allclose(
@@ -160,7 +194,7 @@ def test_a_part_in_hand_is_the_same_robot_seen_from_the_other_side(calibration, 
 def test_what_was_measured_must_fit_to_what_it_is_used_for(tool, part, message, calibration, cutting):
     cell = Cell(tools={"cutter": tool} if tool else {}, parts={"part": part} if part else {})
     with pytest.raises(TaskcalError, match=message):
-        relate(calibration, cutting, cell)
+        calibrate_frames(calibration, cutting, cell)
 
 
 def test_points_are_fitted_by_a_rigid_motion():
