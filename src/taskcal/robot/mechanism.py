@@ -6,9 +6,14 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import RobotError
+from taskcal.geometry import se3, walk
+from taskcal.geometry.chain import Chain, Joint
 from taskcal.geometry.four_bar import FourBar, can_close, close_four_bar
 from taskcal.robot.joint_side import FourBarDrive
 from taskcal.robot.robot import Robot
+
+SINGULAR = 1e-9
+"""Of the largest singular value of a loop's screws: what is below it is rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +30,10 @@ class Mechanism:
     """Joints of the loop; empty for an open chain."""
     loop_rank: int
     """Dimension of the loop's screw system."""
+    fixed_orientations: int = 0
+    """Relative rotations of the loop's bodies that it closes whatever its joints do: orientation defects left unmodelled."""
+    fixed_positions: int = 0
+    """The same of relative translations: position defects left unmodelled."""
 
     @property
     def mobility(self) -> int:
@@ -48,13 +57,43 @@ class Mechanism:
             f"{len(self.motorised)} motorised and {len(self.passive)} passive joints between {self.bodies} bodies make "
             f"{self.loops} loop, of joints {', '.join(self.loop_joints)}; their screws span {self.loop_rank} dimensions, so "
             f"mobility is {len(self.motorised) + len(self.passive)} − {self.loop_rank} = {self.mobility} and the loop is "
-            f"overconstrained to degree 6 − {self.loop_rank} = {self.overconstraint}. It only assembles with its axes parallel, "
-            "which manufacturing ensures: orientation defects between them are not modelled, the three lengths of the loop are"
+            f"overconstrained to degree 6 − {self.loop_rank} = {self.overconstraint}. It only assembles because manufacturing "
+            f"ensures that its axes stay true in {self.fixed_orientations} relative rotations and "
+            f"{self.fixed_positions} relative translations: these defects are not modelled, the three lengths of the loop are"
         )
 
 
+@dataclass(frozen=True, kw_only=True)
+class LoopFreedom:
+    """What the screws of one closed chain leave free, and what they close whatever the joints do."""
+
+    rank: int
+    """Dimension of the screw system."""
+    fixed_orientations: int
+    """Rotations between its bodies that no joint of it can make."""
+    fixed_positions: int
+    """Translations that no joint of it can make, at its first joint."""
+
+    @property
+    def overconstraint(self) -> int:
+        """Closure conditions that hold whatever the joints do: as many defects would keep it from being assembled."""
+        return 6 - self.rank
+
+    @staticmethod
+    def of(screws: Float[np.ndarray, "6 n"]) -> "LoopFreedom":
+        """Of any closed chain, from the unit screws (ω, v) of its joints, metres."""
+        values = np.linalg.svd(screws, compute_uv=False)
+        rank = int((values > SINGULAR * values[0]).sum())
+        orientations = 3 - int(np.linalg.matrix_rank(screws[:3], tol=SINGULAR * values[0]))
+        return LoopFreedom(rank=rank, fixed_orientations=orientations, fixed_positions=6 - rank - orientations)
+
+
 def analyse_mechanism(robot: Robot) -> Mechanism:
-    """Mobility and overconstraint of a robot."""
+    """Mobility and overconstraint of a robot, its loop at a posture where it closes.
+
+    Raises:
+        RobotError: the loop closes nowhere, or the robot's axes leave no arm between them.
+    """
     motorised = robot.joint_names
     drive = robot.four_bar
     if drive is None:
@@ -66,13 +105,16 @@ def analyse_mechanism(robot: Robot) -> Mechanism:
     passive = tuple(f"J{n + 1 + i}" for i in range(3))
     # the forearm hangs on the arm by a passive joint, and is one body with the rocker; crank and rod are two more
     joints, bodies = n + 3, n + 3
+    freedom = LoopFreedom.of(loop_screws(robot, drive))
     return Mechanism(
         bodies=bodies,
         motorised=motorised,
         passive=passive,
         loops=joints - bodies + 1,
         loop_joints=(arm, crank, *passive),
-        loop_rank=int(np.linalg.matrix_rank(_loop_screws(drive), tol=1e-9)),
+        loop_rank=freedom.rank,
+        fixed_orientations=freedom.fixed_orientations,
+        fixed_positions=freedom.fixed_positions,
     )
 
 
@@ -81,30 +123,51 @@ def _turning(robot: Robot, coefficients: np.ndarray) -> str:
     return robot.joint_names[int(np.argmax(np.abs(coefficients)))]
 
 
-def _loop_screws(drive: FourBarDrive) -> Float[np.ndarray, "6 5"]:
-    """Unit screws (ω, −ω × r) of the loop's five joints at an ordinary position, the loop's plane being x y."""
-    bar = drive.bar
-    alpha = 0.1
+def screw(axis: Float[np.ndarray, " 3"], point: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 6"]:
+    """Unit screw (ω, −ω × r) of a revolute joint, from its axis and a point of it, metres."""
+    return np.concatenate([axis, np.cross(point, axis)])
+
+
+def loop_screws(robot: Robot, drive: FourBarDrive) -> Float[np.ndarray, "6 5"]:
+    """Screws of the loop's five joints: arm and elbow as the robot's chain has them, crank and pins by the loop's lengths.
+
+    The crank turns about the arm's axis; its pin is parallel to that, the rocker's to the elbow's axis.
+    """
+    bar, arm, elbow = drive.bar, int(np.argmax(np.abs(drive.arm))), int(drive.moved[0])
+    alpha = float(robot.limits.mean(axis=1) @ drive.arm) if np.isfinite(robot.limits).all() else 0.0
     kappa = _ordinary(bar, alpha)
     theta = float(close_four_bar(bar, np.array([alpha]), np.array([kappa])).angle[0])
+    q = np.linalg.pinv(np.stack([drive.arm, drive.crank])) @ np.array([alpha, kappa])
+    s = robot.joint_map(q[None])[0] + drive.output * (theta - kappa)
+    (axis, ground), (elbow_axis, hinge) = (_axis(robot, s, joint) for joint in (arm, elbow))
+    elbow_axis = elbow_axis if axis @ elbow_axis >= 0.0 else -elbow_axis
+    across = (hinge - ground) - axis * float(axis @ (hinge - ground))
+    if np.linalg.norm(across) < 1e-9:
+        names = f"{robot.joint_names[arm]} and {robot.joint_names[elbow]}"
+        raise RobotError(
+            f"the four-bar has an arm of {bar.arm * 1e3:g} mm, but the axes of {names} meet; check the joints"
+        )
+    forward = across / np.linalg.norm(across)
+    # the loop's angles grow with the joint that turns the arm, which may turn against its axis
+    sense = float(np.sign(robot.joint_map.matrix[arm] @ drive.arm))
+    crank = ground + bar.crank * se3.exp(sense * (kappa + bar.crank_angle - alpha) * axis) @ forward
+    rocker = hinge + bar.rocker * se3.exp(sense * (theta + bar.rocker_angle - alpha) * elbow_axis) @ forward
+    pins = [(axis, ground), (axis, ground), (axis, crank), (elbow_axis, rocker), (elbow_axis, hinge)]
+    return np.stack([screw(direction, point - ground) for direction, point in pins], axis=1)
 
-    def at(length: float, angle: float) -> np.ndarray:
-        return np.array([length * np.cos(angle), length * np.sin(angle), 0.0])
 
-    elbow = at(bar.arm, alpha)
-    points = [
-        np.zeros(3),
-        np.zeros(3),
-        at(bar.crank, kappa + bar.crank_angle),
-        elbow + at(bar.rocker, theta + bar.rocker_angle),
-        elbow,
-    ]
-    axis = np.array([0.0, 0.0, 1.0])
-    return np.array([np.concatenate([axis, np.cross(r, axis)]) for r in points]).T
+def _axis(
+    robot: Robot, s: Float[np.ndarray, " coordinates"], joint: int
+) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
+    """Direction and a point of a joint's axis in the base, at chain coordinates s."""
+    steps = robot.steps()
+    before = steps[: [k for k, step in enumerate(steps) if isinstance(step, Joint)][joint]]
+    T = walk.poses(Chain.of(before), np.ascontiguousarray(s[None, :joint]), np.zeros((0, 6)))[0]
+    return T[:3, 2], T[:3, 3]
 
 
 def _ordinary(bar: FourBar, alpha: float) -> float:
-    """A crank angle at which the loop closes, in the middle of the widest range of such.
+    """A crank angle at which the loop closes, a third into the widest range of such: in its middle levers may stand square.
 
     Raises:
         RobotError: it closes nowhere.
@@ -116,4 +179,4 @@ def _ordinary(bar: FourBar, alpha: float) -> float:
     if not len(first):
         raise RobotError(f"the four-bar closes at no angle: {bar.describe(alpha, alpha)}; check the four lengths")
     widest = int(np.argmax(end - first))
-    return float(kappa[(first[widest] + end[widest] - 1) // 2])
+    return float(kappa[(2 * first[widest] + end[widest] - 1) // 3])
