@@ -20,7 +20,7 @@ threadpool_limits(1)  # a pytest plugin may have loaded NumPy, and its BLAS, bef
 # Shapes and types in annotations are checked at every call, but for compiled kernels, which Numba has to read, and for
 # robot and task files, which pydantic checks.
 _CHECKED = """
-csv_table files geometry.chain geometry.polyline geometry.se3 estimation measurement identification analysis adaptation kinematics
+tabular files geometry.chain geometry.polyline geometry.se3 estimation measurement identification analysis adaptation kinematics
 robot.approach robot.catalogue robot.conditions robot.dh_table robot.effects robot.error_frames robot.error_model robot.expression
 robot.joint_side robot.mechanism robot.parameter robot.robot robot.statics
 task programs.apt programs.composing programs.csv_path programs.program programs.krl programs.spinning programs.tool_axis

@@ -3,12 +3,12 @@ import os
 import pytest
 
 from taskcal.correction.cell_file import load_cell
-from taskcal.csv_table import read_csv
 from taskcal.errors import FileError
 from taskcal.identification.calibration_file import load_calibration
 from taskcal.measurement.station import load_station
 from taskcal.programs.source import read_source
 from taskcal.robot.file import read_robot
+from taskcal.tabular.csv_form import read_csv
 from taskcal.task.task import load_task
 from taskcal.text_file import VARIABLE, read_bytes, read_text
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from taskcal.cli import main
-from taskcal.csv_table import read_csv
 from taskcal.robot.catalogue import load_robot
+from taskcal.tabular.csv_form import read_csv
 from tests.cli.conftest import IRB6660, Run
 
 STATION = """

@@ -72,7 +72,7 @@ WRONG_POSES = {
     "half a command": (
         POSES.replace("command_z_mm", "note"),
         POSE_ROWS,
-        "has no column 'command_z_mm' beside 'command_x_mm'",
+        "has 'command_x_mm' but no column 'command_z_mm'",
     ),
     "unknown": (POSES.replace("cycle", "cycle,note"), ["P1,1,warm,0,0,0,0,0,0"], "unknown column 'note'; it may have"),
     "two alike": (POSES.replace("pose", "pose,Pose"), ["P,P1,1,0,0,0,0,0,0"], "named 'pose' but for letter case"),

@@ -217,11 +217,11 @@ WRONG = {
     "sliding joint beyond its limit": (HEADER, row(slide_mm="-1"), r":2: slide = -1\.000 mm is outside 0 to 800 mm"),
     "no target": (f"id,{JOINTS}", ["a,0,0,0"], ":1: names no target; give columns x_mm, y_mm, z_mm, or NAME_x_mm"),
     "only nests": (f"id,{JOINTS},base_x_mm,base_y_mm,base_z_mm", ["a,0,0,0,1,2,3"], ":1: names no target"),
-    "axis missing": (HEADER.replace(",y_mm", ""), ["a,0,0,0,1,2"], ":1: has no column 'y_mm' beside 'x_mm'"),
+    "axis missing": (HEADER.replace(",y_mm", ""), ["a,0,0,0,1,2"], ":1: has 'x_mm' but no column 'y_mm'"),
     "axis of a target missing": (
         HEADER + ",smr_x_mm,smr_y_mm",
         [r + ",1,2" for r in ROWS],
-        ":1: has no column 'smr_z_mm' beside 'smr_x_mm'",
+        ":1: has 'smr_x_mm' but no column 'smr_z_mm'",
     ),
     "point partly empty": (
         HEADER,
@@ -379,7 +379,11 @@ def test_ids_that_count_tell_where_rows_were_left_out(tmp_path, ids, known):
         ),
         (APPROACH, "a,0,0,0,1,2,3,1,0.5,0", r":2: column 'Elbow_approach': 0.5 is no way of approach; give 1"),
         (APPROACH, "a,0,0,0,1,2,3,1,,0", r":2: column 'Elbow_approach': the cell is empty; give 1, -1, or 0"),
-        (f"{APPROACH},q1_approach", "a,0,0,0,1,2,3,1,0,0,1", r"the same of joint J1 is given twice"),
+        (
+            f"{APPROACH},q1_approach",
+            "a,0,0,0,1,2,3,1,0,0,1",
+            r"joint J1 is given twice, by 'J1_approach' and 'q1_approach'",
+        ),
         (f"{HEADER},J1_move_deg,Elbow_move_deg", "a,0,0,0,1,2,3,1,1", r"but no column 'slide_move_mm'"),
         (f"{HEADER},J4_approach", "a,0,0,0,1,2,3,1", r"unknown column 'J4_approach'; .* J1_approach …"),
     ],

@@ -153,7 +153,10 @@ def test_a_task_without_anything_to_do_and_a_missing_file_are_refused(tmp_path):
     [
         ("x_mm,y_mm,z_mm,qx,qy,qz\n1,2,3,0,0,0\n", r"no column 'qw'"),
         ("x_mm,y_mm,z_mm,qx,qy,qz,qw\n", r"no poses below its header"),
-        ("x_mm,y_mm,z_mm,qx,qy,qz,qw\n1,2,3,0,0,0,1\n1,2,3,1,1,0,0\n", r":3: column 'qx': the quaternion's length"),
+        (
+            "x_mm,y_mm,z_mm,qx,qy,qz,qw\n1,2,3,0,0,0,1\n1,2,3,1,1,0,0\n",
+            r":3: column 'qx': the quaternion has length 1\.4142",
+        ),
         ("x_mm,y_mm,z_mm,qx,qy,qz,qw\n1,b,3,0,0,0,1\n", r":2: column 'y_mm': 'b' is no number; give"),
         ("x_mm,y_mm,z_mm,qx,qy,qz,qw,weight\n1,2,3,0,0,0,1,-2\n", r":2: column 'weight': -2 is no weight; give zero"),
         ("x_mm,y_mm,z_mm,qx,qy,qz,qw,weight\n1,2,3,0,0,0,1,0\n", r"all weights are zero; give"),

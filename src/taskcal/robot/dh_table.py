@@ -5,15 +5,16 @@ from typing import Any, Literal
 
 import tomli_w
 
-from taskcal.csv_table import read_csv
 from taskcal.errors import FileError, TaskcalError
-from taskcal.robot.dh_units import check_units
+from taskcal.robot.dh_units import LIMITS, check_units
 from taskcal.robot.file import robot_from
 from taskcal.robot.robot import Robot
+from taskcal.tabular.column_groups import ColumnGroups
+from taskcal.tabular.csv_form import read_csv
 
 Convention = Literal["dh", "mdh"]
 
-_REQUIRED = ("joint", "alpha_deg", "a_mm", "d_mm", "theta_offset_deg")
+_NUMBERS = ("alpha_deg", "a_mm", "d_mm", "theta_offset_deg")
 _OPTIONAL = ("theta_from_controller", "type", "lower_deg", "upper_deg")
 
 
@@ -31,39 +32,36 @@ def describe_dh_table(path: str | Path, convention: Convention, name: str | None
     Raises:
         FileError: a column is missing or unknown, or a cell is not what its column holds, or is in another unit.
     """
-    table = read_csv(path)
-    for column in _REQUIRED:
-        table.texts(column)
-    for column in table.header:
-        if column not in _REQUIRED + _OPTIONAL:
-            known = ", ".join(_REQUIRED + _OPTIONAL)
-            raise FileError(table.path, f"unknown column '{column}'; a table has the columns {known}", line=1)
-    if not table.rows:
-        raise FileError(table.path, "has no joints; give a line for each")
-    numbers = {column: table.numbers(column) for column in _REQUIRED[1:]}
-    if ("lower_deg" in table) != ("upper_deg" in table):
-        raise FileError(table.path, "gives one limit only; lower_deg and upper_deg go together", line=1)
-    check_units(table)
-    limits = [table.numbers(column) for column in ("lower_deg", "upper_deg")] if "lower_deg" in table else None
+    columns = ColumnGroups(read_csv(path))
+    joint_names = columns.texts("joint")
+    numbers = {column: columns.numbers(column) for column in _NUMBERS}
+    given = {column: columns.texts(column) for column in _OPTIONAL if column in columns}
+    columns.refuse_unused(f"a table has the columns {', '.join(('joint', *_NUMBERS, *_OPTIONAL))}")
+    if not len(columns):
+        raise columns.error("has no joints; give a line for each")
+    if ("lower_deg" in columns) != ("upper_deg" in columns):
+        raise columns.refusal("gives one limit only; lower_deg and upper_deg go together")
+    check_units(columns)
+    limits = columns.side_by_side(LIMITS) if "lower_deg" in columns else None
     joints: list[dict[str, Any]] = []
-    for i, text in enumerate(table.texts("joint")):
+    for i, text in enumerate(joint_names):
         joint: dict[str, Any] = {"name": f"J{text}" if text.isdigit() else text}
-        if "type" in table and table.texts("type")[i]:
-            joint["type"] = table.texts("type")[i]
+        if "type" in given and given["type"][i]:
+            joint["type"] = given["type"][i]
         joint[convention] = {key: float(numbers[key][i]) for key in ("alpha_deg", "a_mm", "d_mm")}
         if numbers["theta_offset_deg"][i]:
             joint["offset_deg"] = float(numbers["theta_offset_deg"][i])
-        expression = table.texts("theta_from_controller")[i] if "theta_from_controller" in table else ""
-        if expression:
-            joint["angle"] = expression
+        if "theta_from_controller" in given and given["theta_from_controller"][i]:
+            joint["angle"] = given["theta_from_controller"][i]
         if limits is not None:
-            joint["limits_deg"] = [float(limits[0][i]), float(limits[1][i])]
+            joint["limits_deg"] = limits[i].tolist()
         joints.append(joint)
-    described = {"name": name or table.path.stem, "source": [f"imported from {table.path.name}"], "joint": joints}
+    path = columns.table.path
+    described = {"name": name or path.stem, "source": [f"imported from {path.name}"], "joint": joints}
     try:
         robot_from(described)
     except TaskcalError as error:
-        raise FileError(table.path, str(error)) from error
+        raise FileError(path, str(error)) from error
     return described
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from taskcal.csv_table import CsvTable
+from taskcal.tabular.column_groups import ColumnGroups
 
 LENGTHS = ("a_mm", "d_mm")
 ANGLES = ("alpha_deg", "theta_offset_deg")
@@ -30,7 +30,7 @@ TWIST = 0.7
 """A design's smallest twist in radians (40°); in degrees, one between this and 2π is no design's and too much for a defect."""
 
 
-def check_units(table: CsvTable) -> None:
+def check_units(columns: ColumnGroups) -> None:
     """Refuse lengths and angles that no industrial robot has.
 
     Lengths are in metres where all of them together make no robot. Angles are in radians where none exceeds a turn in
@@ -39,25 +39,25 @@ def check_units(table: CsvTable) -> None:
     Raises:
         FileError: with line, column, value, the unit that was probably meant and what would work.
     """
-    _lengths(table)
-    _angles(table, ANGLES)
-    if LIMITS[0] in table:
-        _angles(table, LIMITS)
+    _lengths(columns)
+    _angles(columns, ANGLES)
+    if LIMITS[0] in columns:
+        _angles(columns, LIMITS)
 
 
-def _lengths(table: CsvTable) -> None:
-    values = _columns(table, LENGTHS)
+def _lengths(columns: ColumnGroups) -> None:
+    values = columns.side_by_side(LENGTHS)
     row, k = _largest(values)
     longest = abs(values[row, k])
     if longest > LONGEST_LINK:
-        raise table.error(
+        raise columns.error(
             f"{values[row, k]:g} mm is longer than any link of a robot; it is probably in micrometres: give millimetres",
             row,
             LENGTHS[k],
         )
     total = float(np.abs(values).sum())
     if 0.0 < total < SMALLEST_ROBOT:
-        raise table.error(
+        raise columns.error(
             f"{values[row, k]:g} mm is the longest of all lengths, which add up to {total:.3g} mm: too small for a robot; they are "
             f"probably in metres: give millimetres, here {values[row, k] * 1e3:g}",
             row,
@@ -65,35 +65,31 @@ def _lengths(table: CsvTable) -> None:
         )
 
 
-def _angles(table: CsvTable, columns: Sequence[str]) -> None:
-    values = _columns(table, columns)
+def _angles(columns: ColumnGroups, names: Sequence[str]) -> None:
+    values = columns.side_by_side(names)
     row, k = _largest(values)
-    if columns == ANGLES and abs(values[row, k]) > 360.0:
-        raise table.error(
+    if names == ANGLES and abs(values[row, k]) > 360.0:
+        raise columns.error(
             f"{values[row, k]:g}° is more than a turn; is it in milliradians? Give degrees from -360 to 360",
             row,
-            columns[k],
+            names[k],
         )
     if abs(values[row, k]) > TWO_PI * (1.0 + ROUNDED):
         return
     size = np.abs(values)
     usual: Bool[np.ndarray, "rows columns"] = np.any(np.abs(size[..., None] - USUAL) < ROUNDED, axis=2)
-    radians = size > 0.0 if columns == LIMITS else usual
-    if columns == ANGLES:
+    radians = size > 0.0 if names == LIMITS else usual
+    if names == ANGLES:
         radians[:, 0] |= size[:, 0] > TWIST
     if not radians.any():
         return
     row, k = (int(i[0]) for i in np.nonzero(radians))
-    raise table.error(
-        f"{values[row, k]:g} is probably in radians, as no angle of {' and '.join(columns)} exceeds 2π: give degrees, here "
+    raise columns.error(
+        f"{values[row, k]:g} is probably in radians, as no angle of {' and '.join(names)} exceeds 2π: give degrees, here "
         f"{np.degrees(values[row, k]):.6g}",
         row,
-        columns[k],
+        names[k],
     )
-
-
-def _columns(table: CsvTable, columns: Sequence[str]) -> Float[np.ndarray, "rows columns"]:
-    return np.stack([table.numbers(column) for column in columns], axis=1)
 
 
 def _largest(values: Float[np.ndarray, "rows columns"]) -> tuple[int, int]:

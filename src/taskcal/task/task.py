@@ -8,12 +8,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 from pydantic import Field, model_validator
 
-from taskcal.csv_table import read_csv
-from taskcal.errors import FileError, ReachError
+from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture, follow, solve_near
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
+from taskcal.tabular.column_groups import ColumnGroups
+from taskcal.tabular.csv_form import read_csv
 from taskcal.task.workspace import Orientation, Workspace
 from taskcal.toml_file import Direction, Finite, HalfTurn, Positive, Quaternion, Section, read_toml
 
@@ -257,19 +258,17 @@ def _along(axis: np.ndarray) -> np.ndarray:
 
 def _read_poses(path: Path) -> tuple[Float[np.ndarray, "n 4 4"], Float[np.ndarray, " n"]]:
     """Poses of a CSV with x_mm y_mm z_mm qx qy qz qw and, optionally, weight."""
-    table = read_csv(path)
-    p = np.stack([table.numbers(f"{axis}_mm") for axis in "xyz"], axis=1) * 1e-3
-    quaternion = np.stack([table.numbers(name) for name in ("qx", "qy", "qz", "qw")], axis=1)
-    if not len(table):
-        raise FileError(path, "has no poses below its header")
-    for row in np.flatnonzero(np.abs(np.linalg.norm(quaternion, axis=1) - 1.0) > 1e-2):
-        raise table.error("the quaternion's length is not 1 (is qw last?)", int(row), "qx")
-    weights = table.numbers("weight") if "weight" in table else np.ones(len(table))
+    columns = ColumnGroups(read_csv(path))
+    p = columns.points()
+    quaternions = columns.quaternions(within=1e-2)
+    if not len(columns):
+        raise columns.error("has no poses below its header")
+    weights = columns.numbers("weight") if "weight" in columns else np.ones(len(columns))
     for row in np.flatnonzero(weights < 0):
-        raise table.error(f"{weights[row]:g} is no weight; give zero or more", int(row), "weight")
+        raise columns.error(f"{weights[row]:g} is no weight; give zero or more", int(row), "weight")
     if not weights.any():
-        raise FileError(path, "all weights are zero; give at least one pose a weight")
-    return se3.pose(se3.from_quaternion(quaternion), p), weights
+        raise columns.error("all weights are zero; give at least one pose a weight")
+    return se3.pose(se3.from_quaternion(quaternions), p), weights
 
 
 def load_task(path: str | Path) -> Task:

@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from taskcal.csv_table import parse_csv
 from taskcal.errors import FileError, TaskcalError
 from taskcal.programs.csv_path.read import CsvProgram, read_csv_path
 from taskcal.programs.program import Frame, Waypoint
 from taskcal.programs.source import Source
 from taskcal.robot.catalogue import load_robot
+from taskcal.tabular.csv_form import parse_csv
 from tests.laws.robots import generators
 from tests.programs.csv_path.generator import generate
 
@@ -140,7 +140,7 @@ WRONG = {
     "x_mm,y_mm,i,j,k\n": r"path\.csv:1: has 'x_mm' but no column 'z_mm'",
     "x,y,z,i,j,k\n": r"path\.csv:1: column 'x': the unit is not stated; name the column x_mm",
     "x_mm,y_mm,z_mm,i,j,k,feed\n": r"path\.csv:1: unknown column 'feed'; a path has",
-    "x_mm,y_mm,z_mm,i,j,k,X_MM\n": r"path\.csv:1: column 'X_MM': two columns are named",
+    "x_mm,y_mm,z_mm,i,j,k,X_MM\n": r"path\.csv:1: two columns are named 'x_mm' but",
     "x_mm,y_mm,z_mm,i,j,k,qx,qy,qz,qw\n": r"path\.csv:1: has both a quaternion and a tool axis",
     "qx,qy,qz,qw,J1_deg\n": r"path\.csv:1: has orientations without positions",
     "id\n1\n": r"path\.csv:1: has neither positions x_mm y_mm z_mm nor joints",
@@ -172,7 +172,7 @@ def test_what_is_no_path_is_refused_with_its_place(text):
 def test_a_joint_that_the_robot_lacks_is_named():
     with pytest.raises(FileError, match=r"path\.csv:1: has 'J1_deg' but no column 'J6_deg' of abb-irb120"):
         read("J1_deg,J2_deg,J3_deg,J4_deg,J5_deg\n", robot=ROBOT)
-    with pytest.raises(FileError, match=r"joint J1 is given by 'J1_deg' and 'q1_rad'; keep one"):
+    with pytest.raises(FileError, match=r"joint J1 is given twice, by 'J1_deg' and 'q1_rad'; keep one"):
         read("J1_deg,q1_rad\n", robot=ROBOT)
 
 

@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 
-from taskcal.csv_table import CsvTable
 from taskcal.errors import FileError
 from taskcal.programs.source import Source
+from taskcal.tabular.csv_form import delimiter_of
+from taskcal.tabular.table import Table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,14 +22,14 @@ class Row:
     """First character of each cell, and behind its last one, without quotes and blanks around it."""
 
 
-def locate_rows(source: Source, table: CsvTable) -> tuple[Row, ...]:
+def locate_rows(source: Source, table: Table) -> tuple[Row, ...]:
     """The rows of a table in its source, without the header.
 
     Raises:
         FileError: quotes stand inside a cell, so that its text is not what it means, or one does not end.
     """
     text = source.text
-    rows = [row for row in _scan(text, table.delimiter) if _counts(text, row)][1:]
+    rows = [row for row in _scan(text, delimiter_of(text.removeprefix("\ufeff"))) if _counts(text, row)][1:]
     if [_texts(text, row) for row in rows] != [list(cells) for cells in table.rows]:
         raise FileError(source.path, "has quotes inside cells; write numbers and names without them")
     for row in rows:

@@ -9,12 +9,12 @@ import numpy as np
 
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
-from taskcal.programs.csv_path.columns import POSITION, QUATERNION
 from taskcal.programs.csv_path.rewrite import DEGREES, MM, UNITS
 from taskcal.programs.numeral import numeral
 from taskcal.programs.program import Move, Target
 from taskcal.programs.source import Source
 from taskcal.robot.robot import Robot
+from taskcal.tabular.column_groups import POSITION, QUATERNION
 
 
 def compose_csv_path(name: str, robot: Robot, moves: Sequence[Move], *, notes: Sequence[str] = ()) -> Source:

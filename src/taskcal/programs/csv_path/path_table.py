@@ -5,18 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.csv_table import CsvTable, parse_csv
 from taskcal.errors import FileError
 from taskcal.geometry import se3
 from taskcal.programs.csv_path.cells import Row, locate_rows
-from taskcal.programs.csv_path.columns import Columns, columns_of, numbers
+from taskcal.programs.csv_path.columns import Columns, columns_of
 from taskcal.programs.program import MoveKind
 from taskcal.programs.source import Place, Source
 from taskcal.programs.tool_axis import with_axis
 from taskcal.robot.robot import Robot
-
-_UNIT_LENGTH = 1e-3
-"""How far the length of a quaternion or a direction may be from one: files round to a few digits."""
+from taskcal.tabular.column_groups import ColumnGroups
+from taskcal.tabular.csv_form import parse_csv
+from taskcal.tabular.table import Table
 
 _MOVES: dict[str, MoveKind] = {"joint": "joint", "linear": "linear", "circular": "circular", "via": "circular"}
 
@@ -26,7 +25,7 @@ class PathTable:
     """A table with its place in the text and what was read from it, a row each."""
 
     source: Source
-    table: CsvTable
+    table: Table
     columns: Columns
     rows: tuple[Row, ...]
     T: Float[np.ndarray, "rows 4 4"]
@@ -76,21 +75,18 @@ def read_path_table(source: Source, robot: Robot | None) -> PathTable:
         FileError: it cannot be read as a path.
     """
     table = parse_csv(source.path, source.text.removeprefix("\ufeff"))
-    columns = columns_of(table, robot)
-    cells, joints = numbers(table, columns.pose), numbers(table, columns.joints)
+    groups = ColumnGroups(table)
+    columns = columns_of(groups, robot)
+    pose, joints = (groups.side_by_side(names, empty=True) for names in (columns.pose, columns.joints))
     for row in range(len(table)):
-        _check_complete(table, columns, row, np.isnan(cells[row]), np.isnan(joints[row]))
+        _check_complete(table, columns, row, np.isnan(pose[row]), np.isnan(joints[row]))
     T = np.full((len(table), 4, 4), np.nan)
-    posed = np.flatnonzero(~np.isnan(cells).any(axis=1)) if columns.pose else np.array([], dtype=int)
-    if len(posed):
-        rotation = cells[posed, 3:]
-        length = np.linalg.norm(rotation, axis=1)
-        for row, size in zip(posed, length, strict=True):
-            if abs(size - 1.0) > _UNIT_LENGTH:
-                what = "tool axis" if columns.only_axis else "quaternion"
-                raise table.error(f"the {what} has length {size:.4f}; it must be 1", int(row), columns.rotation[0])
-        R = with_axis(rotation) if columns.only_axis else se3.from_quaternion(rotation)
-        T[posed] = se3.pose(R, cells[posed, :3] * 1e-3)
+    posed = np.asarray(~np.isnan(pose).any(axis=1))
+    if columns.pose and posed.any():
+        rotation, what = pose[:, 3:], "tool axis" if columns.only_axis else "quaternion"
+        groups.check_lengths(rotation, posed, columns.rotation[0], what)
+        R = with_axis(rotation[posed]) if columns.only_axis else se3.from_quaternion(rotation[posed])
+        T[posed] = se3.pose(R, pose[posed, :3] * 1e-3)
     return PathTable(
         source=source,
         table=table,
@@ -102,7 +98,7 @@ def read_path_table(source: Source, robot: Robot | None) -> PathTable:
     )
 
 
-def _check_complete(table: CsvTable, columns: Columns, row: int, pose: np.ndarray, joints: np.ndarray) -> None:
+def _check_complete(table: Table, columns: Columns, row: int, pose: np.ndarray, joints: np.ndarray) -> None:
     """See that a row has a pose or joint positions, and all of it."""
     given = [name for name, blank in ((columns.pose, pose), (columns.joints, joints)) if name and not blank.all()]
     if not given:
@@ -116,7 +112,7 @@ def _check_complete(table: CsvTable, columns: Columns, row: int, pose: np.ndarra
         )
 
 
-def _speeds(table: CsvTable, columns: Columns) -> Float[np.ndarray, " rows"]:
+def _speeds(table: Table, columns: Columns) -> Float[np.ndarray, " rows"]:
     name = columns.words.get("speed_mm_s")
     if name is None:
         return np.full(len(table), np.nan)

@@ -1,10 +1,7 @@
-"""A CSV table whose errors name file, line, column and value."""
+"""A table of cells whose errors name file, line, column and value, whatever form of file it comes from."""
 
-import csv
-import io
 import math
 import re
-from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,10 +10,6 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import FileError, shown
-from taskcal.text_file import read_text
-
-_SEPARATOR_LINE = re.compile(r"\Asep=.[ \t]*(?=\r?\n)", re.IGNORECASE)
-"""What a spreadsheet writes first to say how it separates; the header says the same."""
 
 LARGEST = 1e6
 """Of any number in a table: 1 km in millimetres, or 2800 turns in degrees."""
@@ -30,14 +23,13 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?$")
 
 
 @dataclass(frozen=True, eq=False)
-class CsvTable:
+class Table:
     """Cells as text, with the line of the file each row stands in."""
 
     path: Path
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
-    delimiter: str = ","
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -95,55 +87,3 @@ class CsvTable:
         else:
             trouble = "is no number; give a number such as 12.5"
         raise self.error(f"'{shown(text)}' {trouble}", row, column)
-
-
-def read_csv(path: str | Path) -> CsvTable:
-    """Read a table with a header line; fields separated by commas, semicolons or tabs; lines after # are comments.
-
-    Raises:
-        FileError: the file is missing, is no text, has no rows, or a line has more or fewer fields than the header.
-    """
-    path = Path(path)
-    text = read_text(path, encoding="utf-8-sig", otherwise="is no UTF-8 text; save it as CSV in UTF-8")
-    return parse_csv(path, text)
-
-
-def parse_csv(path: Path, text: str) -> CsvTable:
-    """The table that a file's text holds.
-
-    Raises:
-        FileError: as `read_csv`, for the file named.
-    """
-    text = _SEPARATOR_LINE.sub("", text, count=1)
-    if "\0" in text:
-        raise FileError(path, "is a binary file; export it as CSV")
-    head = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
-    delimiter = max(",;\t", key=head.count)
-    reader = csv.reader(io.StringIO(text), delimiter=delimiter)
-    rows: list[tuple[str, ...]] = []
-    lines: list[int] = []
-    header: tuple[str, ...] | None = None
-    try:
-        for cells in reader:
-            stripped = tuple(cell.strip() for cell in cells)
-            if not any(stripped) or stripped[0].startswith("#"):
-                continue
-            if header is None:
-                header = stripped
-                continue
-            if len(stripped) != len(header):
-                hint = (
-                    "; is it written with decimal commas?" if delimiter == "," and len(stripped) > len(header) else ""
-                )
-                message = f"the line has {len(stripped)} fields, the header {len(header)}{hint}"
-                raise FileError(path, message, line=reader.line_num)
-            rows.append(stripped)
-            lines.append(reader.line_num)
-    except csv.Error as error:
-        raise FileError(path, f"is no CSV: {error}", line=reader.line_num) from error
-    if header is None:
-        raise FileError(path, "is empty; its first line must name the columns")
-    twice = [name for name, times in Counter(header).items() if times > 1]
-    if twice:
-        raise FileError(path, f"two columns are named '{shown(min(twice))}'; column names must differ", line=1)
-    return CsvTable(path=path, header=header, rows=tuple(rows), lines=tuple(lines), delimiter=delimiter)

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskcal.csv_table import read_csv
 from taskcal.errors import FileError
+from taskcal.tabular.csv_form import read_csv
 
 
 def write(folder, content):
