@@ -27,7 +27,7 @@ task programs.apt programs.composing programs.csv_path programs.program programs
 programs.rapid.compose programs.rapid.configuration programs.rapid.numbers
 correction.assessment correction.cell correction.chords correction.controller correction.correct correction.correction
 correction.inverse correction.refusals correction.motion correction.placement correction.frame_calibration
-correction.grasped_frame correction.fixed_frame correction.rigid_motion correction.way
+correction.error_budget correction.grasped_frame correction.fixed_frame correction.rigid_motion correction.way
 """
 install_import_hook([f"taskcal.{module}" for module in _CHECKED.split()], "beartype.beartype")
 

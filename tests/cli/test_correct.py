@@ -58,7 +58,9 @@ def part(tmp_path, robot):
 
 
 def test_a_program_is_corrected_and_nothing_but_its_targets_changes(run: Run, cell: Path, part: Path, tmp_path: Path):
-    ended = run("correct", "--calibration", cell / "cal.json", part, "-o", tmp_path / "out.mod", "--json")
+    ended = run(
+        "correct", "--accept-uncertain", "--calibration", cell / "cal.json", part, "-o", tmp_path / "out.mod", "--json"
+    )
     assert ended.status == 0, ended.err
     found = ended.json
     assert found["written"] == [str(tmp_path / "out.mod")]
@@ -76,8 +78,33 @@ def test_a_program_is_corrected_and_nothing_but_its_targets_changes(run: Run, ce
     assert known.model.robot.name == IRB6660
 
 
+def test_a_correction_smaller_than_its_uncertainty_is_not_written(run: Run, cell: Path, part: Path, tmp_path: Path):
+    """One reflector does not tell where the cutter is: what to measure is said, and nothing is written unless asked for."""
+    out = tmp_path / "out.mod"
+    ended = run("correct", "-c", cell / "cal.json", part, "-o", out, "--json")
+    assert ended.status == 1
+    assert not out.exists()
+    assert "is smaller than its uncertainty" in ended.err
+    assert "--accept-uncertain" in ended.err
+    expected = ended.json["expected"]
+    assert ended.json["written"] == []
+    assert expected["uncertainty_mm"] > expected["correction_mm"] > 0.1
+    assert expected["after_mm"] >= expected["uncertainty_mm"]
+    assert expected["before_mm"] == pytest.approx(np.hypot(expected["correction_mm"], expected["uncertainty_mm"]))
+    assert sum(expected["shares"].values()) == pytest.approx(1.0)
+    largest = max(expected["shares"], key=expected["shares"].get)
+    assert f"is {largest}:" in ended.err
+    assert largest in ("tool", "part")
+    assert "--cell" in ended.err
+    people = run("correct", "--accept-uncertain", "-c", cell / "cal.json", part, "-o", out)
+    assert (people.status, out.exists()) == (0, True)
+    assert people.out.index("to be expected") < people.out.index("Predicted error")
+
+
 def test_a_dry_run_writes_nothing_and_prints_the_tables(run: Run, cell: Path, part: Path, tmp_path: Path):
-    ended = run("correct", "-c", cell / "cal.json", part, "--dry-run", "--report", tmp_path / "page.html")
+    ended = run(
+        "correct", "--accept-uncertain", "-c", cell / "cal.json", part, "--dry-run", "--report", tmp_path / "page.html"
+    )
     assert ended.status == 0
     for words in ("Predicted error of the true tool", "at targets, after", "relative to", "joint speed", "part.mod:7"):
         assert words in ended.out
@@ -95,7 +122,16 @@ def test_an_identity_calibration_changes_no_byte_of_a_milling_program(run: Run, 
     identify(model, campaign, keep=[]).save(tmp_path / "nothing.json")
     program = milling_program(robot, task, rows=2)
     (tmp_path / "mill.mod").write_bytes(program.source.encode())
-    ended = run("correct", "-c", tmp_path / "nothing.json", tmp_path / "mill.mod", "-o", tmp_path / "o.mod", "--json")
+    ended = run(
+        "correct",
+        "--accept-uncertain",
+        "-c",
+        tmp_path / "nothing.json",
+        tmp_path / "mill.mod",
+        "-o",
+        tmp_path / "o.mod",
+        "--json",
+    )
     assert ended.status == 0
     assert ended.json["corrected"] == 0
     assert (tmp_path / "o.mod").read_bytes() == (tmp_path / "mill.mod").read_bytes()
@@ -114,7 +150,7 @@ def test_an_identity_calibration_changes_no_byte_of_a_milling_program(run: Run, 
 def test_what_cannot_be_reached_is_named_by_file_and_line(line, words, run: Run, cell, robot, tmp_path):
     path = tmp_path / "far.mod"
     path.write_text(module(robot, *GOOD, line), newline="")
-    ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.mod", "--json")
+    ended = run("correct", "--accept-uncertain", "-c", cell / "cal.json", path, "-o", tmp_path / "out.mod", "--json")
     assert ended.status == 1
     (refused,) = ended.json["refused"]
     assert (refused["file"], refused["line"]) == (str(path), 9)
@@ -126,7 +162,7 @@ def test_an_unknown_frame_is_named_by_file_and_line_and_left(run: Run, cell, rob
     path = tmp_path / "unknown.mod"
     line = "MoveL pB,v50,fine,tSpindle\\WObj:=wFixture;"
     path.write_text(module(robot, GOOD[0], line), newline="")
-    ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.mod")
+    ended = run("correct", "--accept-uncertain", "-c", cell / "cal.json", path, "-o", tmp_path / "out.mod")
     assert f"{path}:8" in ended.err
     assert "wFixture" in ended.err
     assert line in (tmp_path / "out.mod").read_text()
@@ -135,7 +171,7 @@ def test_an_unknown_frame_is_named_by_file_and_line_and_left(run: Run, cell, rob
 def test_a_target_that_others_need_as_it_was_is_cloned(run: Run, cell, robot, tmp_path):
     path = tmp_path / "twice.mod"
     path.write_text(module(robot, *GOOD, "MoveL pB,v50,fine,tool0\\WObj:=wFixture;"), newline="")
-    run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.mod")
+    run("correct", "--accept-uncertain", "-c", cell / "cal.json", path, "-o", tmp_path / "out.mod")
     old, new = path.read_text(), (tmp_path / "out.mod").read_text()
     declared = next(line for line in old.splitlines() if "robtarget pB" in line)
     assert declared in new  # the motion in the unknown frame still goes there
@@ -144,7 +180,7 @@ def test_a_target_that_others_need_as_it_was_is_cloned(run: Run, cell, robot, tm
 
 def test_bounds_are_kept(run: Run, cell, part, tmp_path):
     out = tmp_path / "out.mod"
-    ended = run("correct", "-c", cell / "cal.json", part, "-o", out, "--max-shift-mm", "0.01")
+    ended = run("correct", "--accept-uncertain", "-c", cell / "cal.json", part, "-o", out, "--max-shift-mm", "0.01")
     assert ended.status == 1
     assert "0.01 mm are allowed" in ended.err
     assert out.read_bytes() == part.read_bytes()
@@ -152,7 +188,7 @@ def test_bounds_are_kept(run: Run, cell, part, tmp_path):
 
 def test_the_program_itself_is_never_overwritten(run: Run, cell, part):
     before = part.read_bytes()
-    ended = run("correct", "-c", cell / "cal.json", part, "-o", part)
+    ended = run("correct", "--accept-uncertain", "-c", cell / "cal.json", part, "-o", part)
     assert ended.status == 1
     assert "never overwritten" in ended.err
     assert part.read_bytes() == before
@@ -166,11 +202,11 @@ def test_several_files_go_into_a_folder(run: Run, cell, robot, tmp_path):
     (tmp_path / "part.mod").write_text(main, newline="")
     (tmp_path / "frames.sys").write_text(frames, newline="")
     files = [tmp_path / "part.mod", tmp_path / "frames.sys"]
-    ended = run("correct", "-c", cell / "cal.json", *files, "-o", tmp_path / "new.mod")
+    ended = run("correct", "--accept-uncertain", "-c", cell / "cal.json", *files, "-o", tmp_path / "new.mod")
     assert ended.status == 1
     assert "written into a folder" in ended.err
     (tmp_path / "out").mkdir()
-    ended = run("correct", "-c", cell / "cal.json", *files, "-o", tmp_path / "out", "--json")
+    ended = run("correct", "--accept-uncertain", "-c", cell / "cal.json", *files, "-o", tmp_path / "out", "--json")
     assert ended.status == 0
     assert (tmp_path / "out" / "frames.sys").read_text() == (tmp_path / "frames.sys").read_text()
     assert (tmp_path / "out" / "part.mod").read_text() != (tmp_path / "part.mod").read_text()
@@ -191,7 +227,9 @@ def test_several_files_go_into_a_folder(run: Run, cell, robot, tmp_path):
 )
 def test_wrong_usage_is_explained(arguments, status, words, run: Run, cell, part, tmp_path):
     place = {"part": str(part), "out": str(tmp_path / "out.mod")}
-    ended = run("correct", "-c", cell / "cal.json", *(argument.format(**place) for argument in arguments))
+    ended = run(
+        "correct", "--accept-uncertain", "-c", cell / "cal.json", *(argument.format(**place) for argument in arguments)
+    )
     assert ended.status == status
     assert words in ended.err
     assert not (tmp_path / "out.mod").exists()
@@ -201,14 +239,14 @@ def test_what_the_command_reads_is_never_written_over(run: Run, cell, part, tmp_
     calibration = tmp_path / "cal.json"
     calibration.write_bytes((cell / "cal.json").read_bytes())
     for out in ([calibration], [tmp_path / "x.mod", "--report", tmp_path / "x.mod"]):
-        ended = run("correct", "-c", calibration, part, "-o", *out)
+        ended = run("correct", "--accept-uncertain", "-c", calibration, part, "-o", *out)
         assert ended.status in (1, 2)
     assert calibration.read_bytes() == (cell / "cal.json").read_bytes()
     assert not (tmp_path / "x.mod").exists()
 
 
 def test_a_program_with_logic_keeps_its_language(run: Run, cell, part, tmp_path):
-    ended = run("correct", "-c", cell / "cal.json", part, "-o", tmp_path / "out.src")
+    ended = run("correct", "--accept-uncertain", "-c", cell / "cal.json", part, "-o", tmp_path / "out.src")
     assert ended.status == 1
     assert "whose logic a program written afresh would lose" in ended.err
     assert not (tmp_path / "out.src").exists()

@@ -150,7 +150,9 @@ def test_the_page_of_a_correction_does_not_replace_the_program(run: Run, cell: P
     program.write_text("J1_deg,J2_deg,J3_deg,J4_deg,J5_deg,J6_deg\n0,10,20,5,-40,10\n3,12,22,6,-42,12\n")
     (tmp_path / "out").mkdir()
     page = tmp_path / "out" / "path.csv"
-    ended = run("correct", "-c", cell / "cal.json", program, "-o", tmp_path / "out", "--report", page)
+    ended = run(
+        "correct", "--accept-uncertain", "-c", cell / "cal.json", program, "-o", tmp_path / "out", "--report", page
+    )
     assert ended.status == 2
     assert not page.exists()
 

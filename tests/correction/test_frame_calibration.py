@@ -110,6 +110,24 @@ def test_measured_relations_are_sharper_than_the_controllers(calibration, robot,
     assert spread["touched"] < spread["reflectors and base"]
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_the_variance_is_shared_out_among_its_sources(name, calibration, robot, measured, cutting):
+    known = replace(calibration, model_error=(1e-4, 0.0))
+    frame = calibrate_frames(known, cutting, cells(known, robot, measured)[name])
+    shares = frame.variances(measured)
+    assert np.all(shares >= 0.0)
+    total = np.trace(frame.covariance(measured), axis1=1, axis2=2) + 3e-8
+    np.testing.assert_allclose(shares.sum(axis=1), total)
+    np.testing.assert_allclose(frame.uncertainty(measured) ** 2, total)
+    geometry, model_error, tool, part = shares.mean(axis=0)
+    assert model_error == pytest.approx(3e-8)
+    # what the data cannot tell of base and first axis, of last axis and tool, goes where both are measured
+    if name == "as the controller has them":
+        assert min(tool, part) > geometry
+    if name == "reflectors and tracker":
+        assert tool + part < geometry
+
+
 def test_a_part_touched_by_the_robot_is_right_where_it_was_touched(calibration, robot, measured, cutting):
     """A controller's frame set from three touched points carries the robot's own errors: there they cancel."""
     q = measured[[0, 9, 23]]

@@ -84,6 +84,12 @@ def command(
             "--keep-joints", help="Leave motions to joint positions as they are, such as those to a home position."
         ),
     ] = False,
+    accept_uncertain: Annotated[
+        bool,
+        typer.Option(
+            "--accept-uncertain", help="Write the program even where the uncertainty is larger than the correction."
+        ),
+    ] = False,
     report: ReportOption = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
@@ -94,6 +100,9 @@ def command(
     robot as calibrated needs; lines and arcs get more targets where they need them. Whatever else the files say stays,
     byte for byte. Targets that are refused stay too, are named by file and line with the reason, and make the exit status 1.
     Motions that the text does not tell, such as those to computed targets, stay and are named.
+
+    Where the uncertainty is larger than the correction nothing is written, unless asked for with --accept-uncertain;
+    the message says what to measure.
     """
     for option, value in (
         ("--tolerance-mm", tolerance_mm), ("--max-shift-mm", max_shift_mm), ("--max-turn-deg", max_turn_deg),
@@ -117,6 +126,7 @@ def command(
     from taskcal.correction.correct import correct
     from taskcal.correction.correction import Bounds
     from taskcal.identification.calibration_file import load_calibration
+    from taskcal.presentation.correction_tables import state_uncertain
     from taskcal.programs.reading import read_program
 
     known = load_calibration(calibration)
@@ -145,7 +155,8 @@ def command(
             progress=say,
         )
     contents: dict[Path, str | bytes] = {}
-    if output is not None and not dry_run:
+    withheld = found.uncertain and not accept_uncertain and not dry_run
+    if output is not None and not dry_run and not withheld:
         contents.update(found.contents(output))
     written = tuple(contents)
     if report is not None:
@@ -158,7 +169,11 @@ def command(
         write_json(_as_json(found, written, report))
     else:
         _show(found, written, report)
-    if found.refused or any(remark.refused for remark in found.remarks):
+    if found.uncertain:
+        note(f"{'error: not written: ' if withheld else ''}{state_uncertain(found)}")
+        if withheld:
+            note("--accept-uncertain writes the program all the same")
+    if withheld or found.refused or any(remark.refused for remark in found.remarks):
         raise typer.Exit(1)
 
 
@@ -219,8 +234,14 @@ def _as_json(found: "Correction", written: tuple[Path, ...], report: Path | None
 
 
 def _show(found: "Correction", written: tuple[Path, ...], report: Path | None) -> None:
-    from taskcal.presentation.correction_tables import tabulate_correction, tabulate_errors, tabulate_targets
+    from taskcal.presentation.correction_tables import (
+        state_expected,
+        tabulate_correction,
+        tabulate_errors,
+        tabulate_targets,
+    )
 
+    show_facts(state_expected(found))
     for table in (tabulate_errors(found), tabulate_targets(found, SHOWN)):
         show_table(table.title, table.header, table.groups[0][1], left=table.text_columns)
         if table.note:

@@ -12,6 +12,7 @@ from taskcal.correction.cell import Cell
 from taskcal.correction.chords import Chords, Wish, cut
 from taskcal.correction.controller import Driven, drive
 from taskcal.correction.correction import Bounds, Correction
+from taskcal.correction.error_budget import SOURCES, budget_of
 from taskcal.correction.frame_calibration import FrameCalibration, calibrate_frames
 from taskcal.correction.motion import move_joints
 from taskcal.correction.placement import Placed
@@ -105,6 +106,8 @@ def correct(
         )
     redriven = drive(robot, again.moves)
     motion = move_joints(robot, again.moves, redriven)
+    before, after = assess(placed, wanted, driven), assess(placed, wanted, redriven, origin)
+    variances = _variances(frames, number, driven)
     written = np.isin(np.arange(len(moves)), list(ways))
     return Correction(
         program=program,
@@ -112,13 +115,14 @@ def correct(
         moves=again.moves,
         bounds=bounds,
         wanted=wanted,
-        before=assess(placed, wanted, driven),
-        after=assess(placed, wanted, redriven, origin),
+        before=before,
+        after=after,
+        budget=budget_of(before.length[before.at_target], after.length[after.at_target], variances),
         corrected=np.flatnonzero(written),
         pieces=pieces,
         shift=np.where(written, shift, 0.0),
         turn=np.where(written, turn, 0.0),
-        uncertainty=_uncertainty(frames, number, driven),
+        uncertainty=np.sqrt(variances.sum(axis=1)),
         joint_change=np.where(written, joint_change, 0.0),
         refused=refused,
         remarks=(*remark_unused(cell, program), *remark(program, driven, redriven, origin, chords, bounds, motion)),
@@ -184,15 +188,15 @@ def wanted_ways(driven: Driven, placed: Placed, moves: Sequence[Move]) -> Ways:
     return Ways(start=start, end=driven.ways.end, via=driven.ways.via)
 
 
-def _uncertainty(
+def _variances(
     frames: Sequence[FrameCalibration], number: Int[np.ndarray, " m"], driven: Driven
-) -> Float[np.ndarray, " m"]:
-    """Root mean square of the error in space that the calibration must expect at every target, metres."""
-    out = np.full(len(number), np.nan)
+) -> Float[np.ndarray, "m sources"]:
+    """Mean square of the error in space that the calibration must expect at every target, by source, metres²."""
+    out = np.full((len(number), len(SOURCES)), np.nan)
     ended = np.isfinite(driven.end[:, 0])
     for k, frame in enumerate(frames):
         rows = np.flatnonzero(ended & (number == k))
-        out[rows] = frame.uncertainty(driven.end[rows])
+        out[rows] = frame.variances(driven.end[rows])
     return out
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.correction.assessment import Deviations
+from taskcal.correction.error_budget import ErrorBudget
 from taskcal.correction.motion import JointMotion
 from taskcal.correction.way import Ways
 from taskcal.errors import FileError, shortened
@@ -48,6 +49,8 @@ class Correction:
     """Predicted errors of the program as it was given."""
     after: Deviations
     """Predicted errors of the corrected program, as read again from its files."""
+    budget: ErrorBudget
+    """The error to be expected before and after, and where it comes from."""
     corrected: Int[np.ndarray, " c"]
     """Numbers of the motions that were corrected."""
     pieces: Int[np.ndarray, " m"]
@@ -76,6 +79,11 @@ class Correction:
             f"{len(self.program.moves)} motions corrected{refused}, targets moved by up to "
             f"{np.nanmax(self.shift, initial=0.0) * 1e3:.3f} mm)"
         )
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether anything was corrected by less than the calibration's own uncertainty."""
+        return bool(len(self.corrected)) and self.budget.uncertain
 
     def destinations(self, out: str | Path) -> tuple[Path, ...]:
         """Where the corrected files go: one to a file or into a folder, several into a folder, under their own names.
@@ -126,6 +134,7 @@ class Correction:
             "refused": len(self.refused),
             "unresolved": len(self.program.remarks),
             "written_moves": len(self.moves),
+            "expected": self.budget.summary(),
             "before": _errors(self.before),
             "after": _errors(self.after),
             "uncertainty_rms_mm": _largest(self.uncertainty) * 1e3,

@@ -77,15 +77,45 @@ class FrameCalibration:
 
         What the parameters do not tell, and what the model cannot explain at a new pose.
         """
-        variance = np.zeros(len(q))
-        for first in range(0, len(q), CHUNK):
-            part = slice(first, first + CHUNK)
-            variance[part] = np.trace(self.covariance(q[part]), axis1=1, axis2=2)
+        return np.sqrt(self.variances(q).sum(axis=1))
+
+    def variances(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n sources"]:
+        """The square of the uncertainty by where it comes from, in the order of `SOURCES`, metres².
+
+        Of the geometry is what the calibration does not know of its own targets in the tracker's frame; of the tool, what
+        comes to that for what is held; of the part, what comes to that for what stands still. What falls, because both are
+        in error alike, is counted as nothing.
+        """
+        geometry, held, total = (np.zeros(len(q)) for _ in range(3))
+        for part in _chunks(len(q)):
+            spread = self.calibration.predict_covariance(q[part], model_error=False)[..., :3, :3]
+            geometry[part] = _total(spread).mean(axis=1)
+            held[part] = _total(self._held_covariance(q[part]))
+            total[part] = _total(self.covariance(q[part]))
+        parts = np.stack([geometry, held - geometry, total - held], axis=1)
+        parts = np.maximum(parts, 0.0)
+        parts *= (total / np.maximum(parts.sum(axis=1), 1e-300))[:, None]
+        return np.stack([parts[:, 0], self._model_variance(q), parts[:, 1], parts[:, 2]], axis=1)
+
+    def _held_covariance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3 3"]:
+        """Of what is held, in the tracker's frame, metres²."""
+        J = self.held.twists(q)[:, :3]
+        R = (self.calibration.predict_tool(q) @ self.held.T_tool_held)[:, :3, :3]
+        known = J @ self.calibration.z_covariance @ np.swapaxes(J, 1, 2)
+        return known + R @ self.held.covariance @ np.swapaxes(R, 1, 2)
+
+    def _model_variance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
         if self.calibration.field is None:
-            variance += 3.0 * self.calibration.model_error[0] ** 2
-        else:
-            variance += self.calibration.field.variance(q)[:, :3].sum(axis=1)
-        return np.sqrt(variance)
+            return np.full(len(q), 3.0 * self.calibration.model_error[0] ** 2)
+        return self.calibration.field.variance(q)[:, :3].sum(axis=1)
+
+
+def _chunks(n: int) -> list[slice]:
+    return [slice(first, first + CHUNK) for first in range(0, n, CHUNK)]
+
+
+def _total(covariance: Float[np.ndarray, "*b 3 3"]) -> Float[np.ndarray, "*b"]:
+    return np.trace(covariance, axis1=-2, axis2=-1)
 
 
 def calibrate_frames(calibration: Calibration, move: Move, cell: Cell) -> FrameCalibration:

@@ -5,7 +5,8 @@ from taskcal.identification.calibration import Calibration
 from taskcal.presentation.content import Block, Chart, Numbers, Points, Section, Table, Text
 from taskcal.presentation.correction_figures import draw_errors_along, draw_errors_per_axis, draw_program
 from taskcal.presentation.correction_tables import (
-    largest,
+    state_expected,
+    state_uncertain,
     tabulate_correction,
     tabulate_errors,
     tabulate_targets,
@@ -32,21 +33,24 @@ def correction_html(correction: Correction, calibration: Calibration, *, version
 
 
 def _summary(correction: Correction) -> Section:
-    summary = correction.summary()
+    summary, budget = correction.summary(), correction.budget
     items = (
-        (f"{largest(correction.before):.3f}", "mm", "largest predicted error before"),
-        (f"{largest(correction.after):.4f}", "mm", "largest predicted error after"),
+        (f"{budget.before * 1e3:.3f}", "mm", "error to be expected before (rms in space at the targets)"),
+        (f"{budget.after * 1e3:.3f}", "mm", "error to be expected after, uncertainty included"),
         (
-            f"{summary['uncertainty_rms_mm']:.3f}",
+            f"{budget.uncertainty * 1e3:.3f}",
             "mm",
-            "largest uncertainty of a target (rms in space): what the calibration must expect beyond the prediction",
+            "of uncertainty: what the calibration must expect beyond its prediction",
         ),
         (f"{summary['largest_shift_mm']:.3f}", "mm", "farthest that a target was moved"),
         (str(summary["refused"]), "", "motions refused, and left as they were"),
         (str(summary["unresolved"]), "", "remarks on motions and texts that were not read, and were left as they were"),
     )
-    facts = Table.of_rows("The correction", ("", ""), tabulate_correction(correction), text_columns=(0, 1))
-    return Section(title="In short", blocks=(Numbers(items), facts))
+    facts = Table.of_rows(
+        "The correction", ("", ""), [*state_expected(correction), *tabulate_correction(correction)], text_columns=(0, 1)
+    )
+    doubt = (Text((f"Look out: {state_uncertain(correction)}.",)),) if correction.uncertain else ()
+    return Section(title="In short", blocks=(Numbers(items), *doubt, facts))
 
 
 def _errors(correction: Correction) -> Section:

@@ -4,11 +4,34 @@ from pathlib import Path
 
 import numpy as np
 
-from taskcal.correction.assessment import Deviations
 from taskcal.correction.correction import Correction
 from taskcal.presentation.content import Table
 
 _COLUMNS = ("max_mm", "rms_mm", "mean_mm", "max_x_mm", "max_y_mm", "max_z_mm", "max_turn_deg")
+
+
+def state_expected(correction: Correction) -> list[tuple[str, str]]:
+    """The error to be expected before and after, with the uncertainty and where it comes from; label and text."""
+    budget = correction.budget
+    shares = ", ".join(f"{name} {share:.0%}" for name, share in budget.shares.items())
+    return [
+        (
+            "to be expected",
+            f"{budget.before * 1e3:.3f} mm before, {budget.after * 1e3:.3f} mm after (rms in space at the targets)",
+        ),
+        ("corrected", f"{np.sqrt(budget.correction) * 1e3:.3f} mm, known to ± {budget.uncertainty * 1e3:.3f} mm"),
+        ("± comes from", shares),
+    ]
+
+
+def state_uncertain(correction: Correction) -> str:
+    """Why a correction is not worth writing, and what to measure."""
+    budget = correction.budget
+    share = max(budget.shares.items(), key=lambda item: item[1])
+    return (
+        f"the correction of {np.sqrt(budget.correction) * 1e3:.3f} mm is smaller than its uncertainty of "
+        f"{budget.uncertainty * 1e3:.3f} mm (rms), of which {share[1]:.0%} is {share[0]}: {budget.remedy}"
+    )
 
 
 def tabulate_errors(correction: Correction) -> Table:
@@ -21,7 +44,7 @@ def tabulate_errors(correction: Correction) -> Table:
             if found is not None:
                 rows.append((f"{label}, {when}", str(found["count"]), *(f"{found[key]:.4f}" for key in _COLUMNS)))
     return Table.of_rows(
-        "Predicted error of the true tool",
+        "Predicted error of the true tool, without its uncertainty",
         ("", "points", "max mm", "rms mm", "mean mm", "max x", "max y", "max z", "max turn °"),
         rows,
         note="In the part's axes. Between targets, what lies along the way is left out; corners that a zone rounds are not "
@@ -111,11 +134,6 @@ def tabulate_correction(correction: Correction) -> list[tuple[str, str]]:
             ("nearest to singular", f"ratio {motion.conditioning:.3f} of the Jacobian's singular values; 0 is singular")
         )
     return facts
-
-
-def largest(found: Deviations) -> float:
-    """The largest error, millimetres."""
-    return float(found.length.max() * 1e3) if len(found.error) else 0.0
 
 
 def _number(value: float | None) -> str:

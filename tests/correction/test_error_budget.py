@@ -1,0 +1,40 @@
+"""The error to be expected along a program, and where it comes from."""
+
+import numpy as np
+import pytest
+
+from taskcal.correction.error_budget import SOURCES, budget_of
+
+
+def variances(*micrometres):
+    return np.array([micrometres, micrometres], dtype=float) ** 2 * 1e-12
+
+
+def test_expected_errors_contain_the_uncertainty_before_and_after():
+    found = budget_of(np.array([3e-4, 3e-4]), np.zeros(2), variances(100, 200, 200, 0))
+    assert found.uncertainty == pytest.approx(3e-4)
+    assert found.after == pytest.approx(3e-4)
+    assert found.before == pytest.approx(np.sqrt(2) * 3e-4)
+    assert sum(found.shares.values()) == pytest.approx(1.0)
+    assert found.shares["tool"] == pytest.approx(4 / 9)
+
+
+@pytest.mark.parametrize(("correction", "uncertain"), [(2.9e-4, True), (3.1e-4, False)])
+def test_a_correction_below_its_uncertainty_is_uncertain(correction, uncertain):
+    found = budget_of(np.array([correction]), np.zeros(1), variances(100, 200, 200, 0))
+    assert found.uncertain is uncertain
+
+
+@pytest.mark.parametrize(
+    ("source", "words"), zip(SOURCES, ("measure more poses", "--effects auto", "the tool", "the part"), strict=True)
+)
+def test_the_remedy_is_for_the_largest_share(source, words):
+    found = budget_of(np.ones(1), np.ones(1), variances(*(200 if name == source else 100 for name in SOURCES)))
+    assert words in found.remedy
+
+
+def test_targets_that_are_not_known_do_not_count():
+    some = variances(100, 200, 200, 0)
+    some[1] = np.nan
+    assert budget_of(np.ones(1), np.ones(1), some).uncertainty == pytest.approx(3e-4)
+    assert budget_of(np.zeros(0), np.zeros(0), np.full((2, 4), np.nan)).after == 0.0
