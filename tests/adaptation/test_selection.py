@@ -20,7 +20,7 @@ def model():
 
 
 def test_the_chosen_model_is_the_smallest_that_suffices(model):
-    chosen = select(model, reference_task())
+    chosen = select(model, reference_task(), model_error=0.0)
     full = chosen.ladder[0].expected
     sizes = [nested.size for nested in chosen.ladder if nested.expected <= SUFFICIENT * full]
     assert len(chosen.kept) == min(sizes) < 25
@@ -30,7 +30,7 @@ def test_the_chosen_model_is_the_smallest_that_suffices(model):
 
 
 def test_every_dropped_parameter_carries_a_reason_that_holds(model):
-    chosen = select(model, reference_task(np.radians(20.0)))
+    chosen = select(model, reference_task(np.radians(20.0)), model_error=0.0)
     assert "no effect" in chosen.dropped["tool.rx"]
     assert chosen.dropped["J4.tz"] == "repeats J3.ty"
     assert chosen.dropped["J4.rz"] == "repeats 0.28·J1.ty + J3.ry"
@@ -53,7 +53,16 @@ def test_an_accuracy_is_met_by_the_smallest_model_that_meets_it(model):
 
 def test_an_accuracy_below_the_noise_is_refused_with_what_can_be_reached(model):
     with pytest.raises(CampaignError, match=r"out of reach.*0\.00\d mm rms"):
-        select(model, reference_task(), accuracy=1e-6)
+        select(model, reference_task(), accuracy=1e-6, model_error=0.0)
+
+
+def test_a_model_error_that_is_assumed_is_said_and_leaves_fewer_parameters_worth_their_variance(model):
+    assumed, exact = (select(model, reference_task(), count=60, model_error=u) for u in (None, 0.0))
+    assert len(assumed.kept) < len(exact.kept)
+    assert assumed.ladder[0].expected > 2.0 * exact.ladder[0].expected
+    assert assumed.to_json()["model_error_mm"] == pytest.approx(0.05)
+    assert assumed.model_error_origin == model.robot.model_error.source
+    assert (exact.model_error, exact.model_error_origin) == (0.0, "as given")
 
 
 def test_a_campaign_cross_validates_every_size(model):

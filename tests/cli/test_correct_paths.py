@@ -50,7 +50,7 @@ def test_points_of_another_tool_stay_are_named_and_make_the_exit_status_1(run: R
     path = tmp_path / "two-tools.apt"
     first = "LOAD/TOOL,1\nGOTO/1700.,30.,1450.,-0.565044,0.,0.825059\n"
     path.write_text(first + "LOAD/TOOL,2\nGOTO/1750.,30.,1450.\n")
-    ended = run("correct", "--accept-uncertain", "-c", cell / "cal.json", path, "-o", tmp_path / "out.apt")
+    ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.apt")
     assert ended.status == 1
     assert "two-tools.apt:4: another tool is loaded than the first, the one given (line 3)" in ended.err
     assert (tmp_path / "out.apt").read_text().endswith("\nLOAD/TOOL,2\nGOTO/1750.,30.,1450.\n")
@@ -76,7 +76,7 @@ def test_a_path_that_no_spin_can_reach_names_its_line(run: Run, cell: Path, tmp_
 def test_a_joint_path_in_csv_is_corrected_in_its_joints(run: Run, cell: Path, tmp_path: Path) -> None:
     path = tmp_path / "path.csv"
     path.write_text("id,J1_deg,J2_deg,J3_deg,J4_deg,J5_deg,J6_deg\na,0,10,20,5,-40,10\nb,3,12,22,6,-42,12\n")
-    ended = run("correct", "--accept-uncertain", "-c", cell / "cal.json", path, "-o", tmp_path / "out.csv", "--json")
+    ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.csv", "--json")
     assert ended.status == 0, ended.err
     old, new = (read_program(p).moves for p in (path, tmp_path / "out.csv"))
     change = np.degrees([b.end.q - a.end.q for a, b in zip(old, new, strict=True)])
@@ -90,7 +90,7 @@ def test_an_apt_path_becomes_a_rapid_or_krl_program_of_the_corrected_motions(
     path.write_text(APT)
     ends = {}
     for name in ("out.mod", "out.src", "out.csv"):
-        ended = run("correct", "--accept-uncertain", "-c", cell / "cal.json", path, "-o", tmp_path / name, "--json")
+        ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / name, "--json")
         assert ended.status == 0, ended.err
         assert ended.json["after"]["targets"]["max_mm"] < 1e-3
         moves = read_program(tmp_path / name, robot=load_robot(IRB6660)).moves
