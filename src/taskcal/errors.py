@@ -61,6 +61,10 @@ class RobotError(TaskcalError):
     """A robot description that does not describe a robot."""
 
 
+class WrongKind(TaskcalError, TypeError):
+    """An argument of another kind than the function needs, such as a file's name in place of what the file holds."""
+
+
 class UnknownName(TaskcalError):
     """A name that is not among the known ones; the message lists the nearest or all of them."""
 

@@ -19,6 +19,7 @@ from taskcal.adaptation.candidates import (
 from taskcal.adaptation.expected_error import design
 from taskcal.adaptation.plan_prior import PlanPrior, prior_from_calibration, prior_from_campaign
 from taskcal.adaptation.visiting_order import order_visits
+from taskcal.arguments import expect_kinds
 from taskcal.errors import CampaignError, ReachError, UnknownName
 from taskcal.estimation.blas import single_threaded
 from taskcal.estimation.experiment_design import CRITERIA, Criterion, choose
@@ -162,6 +163,7 @@ def plan(
         ReachError: no candidate can be reached and seen.
         CampaignError: fewer poses than tracker frame and targets need, or a campaign or calibration that cannot be extended.
     """
+    expect_kinds({"model": ErrorModel, "task": Task}, model=model, task=task)
     if campaign is not None and calibration is not None:
         raise ValueError("give the campaign or the calibration from it; together they would count it twice")
     if criterion not in CRITERIA:

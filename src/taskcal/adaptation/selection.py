@@ -12,6 +12,7 @@ from taskcal.adaptation.candidates import measuring_task
 from taskcal.adaptation.expected_error import Design, design
 from taskcal.analysis.elimination_table import describe_combination, published_kept
 from taskcal.analysis.identifiability import Identifiability, identifiability
+from taskcal.arguments import expect_kinds
 from taskcal.errors import CampaignError, shortened
 from taskcal.estimation.blas import single_threaded
 from taskcal.estimation.scaled import pseudo_invert_scaled
@@ -136,6 +137,7 @@ def select(
         ReachError: the robot does not reach the task.
         CampaignError: the accuracy is below what even the full model is expected to reach, or too few rows.
     """
+    expect_kinds({"model": ErrorModel, "task": Task}, model=model, task=task)
     reached = reach_task(model, task, count, seed)
     if scales is None:
         scales = assume_scales(model, model_error)

@@ -24,6 +24,7 @@ from taskcal.adaptation.plan import plan
 from taskcal.adaptation.selection import select
 from taskcal.adaptation.workers import side_by_side
 from taskcal.analysis.elimination_table import published_kept
+from taskcal.arguments import expect_kinds
 from taskcal.errors import FileError, TaskcalError, UnknownName
 from taskcal.files import write_whole
 from taskcal.identification.identify import identify
@@ -153,6 +154,7 @@ def study(
         FileError: the file to resume from belongs to another study.
         ReachError: the robot does not reach the task.
     """
+    expect_kinds({"model": ErrorModel, "task": Task}, model=model, task=task)
     assumed = model_error_of(model.robot, model_error)
     setting = _prepare(model, task, tuple(counts), tuple(plans), tuple(models), seed, noise or TrackerNoise(), assumed)
     done = _read(resume, setting)

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from scipy.linalg import qr, solve_triangular
 
 from taskcal.analysis.near_dependence import LEVEL, NearDependence, find_near_dependences
+from taskcal.arguments import expect_kinds
 from taskcal.errors import shortened
 from taskcal.estimation.information import Observability, observability
 from taskcal.geometry import se3
@@ -134,6 +135,7 @@ def identifiability(
     Raises:
         ClosureError: a closed loop cannot be assembled at some pose.
     """
+    expect_kinds({"model": ErrorModel}, model=model)
     pose = components == "pose"
     J = model.jacobian(q, x, angular=pose)
     names, tolerances = list(model.names), model.tolerances

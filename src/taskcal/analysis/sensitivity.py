@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.arguments import expect_kinds
 from taskcal.robot.error_model import ErrorModel
 
 if TYPE_CHECKING:
@@ -92,4 +93,5 @@ def sensitivity(
     Raises:
         ClosureError: a closed loop cannot be assembled at some pose.
     """
+    expect_kinds({"model": ErrorModel}, model=model)
     return Sensitivity(model=model, matrix=model.jacobian(q, x, angular=False))

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.arguments import expect_kinds
 from taskcal.correction.afresh import compose_afresh
 from taskcal.correction.assessment import assess
 from taskcal.correction.cell import Cell
@@ -63,6 +64,7 @@ def correct(
         TaskcalError: the program has no motion that is known; no rotation about the tool's axis lets the robot follow it; or
             what was measured does not fit.
     """
+    expect_kinds({"calibration": Calibration, "program": Program}, calibration=calibration, program=program)
     cell, bounds, robot = cell or Cell(), bounds or Bounds(), calibration.model.robot
     if not program.moves:
         why = "".join(f"; {remark}" for remark in program.remarks[:REASONS])

@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 
 from taskcal.analysis.identifiability import identifiability
 from taskcal.analysis.near_dependence import NearDependence
+from taskcal.arguments import expect_kinds
 from taskcal.errors import CampaignError, TaskcalError, shortened
 from taskcal.estimation.blas import single_threaded
 from taskcal.identification.calibration import Calibration
@@ -117,6 +118,7 @@ def explain(
         FitError: a fit did not converge.
         TaskcalError: effects are to be found by evidence, without a prior.
     """
+    expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
     if effects is None and options.get("prior", "tolerances") is None:
         raise TaskcalError(
             "effects are found by their evidence, which needs a prior; name the effects, or keep the prior"

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from taskcal.arguments import expect_kinds
 from taskcal.estimation.blas import single_threaded
 from taskcal.estimation.loss import Loss, Squared
 from taskcal.estimation.prior import GaussianPrior
@@ -75,6 +76,7 @@ def identify(
         UnknownName: a name in `keep` that the model does not have.
         FitError: the fit did not converge.
     """
+    expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
     loss = loss or Squared()
     check_options(prior, frames, model_error, prior_scale)
     kept = np.arange(len(model)) if keep is None else model.indices(keep)

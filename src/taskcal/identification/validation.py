@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.arguments import expect_kinds
 from taskcal.errors import CampaignError
 from taskcal.identification.calibration import Calibration
 from taskcal.measurement.campaign import Campaign
@@ -93,6 +94,7 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
         CampaignError: nothing was measured, or the targets are not the calibration's.
         ClosureError: a closed loop cannot be assembled at some pose.
     """
+    expect_kinds({"calibration": Calibration, "campaign": Campaign}, calibration=calibration, campaign=campaign)
     if reregister:
         found = register(calibration.model, campaign, poses=calibration.tool_in_base(campaign.q, campaign.conditions))
         check_plausible(found, calibration.model, campaign)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
+from taskcal.arguments import expect_kinds
 from taskcal.errors import shown
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
@@ -52,6 +53,7 @@ def read_campaign(
     Raises:
         FileError: with file, line, column, value and a remedy, for anything that cannot be read as a campaign.
     """
+    expect_kinds({"robot": Robot}, robot=robot)
     columns = ColumnGroups(read_csv(path))
     ids = _ids(columns)
     q = columns.joints(robot)

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from taskcal.arguments import expect_kinds
 from taskcal.errors import CampaignError, ClosureError
 from taskcal.estimation.blas import single_threaded
 from taskcal.geometry import se3
@@ -62,6 +63,7 @@ def register(model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 
     Raises:
         CampaignError: too few rows, or rows that do not determine the frames.
     """
+    expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
     check_rows(campaign)
     T = nominal_poses(model, campaign) if poses is None else poses
     if campaign.rotations is None:

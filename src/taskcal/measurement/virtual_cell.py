@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.arguments import expect_kinds
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.tracker import TrackerNoise
@@ -84,6 +85,7 @@ def simulate(
     Raises:
         ClosureError: a closed loop cannot be assembled at some pose.
     """
+    expect_kinds({"model": ErrorModel}, model=model)
     noise = noise or TrackerNoise()
     named = {"tool": np.zeros(3)} if targets is None else dict(targets)
     if pose:

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.arguments import expect_kinds
 from taskcal.errors import TaskcalError, UnknownName
 from taskcal.geometry import walk
 from taskcal.geometry.chain import Chain, Step
@@ -59,6 +60,7 @@ class ErrorModel:
     """Names of their parameters."""
 
     def __init__(self, robot: Robot, *, lengths_only: bool = False, effects: Sequence[Effect] = ()):
+        expect_kinds({"robot": Robot}, robot=robot)
         self.robot = robot
         self.lengths_only = lengths_only
         self.effects = tuple(effects)
@@ -274,9 +276,11 @@ class ErrorModel:
             conditions: how the poses are reached, for effects that depend on it; as in the middle by default.
 
         Raises:
+            ReachError: joint positions that can only be degrees.
             ClosureError: a closed loop cannot be assembled at some pose.
         """
         q = np.asarray(q, dtype=float)
+        self.robot.check_radians(q)
         out = np.empty((len(q), 4, 4))
 
         def fill(rows: slice) -> None:
@@ -301,6 +305,7 @@ class ErrorModel:
             ClosureError: a closed loop cannot be assembled at some pose.
         """
         q, layout = np.asarray(q, dtype=float), self.layout()
+        self.robot.check_radians(q)
         out = walk.allocate(layout, len(q), angular=angular)
 
         def fill(rows: slice) -> None:

@@ -17,6 +17,9 @@ from taskcal.robot.joint_side import FourBarDrive, JointMap
 from taskcal.robot.model_error import ModelError
 from taskcal.robot.statics import Statics
 
+TWO_TURNS = 4.0 * np.pi
+"""Radians."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Part:
@@ -199,6 +202,23 @@ class Robot:
                 shown = f"{name} = {value[row] * scale:.3f}{unit}"
                 out.append((int(row), f"{shown} is outside {low * scale:g} to {high * scale:g}{unit}"))
         return sorted(out)
+
+    def check_radians(self, q: Float[np.ndarray, "n joints"]) -> None:
+        """Refuse joint positions that can only be degrees: more than two turns, and beyond the joint's limits.
+
+        Raises:
+            ReachError: one is; the message names it.
+        """
+        if not np.size(q) or np.abs(q).max() <= TWO_TURNS or q.ndim != 2 or q.shape[1] != len(self.joints):
+            return
+        low, high = self.limits.T
+        wrong = (np.abs(q) > TWO_TURNS) & ((q < low) | (q > high)) & ~np.array(self.prismatic)
+        if wrong.any():
+            row, joint = np.argwhere(wrong)[0]
+            raise ReachError(
+                f"{self.name}: pose {row}: {self.joints[joint].name} = {q[row, joint]:g} rad is more than two turns and beyond its "
+                "limits; these look like degrees: give radians, np.radians(q)"
+            )
 
     def check_limits(self, q: Float[np.ndarray, "n joints"]) -> None:
         """Raise a `ReachError` that names the first pose outside the limits and how many there are."""

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from pydantic import Field, model_validator
 
+from taskcal.arguments import expect_kinds
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture, follow, solve_near
@@ -71,6 +72,7 @@ def reach_task(model: ErrorModel, task: Task, count: int = 200, seed: int = 0) -
     Raises:
         ReachError: the robot reaches the task nowhere, or leaves the branch along a path.
     """
+    expect_kinds({"model": ErrorModel, "task": Task}, model=model, task=task)
     if task.workspace is not None:
         T, weights = task.workspace.sample(count, seed), np.ones(count)
         q, reached = _spread(model, task.workspace, T)
