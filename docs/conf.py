@@ -9,7 +9,14 @@ project = "Taskcal"
 author = "Taskcal contributors"
 copyright = "Taskcal contributors"
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "command_table", "effect_table"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "command_table",
+    "effect_table",
+    "layer_picture",
+]
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build"]
