@@ -11,7 +11,7 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help demo test test-long lint format types layers docs bench bench-smoke clean
+.PHONY: help demo test test-quick test-long lint format types layers docs bench bench-smoke clean
 
 help:  ## list these targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
@@ -21,6 +21,9 @@ demo: $(VENV)/.runtime  ## run the demonstration (runtime dependencies only)
 
 test: $(VENV)/.test  ## run the tests
 	$(BIN)/python -m pytest --numprocesses auto
+
+test-quick: $(VENV)/.test  ## run most tests on few examples, for a look while working
+	$(BIN)/python -m pytest --numprocesses auto --hypothesis-profile quick -m 'not (slow or long or realdata)'
 
 test-long: $(VENV)/.test  ## run the experiments that take minutes each
 	$(BIN)/python -m pytest --numprocesses auto -m long

@@ -59,6 +59,7 @@ def part(tmp_path, robot):
     return path
 
 
+@pytest.mark.slow
 def test_a_program_is_corrected_and_nothing_but_its_targets_changes(run: Run, cell: Path, part: Path, tmp_path: Path):
     ended = run(
         "correct", "--accept-uncertain", "--calibration", cell / "cal.json", part, "-o", tmp_path / "out.mod", "--json"
@@ -118,6 +119,7 @@ def test_a_dry_run_writes_nothing_and_prints_the_tables(run: Run, cell: Path, pa
     assert "Where the program goes" in page
 
 
+@pytest.mark.slow
 def test_an_identity_calibration_changes_no_byte_of_a_milling_program(run: Run, tmp_path: Path, cell: Path, robot):
     model = ErrorModel(robot)
     task = load_task(cell / "task.toml")

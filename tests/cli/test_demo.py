@@ -14,6 +14,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "new" / "folder"
 
 
+@pytest.mark.slow
 def test_it_leaves_a_page_and_data_that_read_back(run: Run, folder: Path) -> None:
     ended = run("demo", "--json", "--count", "30", "--seed", "4", "--output", str(folder))
     assert ended.status == 0
@@ -35,6 +36,7 @@ def test_it_leaves_a_page_and_data_that_read_back(run: Run, folder: Path) -> Non
         assert residual == pytest.approx(said["residual"]["max_mm"], abs=1e-5)
 
 
+@pytest.mark.slow
 def test_one_orientation_is_good_inside_and_poor_outside(run: Run, folder: Path) -> None:
     found = json.loads(run("demo", "--json", "-o", str(folder)).out)
     whole = {f["campaign"]: f for f in found["fits"] if f["model"].startswith("all")}
@@ -43,6 +45,7 @@ def test_one_orientation_is_good_inside_and_poor_outside(run: Run, folder: Path)
     assert several["outside"]["mean_mm"] < 0.04
 
 
+@pytest.mark.slow
 def test_tables_and_the_way_on_are_printed(run: Run, folder: Path) -> None:
     ended = run("demo", "--count", "20", "-o", str(folder))
     assert ended.status == 0
@@ -59,6 +62,7 @@ def test_tables_and_the_way_on_are_printed(run: Run, folder: Path) -> None:
     assert "taskcal identify --robot" in ended.out
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_files(run: Run, tmp_path: Path) -> None:
     for name in ("a", "b"):
         run("demo", "--count", "20", "-o", str(tmp_path / name))
@@ -80,6 +84,7 @@ def test_too_few_poses_are_wrong_usage(run: Run, folder: Path) -> None:
     assert not folder.exists()
 
 
+@pytest.mark.slow
 def test_the_closed_loop_leaves_a_corrected_program_that_can_be_made_again(run: Run, folder: Path) -> None:
     ended = run("demo", "--full", "--robots", "1", "--count", "10", "--json", "-o", str(folder))
     assert ended.status == 0

@@ -36,6 +36,7 @@ def test_the_readme_s_example_prints_what_it_says(tmp_path):
     assert float(printed.split()[-1]) == pytest.approx(float(frames_only), abs=0.05)
 
 
+@pytest.mark.slow
 def test_the_tutorial_s_road_leads_where_it_says(tmp_path):
     page = "docs/tutorial/index.md"
     tolerances, task = blocks(page, "toml")

@@ -90,6 +90,7 @@ def test_the_standard_error_of_the_mean_counts_rows_not_targets():
     assert mean_over_rows(lost)[0] == pytest.approx(np.nanmean(lost))
 
 
+@pytest.mark.slow
 def test_a_selection_is_not_told_the_errors_of_poses_that_were_measured_again():
     """Each posture has an error of its own: who has fitted it once predicts it better the second time."""
     rng = np.random.default_rng(0)

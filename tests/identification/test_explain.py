@@ -30,6 +30,7 @@ def robot():
     return load_robot("abb-irb120")
 
 
+@pytest.mark.slow
 def test_geometry_alone_brings_no_effect_in(robot):
     model, picked = ErrorModel(robot), 0
     for seed in range(20):
@@ -39,6 +40,7 @@ def test_geometry_alone_brings_no_effect_in(robot):
     assert picked <= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("true", [Harmonics(orders=(1,)), EncoderGain(), Compliance()], ids=lambda e: type(e).__name__)
 def test_an_effect_that_the_data_prove_is_found_or_one_that_predicts_the_same(robot, true):
     """In some draws geometry takes the effect up; what is then missed is no likelier than the proof that is asked for."""
@@ -64,7 +66,7 @@ def test_an_effect_that_the_data_prove_is_found_or_one_that_predicts_the_same(ro
     assert error < 0.7 * without
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("true", "fewest", "most"), [((), 0, 1), ((Harmonics(orders=(1,)),), 18, 20)], ids=["none", "one"]
 )

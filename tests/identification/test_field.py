@@ -56,6 +56,7 @@ def test_correction_and_variance_are_those_of_the_process():
     np.testing.assert_allclose(found.variance(unseen), deviation**2 * found.deviation**2, rtol=1e-8)
 
 
+@pytest.mark.slow
 @given(
     seed=st.integers(0, 10**6),
     lengths=st.lists(st.floats(0.1, 10.0), min_size=1, max_size=4).map(np.array),
@@ -75,6 +76,7 @@ def test_beyond_its_limit_the_correction_is_that_of_all_rows_and_the_variance_ne
         assert np.all(made.variance(at) <= (1 + noise**2) * DEVIATION**2 * (1 + 1e-9))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("lengths", "noise"),
     [
@@ -97,6 +99,7 @@ def test_four_thousand_rows_tell_nearly_as_much_as_the_process_knows(lengths, no
     assert ratio.max() < 1.1
 
 
+@pytest.mark.slow
 def test_the_variance_has_no_steps(monkeypatch):
     """Along a way on which the nearest rows change all the time, steps shrink with the way between the poses."""
     for name, value in {"WHOLE": 100, "SMOOTH": 1, "NEAREST": 20}.items():
@@ -130,6 +133,7 @@ def test_far_from_all_rows_nothing_is_known():
     np.testing.assert_allclose(made.variance(far), (made.deviation**2 + made.noise**2) * np.ones((2, 1)), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_field_of_many_rows_is_the_same_when_read_again():
     rng = np.random.default_rng(0)
     q, values = draw(rng, np.array([0.5, 0.8]), 0.3, field.WHOLE + 200)

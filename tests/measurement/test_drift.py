@@ -51,6 +51,7 @@ def apart(campaign, still):
     return ours - ours.mean(axis=0) - R.apply(theirs - theirs.mean(axis=0))
 
 
+@pytest.mark.slow
 def test_a_wandering_base_is_followed_nearly_to_where_it_would_stand_still():
     model, moved, still = measured(0)
     found = follow_nests(moved)

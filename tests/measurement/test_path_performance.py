@@ -71,6 +71,7 @@ def test_errors_of_a_line_are_those_across_it_in_any_frame(seed):
     assert found.maximum == pytest.approx(np.hypot(y, z).max())
 
 
+@pytest.mark.slow
 def test_repeatability_of_normal_noise_is_that_of_the_rayleigh_distribution():
     """Only what lies in the normal plane counts: two coordinates, not three."""
     rng = np.random.default_rng(0)

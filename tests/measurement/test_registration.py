@@ -31,6 +31,7 @@ def arm(rng):
     return ErrorModel(robot_from(industrial(rng)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_truth_is_recovered_exactly_without_noise_wherever_the_tracker_stands(kind):
     @settings(max_examples=25)
@@ -47,6 +48,7 @@ def test_the_truth_is_recovered_exactly_without_noise_wherever_the_tracker_stand
     law()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_small_defects_move_the_registration_by_no_more_than_they_move_the_tool(kind):
     @settings(max_examples=15)
@@ -178,6 +180,7 @@ WRONG = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", WRONG)
 def test_joints_and_points_that_are_not_the_robots_are_refused_with_likely_causes(case):
     rng = np.random.default_rng(0)
@@ -207,6 +210,7 @@ def test_several_targets_in_one_orientation_are_placed_against_each_other():
     assert found.rms < 1e-4
 
 
+@pytest.mark.slow
 @given(generators)
 def test_a_few_wrong_rows_are_named_instead_of_the_robot(rng):
     model = arm(rng)

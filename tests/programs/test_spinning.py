@@ -34,6 +34,7 @@ def circle(n: int) -> str:
     return "".join(f"GOTO/{','.join(f'{v:.6f}' for v in (*row, np.sqrt(0.91)))}\n" for row in rows)
 
 
+@pytest.mark.slow
 def test_every_run_of_motions_can_be_followed_by_the_robots_joints():
     given = program(circle(40) + "CIRCLE/0,0,0,0,0,1,5\nGOTO/0,0,100\n" + circle(5))
     spun = with_spins(given, ROBOT)
@@ -51,6 +52,7 @@ def test_every_run_of_motions_can_be_followed_by_the_robots_joints():
     np.testing.assert_allclose([move.end.T for move in again.moves], new, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_spins_are_those_of_the_other_program_where_points_were_added():
     spun = with_spins(program(circle(41)), ROBOT)
     again = spun_alike(program(circle(81)), spun)
@@ -61,6 +63,7 @@ def test_spins_are_those_of_the_other_program_where_points_were_added():
         spun_alike(program(circle(41) + "GOHOME\n" + circle(41)), spun)
 
 
+@pytest.mark.slow
 def test_arcs_get_spins_too_and_a_path_out_of_reach_is_named_by_its_line():
     text = "GOTO/50,0,0\nINDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,50),ON,(LINE/0,0,0,0,50,0)\n"
     arc = with_spins(program(text), ROBOT).moves[1]
