@@ -16,7 +16,7 @@ from taskcal.demo.model_trial import try_models
 from taskcal.demo.reference import ROBOT, reference_task
 from taskcal.estimation.blas import single_threaded
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.explain import explain
+from taskcal.identification.effect_selection import explain
 from taskcal.identification.identify import identify
 from taskcal.measurement.campaign import Campaign
 from taskcal.robot.catalogue import load_robot

@@ -19,7 +19,7 @@ from taskcal.estimation.loss import Huber as Huber
 from taskcal.estimation.prior import GaussianPrior as GaussianPrior
 from taskcal.identification.calibration import Calibration as Calibration
 from taskcal.identification.calibration_file import load_calibration as load_calibration
-from taskcal.identification.explain import explain as explain
+from taskcal.identification.effect_selection import explain as explain
 from taskcal.identification.identify import identify as identify
 from taskcal.identification.validation import Validation as Validation
 from taskcal.identification.validation import validate as validate

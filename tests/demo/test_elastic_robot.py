@@ -8,7 +8,7 @@ import pytest
 from taskcal.demo.elastic_robot import GEARS, STIFFNESS, WEIGHTS, elastic_model
 from taskcal.demo.model_trial import try_models
 from taskcal.demo.reference import reference_task
-from taskcal.identification.explain import explain
+from taskcal.identification.effect_selection import explain
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import SOFT, EncoderGain

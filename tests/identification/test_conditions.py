@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taskcal.identification.calibration_file import load_calibration
-from taskcal.identification.explain import explain
+from taskcal.identification.effect_selection import explain
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
 from taskcal.measurement.virtual_cell import draw_defects, simulate

@@ -1,4 +1,3 @@
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,6 @@ from taskcal.errors import CampaignError, FitError, UnknownName
 from taskcal.estimation.loss import Cauchy, Huber, Squared
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.geometry.covariance_propagation import propagate
-from taskcal.identification import identify as identification
 from taskcal.identification.belief import BASE_PRIOR, TARGET_PRIOR, frame_precision
 from taskcal.identification.calibration_file import load_calibration
 from taskcal.identification.identify import identify
@@ -451,23 +449,6 @@ def test_a_robot_far_from_its_tolerances_is_remarked():
     campaign, _ = measure(rng, model, industrial_positions(rng, 60), x, sigma=1e-5)
     found = identify(model, campaign)
     assert any("times as much as its tolerances say" in remark for remark in found.remarks)
-
-
-@pytest.mark.parametrize(
-    ("option", "message"),
-    [
-        ({"prior": "none"}, "prior is 'none'; give 'tolerances', None, or a GaussianPrior"),
-        ({"frames": "fix"}, "frames is 'fix'; give 'fit' or 'fixed'"),
-        ({"model_error": -1e-4}, "model_error is -0.0001"),
-        ({"prior_scale": 0.0}, "prior_scale is 0.0"),
-    ],
-)
-def test_an_option_that_means_nothing_is_refused(option, message):
-    """Called directly: the type checks of the tests would refuse some of these first, a user's program has none."""
-    sound = {"prior": "tolerances", "frames": "fit", "model_error": "estimate", "prior_scale": "estimate"}
-    identification.check_options(**sound)
-    with pytest.raises(ValueError, match=re.escape(message)):
-        identification.check_options(**{**sound, **option})
 
 
 def test_a_step_to_lengths_at_which_the_loop_does_not_close_is_shortened():

@@ -6,7 +6,7 @@ import pytest
 from taskcal.errors import CampaignError
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.calibration_file import load_calibration
-from taskcal.identification.explain import explain
+from taskcal.identification.effect_selection import explain
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign

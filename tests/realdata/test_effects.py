@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.explain import with_field
+from taskcal.identification.effect_selection import with_field
 from taskcal.identification.identify import identify
 from taskcal.identification.remainder import examine_remainder
 from taskcal.identification.validation import validate

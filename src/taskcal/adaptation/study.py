@@ -11,7 +11,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -27,6 +27,7 @@ from taskcal.analysis.elimination_table import published_kept
 from taskcal.arguments import expect_kinds
 from taskcal.errors import FileError, TaskcalError, UnknownName
 from taskcal.files import write_whole
+from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.identify import identify
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.measurement.virtual_cell import draw_defects, simulate
@@ -108,7 +109,7 @@ class _Setting:
     """Fixed plans, by kind and count."""
     pool: Float[np.ndarray, "pool joints"]
     cases: tuple[tuple[str, int], ...]
-    models: Mapping[str, Mapping[str, Any]]
+    models: Mapping[str, FitOptions]
     noise: TrackerNoise
     seed: int
     model_error: ModelError
@@ -205,25 +206,24 @@ def _prepare(
         plans=fixed,
         pool=reach_task(model, measuring_task(model, task), POOL, seed + 1).q,
         cases=tuple((kind, count) for count in counts for kind in plans),
-        models={name: _options(model, task, name, model_error) for name in models},
+        models={name: replace(_options(model, task, name, model_error), noise=noise) for name in models},
         noise=noise,
         seed=seed,
         model_error=model_error,
     )
 
 
-def _options(model: ErrorModel, task: Task, name: str, model_error: ModelError) -> dict[str, Any]:
+def _options(model: ErrorModel, task: Task, name: str, model_error: ModelError) -> FitOptions:
     """Options of the identification that a model's name stands for."""
     if name not in MODELS:
         raise UnknownName("model", name, MODELS)
     if name == "selected":
-        return {"keep": select(model, task, model_error=model_error.position).kept}
+        return FitOptions(keep=select(model, task, model_error=model_error.position).kept)
     if name.startswith("published"):
         if not model.robot.published.source:
             raise TaskcalError(f"nothing is published of {model.robot.name}; leave out the model '{name}'")
-        damped: dict[str, Any] = {"prior": None} if name.endswith("damped") else {}
-        return {"keep": published_kept(model), **damped}
-    return {}
+        return FitOptions(keep=published_kept(model), prior=None if name.endswith("damped") else "tolerances")
+    return FitOptions()
 
 
 def _one_robot(setting: _Setting, index: int) -> tuple[int, list[dict[str, Any]]]:
@@ -240,7 +240,7 @@ def _one_robot(setting: _Setting, index: int) -> tuple[int, list[dict[str, Any]]
             q = setting.pool[rng.permutation(len(setting.pool))[:count]]
         campaign, truth = simulate(setting.model, q, rng=rng, x=x, noise=setting.noise, model_error=sigma)
         for name, options in setting.models.items():
-            found = identify(setting.model, campaign, noise=setting.noise, **options)
+            found = identify(setting.model, campaign, options=options)
             off = (found.predict(setting.task_q) - truth.points(setting.task_q))[:, 0] * 1e3
             error, single = np.linalg.norm(off, axis=1), np.linalg.norm(off - unexplained * 1e3, axis=1)
             out.append(
@@ -261,7 +261,7 @@ def _fingerprint(setting: _Setting) -> str:
     out = hashlib.sha256((setting.model.robot.digest + " ".join(setting.model.names)).encode())
     for array in (setting.task_q, setting.weights, setting.pool, *setting.plans.values()):
         out.update(np.round(array, 9).tobytes())
-    models = {name: {k: list(v) if v else v for k, v in options.items()} for name, options in setting.models.items()}
+    models = {name: (options.keep, options.prior is None) for name, options in setting.models.items()}
     out.update(
         json.dumps(
             [setting.cases, models, setting.seed, vars(setting.noise), setting.model_error.position], sort_keys=True

@@ -15,6 +15,7 @@ from taskcal.cli.options import (
     RowsOption,
     SeedOption,
     TargetsOption,
+    check_within,
     split_names,
 )
 from taskcal.cli.output import announce_compilation, note, working, write_json
@@ -136,13 +137,12 @@ def command(
         raise typer.BadParameter(f"{holdout:g} is no share between 0 and 1, such as 0.3", param_hint="--holdout")
     if prior is PriorChoice.none and prior_scale is not None:
         raise typer.BadParameter("without a prior there is nothing to scale", param_hint="--prior-scale / --prior")
-    for option, value in (
-        ("--model-error", model_error),
-        ("--prior-scale", prior_scale),
-        ("--mpe-to-sigma", mpe_to_sigma),
+    for option, value, least, most in (
+        ("--model-error", model_error, 1e-6, 1e3),
+        ("--prior-scale", prior_scale, 1e-6, 1e6),
+        ("--mpe-to-sigma", mpe_to_sigma, 1e-3, 1e3),
     ):
-        if value is not None and not 0 < value < float("inf"):
-            raise typer.BadParameter(f"{value:g} is not above zero", param_hint=option)
+        check_within(value, least, most, option)
     wanted, fixed, names = split_names(targets, "--targets"), split_names(nests, "--nests"), split_names(keep, "--keep")
     if effects == "auto" and prior is PriorChoice.none:
         raise typer.BadParameter(
@@ -162,6 +162,7 @@ def command(
     outputs = check_outputs("identify", [("--output", output)], read, force=force)
     from taskcal.cli.calibration_report import report, show
     from taskcal.estimation.loss import Cauchy, Huber, Squared
+    from taskcal.identification.fit_options import FitOptions
     from taskcal.identification.identify import identify
     from taskcal.measurement.reader import read_campaign
     from taskcal.measurement.tracker import TrackerNoise
@@ -176,27 +177,28 @@ def command(
     measured, moved = settle(measured, drift, noise)
     chosen, others = _divide(measured, rows, holdout, seed, campaign)
     announce_compilation()
-    options: dict[str, Any] = {
-        "keep": _kept(model, names),
-        "prior": None if prior is PriorChoice.none else "tolerances",
-        "loss": {LossChoice.squared: Squared, LossChoice.huber: Huber, LossChoice.cauchy: Cauchy}[loss](),
-        "noise": noise,
-        "registration": registration_of(registration, model, measured.take(chosen)),
-        "frames": frames.value,
-        "model_error": "estimate" if model_error is None else model_error * 1e-3,
-        "prior_scale": "estimate" if prior_scale is None else prior_scale,
-    }
+    options = FitOptions(
+        keep=_kept(model, names),
+        prior=None if prior is PriorChoice.none else "tolerances",
+        loss={LossChoice.squared: Squared, LossChoice.huber: Huber, LossChoice.cauchy: Cauchy}[loss](),
+        noise=noise,
+        registration=registration_of(registration, model, measured.take(chosen)),
+        frames="fixed" if frames is FramesChoice.fixed else "fit",
+        model_error="estimate" if model_error is None else model_error * 1e-3,
+        prior_scale="estimate" if prior_scale is None else prior_scale,
+    )
     explanation = None
     if field or effects != "none":
         from taskcal.cli.effects import refer_to
-        from taskcal.identification.explain import explain
+        from taskcal.identification.effect_selection import EffectSearch, select_effects
 
         asked = refer_to(measured, asked)
         with working("geometry") as say:
-            explanation = explain(
-                model, measured.take(chosen), effects=asked, field=field, seed=seed, progress=say, **options
-            )
-    calibration = identify(model, measured.take(chosen), **options) if explanation is None else explanation.calibration
+            search = EffectSearch(effects=asked, field=field, seed=seed)
+            explanation = select_effects(model, measured.take(chosen), search, options=options, progress=say)
+        calibration = explanation.calibration
+    else:
+        calibration = identify(model, measured.take(chosen), options=options)
     for remark in calibration.remarks:
         note(remark)
     outputs.write({output: calibration.to_text()})
@@ -237,16 +239,16 @@ def _divide(
     return list(everything), []
 
 
-def _kept(model: "ErrorModel", names: list[str] | None) -> list[str] | None:
+def _kept(model: "ErrorModel", names: list[str] | None) -> tuple[str, ...] | None:
     """Parameters to fit; ``published`` stands for a publication's choice, ``none`` for the frames alone.
 
     Raises:
         TaskcalError: nothing is published of the robot.
     """
     if names == ["none"]:
-        return []
+        return ()
     if names != ["published"]:
-        return names
+        return None if names is None else tuple(names)
     from taskcal.analysis.elimination_table import published_kept
     from taskcal.errors import TaskcalError
 
@@ -254,4 +256,4 @@ def _kept(model: "ErrorModel", names: list[str] | None) -> list[str] | None:
         raise TaskcalError(
             f"--keep published: the robot file of {model.robot.name} names no publication; name the parameters"
         )
-    return list(published_kept(model))
+    return published_kept(model)

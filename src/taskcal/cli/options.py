@@ -104,3 +104,13 @@ def split_names(text: str | None, option: str) -> list[str] | None:
     if twice:
         raise typer.BadParameter(f"'{twice[0]}' stands twice", param_hint=option)
     return names
+
+
+def check_within(value: float | None, least: float, most: float, option: str) -> None:
+    """See that a number that was given is within its bounds.
+
+    Raises:
+        typer.BadParameter: it is not; a number that is not finite is not either.
+    """
+    if value is not None and not least <= value <= most:
+        raise typer.BadParameter(f"{value:g} is not between {least:g} and {most:g}", param_hint=option)

@@ -7,8 +7,7 @@ measurements allow: errors on poses that were not measured, inside the workspace
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -21,6 +20,7 @@ from taskcal.demo.reference import reference_task
 from taskcal.demo.tool_point_errors import Errors, errors_in_base
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.identify import identify
 from taskcal.measurement.axis_circles import AxisCircle, find_circles, register_from_circles
 from taskcal.measurement.campaign import Campaign
@@ -117,7 +117,7 @@ def run_procedure(
     for label, (campaign, _) in simulated.items():
         for name, (fitted, options) in _models(model, elimination, label, registration).items():
             progress(f"identification in {label}: {name}")
-            calibration = identify(fitted, campaign, **options)
+            calibration = identify(fitted, campaign, options=options)
             inside, outside = (
                 _predict(label, name, where, calibration, truth, q)
                 for where, q in ((INSIDE, new[label]), (OUTSIDE, far))
@@ -153,20 +153,21 @@ def run_procedure(
 
 def _models(
     model: ErrorModel, elimination: EliminationTable, label: str, circles: Registration
-) -> dict[str, tuple[ErrorModel, dict[str, Any]]]:
+) -> dict[str, tuple[ErrorModel, FitOptions]]:
     """The models to compare: names for a reader, what is identified, and the options of its identification."""
     published = published_kept(model)
     independent = elimination.eliminations[label].kept
     lengths = ErrorModel(model.robot, lengths_only=True)
-    held = {"registration": circles, "frames": "fixed"}
+    damped = FitOptions(keep=published, prior=None)
+    held = replace(damped, registration=circles, frames="fixed")
     return {
-        "nominal, frames only": (model, {"keep": ()}),
-        f"lengths {len(lengths)}, prior": (lengths, {}),
-        f"{CIRCLES}, published {len(published)}, damped": (model, {"keep": published, "prior": None, **held}),
-        f"published {len(published)}, damped, no prior": (model, {"keep": published, "prior": None}),
-        f"published {len(published)}, prior": (model, {"keep": published}),
-        f"identifiable {len(independent)}, prior": (model, {"keep": independent}),
-        f"all {len(model)}, prior": (model, {}),
+        "nominal, frames only": (model, FitOptions(keep=())),
+        f"lengths {len(lengths)}, prior": (lengths, FitOptions()),
+        f"{CIRCLES}, published {len(published)}, damped": (model, held),
+        f"published {len(published)}, damped, no prior": (model, damped),
+        f"published {len(published)}, prior": (model, FitOptions(keep=published)),
+        f"identifiable {len(independent)}, prior": (model, FitOptions(keep=independent)),
+        f"all {len(model)}, prior": (model, FitOptions()),
     }
 
 

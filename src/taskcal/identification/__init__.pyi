@@ -1,8 +1,11 @@
 # The public names of this folder, each once: __init__.py reads this list and loads them as they are used.
 
-from taskcal.identification.explain import Explanation as Explanation
-from taskcal.identification.explain import Stage as Stage
+from taskcal.identification.effect_selection import EffectSearch as EffectSearch
+from taskcal.identification.effect_selection import Explanation as Explanation
+from taskcal.identification.effect_selection import Stage as Stage
+from taskcal.identification.effect_selection import select_effects as select_effects
 from taskcal.identification.field import ResidualField as ResidualField
+from taskcal.identification.fit_options import FitOptions as FitOptions
 from taskcal.identification.outlier import Outlier as Outlier
 from taskcal.identification.remainder import Remainder as Remainder
 from taskcal.identification.remainder import examine_remainder as examine_remainder

@@ -14,6 +14,7 @@ from taskcal.estimation.prior import GaussianPrior
 from taskcal.estimation.scaled import pseudo_invert_scaled, solve_scaled
 from taskcal.geometry.covariance_propagation import propagate
 from taskcal.identification.belief import Belief
+from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.problem import Problem, whitener
 
 MAX_ROUNDS = 60
@@ -47,14 +48,11 @@ class Fitted:
     rounds: int
 
 
-def fit_with_hyperparameters(
-    problem: Problem,
-    belief: Belief,
-    loss: Loss,
-    model_error: float | tuple[float, float] | str,
-    prior_scale: float | str,
-) -> Fitted:
+def fit_with_hyperparameters(problem: Problem, belief: Belief, options: FitOptions) -> Fitted:
     """Alternate between the estimate and its hyperparameters until both stand still."""
+    loss, model_error = options.loss, options.model_error
+    # without a prior there is nothing to scale
+    prior_scale = options.prior_scale if belief.prior is not None else 1.0
     groups = problem.noise.shape[-1] // 3
     tracker = np.array([np.median(problem.noise[..., 3 * g, 3 * g][problem.seen.valid]) for g in range(groups)])
     start = problem.frames.start()

@@ -1,48 +1,30 @@
 """The fit: a campaign and a model in, a Calibration out."""
 
-import json
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, replace
-from typing import Any, Literal
+from dataclasses import replace
+from typing import Unpack
 
 import numpy as np
+from jaxtyping import Float
 
 from taskcal.arguments import expect_kinds
 from taskcal.estimation.blas import single_threaded
-from taskcal.estimation.loss import Loss, Squared
-from taskcal.estimation.prior import GaussianPrior
 from taskcal.identification.belief import belief_of
 from taskcal.identification.calibration import Calibration, Provenance
 from taskcal.identification.considered import Outcome, consider, fitted_alone, fitted_whole
+from taskcal.identification.fit_options import FitChoices, FitOptions
 from taskcal.identification.hyperparameters import MAX_ROUNDS, Fitted, fit_with_hyperparameters
 from taskcal.identification.outlier import studentise
 from taskcal.identification.problem import FrameLayout, Problem, observe
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration, check_plausible, check_rows, nominal_poses, register
-from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.error_model import ErrorModel
-
-Estimate = Literal["estimate"]
 
 WIDE = 5.0
 """A prior scale above this calls for a look at the robot file."""
 
 
 @single_threaded
-def identify(
-    model: ErrorModel,
-    campaign: Campaign,
-    *,
-    keep: Iterable[str] | None = None,
-    prior: GaussianPrior | Literal["tolerances"] | None = "tolerances",
-    loss: Loss | None = None,
-    noise: TrackerNoise | None = None,
-    registration: Registration | None = None,
-    frames: Literal["fit", "fixed"] = "fit",
-    model_error: float | tuple[float, float] | Estimate = "estimate",
-    prior_scale: float | Estimate = "estimate",
-    outlier_level: float = 0.01,
-) -> Calibration:
+def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices]) -> Calibration:
     """Identify the model's parameters from a campaign, the tracker frame and the targets with them.
 
     The estimate minimises the whitened residuals with a Gaussian prior on every parameter, so that parameters that
@@ -53,19 +35,30 @@ def identify(
     Args:
         model: the model.
         campaign: the measurements.
-        keep: names of the parameters to estimate; all by default. The others stay nil in the estimate. With the tolerances as
-            prior, theirs stay in its covariance: the true robot varies in them all the same (`considered`). A prior that is
-            given is taken for all that is believed.
-        prior: ``tolerances`` for the robot's own; a prior over the kept parameters; or None, when only Levenberg's
+        **options: those of `FitOptions`, each by its name, and all at once as ``options``; names replace what is in those.
+
+            ``keep``: names of the parameters to estimate; all by default. The others stay nil in the estimate. With the
+            tolerances as prior, theirs stay in its covariance: the true robot varies in them all the same (`considered`). A
+            prior that is given is taken for all that is believed.
+
+            ``prior``: ``"tolerances"`` for the robot's own; a prior over the kept parameters; or None, when only Levenberg's
             damping holds undetermined directions, and the fit ends as soon as the objective falls by less than 10⁻⁶ of
             itself or the Newton decrement is below 10⁻².
-        loss: `Squared` (default), `Huber` or `Cauchy`.
-        noise: the tracker's, where the campaign does not state uncertainties.
-        registration: tracker frame and targets to start from, or to hold; found from the data by default.
-        frames: ``fit`` refines tracker frame and targets with the parameters, ``fixed`` holds them as registered.
-        model_error: standard deviation of what the model cannot explain, metres (and radians, for poses); or estimated.
-        prior_scale: common factor of the prior's standard deviations; or estimated.
-        outlier_level: chance of naming any outlier where there is none.
+
+            ``loss``: `Squared` (default), `Huber` or `Cauchy`.
+
+            ``noise``: the tracker's, where the campaign does not state uncertainties.
+
+            ``registration``: tracker frame and targets to start from, or to hold; found from the data by default.
+
+            ``frames``: ``"fit"`` refines tracker frame and targets with the parameters, ``"fixed"`` holds them as registered.
+
+            ``model_error``: standard deviation of what the model cannot explain, metres (and radians, for poses); or
+            ``"estimate"``.
+
+            ``prior_scale``: common factor of the prior's standard deviations; or ``"estimate"``.
+
+            ``outlier_level``: chance of naming any outlier where there is none.
 
     Returns:
         the calibration: estimate, covariance, residuals, and predictions with their uncertainty.
@@ -75,18 +68,16 @@ def identify(
             not belong together, or a model that depends on temperature or time and a row without.
         UnknownName: a name in `keep` that the model does not have.
         FitError: the fit did not converge.
+        ValueError: an option that would silently mean something else.
     """
     expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
-    loss = loss or Squared()
-    check_options(prior, frames, model_error, prior_scale)
-    kept = np.arange(len(model)) if keep is None else model.indices(keep)
+    chosen = FitOptions.of(**options)
+    kept = np.arange(len(model)) if chosen.keep is None else model.indices(chosen.keep)
     check_rows(campaign)
     for effect in model.effects:
         campaign.check_told(effect.needs, effect.key)
     poses = nominal_poses(model, campaign)
-    if registration is None:
-        registration = register(model, campaign, poses)
-        check_plausible(registration, model, campaign)
+    registration = chosen.registration or _registered(model, campaign, poses)
     whole = Problem(
         frames=FrameLayout(
             model=model,
@@ -94,60 +85,44 @@ def identify(
             registration=registration,
             targets=campaign.targets,
             pose=campaign.rotations is not None,
-            fixed_frames=frames == "fixed",
+            fixed_frames=chosen.frames == "fixed",
         ),
         q=np.ascontiguousarray(campaign.q),
         seen=observe(campaign),
-        noise=campaign.covariances(noise),
+        noise=campaign.covariances(chosen.noise),
         conditions=campaign.conditions,
     )
     problem = replace(whole, frames=replace(whole.frames, kept=kept))
-    belief = belief_of(problem.frames, prior)
-    scale = 1.0 if prior is None else prior_scale
-    found = fit_with_hyperparameters(problem, belief, loss, model_error, scale)
+    belief = belief_of(problem.frames, chosen.prior)
+    found = fit_with_hyperparameters(problem, belief, chosen)
     if len(kept) == len(model):
         outcome = fitted_whole(found, problem)
-    elif prior != "tolerances":
+    elif chosen.prior != "tolerances":
         outcome = fitted_alone(found, problem, whole.frames)
     else:
-        believed = belief_of(whole.frames, prior)
-        hyper = fit_with_hyperparameters(whole, believed, loss, model_error, scale).hyper
+        believed = belief_of(whole.frames, chosen.prior)
+        hyper = fit_with_hyperparameters(whole, believed, chosen).hyper
         outcome = consider(found, problem, belief, whole, believed, hyper)
-    options = {
-        "keep": "all" if len(kept) == len(model) else [model.names[i] for i in kept],
-        "prior": "given" if isinstance(prior, GaussianPrior) else prior,
-        "loss": {"kind": "squared"}
-        if isinstance(loss, Squared)
-        else {"kind": type(loss).__name__.lower(), **asdict(loss)},
-        "noise": "stated" if campaign.uncertainty is not None else asdict(noise or TrackerNoise()),
-        "frames": frames,
-        "model_error": model_error,
-        "prior_scale": prior_scale,
-        "outlier_level": outlier_level,
-    }
-    # as the file will hold them: lists for tuples
-    return _conclude(found, outcome, campaign, json.loads(json.dumps(options)))
+    return _conclude(found, outcome, campaign, chosen)
 
 
-def check_options(prior: object, frames: object, model_error: object, prior_scale: object) -> None:
-    """Refuse what would otherwise silently mean something else."""
-    if not (prior is None or prior == "tolerances" or isinstance(prior, GaussianPrior)):
-        raise ValueError(f"prior is {prior!r}; give 'tolerances', None, or a GaussianPrior")
-    if frames not in ("fit", "fixed"):
-        raise ValueError(f"frames is {frames!r}; give 'fit' or 'fixed'")
-    errors = model_error if isinstance(model_error, tuple) else (model_error,)
-    if model_error != "estimate" and not all(isinstance(e, int | float) and e >= 0.0 for e in errors):
-        raise ValueError(f"model_error is {model_error!r}; give 'estimate', or metres, zero or more")
-    if prior_scale != "estimate" and not (isinstance(prior_scale, int | float) and prior_scale > 0.0):
-        raise ValueError(f"prior_scale is {prior_scale!r}; give 'estimate', or a factor above zero")
+def _registered(model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 4 4"]) -> Registration:
+    """The registration that the data give.
+
+    Raises:
+        CampaignError: joints and points do not belong together.
+    """
+    registration = register(model, campaign, poses)
+    check_plausible(registration, model, campaign)
+    return registration
 
 
-def _conclude(found: Fitted, outcome: Outcome, campaign: Campaign, options: Mapping[str, Any]) -> Calibration:
+def _conclude(found: Fitted, outcome: Outcome, campaign: Campaign, options: FitOptions) -> Calibration:
     """Everything that is reported, from the converged fit."""
-    layout, has_prior = outcome.layout, options["prior"] is not None
+    layout, has_prior = outcome.layout, options.prior is not None
     T_tracker_base, T_tool_target = layout.frames(outcome.z)
     studentised, outliers = studentise(
-        found.residual, outcome.residual_covariance, found.covariance, campaign, options["outlier_level"]
+        found.residual, outcome.residual_covariance, found.covariance, campaign, options.outlier_level
     )
     return Calibration(
         model=layout.model,
@@ -169,7 +144,7 @@ def _conclude(found: Fitted, outcome: Outcome, campaign: Campaign, options: Mapp
         rounds=found.rounds,
         reason=found.solution.reason,
         remarks=_remarks(found, outcome, campaign, has_prior),
-        provenance=Provenance.of(layout.model, campaign, options),
+        provenance=Provenance.of(layout.model, campaign, options.described(layout.model, campaign)),
     )
 
 

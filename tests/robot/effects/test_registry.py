@@ -14,7 +14,7 @@ import pytest
 from taskcal.errors import CampaignError, FileError, TaskcalError, UnknownName
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.calibration_file import load_calibration
-from taskcal.identification.explain import explain
+from taskcal.identification.effect_selection import explain
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.measurement.writer import write_campaign

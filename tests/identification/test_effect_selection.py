@@ -6,7 +6,7 @@ import pytest
 from taskcal.demo.procedure import SPREAD
 from taskcal.demo.reference import reference_task
 from taskcal.identification.calibration_file import load_calibration
-from taskcal.identification.explain import PROOF, explain, with_field
+from taskcal.identification.effect_selection import PROOF, explain, with_field
 from taskcal.identification.field import learn_field
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import draw_defects, simulate
