@@ -6,6 +6,12 @@ from pathlib import Path
 import pytest
 
 import taskcal as tc
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.identify import identify
+from taskcal.measurement.campaign import Campaign
+from taskcal.robot.effects import SOFT, WarmUp
+from taskcal.robot.effects.harmonics import GEARS
+from taskcal.robot.error_model import ErrorModel
 from tests.cli.conftest import Run
 
 
@@ -85,11 +91,20 @@ def test_too_few_poses_are_wrong_usage(run: Run, folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_closed_loop_leaves_a_corrected_program_that_can_be_made_again(run: Run, folder: Path) -> None:
+def test_the_closed_loop_leaves_a_corrected_program_that_can_be_made_again(
+    run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With named effects, for the search takes minutes."""
+
+    def named_effects(model: ErrorModel, campaign: Campaign) -> Calibration:
+        return identify(model + SOFT + GEARS + WarmUp().referred(campaign.conditions), campaign)
+
+    monkeypatch.setattr("taskcal.demo.closed_loop.find_effects", named_effects)
     ended = run("demo", "--full", "--robots", "1", "--count", "10", "--json", "-o", str(folder))
     assert ended.status == 0
     (robot,) = ended.json["closed_loop"]
-    assert robot["before_max_mm"] > 0.5 > 0.1 > robot["after_max_mm"]
+    assert robot["before_max_mm"] > 1.0 > 0.5 > robot["touched_off_max_mm"] > 2.0 * robot["after_max_mm"]
+    assert robot["effects"] == ["compliance (±3 mrad)", GEARS.name, "warming up in 60 min"]
     files = {label: Path(path) for label, path in ended.json["files"].items()}
     again = run(
         "correct", "-c", files["calibration for milling"], "--cell", files["cell"], files["program"], "-o",

@@ -23,7 +23,7 @@ Full = Annotated[
     bool,
     typer.Option(
         "--full",
-        help="Go on to a corrected milling program: plan, measure, identify and correct virtual robots (some minutes).",
+        help="Go on to a corrected milling program: plan, measure, identify and correct virtual robots (a minute or two for each).",
     ),
 ]
 Robots = Annotated[
@@ -47,9 +47,10 @@ def demo(
     and errors on new poses; in one tool orientation and in several.
     Needs no file. Leaves a page with figures, and its data, in a folder.
 
-    With --full, the loop is closed on virtual robots: planned measurements,
-    effects beside the geometry, a milling program corrected, and the way of
-    the true cutter before and after.
+    With --full, the loop is closed on virtual robots that no model of the
+    fit describes: planned measurements, the effects that they prove, a milling
+    program corrected, and the way of the true cutter as programmed, with the
+    parts touched off, and corrected. --robots N runs fewer of them.
     """
     from taskcal.cli.output import announce_compilation, console, working, write_json
     from taskcal.demo.procedure import run_procedure

@@ -1,13 +1,15 @@
 """The closed loop on virtual robots: plan, measure, identify, correct a milling program, and see where the true tool goes.
 
-The controller takes its robot for nominal. The true robot has defects of geometry, drives that yield and gears that err;
-three reflectors on the spindle are measured, the cutters are known by these reflectors, and the parts are measured by the
-tracker. What counts is the way of the true cutter on the true part, before the correction and after it.
+The controller takes its robot for nominal. The true robot bends, yields, errs in its gears, loses motion and grows
+(`true_robot`), and the fit is told nothing of it; three reflectors on the spindle are measured, the cutters are known by these
+reflectors, and the parts are measured by the tracker. What counts is the way of the true cutter on the true part: in the
+program as it was written, in the same program with its parts touched off by the robot, and in the corrected program.
 """
 
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import cast
+from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import joblib
 import numpy as np
@@ -16,21 +18,25 @@ from jaxtyping import Float
 from taskcal.adaptation.plan import plan
 from taskcal.correction.assessment import Deviations, assess
 from taskcal.correction.cell import Cell, Measured
-from taskcal.correction.controller import drive
+from taskcal.correction.controller import Driven, drive
 from taskcal.correction.correct import correct, piece_origins, wanted_ways
 from taskcal.correction.correction import Correction
 from taskcal.correction.placement import Placed, Placement
 from taskcal.correction.rigid_motion import fit_points
-from taskcal.demo.milling import ROWS, Milling, milling_program
+from taskcal.demo.milling import ROWS, Milling, milling_program, with_part_frames
 from taskcal.demo.reference import reference_task
+from taskcal.demo.touch_off import touch_off
+from taskcal.demo.true_robot import Sizes, TrueRobot, draw_true_robot
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.identify import identify
+from taskcal.identification.explain import explain
+from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.station import Reflector, Station
 from taskcal.measurement.tracker import TrackerNoise
-from taskcal.measurement.virtual_cell import Truth, draw_defects, simulate
+from taskcal.measurement.virtual_cell import simulate
 from taskcal.programs.program import Program
 from taskcal.programs.rapid.read import read_rapid
+from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.effects import Compliance, Harmonics
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -45,10 +51,13 @@ TOUCHED = 1e-5
 """Standard uncertainty with which reflectors and cutters are measured against each other, per axis, metres."""
 
 MARKS = np.array([[0.12, 0.1, 0.0], [-0.12, 0.1, 0.0], [-0.12, -0.1, 0.0], [0.12, -0.1, 0.0]])
-"""Where the tracker measures a part, in its frame, metres."""
+"""Where the tracker measures a part, and the robot touches it off, in its frame, metres."""
 
 MARKED = 2e-5
 """Standard uncertainty of a part that is fitted to its marks, per axis, metres."""
+
+TOUCHED_PART = 2e-5
+"""Standard uncertainty of the cutter's place on a mark that it touches, per axis, metres."""
 
 POSES = 60
 
@@ -58,7 +67,7 @@ POSES = 60
 class LoopRun:
     """One true robot, measured, identified and corrected."""
 
-    truth: Truth
+    truth: TrueRobot
     calibration: Calibration
     cell: Cell
     """What was measured of tools and parts."""
@@ -66,6 +75,8 @@ class LoopRun:
     before: Deviations
     """Of the true cutter on the true parts, in the program as it was written; motions to joint positions, which are on no
     part, are left out."""
+    touched_off: Deviations
+    """In the same program with the parts' frames touched off by the robot's own cutter."""
     after: Deviations
     """In the corrected program."""
 
@@ -111,71 +122,106 @@ def prepare_closed_loop(
     )
     progress("the milling program")
     milling = milling_program(robot, task, rows)
-    known = _known_model(robot)
-    # what the robots have beside geometry is in the model that is fitted
-    chosen = plan(known, task, poses, seed=seed, station=station, candidates=500, model_error=0.0, progress=progress)
+    expected = _expected_model(robot)
+    # the planned model has effects for what geometry leaves; no more is allowed for
+    chosen = plan(expected, task, poses, seed=seed, station=station, candidates=500, model_error=0.0, progress=progress)
     return ClosedLoop(robot=robot, milling=milling, program=read_rapid((milling.source,)), q=chosen.q, station=station)
 
 
-def run_closed_loop(loop: ClosedLoop, seed: int) -> LoopRun:
+def find_effects(model: ErrorModel, campaign: Campaign) -> Calibration:
+    """Geometry, and whatever effects the data prove, as `taskcal identify --effects auto` does."""
+    return explain(model, campaign).calibration
+
+
+def run_closed_loop(
+    loop: ClosedLoop,
+    seed: int,
+    *,
+    sizes: Sizes | None = None,
+    fit: Callable[[ErrorModel, Campaign], Calibration] | None = None,
+) -> LoopRun:
     """Measure, identify and correct one true robot.
 
     Args:
         loop: what it has in common with the others.
         seed: of its defects and of everything measured.
+        sizes: of what its truth is made of.
+        fit: how it is identified, from the nominal robot's geometric model; by default `find_effects`.
     """
     rng = np.random.default_rng(seed)
-    model = ErrorModel(loop.robot) + Compliance(tolerance=1e-4) + Harmonics(tolerance=5e-5)
-    x = draw_defects(model, rng)
+    true = draw_true_robot(loop.robot, rng, sizes)
     offsets = {name: np.array(p) + 2e-3 * rng.normal(size=3) for name, p in REFLECTORS.items()}
     T_tracker_base = se3.pose(se3.exp(0.01 * rng.normal(size=3)), np.zeros(3)) @ loop.station.T_tracker_base
-    campaign, truth = simulate(model, loop.q, rng=rng, x=x, targets=offsets, T_tracker_base=T_tracker_base)
-    calibration = identify(_known_model(loop.robot), campaign)
-    placements = _true_placements(loop)
-    cell = _measure_cell(loop, truth, offsets, placements, rng)
+    calibration = (fit or find_effects)(ErrorModel(loop.robot), _measure(loop, true, offsets, T_tracker_base, rng))
+    moves, driven, placements = loop.program.moves, drive(loop.robot, loop.program.moves), _true_placements(loop)
+    cell = _measure_cell(T_tracker_base, offsets, placements, rng)
     correction = correct(calibration, loop.program, cell=cell)
-    moves = loop.program.moves
+    touched = with_part_frames(loop.milling, _touched_frames(loop, driven, true, placements, rng))
     placed = Placed(
-        tool_in_base=lambda q: model.poses(q, x),
+        tool_in_base=true.milled,
         placements=tuple(placements.values()),
         number=np.array([list(placements).index((m.tool.name, m.part.name)) for m in moves], dtype=np.int64),
     )
-    driven = drive(loop.robot, moves)
     wanted = wanted_ways(driven, placed, moves)
-    again = drive(loop.robot, correction.moves)
     cutting = np.array([move.kind != "axes" for move in moves])
+
+    def deviations(driven: Driven, origin: Sequence[tuple[int, float, float]] | None = None) -> Deviations:
+        return assess(placed, wanted, driven, origin).of_moves(cutting)
+
     return LoopRun(
-        truth=truth,
+        truth=true,
         calibration=calibration,
         cell=cell,
         correction=correction,
-        before=assess(placed, wanted, driven).of_moves(cutting),
-        after=assess(placed, wanted, again, piece_origins(correction.pieces)).of_moves(cutting),
+        before=deviations(driven),
+        touched_off=deviations(drive(loop.robot, read_rapid((touched.source,)).moves)),
+        after=deviations(drive(loop.robot, correction.moves), piece_origins(correction.pieces)),
     )
 
 
 def run_closed_loops(
-    loop: ClosedLoop, seeds: Sequence[int], progress: Callable[[str], None] = lambda _: None
+    loop: ClosedLoop, seeds: Sequence[int], progress: Callable[[str], None] = lambda _: None, *, workers: int = -1
 ) -> list[LoopRun]:
-    """Run one true robot for each seed, on all cores.
+    """Run one true robot for each seed, side by side.
 
     Args:
         loop: what the robots have in common.
         seeds: of each robot's defects and measurements.
-        progress: told how many are done.
+        progress: told how many are done, and how long the others will take.
+        workers: processes; −1 for one per core.
     """
+    progress(f"robot 1 of {len(seeds)}: measured, its effects searched, corrected; a minute or two for each")
+    begin = time.monotonic()
     jobs = (joblib.delayed(run_closed_loop)(loop, seed) for seed in seeds)
-    done = cast(Iterator[LoopRun], joblib.Parallel(n_jobs=-1, return_as="generator")(jobs))
+    done = cast(
+        Iterator[LoopRun], joblib.Parallel(n_jobs=workers if len(seeds) > 1 else 1, return_as="generator")(jobs)
+    )
     runs: list[LoopRun] = []
     for run in done:
         runs.append(run)
-        progress(f"{len(runs)} of {len(seeds)} robots measured, identified, corrected")
+        left = (time.monotonic() - begin) / len(runs) * (len(seeds) - len(runs)) / 60.0
+        progress(f"{len(runs)} of {len(seeds)} robots measured, identified, corrected; about {left:.0f} min left")
     return runs
 
 
-def _known_model(robot: Robot) -> ErrorModel:
-    """What is identified."""
+def _expected_model(robot: Robot) -> ErrorModel:
+    """What the measuring poses are planned for."""
     return ErrorModel(robot) + Compliance() + Harmonics()
+
+
+def _measure(
+    loop: ClosedLoop,
+    true: TrueRobot,
+    offsets: Mapping[str, Float[np.ndarray, " 3"]],
+    T_tracker_base: Float[np.ndarray, "4 4"],
+    rng: np.random.Generator,
+) -> Campaign:
+    """The campaign: it tells the order of the poses and when each was measured, and no temperature."""
+    conditions = true.measured(loop.q)
+    campaign, _ = simulate(
+        true.model, loop.q, rng=rng, x=true.x, targets=offsets, T_tracker_base=T_tracker_base, conditions=conditions
+    )
+    return replace(campaign, conditions=replace(conditions_in_order(loop.robot, loop.q), time=conditions.time))
 
 
 def _true_placements(loop: ClosedLoop) -> dict[tuple[str, str], Placement]:
@@ -189,9 +235,25 @@ def _true_placements(loop: ClosedLoop) -> dict[tuple[str, str], Placement]:
     return out
 
 
-def _measure_cell(
+def _touched_frames(
     loop: ClosedLoop,
-    truth: Truth,
+    driven: Driven,
+    true: TrueRobot,
+    placements: Mapping[tuple[str, str], Placement],
+    rng: np.random.Generator,
+) -> dict[str, Float[np.ndarray, "4 4"]]:
+    """The frames that the controller gives to the parts that are cut, touched before the milling begins."""
+    frames: dict[str, Float[np.ndarray, "4 4"]] = {}
+    for number, move in enumerate(loop.program.moves):
+        if move.kind != "axes" and move.part.name not in frames:
+            marks = MARKS + TOUCHED_PART * rng.normal(size=MARKS.shape)
+            placement = placements[move.tool.name, move.part.name]
+            frames[move.part.name] = touch_off(loop.robot, move, driven.end[number], placement, true.touching, marks)
+    return frames
+
+
+def _measure_cell(
+    T_tracker_base: Float[np.ndarray, "4 4"],
     offsets: Mapping[str, Float[np.ndarray, " 3"]],
     placements: Mapping[tuple[str, str], Placement],
     rng: np.random.Generator,
@@ -204,28 +266,44 @@ def _measure_cell(
         inward = se3.inverse(placement.T_tool_held)
         reflectors = {name: se3.apply(inward, p) + TOUCHED * rng.normal(size=3) for name, p in offsets.items()}
         tools[tool.casefold()] = Measured(name=tool, reflectors=reflectors, uncertainty=TOUCHED)
-        marks = se3.apply(truth.T_tracker_base @ placement.T_base_standing, MARKS)
+        marks = se3.apply(T_tracker_base @ placement.T_base_standing, MARKS)
         seen = marks + (np.linalg.cholesky(noise.covariance(marks)) @ rng.normal(size=(len(marks), 3, 1)))[..., 0]
         parts[part.casefold()] = Measured(name=part, in_tracker=fit_points(MARKS, seen)[0], uncertainty=MARKED)
     return Cell(tools=tools, parts=parts)
 
 
+LINES: tuple[str, str, str] = "as programmed", "touched off", "corrected"
+"""What is told of every robot."""
+
+
+def errors_by_line(run: LoopRun) -> dict[str, Deviations]:
+    """Errors of the true cutter on the true parts, by what was done against them."""
+    return dict(zip(LINES, (run.before, run.touched_off, run.after), strict=True))
+
+
 def largest_errors(runs: Sequence[LoopRun]) -> dict[str, Float[np.ndarray, " runs"]]:
-    """The largest error of every robot before and after, metres."""
-    return {
-        "before": np.array([run.before.length.max() for run in runs]),
-        "after": np.array([run.after.length.max() for run in runs]),
-    }
+    """The largest error of every robot in each line of `LINES`, and the ``stated`` uncertainty, metres."""
+    largest = {line: np.array([errors_by_line(run)[line].length.max() for run in runs]) for line in LINES}
+    return {**largest, "stated": np.array([stated_uncertainty(run) for run in runs])}
 
 
-def summarise_runs(runs: Sequence[LoopRun]) -> list[dict[str, float]]:
-    """Largest and root-mean-square errors of every robot, millimetres."""
+def stated_uncertainty(run: LoopRun) -> float:
+    """Root mean square of the error that the calibration expects at the worst target, metres."""
+    return float(run.correction.uncertainty[np.unique(run.before.move)].max())
+
+
+def summarise_runs(runs: Sequence[LoopRun]) -> list[dict[str, Any]]:
+    """Largest and root-mean-square errors of every robot, millimetres, and the effects that were found."""
+    names = dict(zip(LINES, ("before", "touched_off", "after"), strict=True))
     return [
         {
-            "before_max_mm": float(run.before.length.max() * 1e3),
-            "after_max_mm": float(run.after.length.max() * 1e3),
-            "before_rms_mm": float((run.before.length**2).mean() ** 0.5 * 1e3),
-            "after_rms_mm": float((run.after.length**2).mean() ** 0.5 * 1e3),
+            **{f"{names[line]}_max_mm": float(e.length.max() * 1e3) for line, e in errors_by_line(run).items()},
+            **{
+                f"{names[line]}_rms_mm": float((e.length**2).mean() ** 0.5 * 1e3)
+                for line, e in errors_by_line(run).items()
+            },
+            "stated_mm": stated_uncertainty(run) * 1e3,
+            "effects": [effect.name for effect in run.calibration.model.effects],
             "refused": float(len(run.correction.refused)),
         }
         for run in runs

@@ -1,4 +1,4 @@
-"""The closed loop on virtual robots: how far the true cutter is from its way, before the correction and after it."""
+"""The closed loop on virtual robots: how far the true cutter is from its way, as programmed, touched off and corrected."""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,21 +6,41 @@ import numpy as np
 import plotly.graph_objects as go
 from jaxtyping import Float
 
-from taskcal.demo.closed_loop import ClosedLoop, LoopRun, largest_errors
+from taskcal.demo.closed_loop import LINES, ClosedLoop, LoopRun, errors_by_line, largest_errors, stated_uncertainty
 from taskcal.presentation.content import Chart, Commands, Numbers, Section, Table, Text
 from taskcal.presentation.correction_figures import draw_errors, with_decades
 from taskcal.presentation.report import report_html
-from taskcal.presentation.theme import BLUE, GREY, VERMILION, styled
+from taskcal.presentation.theme import BLUE, GREY, INK, ORANGE, VERMILION, styled
+
+MARKERS = {
+    "as programmed": (VERMILION, "circle-open"),
+    "touched off": (ORANGE, "square"),
+    "corrected": (BLUE, "diamond"),
+    "stated": (INK, "line-ew-open"),
+}
+"""Colour and shape of each line; the shapes tell them apart without colour."""
+
+STORY = (
+    "Each true robot is measured in planned poses with three reflectors on its spindle. What its data prove beside the geometry "
+    "is identified with it; the cutters are known by the reflectors, and the parts are measured by the tracker, each with its "
+    "own uncertainty. Then the controller, which takes the robot for nominal, drives the program as it was written, the same "
+    "with the frames of its parts touched off by the robot's own cutter, and the corrected one; and the way of the true cutter "
+    "on the true part is compared with what the program wants."
+)
+TRUTH = (
+    "The true robots have defects of geometry; drives, bearings and links that yield to the weight they carry; gears with "
+    "ripples of unknown orders, whose size changes over the turn; lost motion that is taken up little by little; and links that "
+    "warm up each in its own time. The fit is told none of this, only the order of the poses and the time of each."
+)
 
 
 def tabulate_closed_loop(runs: Sequence[LoopRun]) -> Table:
     """Median, smallest and largest over the robots of each robot's figures, millimetres."""
+    lines = [errors_by_line(run) for run in runs]
     figures = {
-        "largest error before": [run.before.length.max() for run in runs],
-        "largest error after": [run.after.length.max() for run in runs],
-        "rms error before": [_rms(run.before.length) for run in runs],
-        "rms error after": [_rms(run.after.length) for run in runs],
-        "stated uncertainty (rms)": [_stated(run) for run in runs],
+        **{f"largest error, {line}": [each[line].length.max() for each in lines] for line in LINES},
+        **{f"rms error, {line}": [_rms(each[line].length) for each in lines] for line in LINES},
+        "stated uncertainty (rms)": [stated_uncertainty(run) for run in runs],
     }
     rows = [
         (label, *(f"{f(np.array(values) * 1e3):.4f}" for f in (np.median, np.min, np.max)))
@@ -30,7 +50,8 @@ def tabulate_closed_loop(runs: Sequence[LoopRun]) -> Table:
         f"The true cutter against its way on the part: {len(runs)} virtual robots (mm)",
         ("", "median", "smallest", "largest"),
         rows,
-        note="In space, at targets and between them. Stated: what the calibration expects at the worst target.",
+        note="In space, at targets and between them. Touched off: the robot's own cutter set the part's frame at four marks on "
+        "it. Stated: the root mean square that the calibration expects at the worst target; a largest error is greater.",
     )
 
 
@@ -38,28 +59,36 @@ def _rms(length: np.ndarray) -> float:
     return float(np.sqrt((length**2).mean()))
 
 
-def _stated(run: LoopRun) -> float:
-    cutting = np.unique(run.before.move)
-    return float(run.correction.uncertainty[cutting].max())
+def tabulate_effects(runs: Sequence[LoopRun]) -> Table:
+    """On how many robots the search found each effect."""
+    names = [effect.name for run in runs for effect in run.calibration.model.effects]
+    rows = [(name, f"{names.count(name)} of {len(runs)}") for name in sorted(set(names), key=lambda n: -names.count(n))]
+    return Table.of_rows(
+        "Effects that the data proved",
+        ("effect", "robots"),
+        rows,
+        note="None of them is what the true robots do; each is the nearest of what may be identified.",
+    )
 
 
 def draw_closed_loop(found: Mapping[str, Float[np.ndarray, " runs"]]) -> go.Figure:
-    """Largest error of every robot, metres, ``before`` and ``after``, on a logarithmic scale, by the error before."""
-    order = np.argsort(found["before"], kind="stable")
+    """Errors of every robot, metres, as `largest_errors` gives them, on a logarithmic scale, by the error as programmed."""
+    order = np.argsort(found[LINES[0]], kind="stable")
     figure = go.Figure()
-    for label, colour, shape in (("before", VERMILION, "circle"), ("after", BLUE, "diamond")):
+    for label, (colour, shape) in MARKERS.items():
+        name = "stated uncertainty (rms)" if label == "stated" else label
         figure.add_trace(
             go.Scatter(
                 x=np.arange(1, len(order) + 1),
                 y=found[label][order] * 1e3,
                 mode="markers",
-                name=label,
-                marker={"color": colour, "size": 9, "symbol": shape},
-                hovertemplate="%{y:.3f} mm<extra>" + label + "</extra>",
+                name=name,
+                marker={"color": colour, "size": 10, "symbol": shape, "line": {"width": 2, "color": colour}},
+                hovertemplate="%{y:.3f} mm<extra>" + name + "</extra>",
             )
         )
     figure.add_hline(y=0.1, line={"color": GREY, "dash": "dot", "width": 1})
-    figure.update_xaxes(title_text="virtual robot, by its error before", dtick=max(1, len(order) // 10))
+    figure.update_xaxes(title_text="virtual robot, by its error as programmed", dtick=max(1, len(order) // 10))
     return with_decades(styled(figure, height=400), "largest error on the part (mm)")
 
 
@@ -75,29 +104,25 @@ def closed_loop_html(loop: ClosedLoop, runs: Sequence[LoopRun], *, next_steps: s
     found = largest_errors(runs)
     moves = loop.program.moves
     items = (
-        (f"{np.median(found['before']) * 1e3:.2f}", "mm", "largest error before, median of the robots"),
-        (f"{np.median(found['after']) * 1e3:.3f}", "mm", "largest error after, median of the robots"),
+        *(
+            (f"{np.median(found[line]) * 1e3:.2g}", "mm", f"largest error {line}, median of the robots")
+            for line in LINES
+        ),
         (str(len(moves)), "", "motions of the milling program, with arcs, two tools and two part frames"),
         (str(len(loop.q)), "", "measured poses, planned for the task"),
     )
-    story = (
-        "Each true robot has its own defects of geometry, drives that yield under weight, and gears that err. Its controller "
-        "takes it for nominal. Sixty planned poses are measured with three reflectors on the spindle; the robot is identified; "
-        "the cutters are known by the reflectors and the parts are measured by the tracker, each with its own uncertainty. Then "
-        "the controller drives the program as it was written, and the corrected one, and the way of the true cutter on the true "
-        "part is compared with what the program wants."
-    )
     sections = [
-        Section(title="In short", blocks=(Numbers(items), Text((story,)))),
+        Section(title="In short", blocks=(Numbers(items), Text((STORY, TRUTH)))),
         Section(
             title="All robots",
             blocks=(
                 tabulate_closed_loop(runs),
                 Chart(
-                    title="Before and after",
+                    title="As programmed, touched off, corrected",
                     figure=draw_closed_loop(found),
-                    note="Each robot is one pair of marks; the dotted line is at 0.1 mm.",
+                    note="Each robot is one column of marks; the dotted line is at 0.1 mm.",
                 ),
+                tabulate_effects(runs),
             ),
         ),
         Section(
@@ -105,7 +130,7 @@ def closed_loop_html(loop: ClosedLoop, runs: Sequence[LoopRun], *, next_steps: s
             blocks=(
                 Chart(
                     title="Error along the program",
-                    figure=draw_errors(loop.program, runs[0].before, runs[0].after, "true error (mm)"),
+                    figure=draw_errors(loop.program, errors_by_line(runs[0]), "true error (mm)"),
                     note="Distance of the true cutter from where it is wanted; between targets, from its way.",
                 ),
             ),

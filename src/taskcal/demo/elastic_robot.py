@@ -50,8 +50,8 @@ RIPPLE = Harmonics(orders=(20,), tolerance=3e-5)
 """What recurs several times in a turn; which order it has is not known to who calibrates."""
 
 
-def elastic_model(robot: Robot, stiffness: float = STIFFNESS) -> ErrorModel:
-    """The model from which true robots are drawn: defects and eccentric gears, and drives 30 % softer or stiffer (1σ).
+def elastic_robot(robot: Robot, stiffness: float = STIFFNESS) -> Robot:
+    """The robot with weights, spring and drives that yield.
 
     Args:
         robot: an IRB 6660-205/1.9 without weights.
@@ -62,8 +62,14 @@ def elastic_model(robot: Robot, stiffness: float = STIFFNESS) -> ErrorModel:
         {**joint, "mass_kg": mass, "centre_mm": list(centre), "stiffness_nm_rad": stiffness * (1.0 if i < 3 else WRIST)}
         for i, (joint, (mass, centre)) in enumerate(zip(described["joint"], WEIGHTS, strict=True))
     ]
-    return (
-        ErrorModel(robot_from({**described, "joint": joints, "payload": SPINDLE, "spring": SPRING}))
-        + Compliance()
-        + GEARS
-    )
+    return robot_from({**described, "joint": joints, "payload": SPINDLE, "spring": SPRING})
+
+
+def elastic_model(robot: Robot, stiffness: float = STIFFNESS) -> ErrorModel:
+    """The model from which true robots are drawn: defects and eccentric gears, and drives 30 % softer or stiffer (1σ).
+
+    Args:
+        robot: an IRB 6660-205/1.9 without weights.
+        stiffness: as of `elastic_robot`.
+    """
+    return ErrorModel(elastic_robot(robot, stiffness)) + Compliance() + GEARS

@@ -1,7 +1,7 @@
 """A milling program in RAPID to try a correction on: a pocket with rounded corners, and a surface cut row by row."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -82,10 +82,7 @@ def milling_program(robot: Robot, task: Task, rows: int = ROWS) -> Milling:
         "  ! Roughing of a pocket and finishing of a surface",
         f"  CONST jointtarget jHome:=[[{','.join(real(float(v), 4) for v in np.degrees(writer.home))}],[9E9,9E9,9E9,9E9,9E9,9E9]];",
         *(f"  PERS tooldata {name}:=[TRUE,{_frame(T)},[18,[120,0,60],[1,0,0,0],0,0,0]];" for name, T in tools.items()),
-        *(
-            f'  TASK PERS wobjdata {name}:=[FALSE,TRUE,"",{_frame(T)},[[0,0,0],[1,0,0,0]]];'
-            for name, T in parts.items()
-        ),
+        *(_part_text(name, T) for name, T in parts.items()),
         "",
         "  PROC main()",
         "    MoveAbsJ jHome,v500,fine,tMill10;",
@@ -101,6 +98,18 @@ def milling_program(robot: Robot, task: Task, rows: int = ROWS) -> Milling:
     ]
     text = "\r\n".join(lines) + "\r\n"
     return Milling(source=Source(path=Path("Milling.mod"), text=text, encoding="utf-8"), tools=tools, parts=parts)
+
+
+def with_part_frames(milling: Milling, frames: Mapping[str, Float[np.ndarray, "4 4"]]) -> Milling:
+    """The program with other values of some parts' frames in the base, metres; its targets keep their text."""
+    text = milling.source.text
+    for name, T in frames.items():
+        text = text.replace(_part_text(name, milling.parts[name]), _part_text(name, T))
+    return replace(milling, source=replace(milling.source, text=text), parts={**milling.parts, **frames})
+
+
+def _part_text(name: str, T: Float[np.ndarray, "4 4"]) -> str:
+    return f'  TASK PERS wobjdata {name}:=[FALSE,TRUE,"",{_frame(T)},[[0,0,0],[1,0,0,0]]];'
 
 
 def _frame(T: Float[np.ndarray, "4 4"]) -> str:

@@ -1,12 +1,14 @@
 """Figures of a corrected program: its error along the way, and where it goes."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import plotly.graph_objects as go
 from jaxtyping import Float
 
 from taskcal.correction.assessment import Deviations
 from taskcal.correction.correction import Correction
-from taskcal.presentation.theme import BLUE, VERMILION, styled, styled_space
+from taskcal.presentation.theme import BLUE, ORANGE, VERMILION, styled, styled_space
 from taskcal.programs.program import Program
 
 FLOOR = 1e-5
@@ -21,13 +23,15 @@ MOST = 20_000
 
 def draw_errors_along(correction: Correction) -> go.Figure:
     """Predicted error in space along the program, before and after."""
-    return draw_errors(correction.program, correction.before, correction.after, "predicted error (mm)")
+    lines = {"before": correction.before, "after": correction.after}
+    return draw_errors(correction.program, lines, "predicted error (mm)")
 
 
-def draw_errors(program: Program, before: Deviations, after: Deviations, title: str) -> go.Figure:
-    """Error in space along a program, before and after, on a logarithmic scale."""
+def draw_errors(program: Program, lines: Mapping[str, Deviations], title: str) -> go.Figure:
+    """Error in space along a program, in two or three lines by what they are called, on a logarithmic scale."""
     figure = go.Figure()
-    for label, found, colour in (("before", before, VERMILION), ("after", after, BLUE)):
+    colours = (VERMILION, ORANGE, BLUE) if len(lines) > 2 else (VERMILION, BLUE)
+    for (label, found), colour in zip(lines.items(), colours, strict=True):
         rows = _thinned(len(found.error))
         line = [program.moves[i].place.line for i in found.move[rows]]
         figure.add_trace(

@@ -1,0 +1,69 @@
+"""Touching off removes what the robot's errors at the marks have in common, and nothing else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.correction.controller import drive
+from taskcal.correction.placement import Placement
+from taskcal.demo.closed_loop import MARKS
+from taskcal.demo.milling import milling_program
+from taskcal.demo.reference import reference_task
+from taskcal.demo.touch_off import touch_off
+from taskcal.geometry import se3
+from taskcal.programs.rapid.read import read_rapid
+from taskcal.robot.error_model import ErrorModel
+
+
+@pytest.fixture(scope="module")
+def moves(robot):
+    return read_rapid((milling_program(robot, reference_task(), 2).source,)).moves
+
+
+def touched_error(robot, moves, displaced):
+    """Where the true cutter is at the targets of the touched-off program, less where it is wanted, metres."""
+    inward = se3.inverse(robot.T_flange_tool)
+    placements = {
+        (m.tool.name, m.part.name): Placement(
+            T_tool_held=inward @ m.tool.T, T_base_standing=m.part.T, part_in_hand=False
+        )
+        for m in moves
+    }
+    nominal = ErrorModel(robot)
+
+    def true_poses(q):
+        return displaced @ nominal.poses(q)
+
+    driven = drive(robot, moves)
+    frames = {}
+    again = []
+    for i, move in enumerate(moves):
+        if move.kind == "axes":
+            again.append(move)
+            continue
+        key = move.tool.name, move.part.name
+        if key not in frames:
+            frames[key] = touch_off(robot, move, driven.end[i], placements[key], true_poses, MARKS)
+        again.append(replace(move, part=replace(move.part, T=frames[key])))
+    out = []
+    for move, end, wanted in zip(moves, drive(robot, again).end, driven.ways.end, strict=True):
+        if move.kind != "axes":
+            at = placements[move.tool.name, move.part.name].tool_in_part(true_poses(end[None]))[0]
+            out.append(at[:3, 3] - wanted[:3, 3])
+    return np.array(out)
+
+
+def test_a_base_that_is_shifted_is_touched_off_whole(robot, moves):
+    displaced = se3.translation(2e-3, -1e-3, 1.5e-3)
+    assert np.abs(touched_error(robot, moves, displaced)).max() < 1e-8
+
+
+def test_a_base_that_is_turned_is_touched_off_but_for_second_order(robot, moves):
+    displaced = se3.pose(se3.exp(np.array([1e-3, -5e-4, 8e-4])), np.zeros(3))
+    assert np.abs(touched_error(robot, moves, displaced)).max() < 5e-6
+
+
+def test_lengths_that_are_wrong_are_not(robot, moves):
+    grown = np.diag([1.001, 1.001, 1.001, 1.0])
+    assert np.abs(touched_error(robot, moves, grown)).max() > 2e-5
