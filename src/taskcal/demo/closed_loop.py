@@ -29,7 +29,7 @@ from taskcal.demo.touch_off import touch_off
 from taskcal.demo.true_robot import Sizes, TrueRobot, draw_true_robot
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.explain import explain
+from taskcal.identification.effect_selection import select_effects
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.station import Reflector, Station
 from taskcal.measurement.tracker import TrackerNoise
@@ -130,7 +130,7 @@ def prepare_closed_loop(
 
 def find_effects(model: ErrorModel, campaign: Campaign) -> Calibration:
     """Geometry, and whatever effects the data prove, as `taskcal identify --effects auto` does."""
-    return explain(model, campaign).calibration
+    return select_effects(model, campaign).calibration
 
 
 def run_closed_loop(
