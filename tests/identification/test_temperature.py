@@ -13,6 +13,7 @@ from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.virtual_cell import Truth, draw_defects, simulate
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import EncoderGain, Thermal, WarmUp
+from taskcal.robot.effects import candidates as default_candidates
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from tests.laws.campaigns import with_conditions
@@ -169,3 +170,30 @@ def test_warming_up_is_proven_with_one_of_its_time_constants():
         CampaignError, match="virtual cell has no times, which the effect 'warmup' needs; add a column time_s"
     ):
         identify(model, with_conditions(campaign, time=None))
+
+
+def competing(model: ErrorModel, campaign) -> tuple[int, set[str]]:
+    """How many effects compete by default, as the search says before it tries them, and which kinds they are."""
+
+    class Told(Exception):
+        pass
+
+    def listen(message: str) -> None:
+        if " candidates beside " in message:
+            raise Told(message.split()[0])
+
+    with pytest.raises(Told) as told:
+        explain(model, campaign, folds=2, model_error=1e-4, prior_scale=1.0, progress=listen)
+    return int(str(told.value)), {
+        type(effect).__name__ for effect in default_candidates(model.robot, campaign.conditions)
+    }
+
+
+def test_growth_is_among_the_default_candidates_where_temperatures_differ_and_nowhere_else():
+    model, campaign, _ = measured(3, count=40)
+    plain = ErrorModel(model.robot)
+    count, kinds = competing(plain, campaign)
+    assert "Thermal" in kinds
+    for temperature in (None, np.full(40, 23.0)):
+        fewer, others = competing(plain, with_conditions(campaign, temperature=temperature))
+        assert (fewer, others) == (count - 1, kinds - {"Thermal"})

@@ -1,0 +1,57 @@
+"""Hyperparameters: model error and prior scale of the largest marginal likelihood, each of its own group."""
+
+import numpy as np
+import pytest
+
+from taskcal.identification.identify import identify
+from taskcal.measurement.tracker import TrackerNoise
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.file import robot_from
+from tests.laws.campaigns import measure
+from tests.laws.robots import industrial, industrial_positions
+
+NOISE = TrackerNoise(rotation=1e-5)
+
+POSITION, ROTATION = 2e-4, 5e-5
+"""Model errors that no parameter explains, metres and radians; in metres the rotation's would be a quarter of the other."""
+
+
+def poses_with_model_error(seed: int, position: float, rotation: float):
+    """Poses of a robot whose points and rotations err at random, by far more than the tracker of 10 µm and 10 µrad says."""
+    rng = np.random.default_rng(seed)
+    model = ErrorModel(robot_from(industrial(rng)))
+    x = 0.5 * rng.normal(size=len(model)) * model.tolerances
+    q = industrial_positions(rng, 80)
+    campaign, _ = measure(rng, model, q, x, pose=True, sigma=position, rotation_sigma=rotation, uncertainty=1e-5)
+    return model, campaign
+
+
+@pytest.mark.parametrize(("position", "rotation"), [(POSITION, ROTATION), (ROTATION, POSITION)])
+def test_each_group_of_a_pose_has_the_model_error_of_the_truth(position: float, rotation: float) -> None:
+    """Its standard error is a tenth or less: 240 numbers in each group, less the parameters that both share."""
+    model, campaign = poses_with_model_error(11, position, rotation)
+    noise = campaign.covariances(NOISE)
+    own = np.sqrt([noise[..., 0, 0].mean(), noise[..., 3, 3].mean()])
+    found = identify(model, campaign, noise=NOISE)
+    assert len(found.model_error) == 2
+    for group, truth in enumerate((position, rotation)):
+        expected = np.sqrt(max(truth**2 - own[group] ** 2, 0.0))
+        assert found.model_error[group] == pytest.approx(expected, rel=0.2), group
+
+
+def test_a_group_without_model_error_gets_none_beside_one_that_has_some() -> None:
+    model, campaign = poses_with_model_error(12, POSITION, 1e-9)
+    found = identify(model, campaign, noise=NOISE)
+    assert found.model_error[0] == pytest.approx(POSITION, rel=0.2)
+    assert found.model_error[1] == 0.0
+
+
+def test_a_model_error_that_is_given_is_that_of_its_own_group() -> None:
+    """The covariance of predictions has the variance of each group on its own diagonal."""
+    model, campaign = poses_with_model_error(13, POSITION, ROTATION)
+    found = identify(model, campaign, noise=NOISE, model_error=(POSITION, ROTATION), prior_scale=1.0)
+    assert found.model_error == pytest.approx((POSITION, ROTATION))
+    q = campaign.q[:5]
+    added = found.predict_covariance(q) - found.predict_covariance(q, model_error=False)
+    expected = np.diag([POSITION**2] * 3 + [ROTATION**2] * 3)
+    np.testing.assert_allclose(added[:, 0], np.broadcast_to(expected, (5, 6, 6)), atol=1e-6 * ROTATION**2)
