@@ -11,7 +11,8 @@ from taskcal.demo.reference import reference_task
 from taskcal.errors import CampaignError
 from taskcal.measurement import registration
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import check_plausible, check_rows, register
+from taskcal.measurement.plausibility import _few_wrong_rows, check_plausible
+from taskcal.measurement.registration import check_rows, register
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -309,6 +310,6 @@ def test_one_wrong_reflector_of_three_names_its_row(seed):
     points[11, 1] += [4.0, 0.0, 0.0]
     points[30, 2] -= [0.0, 3.5, 0.0]
     spoilt = replace(campaign, points=points)
-    wrong = registration._few_wrong_rows(model, spoilt)
+    wrong = _few_wrong_rows(model, spoilt)
     assert [row for row, _ in wrong] == [11, 30]
     assert [distance for _, distance in wrong] == pytest.approx([4.0, 3.5], abs=0.02)

@@ -34,12 +34,14 @@ def report(
     rest = measured.take(list(others)) if others else None
     predictable = rest is not None and bool(rest.valid.any())
     rotation = calibration.model_error[1:]
+    wrong = {row.row for row in calibration.left_out}
+    fitted = [row for row in chosen if row not in wrong]
     return {
         "robot": calibration.model.robot.name,
         "effects": [effect.to_json() for effect in calibration.model.effects],
         "field": calibration.field is not None,
         "rows": len(chosen),
-        "fitted": validate(calibration, measured.take(list(chosen))).summary(),
+        "fitted": validate(calibration, measured.take(fitted)).summary(),
         "held_out": validate(calibration, rest).summary() if rest is not None and predictable else None,
         "model_error_mm": calibration.model_error[0] * 1e3,
         **({"model_error_mrad": rotation[0] * 1e3} if rotation else {}),
@@ -58,6 +60,16 @@ def report(
                 strict=True,
             )
         },
+        "left_out": [
+            {
+                "row": row.row,
+                "line": row.line,
+                "id": row.id,
+                "distance_mm": row.distance * 1e3,
+                "studentised": row.studentised,
+            }
+            for row in calibration.left_out
+        ],
         "outliers": [
             {
                 "row": o.row,
@@ -123,6 +135,23 @@ def show(result: Mapping[str, Any]) -> None:
         show_table("Parameters", ("parameter", "symbol", "estimate", "± 1σ", "unit", ""), rows, left=(0, 1, 4, 5))
     show_harmonics(result["parameters"])
     show_errors(f"Position error of {result['robot']}: axes of the robot's base, then in space", summaries)
+    if result["left_out"]:
+        cells = [
+            (
+                str(row["row"]),
+                "–" if row["line"] is None else str(row["line"]),
+                row["id"],
+                f"{row['distance_mm']:.2f}",
+                f"{row['studentised']:.0f}",
+            )
+            for row in result["left_out"]
+        ]
+        show_table(
+            "Rows that cannot be right beside all others, left out: measure again",
+            ("row", "line", "id", "off by mm", "over its 1σ"),
+            cells,
+            left=(2,),
+        )
     if result["outliers"]:
         header = ("row", "line", "id", "target", "residual mm", "over its 1σ")
         cells = [

@@ -42,6 +42,13 @@ class LossChoice(StrEnum):
     cauchy = "cauchy"
 
 
+class GrossErrorsChoice(StrEnum):
+    """What becomes of rows that cannot be right."""
+
+    leave_out = "leave out"
+    keep = "keep"
+
+
 class FramesChoice(StrEnum):
     """What becomes of tracker frame and targets."""
 
@@ -94,6 +101,19 @@ def command(
         float | None,
         typer.Option("--model-error", metavar="MM", help="What geometry cannot explain (1σ); estimated by default."),
     ] = None,
+    gross_errors: Annotated[
+        GrossErrorsChoice,
+        typer.Option(
+            "--gross-errors",
+            help="Leave out rows that cannot be right beside all others, up to a tenth of them, and say which; or keep them.",
+        ),
+    ] = GrossErrorsChoice.leave_out,
+    target_within: Annotated[
+        float,
+        typer.Option(
+            "--target-within", metavar="MM", min=0.0, max=1e5, help="How far from the tool point a target may be found."
+        ),
+    ] = 1000.0,
     prior_scale: Annotated[
         float | None,
         typer.Option("--prior-scale", metavar="FACTOR", help="Factor of the tolerances; estimated by default."),
@@ -186,6 +206,8 @@ def command(
         frames="fixed" if frames is FramesChoice.fixed else "fit",
         model_error="estimate" if model_error is None else model_error * 1e-3,
         prior_scale="estimate" if prior_scale is None else prior_scale,
+        gross_errors="keep" if gross_errors is GrossErrorsChoice.keep else "leave out",
+        target_within=target_within * 1e-3,
     )
     explanation = None
     if field or effects != "none":

@@ -37,7 +37,8 @@ def register_by(method: Method, model: "ErrorModel", campaign: "Campaign") -> "R
         CampaignError: the campaign does not give it, or is not of this robot.
     """
     from taskcal.measurement.axis_circles import register_from_circles
-    from taskcal.measurement.registration import check_plausible, register
+    from taskcal.measurement.plausibility import check_plausible
+    from taskcal.measurement.registration import register
 
     found = register_from_circles(model, campaign) if method is Method.circles else register(model, campaign)
     check_plausible(found, model, campaign)

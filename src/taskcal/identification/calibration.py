@@ -19,7 +19,7 @@ from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
 from taskcal.geometry.covariance_propagation import propagate
 from taskcal.geometry.observations import Observations
 from taskcal.identification.field import ResidualField
-from taskcal.identification.outlier import Outlier
+from taskcal.identification.outlier import LeftOut, Outlier
 from taskcal.identification.problem import FrameLayout
 from taskcal.measurement.campaign import Campaign
 from taskcal.robot.conditions import Conditions
@@ -94,6 +94,8 @@ class Calibration:
     """Length of each residual over its own standard deviation."""
     outliers: tuple[Outlier, ...]
     """Points whose residual is too long for chance, the longest first."""
+    left_out: tuple[LeftOut, ...]
+    """Rows that cannot be right, and were not fitted."""
     ids: tuple[str, ...]
     """Names of the rows that were fitted."""
     model_error: tuple[float, ...]
@@ -387,6 +389,7 @@ class Calibration:
             "residuals": _without_nan(self.residuals),
             "studentised": _without_nan(self.studentised),
             "outliers": [asdict(outlier) for outlier in self.outliers],
+            "left_out": [asdict(row) for row in self.left_out],
             "iterations": self.iterations,
             "rounds": self.rounds,
             "reason": self.reason,

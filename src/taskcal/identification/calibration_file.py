@@ -14,7 +14,7 @@ from taskcal.geometry.described_arrays import array_of, of_shape, rigid
 from taskcal.identification.calibration import FORMAT, FORMAT_VERSION, Calibration, Provenance
 from taskcal.identification.considered import spread_out
 from taskcal.identification.field import ResidualField
-from taskcal.identification.outlier import Outlier
+from taskcal.identification.outlier import LeftOut, Outlier
 from taskcal.identification.problem import FrameLayout
 from taskcal.measurement.registration_file import RegistrationSection
 from taskcal.robot.effects import Effect, effect_from
@@ -64,6 +64,16 @@ class OutlierSection(Section):
         return Outlier(**content)
 
 
+class LeftOutSection(Section):
+    """A row that was not fitted."""
+
+    row: Count
+    line: Count | None = None
+    id: str
+    distance: NotNegative
+    studentised: Ratio
+
+
 class ProvenanceSection(Section):
     """Where a calibration comes from."""
 
@@ -105,6 +115,7 @@ class CalibrationFile(Section):
     residuals: list[list[list[Finite | None]]]
     studentised: list[list[Ratio | None]]
     outliers: list[OutlierSection]
+    left_out: list[LeftOutSection] = Field(default=[])
     iterations: Count
     rounds: Count
     reason: str
@@ -157,6 +168,7 @@ class CalibrationFile(Section):
             residuals=array_of("residuals", self.residuals, (rows, len(self.targets), width)),
             studentised=array_of("studentised", self.studentised, (rows, len(self.targets))),
             outliers=tuple(section.outlier(self.format_version) for section in self.outliers),
+            left_out=tuple(LeftOut(**section.model_dump()) for section in self.left_out),
             ids=tuple(self.ids),
             model_error=tuple(self.model_error),
             prior_scale=self.prior_scale,

@@ -177,10 +177,15 @@ def select_effects(
         raise TaskcalError(
             "effects are found by their evidence, which needs a prior; name the effects, or keep the prior"
         )
+    progress("geometry")
+    best = identify(model, campaign, options=options)
+    # rows that are wrong for the geometry are wrong for all that is tried beside it
+    left_out, said = best.left_out, best.remarks[:1] if best.left_out else ()
+    campaign = campaign.without(np.isin(campaign.ids, [row.id for row in left_out]))
+    options = replace(options, gross_errors="keep")
     parts = _split(campaign, search.folds, search.seed, FEWEST if search.field else 0)
     trial = _Trial(campaign=campaign, parts=parts, progress=progress)
-    progress("geometry")
-    best, errors = trial.fit(model, options), trial.errors_left_out(model, options)
+    errors = trial.errors_left_out(model, options)
     start = _stage("geometry", best, None, errors, None, accepted=True, reason="the start")
     found = _Found(model=model, options=options, calibration=best, errors=errors, stages=(start,))
     if search.effects is None:
@@ -195,8 +200,11 @@ def select_effects(
     noise = campaign.covariances(options.noise)[campaign.valid][:, :3, :3]
     # mean length of an isotropic normal vector: √(8/π) standard deviations
     tracker = float(np.sqrt(8.0 / np.pi) * np.sqrt(np.trace(noise, axis1=1, axis2=2).mean() / 3.0))
+    calibration = found.calibration
+    if calibration is not best:
+        calibration = replace(calibration, left_out=left_out, remarks=(*said, *calibration.remarks))
     return Explanation(
-        calibration=found.calibration,
+        calibration=calibration,
         effects=found.effects,
         stages=found.stages,
         tracker=tracker,

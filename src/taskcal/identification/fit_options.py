@@ -7,6 +7,7 @@ from typing import Any, Literal, TypedDict, Unpack
 from taskcal.estimation.loss import Loss, Squared
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.plausibility import TARGET_WITHIN
 from taskcal.measurement.registration import Registration
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.error_model import ErrorModel
@@ -14,9 +15,13 @@ from taskcal.robot.error_model import ErrorModel
 Estimate = Literal["estimate"]
 Prior = GaussianPrior | Literal["tolerances"] | None
 Frames = Literal["fit", "fixed"]
+GrossErrors = Literal["leave out", "keep"]
 
 LARGEST_MODEL_ERROR = 1.0
 """Metres (and radians, for poses): more is no calibration's concern."""
+
+LARGEST_TARGET_WITHIN = 100.0
+"""Metres from the tool point: no robot carries a tool that is longer."""
 
 SMALLEST_PRIOR_SCALE, LARGEST_PRIOR_SCALE = 1e-6, 1e6
 """Beyond, the prior holds a parameter at zero, or not at all, and its square leaves the range of numbers."""
@@ -35,6 +40,8 @@ class FitChoices(TypedDict, total=False):
     model_error: float | tuple[float, float] | Estimate
     prior_scale: float | Estimate
     outlier_level: float
+    gross_errors: GrossErrors
+    target_within: float
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -63,6 +70,10 @@ class FitOptions:
     """Common factor of the prior's standard deviations; or estimated."""
     outlier_level: float = 0.01
     """Chance of naming any outlier where there is none."""
+    gross_errors: GrossErrors = "leave out"
+    """``leave out`` rows that cannot be right beside all others, up to a tenth of them, or ``keep`` them."""
+    target_within: float = TARGET_WITHIN
+    """How far from the tool point a target may be found, metres."""
 
     def __post_init__(self) -> None:
         if isinstance(self.keep, str):
@@ -71,6 +82,12 @@ class FitOptions:
             raise ValueError(f"prior is {self.prior!r}; give 'tolerances', None, or a GaussianPrior")
         if self.frames not in ("fit", "fixed"):
             raise ValueError(f"frames is {self.frames!r}; give 'fit' or 'fixed'")
+        if self.gross_errors not in ("leave out", "keep"):
+            raise ValueError(f"gross_errors is {self.gross_errors!r}; give 'leave out' or 'keep'")
+        if not _within(self.target_within, 0.0, LARGEST_TARGET_WITHIN):
+            raise ValueError(
+                f"target_within is {self.target_within!r}; give metres from 0 to {LARGEST_TARGET_WITHIN:g}"
+            )
         errors = self.model_error if isinstance(self.model_error, tuple) else (self.model_error,)
         if self.model_error != "estimate" and not all(_within(e, 0.0, LARGEST_MODEL_ERROR) for e in errors):
             raise ValueError(
@@ -121,6 +138,8 @@ class FitOptions:
             "model_error": model_error,
             "prior_scale": self.prior_scale,
             "outlier_level": self.outlier_level,
+            "gross_errors": self.gross_errors,
+            "target_within": self.target_within,
         }
 
 

@@ -4,20 +4,31 @@ from dataclasses import replace
 from typing import Unpack
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from taskcal.arguments import expect_kinds
+from taskcal.errors import FitError
 from taskcal.estimation.blas import single_threaded
+from taskcal.estimation.loss import Loss
 from taskcal.identification.belief import belief_of
 from taskcal.identification.calibration import Calibration, Provenance
 from taskcal.identification.considered import Outcome, consider, fitted_alone, fitted_whole
 from taskcal.identification.fit_options import FitChoices, FitOptions
+from taskcal.identification.gross_errors import fit_right_rows
 from taskcal.identification.hyperparameters import MAX_ROUNDS, Fitted, fit_with_hyperparameters
 from taskcal.identification.outlier import studentise
 from taskcal.identification.problem import FrameLayout, Problem, observe
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import Registration, check_plausible, check_rows, nominal_poses, register
+from taskcal.measurement.consensus import find_consensus
+from taskcal.measurement.plausibility import check_plausible, check_targets
+from taskcal.measurement.registration import Registration, check_rows, nominal_poses, register
 from taskcal.robot.error_model import ErrorModel
+
+NOT_SEEN = 0.95
+"""Share of the prior's standard deviation from which on a standard error says that nothing was learnt."""
+
+WORTHLESS = 3e-4
+"""Model error, metres per axis, with which a robot that shows none of its tolerances is not a nearly perfect one."""
 
 WIDE = 5.0
 """A prior scale above this calls for a look at the robot file."""
@@ -60,14 +71,20 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
 
             ``outlier_level``: chance of naming any outlier where there is none.
 
+            ``gross_errors``: ``"leave out"`` rows that cannot be right beside all others, up to a tenth (`gross_errors`), or
+            ``"keep"`` them.
+
+            ``target_within``: how far from the tool point a target may be found, metres.
+
     Returns:
         the calibration: estimate, covariance, residuals, and predictions with their uncertainty.
 
     Raises:
         CampaignError: too few rows, a row at which the nominal robot's closed loop does not close, joints and points that do
-            not belong together, or a model that depends on temperature or time and a row without.
+            not belong together, more wrong rows than can be told from right ones, a target too far from the tool point, or a
+            model that depends on temperature or time and a row without.
         UnknownName: a name in `keep` that the model does not have.
-        FitError: the fit did not converge.
+        FitError: the fit did not converge, or took everything that was measured for error.
         ValueError: an option that would silently mean something else.
     """
     expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
@@ -77,7 +94,29 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
     for effect in model.effects:
         campaign.check_told(effect.needs, effect.key)
     poses = nominal_poses(model, campaign)
-    registration = chosen.registration or _registered(model, campaign, poses)
+
+    def fit_rows(part: Campaign, loss: Loss | None) -> Calibration:
+        return _fit(model, part, poses, kept, chosen if loss is None else replace(chosen, loss=loss))
+
+    if chosen.gross_errors == "keep":
+        calibration = fit_rows(campaign, None)
+    else:
+        given = chosen.registration is not None
+        rows = campaign.seen if given else find_consensus(model, campaign, poses).rows
+        calibration = fit_right_rows(fit_rows, campaign, rows, chosen.noise)
+    _check_worth(calibration, chosen)
+    return replace(calibration, provenance=Provenance.of(model, campaign, chosen.described(model, campaign)))
+
+
+def _fit(
+    model: ErrorModel,
+    campaign: Campaign,
+    poses: Float[np.ndarray, "n 4 4"],
+    kept: Int[np.ndarray, " kept"],
+    chosen: FitOptions,
+) -> Calibration:
+    """Fit all rows of a campaign."""
+    registration = chosen.registration or _registered(model, campaign, poses, chosen.target_within)
     whole = Problem(
         frames=FrameLayout(
             model=model,
@@ -106,15 +145,31 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
     return _conclude(found, outcome, campaign, chosen)
 
 
-def _registered(model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 4 4"]) -> Registration:
+def _registered(
+    model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 4 4"], target_within: float
+) -> Registration:
     """The registration that the data give.
 
     Raises:
-        CampaignError: joints and points do not belong together.
+        CampaignError: joints and points do not belong together, or a target is found where none can be.
     """
     registration = register(model, campaign, poses)
     check_plausible(registration, model, campaign)
+    check_targets(registration, campaign, target_within)
     return registration
+
+
+def _check_worth(calibration: Calibration, options: FitOptions) -> None:
+    """Refuse a fit from which nothing was learnt, and which called all that was measured error."""
+    scale, error, k = calibration.prior_scale, calibration.model_error[0], calibration.estimated
+    if options.prior_scale != "estimate" or scale is None or not len(k) or error < WORTHLESS:
+        return
+    if (calibration.standard_errors[k] > NOT_SEEN * scale * calibration.model.tolerances[k]).all():
+        raise FitError(
+            f"nothing can be learnt from these rows: no parameter explains them, and {error * 1e3:.2f} mm per axis were taken for "
+            "error. Some rows contradict the others: look for them with a robust loss (loss=Cauchy(), --loss cauchy), check "
+            "joints and points, or compare with the nominal robot alone (keep=[], --keep none)"
+        )
 
 
 def _conclude(found: Fitted, outcome: Outcome, campaign: Campaign, options: FitOptions) -> Calibration:
@@ -135,6 +190,7 @@ def _conclude(found: Fitted, outcome: Outcome, campaign: Campaign, options: FitO
         residuals=found.residual,
         studentised=studentised,
         outliers=outliers,
+        left_out=(),
         ids=campaign.ids,
         model_error=tuple(float(d) for d in np.sqrt(outcome.hyper.variances)),
         prior_scale=float(np.sqrt(outcome.hyper.prior_factor)) if has_prior else None,

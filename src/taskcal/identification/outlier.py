@@ -26,6 +26,21 @@ class Outlier:
     """Length of its position residual, metres."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class LeftOut:
+    """A row that was not fitted, since it cannot be right."""
+
+    row: int
+    """Row of the whole campaign, counted from 0, whichever rows were to be fitted."""
+    line: int | None = None
+    """Line of the campaign's file, counted from 1; None where it is not known."""
+    id: str
+    distance: float
+    """How far its farthest point is from where the fit of the others has it, metres."""
+    studentised: float
+    """The same over its standard deviation."""
+
+
 def studentise(
     residual: Float[np.ndarray, "n targets b"],
     own: Float[np.ndarray, "n targets b b"],

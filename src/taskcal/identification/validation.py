@@ -9,7 +9,8 @@ from taskcal.arguments import expect_kinds
 from taskcal.errors import CampaignError
 from taskcal.identification.calibration import Calibration
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import PLAUSIBLE, check_plausible, register
+from taskcal.measurement.plausibility import check_plausible
+from taskcal.measurement.registration import PLAUSIBLE, register
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

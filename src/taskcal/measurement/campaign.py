@@ -203,6 +203,19 @@ class Campaign:
         ids = tuple(self.ids[i] for i in chosen)
         return replace(self, ids=ids, nests=nests, conditions=self.conditions.take(chosen), **changed)
 
+    @cached_property
+    def seen(self) -> Bool[np.ndarray, " n"]:
+        """Rows in which anything was measured."""
+        return np.asarray(self.valid.any(axis=1))
+
+    def without(self, rows: Bool[np.ndarray, " n"]) -> "Campaign":
+        """The campaign as if nothing had been seen in some of its rows, a mask."""
+        if not rows.any():
+            return self
+        points = self.points.copy()
+        points[rows] = np.nan
+        return replace(self, points=points)
+
     def split(self, fraction: float, rng: np.random.Generator) -> tuple["Campaign", "Campaign"]:
         """Two campaigns: the rows to fit, and a random `fraction` of rows held out.
 

@@ -4,7 +4,7 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
 from taskcal.arguments import expect_kinds
@@ -23,6 +23,10 @@ OFFSET_PULL = 1e-9
 
 LOCATED = 0.02
 """A direction of the target offsets is determined if its standard deviation is below this, metres."""
+
+
+MINORITY = 0.1
+"""Share of the points that may be wrong; what so few alone say of a target is not believed."""
 
 
 @short_repr
@@ -81,10 +85,11 @@ def nominal_poses(model: ErrorModel, campaign: Campaign) -> Float[np.ndarray, "n
         return model.poses(campaign.q)
     except ClosureError as error:
         row = campaign.row(error.pose)
-        raise CampaignError(f"{_file(campaign)}the four-bar does not close at {row}: {error.detail}") from error
+        raise CampaignError(f"{named_file(campaign)}the four-bar does not close at {row}: {error.detail}") from error
 
 
-def _file(campaign: Campaign) -> str:
+def named_file(campaign: Campaign) -> str:
+    """The file a message is about, in front of it."""
     return f"{campaign.source}: " if campaign.source else ""
 
 
@@ -97,7 +102,7 @@ def check_rows(campaign: Campaign, parameters: int = 0) -> None:
         if seen == 0:
             others = ", ".join(other for other in campaign.targets if other != name)
             remedy = f"leave it out: choose among {others}" if others else "measure again, or read another target"
-            raise CampaignError(f"{_file(campaign)}target '{name}' was never seen; {remedy}")
+            raise CampaignError(f"{named_file(campaign)}target '{name}' was never seen; {remedy}")
     seen = int(campaign.valid.sum())
     unknown = 6 + needed_per_target * len(campaign.targets) + parameters
     if per_row * seen <= unknown:
@@ -105,51 +110,9 @@ def check_rows(campaign: Campaign, parameters: int = 0) -> None:
         what = "points" if per_row == 3 else "poses"
         targets = f"{len(campaign.targets)} target{'s' if len(campaign.targets) > 1 else ''}"
         raise CampaignError(
-            f"{_file(campaign)}{seen} measured {what} in {len(campaign)} rows are too few: the tracker frame and {targets} alone "
-            f"need more than {unknown} numbers; measure at least {rows} poses, better 30 or more"
+            f"{named_file(campaign)}{seen} measured {what} in {len(campaign)} rows are too few: the tracker frame and {targets} "
+            f"alone need more than {unknown} numbers; measure at least {rows} poses, better 30 or more"
         )
-
-
-def check_plausible(registration: Registration, model: ErrorModel, campaign: Campaign) -> None:
-    """Raise a `CampaignError` if the nominal robot is so far from the measurements that they cannot be its own.
-
-    If all but a few rows fit, the message names these; else it names what is usually wrong.
-    """
-    reach = model.robot.reach
-    if registration.rms <= PLAUSIBLE * reach:
-        return
-    wrong = _few_wrong_rows(model, campaign)
-    if wrong:
-        named = ", ".join(f"{campaign.row(row)}, off by {distance * 1e3:.0f} mm" for row, distance in wrong)
-        raise CampaignError(
-            f"{_file(campaign)}{len(wrong)} of {len(campaign)} rows cannot be right: {named}; all others fit. Correct them, or "
-            "leave them out"
-        )
-    raise CampaignError(
-        f"{_file(campaign)}these joints and points do not fit {model.robot.name}: after registration the nominal robot is off "
-        f"by {registration.rms * 1e3:.1f} mm rms, {registration.rms / reach:.1%} of its {reach:.2f} m of links. Likely causes: "
-        "another robot or variant; joints in another order, with other signs or zero positions; degrees taken for radians; "
-        'an axis coupling that the robot file lacks (angle = "-(J2 + J3)"); metres or inches for millimetres; rows of joints '
-        "and points that do not belong together"
-    )
-
-
-def _few_wrong_rows(model: ErrorModel, campaign: Campaign) -> list[tuple[int, float]]:
-    """Rows, a tenth at most, without which the campaign fits, and how far off each is; none if that is not the trouble."""
-    T = model.poses(campaign.q)
-    kept = np.flatnonzero(campaign.valid.any(axis=1))
-    for _ in range(max(len(campaign) // 10, 1) + 1):
-        rest = campaign.take(kept)
-        try:
-            found = register(model, rest, T[kept])
-        except CampaignError:
-            return []
-        off = np.nan_to_num(distances(found, campaign, T)).max(axis=1)
-        if found.rms <= PLAUSIBLE * model.robot.reach:
-            wrong = [row for row in range(len(campaign)) if off[row] > 3.0 * PLAUSIBLE * model.robot.reach]
-            return [(row, float(off[row])) for row in wrong] if len(wrong) <= max(len(campaign) // 10, 1) else []
-        kept = kept[kept != kept[int(np.argmax(off[kept]))]]
-    return []
 
 
 def distances(found: Registration, campaign: Campaign, T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n targets"]:
@@ -174,8 +137,8 @@ def _register_points(T: np.ndarray, campaign: Campaign, reach: float) -> Registr
         if np.linalg.norm(y - y.mean(axis=0), axis=1).max() < 0.02 * nominal:
             hint = f"; the robot itself moved by {nominal * 1e3:.0f} mm, so the positions may be in metres: give millimetres"
         raise CampaignError(
-            f"{_file(campaign)}the measured points lie within {extent[1] * 1e3:.2f} mm of one line, which does not fix the tracker "
-            f"frame; measure poses spread over a plane at least{hint}"
+            f"{named_file(campaign)}the measured points lie within {extent[1] * 1e3:.2f} mm of one line, which does not fix the "
+            f"tracker frame; measure poses spread over a plane at least{hint}"
         )
     Z, (t, offsets), rms = _search(R, p, y, target, count, reach)
     unlocated = _unlocated(Z, R, target, count, rms)
@@ -210,6 +173,39 @@ def place_targets(model: ErrorModel, campaign: Campaign, T_tracker_base: Float[n
     )
 
 
+def register_closely(
+    campaign: Campaign, T: Float[np.ndarray, "n 4 4"], start: Float[np.ndarray, "3 3"] | None = None
+) -> Registration:
+    """As `register`, but from one start only: for the many subsets that a search for sound rows looks through.
+
+    Args:
+        campaign: the measurements.
+        T: poses of the tool in the base.
+        start: rotation from base to tracker; in closed form by default.
+
+    Raises:
+        CampaignError: a target that these rows do not show.
+    """
+    count = len(campaign.targets)
+    R, p, y, target = _cloud(T, campaign)
+    if len(np.unique(target)) < count:
+        raise CampaignError(f"{named_file(campaign)}a target is not seen in any of these rows")
+    if campaign.rotations is None:
+        Z = _refine(_closed_form(R, p, y, target, count) if start is None else start, R, p, y, target, count)[0]
+        X = np.broadcast_to(np.eye(3), (count, 3, 3))
+    else:
+        Y = campaign.rotations[campaign.valid[:, 0]]
+        Z, X = _closed_form_rotations(R, Y) if start is None else _alternate(start, R, Y, rounds=3)
+        X = X[None]
+    t, offsets, residual = _place(Z, R, p, y, target, count)
+    unlocated = _unlocated(Z, R, target, count, _rms(residual))
+    if unlocated.any():
+        t, offsets, residual = _place(Z, R, p, y, target, count, held=unlocated)
+    return Registration(
+        T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(X, offsets), rms=_rms(residual), unlocated=unlocated
+    )
+
+
 def _search(
     R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray, count: int, reach: float
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], float]:
@@ -226,14 +222,26 @@ def _search(
 def _unlocated(Z: np.ndarray, R: np.ndarray, target: np.ndarray, count: int, rms: float) -> np.ndarray:
     """Projector onto the directions of the offsets that are not determined beside the translation.
 
-    A residual under a millimetre is taken for one: a robot that happens to be exact has not more orientations for it.
+    A residual under a millimetre is taken for one: a robot that happens to be exact has not more orientations for it. What only
+    a few points say that are turned away from all others nothing confirms: a wrong joint value would say the same.
     """
+    confirmed = _confirmed(R)
+    if len(np.unique(target[confirmed])) == count:
+        R, target = R[confirmed], target[confirmed]
     A = _placing(Z, R, target, count).reshape(3 * len(R), -1)
     H = A.T @ A
     # information of the offsets alone, the translation eliminated
     values, vectors = np.linalg.eigh(H[3:, 3:] - H[3:, :3] @ np.linalg.solve(H[:3, :3], H[:3, 3:]))
     weak = vectors[:, values < (max(rms, 1e-3) / LOCATED) ** 2]
     return weak @ weak.T
+
+
+def _confirmed(R: Float[np.ndarray, "n 3 3"]) -> Bool[np.ndarray, " n"]:
+    """Points but for the few that are turned farthest away from the middle of all."""
+    middle = se3.nearest_rotation(np.median(R, axis=0))
+    turned = 3.0 - np.einsum("ij,nij->n", middle, R)
+    few = max(int(MINORITY * len(R)), 1)
+    return turned <= np.partition(turned, len(R) - few - 1)[max(len(R) - few - 1, 0)] + 1e-12
 
 
 def _closed_form(R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray, count: int) -> np.ndarray:

@@ -1,0 +1,140 @@
+"""Rows that cannot be right: found by what all other rows agree on, left out, and said.
+
+A fit of all rows follows a gross error, and where one row alone decides a direction it follows it entirely. So the rows are
+first asked whether they agree on tracker frame and targets (`find_consensus`), then each is judged by a fit: a fitted row by
+its residual over that residual's own standard deviation, one that was left out by its prediction's. A row comes back when
+the fit of the others finds it right.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from taskcal.errors import CampaignError
+from taskcal.estimation.loss import Cauchy, Loss
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.outlier import LeftOut
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.plausibility import most_wrong_rows
+from taskcal.measurement.registration import named_file
+from taskcal.measurement.tracker import TrackerNoise
+
+GROSS = 10.0
+"""Standard deviations from which on a row is wrong, not unlucky: on measured robots, whose residuals have longer tails than a
+normal distribution, the largest of 36 to 700 rows lie between 3 and 7."""
+
+SUSPICIOUS = 5.0
+"""Of the largest residual, from which on the scale is looked at again with a robust loss."""
+
+MIDDLE = {3: 1.2, 6: 2.0}
+"""Median length of studentised residuals, by their components, below which a few large ones inflate the scale; of normally
+distributed ones it is 1.54 and 2.31."""
+
+MAX_ROUNDS = 6
+"""Of fit and judgement in turn; on 200 spoilt campaigns three were enough."""
+
+NAMED = 6
+"""Rows that a message names."""
+
+Fit = Callable[[Campaign, Loss | None], Calibration]
+
+
+def fit_right_rows(
+    fit: Fit, campaign: Campaign, rows: Bool[np.ndarray, " n"], noise: TrackerNoise | None
+) -> Calibration:
+    """Fit the rows that can be right, and say which were left out.
+
+    Args:
+        fit: identifies from a campaign, with a loss other than its own where one is given.
+        campaign: the measurements.
+        rows: those that agree, to begin with.
+        noise: the tracker's, where the campaign does not state uncertainties.
+
+    Raises:
+        CampaignError: more rows are wrong than can be told from right ones.
+    """
+    seen = campaign.seen
+    calibration, distance, length = _fit_and_judge(fit, campaign, rows, noise)
+    for _ in range(MAX_ROUNDS):
+        following = np.logical_and(seen, length <= GROSS)
+        if np.array_equal(following, rows):
+            break
+        rows = following
+        calibration, distance, length = _fit_and_judge(fit, campaign, rows, noise)
+    _check_few(seen & ~rows, campaign)
+    wrong = np.flatnonzero(seen & ~rows)
+    if not len(wrong):
+        return calibration
+    left_out = tuple(
+        LeftOut(
+            row=campaign.row_of(int(i)),
+            line=campaign.line_of(int(i)),
+            id=campaign.ids[i],
+            distance=float(distance[i]),
+            studentised=float(length[i]),
+        )
+        for i in wrong
+    )
+    said = _said(left_out, [campaign.row(int(i)) for i in wrong], int(seen.sum()))
+    return replace(calibration, left_out=left_out, remarks=(said, *calibration.remarks))
+
+
+def _fit_and_judge(
+    fit: Fit, campaign: Campaign, rows: Bool[np.ndarray, " n"], noise: TrackerNoise | None
+) -> tuple[Calibration, Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    part = campaign.without(campaign.seen & ~rows)
+    calibration = fit(part, None)
+    judge = fit(part, Cauchy()) if _is_inflated(calibration) else calibration
+    return calibration, *_judge(judge, campaign, rows, noise)
+
+
+def _check_few(wrong: Bool[np.ndarray, " n"], campaign: Campaign) -> None:
+    rows = np.flatnonzero(wrong)
+    seen = int(campaign.seen.sum())
+    if len(rows) > most_wrong_rows(seen):
+        named = ", ".join(campaign.row(int(row)) for row in rows[:NAMED])
+        raise CampaignError(
+            f"{named_file(campaign)}{len(rows)} of {seen} rows do not agree with the others ({named}"
+            f"{', …' if len(rows) > NAMED else ''}): with more than a tenth of the rows, which are the wrong ones cannot be told. "
+            "Correct or leave out the wrong ones, or fit all of them with a robust loss (gross_errors='keep', loss=Cauchy(); "
+            "--gross-errors keep --loss cauchy)"
+        )
+
+
+def _said(left_out: tuple[LeftOut, ...], names: list[str], seen: int) -> str:
+    named = "; ".join(
+        f"{name}, {row.distance * 1e3:.1f} mm off, {row.studentised:.0f} standard deviations"
+        for name, row in zip(names[:NAMED], left_out, strict=False)
+    )
+    more = f"; and {len(left_out) - NAMED} more" if len(left_out) > NAMED else ""
+    return (
+        f"{len(left_out)} of {seen} rows cannot be right beside all others and were left out: {named}{more}. Measure them again; "
+        "or, if they are right, more like them, and fit all rows with gross_errors='keep' (--gross-errors keep)"
+    )
+
+
+def _is_inflated(calibration: Calibration) -> bool:
+    """Whether the scale of the residuals may be that of a few large ones."""
+    length = calibration.studentised[np.isfinite(calibration.studentised)]
+    return bool(np.median(length) < MIDDLE[calibration.residuals.shape[2]] or length.max() > SUSPICIOUS)
+
+
+def _judge(
+    calibration: Calibration, campaign: Campaign, fitted: Bool[np.ndarray, " n"], noise: TrackerNoise | None
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """How far each row's farthest target is off, metres, and how many of its standard deviations; zero where not seen."""
+    distance, length = np.zeros(len(campaign)), np.zeros(len(campaign))
+    off = np.linalg.norm(calibration.residuals[..., :3], axis=2)
+    distance[fitted] = np.nan_to_num(off[fitted]).max(axis=1)
+    length[fitted] = np.nan_to_num(calibration.studentised[fitted]).max(axis=1)
+    rest = np.flatnonzero(~fitted & campaign.seen)
+    if len(rest):
+        others = campaign.take(rest)
+        residual = np.nan_to_num(calibration.residuals_on(others))
+        covariance = calibration.predict_covariance(others.q, others.conditions) + others.covariances(noise)
+        square = np.einsum("nti,nti->nt", residual, np.linalg.solve(covariance, residual[..., None])[..., 0])
+        distance[rest] = np.linalg.norm(residual[..., :3], axis=2).max(axis=1)
+        length[rest] = np.sqrt(square.max(axis=1))
+    return distance, length

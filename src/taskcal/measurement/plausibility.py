@@ -1,0 +1,73 @@
+"""Whether joints and points can belong to each other at all."""
+
+import numpy as np
+
+from taskcal.errors import CampaignError
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.consensus import find_consensus
+from taskcal.measurement.registration import PLAUSIBLE, Registration, named_file, nominal_poses
+from taskcal.robot.error_model import ErrorModel
+
+LARGEST_SHARE = 0.1
+"""Of the rows, that may be wrong: with more, others than these could be the right ones."""
+
+TARGET_WITHIN = 1.0
+"""How far a target may be from the tool point, metres: tools are no longer, and where joints or points are wrong the target is
+the first to be found far away."""
+
+
+def check_plausible(registration: Registration, model: ErrorModel, campaign: Campaign) -> None:
+    """Raise a `CampaignError` if the nominal robot is so far from the measurements that they cannot be its own.
+
+    If all but a few rows fit, the message names these; else it names what is usually wrong.
+    """
+    reach = model.robot.reach
+    if registration.rms <= PLAUSIBLE * reach:
+        return
+    wrong = _few_wrong_rows(model, campaign)
+    if wrong:
+        named = ", ".join(f"{campaign.row(row)}, off by {distance * 1e3:.0f} mm" for row, distance in wrong)
+        raise CampaignError(
+            f"{named_file(campaign)}{len(wrong)} of {len(campaign)} rows cannot be right: {named}; all others fit. Correct them, "
+            "or leave them out"
+        )
+    raise CampaignError(
+        f"{named_file(campaign)}these joints and points do not fit {model.robot.name}: after registration the nominal robot is off "
+        f"by {registration.rms * 1e3:.1f} mm rms, {registration.rms / reach:.1%} of its {reach:.2f} m of links. Likely causes: "
+        "another robot or variant; joints in another order, with other signs or zero positions; degrees taken for radians; "
+        'an axis coupling that the robot file lacks (angle = "-(J2 + J3)"); metres or inches for millimetres; rows of joints '
+        "and points that do not belong together"
+    )
+
+
+def check_targets(registration: Registration, campaign: Campaign, within: float) -> None:
+    """Raise a `CampaignError` if a target is found where none can be.
+
+    Args:
+        registration: as found.
+        campaign: the measurements.
+        within: how far from the tool point a target may be, metres.
+    """
+    distance = np.linalg.norm(registration.T_tool_target[:, :3, 3], axis=1)
+    far = int(distance.argmax())
+    if distance[far] > within:
+        raise CampaignError(
+            f"{named_file(campaign)}target '{campaign.targets[far]}' is found {distance[far] * 1e3:.0f} mm from the tool point, "
+            f"where at most {within * 1e3:.0f} mm are expected: check the joints of rows in rare orientations, and the tool in the robot "
+            "file; if the target really is so far out, allow it (target_within, --target-within)"
+        )
+
+
+def most_wrong_rows(rows: int) -> int:
+    """How many rows of so many may be wrong."""
+    return max(1, round(LARGEST_SHARE * rows))
+
+
+def _few_wrong_rows(model: ErrorModel, campaign: Campaign) -> list[tuple[int, float]]:
+    """Rows without which the campaign fits, and how far off each is; none if that is not the trouble."""
+    found = find_consensus(model, campaign, nominal_poses(model, campaign))
+    seen = campaign.seen
+    wrong = np.flatnonzero(seen & (found.distance > 3.0 * PLAUSIBLE * model.robot.reach))
+    if found.registration.rms > PLAUSIBLE * model.robot.reach or len(wrong) > most_wrong_rows(int(seen.sum())):
+        return []
+    return [(int(row), float(found.distance[row])) for row in wrong]
