@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from taskcal.demo.reference_task import reference_task
 
+from taskcal.demo.reference import reference_task
 from taskcal.errors import CampaignError, FitError, TaskcalError
 from taskcal.identification.calibration_file import load_calibration
 from taskcal.identification.identify import identify

@@ -1,9 +1,7 @@
 """Which parameters the data of a calibration say anything of."""
 
 from taskcal.identification.calibration import Calibration
-
-NOT_SEEN = 0.95
-"""Share of the prior's standard deviation from which on a standard error says that nothing was learnt."""
+from taskcal.identification.identify import NOT_SEEN
 
 
 def seen_parameters(calibration: Calibration) -> dict[str, bool | None]:
