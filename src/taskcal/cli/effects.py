@@ -11,7 +11,7 @@ import typer
 from taskcal.cli.options import split_names
 from taskcal.cli.output import show_facts, show_table
 from taskcal.errors import TaskcalError
-from taskcal.identification.effect_selection import Explanation
+from taskcal.identification.explanation import Explanation
 from taskcal.measurement.campaign import Campaign
 from taskcal.robot.effects import Effect, parse_effect
 

@@ -8,7 +8,7 @@ Cross-validation on rows that were not fitted tells in millimetres what each ste
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import Any, Unpack
+from typing import Unpack
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -16,10 +16,11 @@ from jaxtyping import Float, Int
 from taskcal.analysis.identifiability import identifiability
 from taskcal.analysis.near_dependence import NearDependence
 from taskcal.arguments import expect_kinds
-from taskcal.errors import CampaignError, TaskcalError, shortened
+from taskcal.errors import CampaignError, TaskcalError
 from taskcal.estimation.blas import single_threaded
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.cross_validation import mean_over_rows, predict_left_out, split_postures
+from taskcal.identification.explanation import Explanation, Stage
 from taskcal.identification.field import FEWEST, learn_field
 from taskcal.identification.fit_options import FitChoices, FitOptions
 from taskcal.identification.identify import identify
@@ -34,55 +35,6 @@ candidates on 200 virtual robots that have no effect the best gained 2.9, and mo
 
 SIGNIFICANT = 2.0
 """A residual field must lower the cross-validated error by so many standard errors of the paired difference."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stage:
-    """One step of the explanation."""
-
-    name: str
-    parameters: int
-    log_evidence: float | None
-    """Gain over the stage before; None for the first, and for the field."""
-    cross_validated: float
-    """Mean error in space on rows left out, metres."""
-    standard_error: float
-    """Of the change against the stage before, metres."""
-    accepted: bool
-    reason: str
-    """Why."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Explanation:
-    """A calibration with the effects and the field that the data prove, and the proof."""
-
-    calibration: Calibration
-    effects: tuple[Effect, ...]
-    stages: tuple[Stage, ...]
-    tracker: float
-    """What the tracker's noise alone would leave, metres in space."""
-    alike: tuple[NearDependence, ...]
-    """Parameters of effects that geometry nearly repeats at the fitted poses, the most repeated first."""
-
-    def __repr__(self) -> str:
-        taken = ", ".join(stage.name for stage in self.stages if stage.accepted)
-        return f"Explanation({shortened(taken, 150)}: {self.calibration!r})"
-
-    def to_json(self) -> list[dict[str, Any]]:
-        """The table, in millimetres."""
-        return [
-            {
-                "stage": stage.name,
-                "parameters": stage.parameters,
-                "log_evidence_gain": stage.log_evidence,
-                "cross_validated_mm": stage.cross_validated * 1e3,
-                "standard_error_mm": stage.standard_error * 1e3,
-                "accepted": stage.accepted,
-                "reason": stage.reason,
-            }
-            for stage in self.stages
-        ]
 
 
 @dataclass(frozen=True, kw_only=True)
