@@ -24,6 +24,7 @@ def cell():
     return model, measured, unseen, design(model, campaign, unseen)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "dropped", [(), ("J2.tz", "J3.tz", "J6"), ("J4.rx", "J3.ry", "J2.tx", "loop"), ("J1", "J2", "J3", "tool", "J5")]
 )

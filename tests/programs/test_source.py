@@ -1,0 +1,51 @@
+"""A program's text keeps every byte that is not edited, and knows its lines."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taskcal.programs.source import Edit, Source
+
+PATH = Path("program.mod")
+texts = st.text(st.sampled_from("ab \t\r\nß"), max_size=40)
+
+
+@given(st.binary(max_size=60))
+def test_every_byte_comes_back_whatever_the_encoding(data):
+    assert Source.of(PATH, data).encode() == data
+
+
+@given(st.data(), texts)
+def test_edits_are_those_of_the_text_cut_by_hand_in_whatever_order_they_come(data, text):
+    cuts = sorted(
+        data.draw(st.lists(st.integers(0, len(text)), min_size=4, max_size=4, unique=True))
+        if len(text) > 3
+        else [0] * 4
+    )
+    a, b, c, d = cuts
+    edits = [Edit(start=a, end=b, text="first"), Edit(start=c, end=d, text="second")]
+    source = Source(path=PATH, text=text, encoding="utf-8")
+    expected = text[:a] + "first" + text[b:c] + "second" + text[d:]
+    assert source.edited(edits).text == expected
+    if a < c:
+        assert source.edited(edits[::-1]).text == expected
+
+
+def test_edits_that_overlap_are_refused_with_their_line():
+    source = Source(path=PATH, text="one\ntwo three\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"edits of program\.mod overlap in line 2"):
+        source.edited([Edit(start=4, end=9, text=""), Edit(start=8, end=10, text="")])
+
+
+@given(texts)
+def test_lines_are_counted_by_their_ends_and_indents_are_what_they_begin_with(text):
+    source = Source(path=PATH, text=text, encoding="utf-8")
+    lines = text.split("\n")
+    for position in range(len(text)):
+        number = text.count("\n", 0, position) + 1
+        assert source.line(position) == number
+        assert str(source.place(position)) == f"program.mod:{number}"
+        line = lines[number - 1]
+        assert source.indent(position) == line[: len(line) - len(line.lstrip(" \t"))]
