@@ -3,7 +3,7 @@ import scipy.optimize
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskcal.estimation.least_squares import Stopping, fit
+from taskcal.estimation.least_squares import Ended, Stopping, fit
 from taskcal.estimation.loss import Cauchy, Huber, Squared
 from tests.laws.robots import generators
 
@@ -122,6 +122,7 @@ def test_a_fit_that_runs_out_of_iterations_says_so():
         problem.equations(Squared()), problem.mean, problem.mean, problem.precision, np.ones(p), Stopping(iterations=1)
     )
     assert not found.converged
+    assert (found.ended, found.converged) == (Ended.TOO_MANY_ITERATIONS, False)
     assert found.reason == "no convergence in 1 iterations"
 
 
@@ -130,5 +131,6 @@ def test_a_fit_stops_at_the_decrease_asked_for():
     arguments = problem.equations(Squared()), problem.mean, problem.mean, problem.precision, np.ones(len(problem.mean))
     loose, tight = fit(*arguments, Stopping(decrease=0.5)), fit(*arguments, Stopping(decrement=1e-20))
     assert loose.converged
-    assert "0.5 of itself" in loose.reason
+    assert (loose.ended, loose.converged) == (Ended.HARDLY_FALLS, True)
+    assert loose.reason == "the objective fell by less than 0.5 of itself"
     assert loose.iterations < tight.iterations

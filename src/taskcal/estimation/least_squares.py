@@ -1,6 +1,7 @@
 """Levenberg–Marquardt on normal equations, with a Gaussian prior."""
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from jaxtyping import Float
@@ -22,6 +23,26 @@ class Stopping:
     iterations: int = 100
 
 
+class Ended(Enum):
+    """Why a fit ended."""
+
+    NOTHING_TO_ESTIMATE = "nothing was to be estimated"
+    CONVERGED = "the Newton decrement fell below {0.decrement:g}"
+    CANNOT_FALL = "the objective cannot fall further"
+    HARDLY_FALLS = "the objective fell by less than {0.decrease:g} of itself"
+    TOO_MANY_ITERATIONS = "no convergence in {0.iterations} iterations"
+    NO_STEP_FALLS = "no step makes the objective fall"
+
+    @property
+    def converged(self) -> bool:
+        """Whether it ended at a minimum."""
+        return self not in (Ended.TOO_MANY_ITERATIONS, Ended.NO_STEP_FALLS)
+
+    def text(self, stopping: Stopping) -> str:
+        """In words, with the bounds that the fit had."""
+        return self.value.format(stopping)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Solution:
     """Where the fit ended, and why."""
@@ -34,8 +55,18 @@ class Solution:
     information: Float[np.ndarray, "p p"]
     """JᵀWJ of the data at the solution, without the prior."""
     iterations: int
-    converged: bool
-    reason: str
+    ended: Ended
+    stopping: Stopping
+
+    @property
+    def converged(self) -> bool:
+        """Whether it is a minimum."""
+        return self.ended.converged
+
+    @property
+    def reason(self) -> str:
+        """Why the fit ended, in words."""
+        return self.ended.text(self.stopping)
 
 
 def fit(
@@ -65,12 +96,9 @@ def fit(
     z, floor = np.array(start, dtype=float), damping
     cost, g, H = equations(z)
     objective = cost + 0.5 * (z - mean) @ precision @ (z - mean)
-    reason = f"no convergence in {stopping.iterations} iterations"
-    converged = False
+    ended = Ended.TOO_MANY_ITERATIONS if len(z) else Ended.NOTHING_TO_ESTIMATE
     iteration = 0
-    if not len(z):
-        converged, reason = True, "nothing was to be estimated"
-    while not converged and iteration < stopping.iterations:
+    while not ended.converged and iteration < stopping.iterations:
         iteration += 1
         b = g - precision @ (z - mean)
         A = H + precision
@@ -80,7 +108,7 @@ def fit(
             damping = max(10.0 * damping, 1e-9 * float(np.max(np.diag(A) * scale**2)))
             continue
         if 0.5 * float(b @ step) < stopping.decrement:
-            converged, reason = True, f"the Newton decrement fell below {stopping.decrement:g}"
+            ended = Ended.CONVERGED
             break
         predicted = float(b @ step - 0.5 * step @ A @ step)
         trial = z + step
@@ -90,18 +118,18 @@ def fit(
         if not fall > 0.0:
             # near the minimum the objective cannot tell rounding from progress
             if predicted < 1e-11 * (1.0 + abs(objective)):
-                converged, reason = True, "the objective cannot fall further"
+                ended = Ended.CANNOT_FALL
                 break
             damping = max(10.0 * damping, 1e-9 * float(np.max(np.diag(A) * scale**2)))
             if damping > 1e12 * float(np.max(np.diag(A) * scale**2)):
-                reason = "no step makes the objective fall"
+                ended = Ended.NO_STEP_FALLS
                 break
             continue
         relative = fall / max(abs(objective), 1e-300)
         z, cost, g, H, objective = trial, trial_cost, trial_g, trial_H, trial_objective
         damping = max(damping / 10.0, floor)
         if relative < stopping.decrease:
-            converged, reason = True, f"the objective fell by less than {stopping.decrease:g} of itself"
+            ended = Ended.HARDLY_FALLS
             break
     return Solution(
         z=z,
@@ -109,6 +137,6 @@ def fit(
         objective=float(objective),
         information=H,
         iterations=iteration,
-        converged=converged,
-        reason=reason,
+        ended=ended,
+        stopping=stopping,
     )
