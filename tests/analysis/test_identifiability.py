@@ -9,7 +9,7 @@ from taskcal.analysis.identifiability import NIL, eliminate, identifiability
 from taskcal.geometry import se3
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
-from tests.laws.robots import generators, industrial, industrial_positions
+from tests.laws.robots import generators, industrial, industrial_positions, irb6660_description, irb6660_positions
 
 
 @pytest.mark.parametrize("components", ["position", "pose"])
@@ -90,3 +90,45 @@ def test_the_rank_with_frames_is_that_of_derivatives_by_differences(components):
     )
     assert set(found.zero) == {name for name, counts in zip(found.names, alive, strict=True) if not counts}
     np.testing.assert_allclose(found.matrix.T @ found.matrix, J.T @ J, atol=1e-5 * size.max() ** 2)
+
+
+def with_rod(millimetres):
+    description = irb6660_description()
+    return ErrorModel(robot_from({**description, "four_bar": {**description["four_bar"], "rod_mm": millimetres}}))
+
+
+def test_a_rod_a_tenth_of_a_millimetre_longer_adds_to_the_exact_rank_and_nothing_that_is_told_apart():
+    q = irb6660_positions(np.random.default_rng(0), 60)
+    ideal, longer = (identifiability(with_rod(rod), q) for rod in (700.0, 700.1))
+    assert (ideal.rank, longer.rank) == (25, 26)
+    before, after = ideal.told_apart(noise=0.26e-3), longer.told_apart(noise=0.26e-3)
+    assert before.count == after.count == 24
+    added = after.directions[0]
+    assert added.leading == pytest.approx({"loop.crank": 0.5**0.5, "loop.rocker": 0.5**0.5}, rel=1e-3)
+    assert 1.0 - added.left < 1e-4
+    assert len(after.lost) == len(before.lost) + 1
+    left = [direction.left for direction in after.directions[1:]]
+    np.testing.assert_allclose(left, [direction.left for direction in before.directions], rtol=1e-3)
+
+
+@given(generators, st.integers(2, 6), st.floats(-5.0, 0.0))
+def test_what_is_left_of_a_direction_is_what_a_posterior_leaves(rng, p, exponent):
+    """Against the covariance of the parameters by its formula, (T⁻² + JᵀJ/σ²)⁻¹, of every direction and across them."""
+    noise, tolerances = 10.0**exponent, 10.0 ** rng.uniform(-3.0, 0.0, p)
+    J = rng.normal(size=(20, p))
+    names = tuple(f"a{i}" for i in range(p))
+    told = eliminate(J, names, tolerances, poses=10).told_apart(noise=noise)
+    scaled = J * tolerances
+    posterior = np.linalg.inv(np.eye(p) + scaled.T @ scaled / noise**2)
+    v = np.array([[direction.coefficients[name] for name in names] for direction in told.directions])
+    left = np.array([direction.left for direction in told.directions])
+    np.testing.assert_allclose(v @ posterior @ v.T, np.diag(left**2), rtol=1e-6, atol=1e-9 * left[0] ** 2)
+    assert (np.diff(left) <= 0.0).all()
+    assert told.count == (left**2 < 0.5).sum()
+
+
+@pytest.mark.parametrize("noise", [0.0, -1e-3, np.nan, np.inf])
+def test_noise_that_is_no_positive_number_is_refused(noise):
+    found = eliminate(np.eye(3), ("a", "b", "c"), np.ones(3), poses=1)
+    with pytest.raises(ValueError, match=r"noise of .*positive standard deviation per axis in metres"):
+        found.told_apart(noise=noise)

@@ -70,3 +70,35 @@ def test_a_task_partly_out_of_reach_says_so(run: Run, cell: Path, tmp_path: Path
     assert ended.status == 0
     assert 0 < ended.json["unreachable_share"] < 1
     assert "out of the robot's reach" in ended.err
+
+
+def test_what_the_noise_tells_apart_stands_beside_the_exact_rank(run: Run, cell: Path) -> None:
+    """The less noise, the more is told apart, up to the rank; the noise is the tracker's and the model error together."""
+    asked = ("sensitivity", "--robot", IRB6660, "--task", cell / "task.toml")
+    typical, exact = run(*asked, "--json").json, run(*asked, "--model-error", "0", "--json").json
+    found, ideal = typical["told_apart"], exact["told_apart"]
+    assert found["rank"] == ideal["rank"] == typical["identifiability"]["rank"] == len(found["directions"])
+    assert found["count"] < ideal["count"] <= ideal["rank"]
+    assert ideal["noise_mm"] == ideal["tracker_mm"] == found["tracker_mm"]
+    assert found["noise_mm"] == pytest.approx(np.hypot(found["tracker_mm"], found["model_error_mm"]))
+    assert found["count"] == sum(direction["left"] ** 2 < 0.5 for direction in found["directions"])
+    ended = run(*asked)
+    assert f"{found['count']} of {found['rank']}" in ended.out
+    assert found["model_error_origin"][:20] in ended.out
+
+
+def test_a_campaign_s_own_uncertainty_is_the_noise_of_what_it_tells_apart(run: Run, cell: Path, tmp_path: Path) -> None:
+    lines = (cell / "one.csv").read_text().splitlines()
+    head = next(i for i, line in enumerate(lines) if not line.startswith("#"))
+    stated = [*lines[:head], lines[head] + ",u_mm", *(line + ",0.5" for line in lines[head + 1 :])]
+    (tmp_path / "stated.csv").write_text("\n".join(stated) + "\n")
+    asked = ("sensitivity", "--robot", IRB6660, "--model-error", "0", "--json", "--campaign")
+    own, modelled = run(*asked, tmp_path / "stated.csv").json, run(*asked, cell / "one.csv").json
+    assert own["told_apart"]["noise_mm"] == pytest.approx(0.5)
+    assert own["told_apart"]["count"] < modelled["told_apart"]["count"]
+
+
+def test_a_negative_model_error_is_refused(run: Run, cell: Path) -> None:
+    ended = run("sensitivity", "--robot", IRB6660, "--task", cell / "task.toml", "--model-error", "-1")
+    assert ended.status == 2
+    assert "--model-error" in ended.err

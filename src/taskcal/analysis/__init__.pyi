@@ -4,4 +4,6 @@ from taskcal.analysis.elimination_table import published_kept as published_kept
 from taskcal.analysis.identifiability import Identifiability as Identifiability
 from taskcal.analysis.near_dependence import NearDependence as NearDependence
 from taskcal.analysis.sensitivity import Sensitivity as Sensitivity
+from taskcal.analysis.told_apart import Direction as Direction
+from taskcal.analysis.told_apart import ToldApart as ToldApart
 from taskcal.estimation.information import Observability as Observability

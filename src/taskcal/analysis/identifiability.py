@@ -10,6 +10,7 @@ from jaxtyping import Float
 from scipy.linalg import qr, solve_triangular
 
 from taskcal.analysis.near_dependence import LEVEL, NearDependence, find_near_dependences
+from taskcal.analysis.told_apart import ToldApart, find_told_apart
 from taskcal.arguments import expect_kinds
 from taskcal.errors import shortened
 from taskcal.estimation.information import Observability, observability
@@ -102,6 +103,20 @@ class Identifiability:
         """
         wanted = self.names if names is None else names
         return find_near_dependences(self.matrix, self.names, wanted, against=against, level=level, nil=NIL)
+
+    def told_apart(self, *, noise: float) -> ToldApart:
+        """How many directions a measurement with noise tells apart, and the weakest of those that are independent exactly.
+
+        Where the exact rank counts what differs by more than rounding, this counts the directions of which the data say
+        more than the tolerances: less than half of the prior's variance is left.
+
+        Args:
+            noise: standard deviation per axis at every pose, the tracker's and the model error together, metres.
+
+        Raises:
+            ValueError: the noise is not a positive number.
+        """
+        return find_told_apart(self.matrix, self.names, self.scales, self.rank, noise)
 
     def relations(self) -> Float[np.ndarray, "kept p"]:
         """B with J = J_kept·B: what each parameter adds to the kept ones."""

@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.options import CountOption, ForceOption, JsonOption, ReportOption, RobotOption, SeedOption
+from taskcal.cli.options import (
+    CountOption,
+    ForceOption,
+    JsonOption,
+    ModelErrorOption,
+    ReportOption,
+    RobotOption,
+    SeedOption,
+    check_model_error,
+)
 from taskcal.cli.output import (
     announce_compilation,
     show_facts,
@@ -19,9 +28,20 @@ from taskcal.cli.output import (
 from taskcal.cli.outputs import check_outputs, files_of_task
 
 if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Float
+
     from taskcal.analysis.elimination_table import EliminationTable
+    from taskcal.analysis.identifiability import Identifiability
     from taskcal.analysis.sensitivity import Sensitivity
+    from taskcal.measurement.campaign import Campaign
     from taskcal.robot.error_model import ErrorModel
+
+WEAKEST = 5
+"""Directions that are shown of those that the poses see."""
+
+TERMS = 5
+"""Parameters that are named of each."""
 
 
 class Order(StrEnum):
@@ -50,6 +70,7 @@ def command(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE.csv", readable=False, help="Write the table here.")
     ] = None,
+    model_error: ModelErrorOption = None,
     report: ReportOption = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
@@ -57,6 +78,7 @@ def command(
     """Influence of each parameter on the tool point, and which parameters the poses can tell apart."""
     if (task is None) == (campaign is None):
         raise typer.BadParameter("give exactly one of them, to say at which poses", param_hint="--task / --campaign")
+    stated = check_model_error(model_error)
     named, read = [("--output", output), ("--report", report)], [robot, *files_of_task(task), campaign]
     outputs = check_outputs("sensitivity", named, read, force=force)
     from taskcal.analysis.elimination_table import tabulate_elimination
@@ -67,9 +89,10 @@ def command(
     from taskcal.robot.error_model import ErrorModel
 
     model = ErrorModel(load_robot(robot))
-    unreachable = 0.0
+    unreachable, measured = 0.0, None
     if campaign is not None:
-        q = read_campaign(campaign, model.robot).q
+        measured = read_campaign(campaign, model.robot)
+        q = measured.q
         announce_compilation()
     else:
         assert task is not None
@@ -78,6 +101,8 @@ def command(
         q, unreachable = poses.q, float(poses.unreachable.mean())
     found, elimination = sensitivity(model, q), tabulate_elimination(model, {"poses": q})
     result = _result(found, elimination, unreachable)
+    noise = _noise(model, q, measured, stated)
+    result["told_apart"] = _told_apart(elimination.eliminations["poses"], noise)
     if sort is Order.influence:
         result["parameters"].sort(key=lambda p: -p["tolerance_scaled_um"]["space"])
     contents: dict[Path, str | bytes] = {}
@@ -118,6 +143,43 @@ def _page(
         poses += f", model error {state_model_error(scales.model_error[0] * 1e3, scales.origin)}"
         maps = map_task(model, asked, made, seed=seed)
     return sensitivity_html(found, elimination, maps, poses=poses, version=package_version())
+
+
+def _noise(
+    model: "ErrorModel", q: "Float[np.ndarray, 'n joints']", campaign: "Campaign | None", stated: float | None
+) -> dict[str, Any]:
+    """Tracker's noise and model error per axis, millimetres: the campaign's own, or of a tracker four metres away."""
+    import numpy as np
+
+    from taskcal.geometry import se3
+    from taskcal.measurement.tracker import TrackerNoise
+    from taskcal.measurement.virtual_cell import TRACKER_POSE
+    from taskcal.robot.model_error import model_error_of
+
+    if campaign is None:
+        covariance = TrackerNoise().covariance(se3.apply(TRACKER_POSE, model.poses(q)[:, :3, 3]))
+    else:
+        covariance = campaign.covariances()[campaign.valid][:, :3, :3]
+    tracker = float(np.sqrt(np.trace(covariance, axis1=-2, axis2=-1).mean() / 3.0))
+    error = model_error_of(model.robot, stated)
+    return {
+        "noise_mm": float(np.hypot(tracker, error.position)) * 1e3,
+        "tracker_mm": tracker * 1e3,
+        "model_error_mm": error.position * 1e3,
+        "model_error_origin": error.source,
+    }
+
+
+def _told_apart(elimination: "Identifiability", noise: Mapping[str, Any]) -> dict[str, Any]:
+    told = elimination.told_apart(noise=noise["noise_mm"] * 1e-3)
+    return {
+        "count": told.count,
+        "rank": len(told.directions),
+        **noise,
+        "directions": [
+            {"coefficients": d.leading, "information": d.information, "left": d.left} for d in told.directions
+        ],
+    }
 
 
 def _result(found: "Sensitivity", table: "EliminationTable", unreachable: float) -> dict[str, Any]:
@@ -211,11 +273,36 @@ def _show(result: Mapping[str, Any]) -> None:
         show_table("What these poses cannot tell from other parameters", columns, cells, left=range(5))
     indices = "  ".join(f"{name} {value:.4g}" for name, value in found["observability"].items())
     eliminated = f"{len(found['zero'])} without effect, {len(found['dependent'])} dependent, {len(found['kept'])} kept"
+    told = result["told_apart"]
+    _show_weakest(result)
     facts = [
         ("rank", f"{found['rank']} of {len(result['parameters'])} ({eliminated}); gap {found['gap']:.2g}"),
+        ("told apart", f"{told['count']} of {told['rank']}: less than half of the tolerances' variance would be left"),
+        (
+            "noise",
+            f"{told['noise_mm']:.3g} mm per axis at every pose: tracker {told['tracker_mm']:.2g} mm, model error "
+            f"{told['model_error_mm']:.3g} mm ({told['model_error_origin']})",
+        ),
         ("condition number", f"{found['condition_number']:.4g} (kept columns, unit length)"),
         ("observability", f"{indices} (kept, in units of tolerance)"),
     ]
     if result["published"]:
         facts.append(("published", f"{len(result['published']['kept'])} kept: {result['published']['source']}"))
     show_facts(facts)
+
+
+def _show_weakest(result: Mapping[str, Any]) -> None:
+    from taskcal.analysis.elimination_table import describe_combination
+
+    label = {p["name"]: p["symbol"] or p["name"] for p in result["parameters"]}
+    rows: list[tuple[str, ...]] = []
+    for direction in result["told_apart"]["directions"][:WEAKEST]:
+        terms = list(direction["coefficients"].items())
+        said = describe_combination(dict(terms[:TERMS]), label) + (" …" if len(terms) > TERMS else "")
+        rows.append((said, f"{direction['left']:.3f}", "yes" if direction["information"] > 1.0 else "no"))
+    show_table(
+        "Directions that such a measurement says least of, in units of the tolerances",
+        ("direction", "σ left", "told apart"),
+        rows,
+        left=(0, 2),
+    )
