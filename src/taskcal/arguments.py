@@ -7,9 +7,9 @@ from taskcal.errors import WrongKind, shown
 MADE_BY = {
     "Calibration": 'load_calibration("cal.json") loads one, identify(model, campaign) makes one',
     "Campaign": 'read_campaign("campaign.csv", robot) reads one',
-    "ErrorModel": 'ErrorModel(load_robot("ur5")) is one; a calibration has one, calibration.model',
+    "ErrorModel": 'ErrorModel(load_robot("my-robot.toml")) is one; a calibration has one, calibration.model',
     "Program": 'read_program("part.mod") reads one',
-    "Robot": 'load_robot("ur5") loads one',
+    "Robot": 'load_robot("my-robot.toml") loads one',
     "Task": 'load_task("task.toml") loads one',
 }
 """Of each kind, where one comes from."""

@@ -16,6 +16,15 @@ def test_every_engine_gives_every_result(engine):
     assert sorted(side_by_side(partial(pow, 3), range(5), engine, 2)) == [1, 3, 9, 27, 81]
 
 
+def test_a_single_worker_is_the_caller_who_lives_on():
+    code = (
+        "import time; from taskcal.adaptation.workers import side_by_side\n"
+        "print(sorted(side_by_side(abs, [-1, 2], 'loky', 1))); time.sleep(1.5); print('on')"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout.split()) == (0, ["[1,", "2]", "on"])
+
+
 def test_an_engine_that_is_not_there_is_named():
     with pytest.raises(UnknownName, match="no engine 'loki'; did you mean 'loky'"):
         list(side_by_side(abs, [1], "loki", 1))

@@ -297,7 +297,7 @@ def edited(source: Path, target: Path, row: int | None, column: str, cell: str) 
         (4, "id", "3", "bad.csv:6: column 'id': id '3' stands in line 5 already"),
         (None, "J4_deg", "J7_deg", "bad.csv:1: has no column for joint J4"),
         (None, "J4_deg", "J4", "bad.csv:1: column 'J4': the unit is not stated; name the column J4_deg"),
-        (None, "z_mm", "depth", "bad.csv:1: has no column 'z_mm' beside 'x_mm'"),
+        (None, "z_mm", "depth", "bad.csv:1: has 'x_mm' but no column 'z_mm'"),
         (None, "z_mm", "z_in", "positions are in millimetres; give z_mm"),
     ],
 )

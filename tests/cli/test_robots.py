@@ -46,7 +46,7 @@ def test_the_reference_robot_says_why_defects_are_left_out(run: Run) -> None:
     assert sheet["four_bar"] == {"crank_mm": 500.0, "rod_mm": 700.0, "rocker_mm": 500.0, "arm_mm": 700.0}
     assert {p["name"]: p["symbol"] for p in sheet["parameters"]}["J5.ry"] == "psi5"
     text = " ".join(run("robots", IRB6660).out.split())
-    assert "orientation defects between them are not modelled" in text
+    assert "these defects are not modelled" in text
     assert "psi5" in text
 
 

@@ -275,9 +275,10 @@ def test_a_path_on_which_a_joint_would_jump_is_refused(model):
 
 
 def test_known_joints_are_taken_where_they_are_inside_the_limits(model):
-    q = reach_task(model, reference_task(), 10).q.copy()
+    reached = reach_task(model, reference_task(), 10)
+    q = reached.q.copy()
     q[3, 1] = np.radians(200.0)
-    found = reach_task(model, Task(name="measured", poses=model.poses(q), joints=q))
+    found = reach_task(model, Task(name="measured", poses=reached.T, joints=q))
     assert np.flatnonzero(found.unreachable).tolist() == [3]
     np.testing.assert_array_equal(found.q, np.delete(q, 3, axis=0))
 

@@ -71,8 +71,11 @@ _watching = threading.Event()
 
 
 def _beside_parent(parent: int, function: Callable[[Item], Result], item: Item) -> Result:
-    """Call a function in a worker that ends with its parent, which may be killed and clean up nothing."""
-    if os.name == "posix" and not _watching.is_set():
+    """Call a function in a worker that ends with its parent, which may be killed and clean up nothing.
+
+    A single worker is no process of its own: then the caller works itself, and watches nobody.
+    """
+    if os.name == "posix" and os.getpid() != parent and not _watching.is_set():
         _watching.set()
         threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     return function(item)
