@@ -19,7 +19,9 @@ from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, EncoderGain
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.file import robot_from
 from taskcal.task.task import Task, TaskPoses, reach_task
+from tests.laws.robots import irb6660_description
 
 TASK = reference_task()
 
@@ -371,3 +373,27 @@ def test_what_a_count_gives_agrees_with_the_plan_where_there_is_a_model_error():
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     made = planning.plan(model, TASK, 20, candidates=400, refine=0, model_error=5e-5)
     assert made.by_count[-1] == pytest.approx(made.expected, rel=0.3)
+
+
+@pytest.mark.parametrize(
+    "lengths", [(500.0, 700.0, 500.0, 700.0), (500.0, 1300.0, 400.0, 700.0), (734.0, 288.0, 664.0, 385.0)]
+)
+def test_no_pose_of_a_plan_is_beyond_the_loop_s_singular_position(lengths):
+    """Of a robot that nothing but its loop keeps from there, around poses near the end of the loop's range."""
+    description = irb6660_description()
+    bar = {**description["four_bar"], **dict(zip(("crank_mm", "rod_mm", "rocker_mm", "arm_mm"), lengths, strict=True))}
+    joints = [{**joint, "limits_deg": [-180.0, 180.0]} for joint in description["joint"]]
+    free = {key: value for key, value in description.items() if key not in ("coupled_limit", "link_radii_mm")}
+    model = ErrorModel(robot_from({**free, "joint": joints, "four_bar": bar}))
+    apart = np.radians(np.arange(-180.0, 180.0, 0.5))
+    closing = model.robot.four_bar.closes(np.c_[np.zeros((720, 2)), apart, np.zeros((720, 3))], np.zeros(3))
+    low, high = apart[closing].min(), apart[closing].max()
+    assert closing.sum() == round(np.degrees(high - low) / 0.5) + 1
+    rng = np.random.default_rng(0)
+    q = rng.uniform(-0.2, 0.2, (60, 6)) + np.array([0.0, 0.1, 0.1, 0.2, 1.2, 0.0])
+    q[:, 2] = q[:, 1] + rng.uniform(high - 0.15, high - 0.01, len(q))
+    task = Task(name="near the end", poses=model.poses(q), joints=q, accuracy=1e-4)
+    made = plan(model, task, 8, candidates=150)
+    turn = made.q[:, 2] - made.q[:, 1] - 0.5 * (low + high)
+    assert (np.abs(np.angle(np.exp(1j * turn))) < 0.5 * (high - low) + 0.01).all()
+    assert np.isfinite(model.poses(made.q)).all()

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from taskcal.errors import ClosureError
-from taskcal.geometry.four_bar import FourBar
+from taskcal.geometry.four_bar import FourBar, can_close, close_four_bar
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.joint_side import FourBarDrive
@@ -51,3 +51,61 @@ def test_any_loop_follows_its_crank_from_where_it_was_built(rng):
     assert (np.diff(theta) * np.diff(q[:first, 1]) > 0.0).all()
     with pytest.raises(ClosureError, match=f"pose {first}:"):
         loop.shift(q[: first + 1], np.zeros(3))
+
+
+@given(st.tuples(*[st.floats(0.1, 1.5)] * 4), st.sampled_from([1, -1]), st.sampled_from([-90.0, 90.0, 30.0, -150.0]))
+@example((0.734, 0.288, 0.664, 0.385), 1, -90.0)
+@example((1.0, 1.0, 1.0, 1.0), 1, -90.0)
+@example((1.0, 1.0, 1.0, 1.0), 1, 90.0)
+@settings(max_examples=40)
+def test_a_loop_of_any_lengths_closes_on_one_unbroken_way_without_dead_points_or_a_change_of_assembly(
+    L, assembly, lever
+):
+    crank_lever, rocker_lever, n = np.radians(lever), -np.pi / 2, 3600
+    bar = FourBar(crank=L[0], rod=L[1], rocker=L[2], arm=L[3], crank_angle=crank_lever, assembly=assembly)
+    kappa = np.arange(n) * 2.0 * np.pi / n
+    q = np.c_[np.zeros(n), kappa]
+    closing = drive(bar).closes(q, np.zeros(3))
+    assume(closing.any() and not closing.all())
+    begins = np.flatnonzero(closing & ~np.roll(closing, 1))
+    assert len(begins) == 1
+    way = np.roll(np.arange(n), -begins[0])[: closing.sum()]
+    theta = np.unwrap(kappa[way] + drive(bar).shift(q[way], np.zeros(3)).value[:, 0])
+    rocker = np.array([np.cos(theta + rocker_lever), np.sin(theta + rocker_lever)])
+    rod = (
+        np.array([[L[3]], [0.0]])
+        + L[2] * rocker
+        - L[0] * np.array([np.cos(kappa[way] + crank_lever), np.sin(kappa[way] + crank_lever)])
+    )
+    np.testing.assert_allclose(np.hypot(*rod), L[1], rtol=1e-9)
+    turned, across = np.diff(theta), rod[0] * rocker[1] - rod[1] * rocker[0]
+    assert (turned > 0.0).all() or (turned < 0.0).all()
+    assert (across > 0.0).all() or (across < 0.0).all()  # rod and rocker line up where the two assemblies meet
+
+
+def test_a_loop_in_its_mirrored_position_is_refused():
+    loop = drive(FourBar(crank=0.734, rod=0.288, rocker=0.664, arm=0.385))
+    for apart, built in ((0.0, True), (180.0, False)):
+        kappa = np.radians(np.arange(-60.0, 60.0, 1.0) + apart)
+        assert loop.closes(np.c_[0.0 * kappa, kappa], np.zeros(3)).any() == built
+    kappa = np.radians(np.arange(90.0, 270.0))
+    kappa = kappa[can_close(loop.bar, 0.0 * kappa, kappa)]
+    kappa = kappa[close_four_bar(loop.bar, 0.0 * kappa, kappa).by_angle[:, 1] > 0.0]
+    with pytest.raises(ClosureError, match=r"pose 0: .*mirrored, as it does not come without being taken apart"):
+        loop.shift(np.c_[0.0 * kappa, kappa], np.zeros(3))
+
+
+def test_a_loop_that_was_built_crossed_turns_against_its_crank_up_to_its_singular_positions():
+    """Crank and rocker on opposite sides of the arm, square to it as the file says."""
+    rod = np.hypot(0.6, 0.95)
+    bar = FourBar(crank=0.5, rod=rod, rocker=0.45, arm=0.6, rocker_angle=np.pi / 2, assembly=-1)
+    kappa = np.radians(np.linspace(-10.0, 10.0, 201))
+    q = np.c_[np.zeros(201), kappa]
+    theta = kappa + drive(bar).shift(q, np.zeros(3)).value[:, 0]
+    assert theta[100] == pytest.approx(0.0, abs=1e-12)
+    assert (np.diff(theta) < 0.0).all()
+    around = np.radians(np.arange(-180.0, 180.0, 0.5))
+    closing = drive(bar).closes(np.c_[0.0 * around, around], np.zeros(3))
+    assert not closing.all()
+    turn = close_four_bar(bar, np.zeros(closing.sum()), around[closing]).by_angle[:, 1]
+    assert (turn < 0.0).all()

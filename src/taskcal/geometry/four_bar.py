@@ -23,6 +23,15 @@ REMEDY = (
 )
 """What errors about a loop say that does not close, or has folded over."""
 
+INSIDE = 1e-3
+"""Share of the range in which a loop closes that the place where it was built keeps from its ends."""
+
+ROUNDING = 1e-12
+"""Of a cosine, and of the share by which a rod must reach."""
+
+DEAD = 1e-9
+"""∂θ/∂κ that counts as none; a rhombus that folds over leaves the rocker standing, to rounding."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class FourBar:
@@ -117,7 +126,52 @@ def can_close(
     wx = bar.arm * np.cos(arm_angle) - bar.crank * np.cos(crank)
     wy = bar.arm * np.sin(arm_angle) - bar.crank * np.sin(crank)
     square = wx * wx + wy * wy
-    return np.abs(bar.rod**2 - square - bar.rocker**2) < (1.0 - 1e-12) * 2.0 * bar.rocker * np.sqrt(square)
+    return np.abs(bar.rod**2 - square - bar.rocker**2) < (1.0 - ROUNDING) * 2.0 * bar.rocker * np.sqrt(square)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Side:
+    """The positions that a loop comes to from where it was built, without passing a singular one."""
+
+    lever: float
+    """Side of the arm that the crank's lever is on, +1 or −1, where the loop cannot bring it to the other."""
+    turn: float
+    """Whether the rocker turns with the crank, +1, or against it, −1: the sign of ∂θ/∂κ."""
+
+
+def built_side(bar: FourBar) -> Side:
+    """Where a loop was built: with its levers as they stand at κ = α, or as near to that as it closes."""
+    low, high = np.arccos(np.clip(_lever_cosines(bar), -1.0, 1.0))
+    gamma = float(np.angle(np.exp(1j * bar.crank_angle)))
+    lever = -1.0 if gamma < 0.0 else 1.0
+    if not low < high:
+        return Side(lever=lever, turn=1.0)  # it closes nowhere
+    inside = INSIDE * (high - low)
+    angle = lever * np.clip(abs(gamma), low + inside, high - inside)
+    closure = close_four_bar(bar, np.zeros(1), np.array([angle - bar.crank_angle]))
+    return Side(lever=lever, turn=-1.0 if closure.by_angle[0, 1] < 0.0 else 1.0)
+
+
+def keeps_side(
+    bar: FourBar,
+    side: Side,
+    closure: Closure,
+    arm_angle: Float[np.ndarray, " n"],
+    crank_angle: Float[np.ndarray, " n"],
+) -> Bool[np.ndarray, " n"]:
+    """Whether each position that closes is on the side where the loop was built."""
+    kept = closure.by_angle[:, 1] * side.turn > DEAD
+    nearest, farthest = _lever_cosines(bar)
+    passes = nearest > 1.0 + ROUNDING or farthest < -1.0 - ROUNDING  # the crank's lever, the line of the arm
+    if not passes:
+        kept &= side.lever * np.sin(crank_angle + bar.crank_angle - arm_angle) > 0.0
+    return kept
+
+
+def _lever_cosines(bar: FourBar) -> Float[np.ndarray, " 2"]:
+    """Cosines of the angle between arm and crank's lever where rod and rocker line up, folded and stretched."""
+    reach = np.array([bar.rod - bar.rocker, bar.rod + bar.rocker])
+    return (bar.arm**2 + bar.crank**2 - reach**2) / (2.0 * bar.arm * bar.crank)
 
 
 def curvature(

@@ -9,7 +9,17 @@ import numpy as np
 from jaxtyping import Bool, Float, Inexact, Int
 
 from taskcal.errors import ClosureError
-from taskcal.geometry.four_bar import REMEDY, FourBar, can_close, close_four_bar, curvature
+from taskcal.geometry.four_bar import (
+    DEAD,
+    REMEDY,
+    FourBar,
+    Side,
+    built_side,
+    can_close,
+    close_four_bar,
+    curvature,
+    keeps_side,
+)
 from taskcal.robot.conditions import Conditions
 
 
@@ -86,8 +96,9 @@ class JointMap:
 class FourBarDrive:
     """A four-bar between a motor's crank and its link, which turns by θ where a parallelogram would turn it by κ.
 
-    It is built on the side where the rocker turns with the crank, ∂θ/∂κ > 0. The equations have solutions beyond the position
-    where rod and crank line up, too: there a parallelogram has become an antiparallelogram, which no robot is driven into.
+    It was built with its levers as they stand at κ = α, or as near to that as it closes, and comes from there to all
+    positions before a singular one. The equations have solutions beyond those, too: where rod and crank line up a
+    parallelogram becomes an antiparallelogram, which no robot is driven into, and a mirrored loop would have to be taken apart.
     """
 
     bar: FourBar
@@ -106,6 +117,11 @@ class FourBarDrive:
     def moved(self) -> Int[np.ndarray, " moved"]:
         """Chain coordinates that the loop moves."""
         return np.flatnonzero(self.output)
+
+    @cached_property
+    def side(self) -> Side:
+        """Where the nominal loop was built."""
+        return built_side(self.bar)
 
     @property
     def pairs(self) -> Int[np.ndarray, "pairs 2"]:
@@ -128,13 +144,16 @@ class FourBarDrive:
         """
         alpha, kappa, bar = q @ self.arm, q @ self.crank, self._built(xi)
         closure = close_four_bar(bar, alpha, kappa)
-        folded = closure.by_angle[:, 1] <= 0.0
-        if folded.any():
-            first = int(np.argmax(folded))
-            raise ClosureError(
-                first,
-                f"{bar.describe(alpha[first], kappa[first])}, but folded over, its rocker turning against the crank; {REMEDY}",
+        beyond = ~keeps_side(bar, self.side, closure, alpha, kappa)
+        if beyond.any():
+            first = int(np.argmax(beyond))
+            turns = "against" if self.side.turn > 0.0 else "with"
+            how = (
+                f"folded over, its rocker turning {turns} the crank"
+                if closure.by_angle[first, 1] * self.side.turn <= DEAD
+                else "mirrored, as it does not come without being taken apart"
             )
+            raise ClosureError(first, f"{bar.describe(alpha[first], kappa[first])}, but {how}; {REMEDY}")
 
         def slope() -> Float[np.ndarray, "n coordinates joints"]:
             turn = closure.by_angle[:, :1] * self.arm + (closure.by_angle[:, 1:] - 1.0) * self.crank
@@ -162,7 +181,8 @@ class FourBarDrive:
         """
         alpha, kappa, bar = q @ self.arm, q @ self.crank, self._built(xi)
         out = can_close(bar, alpha, kappa)
-        out[out] = close_four_bar(bar, alpha[out], kappa[out]).by_angle[:, 1] > 0.0
+        alpha, kappa = alpha[out], kappa[out]
+        out[out] = keeps_side(bar, self.side, close_four_bar(bar, alpha, kappa), alpha, kappa)
         return out
 
     def _built(self, xi: Float[np.ndarray, " 3"]) -> FourBar:
