@@ -22,7 +22,7 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
     """Write a file all at once or not at all; a link keeps pointing to the file it names.
 
     Raises:
-        FileError: the folder is missing or not writable, or the file may not be written or is no ordinary file.
+        FileError: the folder is missing or not writable, or the file may not be written or is not an ordinary file.
     """
     write_all({path: content})
 

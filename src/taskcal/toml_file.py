@@ -119,7 +119,7 @@ def _problem(item: dict[str, Any]) -> str:
     if item["type"] == "extra_forbidden":
         *place, key = place
         where = ", ".join(map(shown, place))
-        return f"{where}{': ' if where else ''}'{shown(key)}' is no key that is known here; check its spelling"
+        return f"{where}{': ' if where else ''}'{shown(key)}' is not a known key; check its spelling"
     say = PLAIN.get(item["type"])
     message = "is not what belongs here" if say is None else say(item.get("ctx", {}))
     where = ", ".join(map(shown, place))

@@ -265,9 +265,9 @@ def test_what_the_data_cannot_give(run: Run, cell: Path, tmp_path: Path, options
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("0\n1\nthree\n", ":3: 'three' is no row number"),
+        ("0\n1\nthree\n", ":3: 'three' is not a row number"),
         ("0\n60\n", ":2: row 60: "),
-        ("-1\n", ":1: '-1' is no row number"),
+        ("-1\n", ":1: '-1' is not a row number"),
         ("5\n6\n5\n", ":3: row 5 stands in line 1 already"),
         ("# nothing\n", ": names no row"),
     ],
@@ -290,7 +290,7 @@ def edited(source: Path, target: Path, row: int | None, column: str, cell: str) 
 @pytest.mark.parametrize(
     ("row", "column", "text", "message"),
     [
-        (4, "J2_deg", "12;5", "bad.csv:6: column 'J2_deg': '12;5' is no number"),
+        (4, "J2_deg", "12;5", "bad.csv:6: column 'J2_deg': '12;5' is not a number"),
         (4, "J2_deg", "", "bad.csv:6: column 'J2_deg': the cell is empty"),
         (4, "J2_deg", "95", "bad.csv:6: J2 = 95.000° is outside -42 to 85°"),
         (4, "y_mm", "", "bad.csv:6: column 'y_mm': the cell is empty while its target's others are not"),
@@ -337,7 +337,7 @@ def test_an_unknown_robot(run: Run, cell: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("campaign", "message"),
-    [("nowhere.csv", "No such file"), (".", "Is a directory"), ("binary.csv", "is no UTF-8 text")],
+    [("nowhere.csv", "No such file"), (".", "Is a directory"), ("binary.csv", "is not UTF-8 text")],
 )
 def test_a_campaign_that_cannot_be_read(run: Run, tmp_path: Path, campaign: str, message: str) -> None:
     (tmp_path / "binary.csv").write_bytes(bytes(range(256)))

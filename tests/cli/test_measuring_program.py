@@ -41,7 +41,7 @@ def test_the_table_names_the_programs(run: Run, ask: list[object], tmp_path: Pat
     ("name", "options", "status", "said"),
     [
         ("measure.apt", [], 1, "cannot be composed; programs are written as .mod, .prg, .src, .csv"),
-        ("2measure.mod", [], 1, "'2measure' is no name of a RAPID module"),
+        ("2measure.mod", [], 1, "'2measure' is not a name of a RAPID module"),
         ("plan.csv", [], 2, "cannot be one"),
         ("none/measure.src", [], 1, "cannot be written: there is no folder"),
         ("measure.src", ["--wait-s", "nan"], 2, "--wait-s"),

@@ -71,7 +71,7 @@ def test_a_table_with_json(run: Run, tmp_path: Path) -> None:
     ("old", "new", "message"),
     [
         ("a_mm,", "", "has no column 'a_mm'"),
-        ("2,-90,312", "2,-90,3l2", "table.csv:3: column 'a_mm': '3l2' is no number"),
+        ("2,-90,312", "2,-90,3l2", "table.csv:3: column 'a_mm': '3l2' is not a number"),
         ("-(J2+J3)", "J2*J3", "'J2*J3' is not linear"),
         ("-(J2+J3)", "-(J2+J9)", "no joint 'J9'"),
     ],

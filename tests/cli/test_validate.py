@@ -64,7 +64,7 @@ def test_other_targets_are_left_out_with_a_note(run: Run, cell: Path, tmp_path: 
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("", "is no whole JSON file"),
+        ("", "is not a whole JSON file"),
         ('{"format": "taskcal-calibration", "robot": {', "it may have been cut off"),
         ("[1, 2]", "is JSON, but no calibration"),
         ('{"format": "taskcal-calibration", "format_version": 99}', "has format version 99"),

@@ -167,16 +167,16 @@ def doubtless(C):
 BROKEN = {
     "scaled frame": (
         lambda text: other(text, "T_tracker_base", scaled),
-        r"'T_tracker_base' is no rigid transform: its axes have length 1\.001",
+        r"'T_tracker_base' is not a rigid transform: its axes have length 1\.001",
     ),
-    "mirrored frame": (lambda text: other(text, "T_tracker_base", mirrored), "'T_tracker_base' is no rigid transform"),
+    "mirrored frame": (lambda text: other(text, "T_tracker_base", mirrored), "'T_tracker_base' is not a rigid transform"),
     "sheared target": (
         lambda text: edit(text, "T_tool_target", 0, 0, 1, value=0.5),
-        "'T_tool_target' 1 is no rigid transform",
+        "'T_tool_target' 1 is not a rigid transform",
     ),
     "frame with another last row": (
         lambda text: edit(text, "registration", "T_tracker_base", 3, 0, value=1.0),
-        "'registration, T_tracker_base' is no rigid transform",
+        "'registration, T_tracker_base' is not a rigid transform",
     ),
     "covariance that is not symmetric": (
         lambda text: other(text, "covariance", lopsided),
@@ -240,12 +240,12 @@ BROKEN = {
         "a number has too many digits",
     ),
     "deep brackets": (lambda text: "[" * 100_000, "its JSON is nested too deeply"),
-    "empty": (lambda text: "", r"cal\.json:1: is no whole JSON file .*cut off"),
+    "empty": (lambda text: "", r"cal\.json:1: is not a whole JSON file .*cut off"),
     "truncated": (
         lambda text: text[: len(text) // 2],
-        r"cal\.json:\d+: is no whole JSON file .*cut off: save the calibration again",
+        r"cal\.json:\d+: is not a whole JSON file .*cut off: save the calibration again",
     ),
-    "no JSON": (lambda text: "id,J1_deg\n1,2\n", r"cal\.json:1: is no whole JSON file"),
+    "no JSON": (lambda text: "id,J1_deg\n1,2\n", r"cal\.json:1: is not a whole JSON file"),
     "a list": (lambda text: "[1, 2]", "is JSON, but no calibration: 'format' is not 'taskcal-calibration'"),
     "foreign": (lambda text: '{"format": "other"}', "is JSON, but no calibration"),
     "later version": (
@@ -280,7 +280,7 @@ BROKEN = {
     "residuals of other rows": (lambda text: edit(text, "ids", value=["a"]), "is inconsistent: 'residuals' has shape"),
     "provenance edited": (
         lambda text: edit(text, "provenance", "mood", value="good"),
-        "provenance: 'mood' is no key",
+        "provenance: 'mood' is not a key",
     ),
     "registration lost": (lambda text: edit(text, "registration", "rms", remove=True), "registration, rms: is missing"),
 }
@@ -299,7 +299,7 @@ def test_a_missing_or_binary_file_says_so(tmp_path):
     with pytest.raises(FileError, match=r"none\.json: cannot be read"):
         load_calibration(tmp_path / "none.json")
     (tmp_path / "cal.json").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(FileError, match=r"cal\.json: is no calibration: it is no UTF-8 text"):
+    with pytest.raises(FileError, match=r"cal\.json: is not a calibration: it is not UTF-8 text"):
         load_calibration(tmp_path / "cal.json")
 
 

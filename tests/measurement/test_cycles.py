@@ -61,7 +61,7 @@ WRONG_POSES = {
     "a path": (PATH, PATH_ROWS, "has 'section' in place of 'pose'.*--path"),
     "no measurement": (POSES, [], "has no measurements below its header"),
     "empty": (POSES, [*POSE_ROWS, "P1,3,1000,0,500,,0,500"], "measured.csv:5: column 'x_mm': the cell is empty; give"),
-    "no number": (POSES, [*POSE_ROWS, "P1,3,1000,0,500,one,0,500"], "5: column 'x_mm': 'one' is no number"),
+    "no number": (POSES, [*POSE_ROWS, "P1,3,1000,0,500,one,0,500"], "5: column 'x_mm': 'one' is not a number"),
     "no name": (POSES, [",1,1000,0,500,1,0,500"], "2: column 'pose': the cell is empty; name the pose"),
     "twice": (POSES, [*POSE_ROWS, POSE_ROWS[0]], "5: column 'cycle': cycle '1' of pose 'P1' is in line 2 already"),
     "another command": (

@@ -96,7 +96,7 @@ def test_directions_are_compared_by_their_means():
 def test_no_cycle_or_no_number_is_refused():
     with pytest.raises(CampaignError, match="at least one cycle"):
         assess_pose(np.zeros((0, 3)))
-    with pytest.raises(CampaignError, match="cycle 2 is no number"):
+    with pytest.raises(CampaignError, match="cycle 2 is not a number"):
         assess_pose(np.where(np.arange(4)[:, None] == 2, np.nan, CROSS))
 
 

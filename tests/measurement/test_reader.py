@@ -143,7 +143,7 @@ def test_time_counts_from_when_the_robot_began_to_work(tmp_path):
     np.testing.assert_array_equal(campaign.time, [60.5, np.nan])
     np.testing.assert_array_equal(campaign.take([0]).conditions.time, [60.5])
     for wrong in ("-5", "1763700000"):
-        with pytest.raises(FileError, match=r"s is no time since the robot began to work.*subtract") as caught:
+        with pytest.raises(FileError, match=r"s is not a time since the robot began to work.*subtract") as caught:
             read_campaign(write(tmp_path, header, [ROWS[0] + ",0", f"{ROWS[1]},{wrong}"]), ROBOT)
         assert (caught.value.line, caught.value.column) == (3, "time_s")
 
@@ -204,10 +204,10 @@ WRONG = {
     "joint NaN": (
         HEADER,
         row(Elbow_deg="NaN"),
-        ":2: column 'Elbow_deg': 'NaN' is no finite number; .* leave out the row",
+        ":2: column 'Elbow_deg': 'NaN' is not a finite number; .* leave out the row",
     ),
-    "joint infinite": (HEADER, row(Elbow_deg="-inf"), ":2: column 'Elbow_deg': '-inf' is no finite number"),
-    "joint text": (HEADER, row(J1_deg="home"), ":2: column 'J1_deg': 'home' is no number; give a number such as 12.5"),
+    "joint infinite": (HEADER, row(Elbow_deg="-inf"), ":2: column 'Elbow_deg': '-inf' is not a finite number"),
+    "joint text": (HEADER, row(J1_deg="home"), ":2: column 'J1_deg': 'home' is not a number; give a number such as 12.5"),
     "joint beyond its limit": (
         HEADER,
         row(J1_deg="170.1", Elbow_deg="75"),
@@ -228,8 +228,8 @@ WRONG = {
         row(z_mm=""),
         ":2: column 'z_mm': the cell is empty while its target's others are not; leave all three empty",
     ),
-    "point text": (HEADER, row(x_mm="lost"), ":2: column 'x_mm': 'lost' is no number"),
-    "point NaN": (HEADER, row(x_mm="nan"), ":2: column 'x_mm': 'nan' is no finite number; .*target's cells empty"),
+    "point text": (HEADER, row(x_mm="lost"), ":2: column 'x_mm': 'lost' is not a number"),
+    "point NaN": (HEADER, row(x_mm="nan"), ":2: column 'x_mm': 'nan' is not a finite number; .*target's cells empty"),
     "point without unit": (
         HEADER.replace("x_mm", "x"),
         ROWS,
@@ -271,12 +271,12 @@ WRONG = {
     "uncertainty nil": (
         HEADER + ",u_mm",
         [ROWS[0] + ",0.1", ROWS[1] + ",0"],
-        ":3: column 'u_mm': 0 is no standard uncertainty; give one",
+        ":3: column 'u_mm': 0 is not a standard uncertainty; give one",
     ),
     "uncertainty negative": (
         HEADER + ",u_mm",
         [r + ",-0.1" for r in ROWS],
-        ":2: column 'u_mm': -0.1 is no standard uncertainty",
+        ":2: column 'u_mm': -0.1 is not a standard uncertainty",
     ),
     "uncertainty empty": (HEADER + ",u_mm", [ROWS[0] + ",", ROWS[1] + ",1"], ":2: column 'u_mm': the cell is empty"),
     "uncertainty of some targets": (
@@ -377,7 +377,7 @@ def test_ids_that_count_tell_where_rows_were_left_out(tmp_path, ids, known):
             "a,0,0,0,1,2,3,1",
             r"has 'J1_approach' but no column 'Elbow_approach'; give it, with 0",
         ),
-        (APPROACH, "a,0,0,0,1,2,3,1,0.5,0", r":2: column 'Elbow_approach': 0.5 is no way of approach; give 1"),
+        (APPROACH, "a,0,0,0,1,2,3,1,0.5,0", r":2: column 'Elbow_approach': 0.5 is not a way of approach; give 1"),
         (APPROACH, "a,0,0,0,1,2,3,1,,0", r":2: column 'Elbow_approach': the cell is empty; give 1, -1, or 0"),
         (
             f"{APPROACH},q1_approach",

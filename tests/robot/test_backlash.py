@@ -84,5 +84,5 @@ def test_backlash_survives_its_description():
 
 
 def test_conditions_that_are_no_numbers_are_refused():
-    with pytest.raises(TaskcalError, match="approach of pose 1 is no number"):
+    with pytest.raises(TaskcalError, match="approach of pose 1 is not a number"):
         Conditions(approach=np.array([[1.0, 0.0], [np.nan, 1.0]]))

@@ -81,7 +81,7 @@ WRONG = {
     "text for a number": (
         HEADER,
         ["1,0,0,0,0", "2,ninety,0,0,0"],
-        r"arm\.csv:3: column 'alpha_deg': 'ninety' is no number",
+        r"arm\.csv:3: column 'alpha_deg': 'ninety' is not a number",
     ),
     "empty cell": (HEADER, ["1,0,,0,0"], r"arm\.csv:2: column 'a_mm': the cell is empty"),
     "one limit only": (HEADER + ",lower_deg", ["1,0,0,0,0,-10"], r"arm\.csv:1: gives one limit only"),

@@ -60,7 +60,7 @@ def test_what_is_not_linear_is_refused_with_an_example(text):
 
 @pytest.mark.parametrize("text", ["", "J1 +", "J1 J2", "(J1", "J1; J2", "J1 = J2", "\0"])
 def test_what_is_no_expression_is_refused(text):
-    with pytest.raises(RobotError, match="is no expression"):
+    with pytest.raises(RobotError, match="is not an expression"):
         parse_linear(text, NAMES)
 
 

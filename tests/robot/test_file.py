@@ -53,8 +53,8 @@ def edited(*path, value):
 
 
 WRONG = {
-    "unknown key": (edited("colour", value="red"), "'colour' is no key that is known here"),
-    "unknown key of a joint": (edited("joint", 1, "limit_deg", value=[0.0, 1.0]), "is no key that is known here"),
+    "unknown key": (edited("colour", value="red"), "'colour' is not a known key"),
+    "unknown key of a joint": (edited("joint", 1, "limit_deg", value=[0.0, 1.0]), "is not a known key"),
     "name missing": ({k: v for k, v in SOUND.items() if k != "name"}, "name: is missing"),
     "no joint": (edited("joint", value=[]), "joint: has no entries; give 1 or more"),
     "joint without name": (edited("joint", 0, value={"steps": []}), "joint 1, name: is missing"),
@@ -170,7 +170,7 @@ def test_the_sound_description_is_sound():
 
 
 def test_several_problems_are_counted():
-    with pytest.raises(RobotError, match=r"'colour' is no key .*; 'weight' is no key"):
+    with pytest.raises(RobotError, match=r"'colour' is not a key .*; 'weight' is not a key"):
         robot_from({**SOUND, "colour": "red", "weight": 3})
 
 

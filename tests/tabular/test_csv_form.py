@@ -49,7 +49,7 @@ def test_spreadsheets_habits_are_read(tmp_path, content):
 def test_errors_point_at_the_line_of_the_file_not_the_row_of_the_table(tmp_path):
     table = read_csv(write(tmp_path, "a,b\n\n1,2\n\n\n3,oops\n"))
     assert table.lines == (3, 6)
-    with pytest.raises(FileError, match=r"table\.csv:6: column 'b': 'oops' is no number; give a number") as caught:
+    with pytest.raises(FileError, match=r"table\.csv:6: column 'b': 'oops' is not a number; give a number") as caught:
         table.numbers("b")
     assert (caught.value.line, caught.value.column) == (6, "b")
 
@@ -65,7 +65,7 @@ WRONG = {
     "empty": ("", r"table\.csv: is empty; its first line must name the columns"),
     "blank": ("\n \n\n", r"table\.csv: is empty"),
     "binary": (b"a,b\n\x00\x01,2\n", r"table\.csv: is a binary file; export it as CSV"),
-    "spreadsheet": (b"PK\x03\x04\xff\xfe\x80", r"table\.csv: is no UTF-8 text; save it as CSV in UTF-8"),
+    "spreadsheet": (b"PK\x03\x04\xff\xfe\x80", r"table\.csv: is not UTF-8 text; save it as CSV in UTF-8"),
     "too many fields": ("a,b\n1,2\n1,2,3\n", r"table\.csv:3: the line has 3 fields, the header 2"),
     "too few fields": ("a,b\n1\n", r"table\.csv:2: the line has 1 fields, the header 2"),
     "two columns of one name": ("a,b,a\n1,2,3\n", r"table\.csv:1: two columns are named 'a'"),
@@ -88,17 +88,17 @@ def test_what_is_no_table_is_refused_with_its_line(tmp_path, case):
     [
         ("1,5", r"'1,5' is written with a decimal comma; write 1\.5"),
         ("-12,25e3", r"'-12,25e3' is written with a decimal comma; write -12\.25e3"),
-        ("nan", "'nan' is no finite number"),
-        ("inf", "'inf' is no finite number"),
-        ("12 mm", "'12 mm' is no number"),
-        ("0x10", "'0x10' is no number"),
-        ("1_000", "'1_000' is no number"),
-        ("١٢", "'١٢' is no number"),
-        ("１２", "'１２' is no number"),
+        ("nan", "'nan' is not a finite number"),
+        ("inf", "'inf' is not a finite number"),
+        ("12 mm", "'12 mm' is not a number"),
+        ("0x10", "'0x10' is not a number"),
+        ("1_000", "'1_000' is not a number"),
+        ("١٢", "'١٢' is not a number"),
+        ("１２", "'１２' is not a number"),
         ("1e200", r"'1e200' is beyond ±1e\+06; check the cell and its unit"),
         ("-1e400", r"'-1e400' is beyond ±1e\+06"),
         ("1" * 5000, r"'1+…1+ \(5000 characters\)' is beyond"),
-        ("x" * 5000, r"'x+…x+ \(5000 characters\)' is no number"),
+        ("x" * 5000, r"'x+…x+ \(5000 characters\)' is not a number"),
     ],
 )
 def test_a_cell_that_is_no_number_is_shown_with_a_remedy(tmp_path, cell, message):

@@ -234,7 +234,7 @@ def _left_to_right(unit: np.ndarray) -> tuple[list[int], dict[int, dict[int, flo
             continue
         k = len(kept)
         c = solve_triangular(R[:k, kept], R[:k, j], lower=False)
-        # what counts for less than rounding times the conditioning is no part of the relation
+        # what counts for less than rounding times the conditioning is not a part of the relation
         dependent[j] = {kept[i]: float(c[i]) for i in range(k) if abs(c[i]) > 1e-8 * np.abs(c).max()}
     return kept, dependent
 

@@ -154,7 +154,7 @@ def command(
             "choose one: rows that --rows leaves out are held out already", param_hint="--rows / --holdout"
         )
     if holdout is not None and not 0 < holdout < 1:
-        raise typer.BadParameter(f"{holdout:g} is no share between 0 and 1, such as 0.3", param_hint="--holdout")
+        raise typer.BadParameter(f"{holdout:g} is not a share between 0 and 1, such as 0.3", param_hint="--holdout")
     if prior is PriorChoice.none and prior_scale is not None:
         raise typer.BadParameter("without a prior there is nothing to scale", param_hint="--prior-scale / --prior")
     for option, value, least, most in (

@@ -13,7 +13,7 @@ from taskcal.cli.outputs import check_outputs
 
 
 class ShowByDefault(TyperGroup):
-    """A group whose first argument, where it is no command, is the robot to show."""
+    """A group whose first argument, where it is not a command, is the robot to show."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Put ``show`` before a robot's name."""

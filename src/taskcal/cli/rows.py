@@ -16,7 +16,7 @@ def choose_rows(text: str, count: int, source: Path) -> list[int]:
 
     Raises:
         typer.BadParameter: what looks like a range is none.
-        FileError: the file of row numbers is missing, or a line is no row number or stands twice.
+        FileError: the file of row numbers is missing, or a line is not a row number or stands twice.
         CampaignError: the campaign does not have such a row.
     """
     path = Path(text)
@@ -25,7 +25,7 @@ def choose_rows(text: str, count: int, source: Path) -> list[int]:
         return _from_file(path, count, source)
     if not match:
         raise typer.BadParameter(
-            f"'{shown(text)}' is no range of rows; write a:b with a < b, such as 0:60", param_hint="--rows"
+            f"'{shown(text)}' is not a range of rows; write a:b with a < b, such as 0:60", param_hint="--rows"
         )
     first, last = int(match[1] or 0), int(match[2] or count)
     if first >= last and match[2]:
@@ -50,14 +50,14 @@ def _looks_like_range(text: str) -> bool:
 def _from_file(path: Path, count: int, source: Path) -> list[int]:
     if not path.exists():
         raise FileError(path, "cannot be read: there is no such file; --rows takes a:b or a file of row numbers")
-    lines = read_text(path, otherwise="is no text; write one row number per line, counted from 0").splitlines()
+    lines = read_text(path, otherwise="is not a text file; write one row number per line, counted from 0").splitlines()
     found: dict[int, int] = {}
     for number, line in enumerate(lines, start=1):
         text = line.split("#", 1)[0].strip()
         if not text:
             continue
         if not re.fullmatch(r"\d{1,15}", text, re.ASCII):
-            raise FileError(path, f"'{shown(text)}' is no row number; write one per line, counted from 0", line=number)
+            raise FileError(path, f"'{shown(text)}' is not a row number; write one per line, counted from 0", line=number)
         row = int(text)
         if row >= count:
             raise FileError(path, f"row {row}: {source} has {count} rows, numbered 0 to {count - 1}", line=number)

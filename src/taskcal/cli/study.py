@@ -134,7 +134,7 @@ def _numbers(text: str) -> list[int]:
     names = split_names(text, "--counts") or []
     for name in names:
         if not (name.isascii() and name.isdigit() and int(name) > 0):
-            raise typer.BadParameter(f"'{name}' is no number of poses; write for example 30,60", param_hint="--counts")
+            raise typer.BadParameter(f"'{name}' is not a number of poses; write for example 30,60", param_hint="--counts")
     return [int(name) for name in names]
 
 
@@ -151,7 +151,7 @@ def _names(text: str, option: str, known: Sequence[str]) -> list[str]:
 
 @contextmanager
 def _progress(total: int) -> Generator[Callable[[int, int], None], None, None]:
-    """A bar on standard error; a line at each tenth where that is no terminal."""
+    """A bar on standard error; a line at each tenth where that is not a terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 

@@ -94,7 +94,7 @@ class Correction:
         out = Path(out)
         if len(self.sources) > 1 and not out.is_dir():
             raise FileError(
-                out, f"is no folder; a program of {len(self.sources)} files is written into a folder that exists"
+                out, f"is not a folder; a program of {len(self.sources)} files is written into a folder that exists"
             )
         paths = tuple(out / source.path.name if out.is_dir() else out for source in self.sources)
         if len(set(paths)) < len(paths):

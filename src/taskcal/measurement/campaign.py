@@ -78,7 +78,7 @@ class Campaign:
                 raise CampaignError(f"{name} has shape {array.shape}; {n} rows and {targets} targets need {shape}")
         if not np.isfinite(self.q).all():
             row = int(np.flatnonzero(~np.isfinite(self.q).all(axis=1))[0])
-            raise CampaignError(f"{self.row(row)} has a joint position that is no number; leave the row out")
+            raise CampaignError(f"{self.row(row)} has a joint position that is not a number; leave the row out")
 
     def __len__(self) -> int:
         return len(self.q)

@@ -169,7 +169,7 @@ def _check(commanded: Float[np.ndarray, "points 3"], passes: Sequence[Float[np.n
     if not passes:
         raise CampaignError("there is no pass along the path")
     if not np.isfinite(commanded).all():
-        raise CampaignError("a point of the commanded path is no number")
+        raise CampaignError("a point of the commanded path is not a number")
     same = np.flatnonzero((np.diff(commanded, axis=0) == 0.0).all(axis=1))
     if len(same):
         raise CampaignError(f"points {same[0]} and {same[0] + 1} of the commanded path are the same; leave one out")
@@ -177,7 +177,7 @@ def _check(commanded: Float[np.ndarray, "points 3"], passes: Sequence[Float[np.n
         if len(samples) < 2:
             raise CampaignError(f"pass {number} has {len(samples)} samples; it needs two or more")
         if not np.isfinite(samples).all():
-            raise CampaignError(f"a sample of pass {number} is no number; leave it out")
+            raise CampaignError(f"a sample of pass {number} is not a number; leave it out")
 
 
 def _turned(

@@ -96,13 +96,13 @@ def assess_pose(
         commanded_rotation: commanded orientation.
 
     Raises:
-        CampaignError: there is no cycle, or a measurement is no number.
+        CampaignError: there is no cycle, or a measurement is not a number.
     """
     if not len(attained):
         raise CampaignError("a pose needs at least one cycle")
     if not np.isfinite(attained).all():
         cycle = int(np.flatnonzero(~np.isfinite(attained).all(axis=1))[0])
-        raise CampaignError(f"the position measured in cycle {cycle} is no number; leave the cycle out")
+        raise CampaignError(f"the position measured in cycle {cycle} is not a number; leave the cycle out")
     barycentre = attained.mean(axis=0)
     orientation = angles = turn = None
     if rotations is not None:

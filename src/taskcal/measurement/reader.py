@@ -129,7 +129,7 @@ def _time(columns: ColumnGroups) -> Float[np.ndarray, " n"] | None:
     time = columns.numbers("time_s", empty=True, largest=np.inf)
     wrong = np.flatnonzero((time < 0.0) | (time > LONGEST))
     if len(wrong):
-        message = f"{time[wrong[0]]:g} s is no time since the robot began to work; subtract the time when it did"
+        message = f"{time[wrong[0]]:g} s is not a time since the robot began to work; subtract the time when it did"
         raise columns.error(message, int(wrong[0]), "time_s")
     return time
 
@@ -141,7 +141,7 @@ def _ways(columns: ColumnGroups, robot: Robot, q: Float[np.ndarray, "n joints"],
     approach = columns.side_by_side(approaches, remedy="give 1, -1, or 0 where it is unknown") if approaches else None
     if approach is not None:
         for row, j in zip(*np.nonzero(~np.isin(approach, (-1.0, 0.0, 1.0))), strict=True):
-            message = f"{approach[row, j]:g} is no way of approach; give 1 (the joint's value grew), -1 (it fell), or 0 (unknown)"
+            message = f"{approach[row, j]:g} is not a way of approach; give 1 (the joint's value grew), -1 (it fell), or 0 (unknown)"
             raise columns.error(message, int(row), approaches[j])
     endings = [("move_mm", "move_m") if slides else ("move_deg", "move_rad") for slides in robot.prismatic]
     moves = columns.joint_columns(robot, endings, lacking)
@@ -222,6 +222,6 @@ def _uncertainty(columns: ColumnGroups, targets: list[str]) -> Float[np.ndarray,
         raise columns.refusal(f"states the uncertainty of some targets but not of '{without}'; give {without}_u_mm")
     out = columns.side_by_side(stated)
     for row, t in zip(*np.nonzero(out <= 0), strict=True):
-        message = f"{out[row, t]:g} is no standard uncertainty; give one above zero"
+        message = f"{out[row, t]:g} is not a standard uncertainty; give one above zero"
         raise columns.error(message, int(row), stated[t])
     return out * 1e-3

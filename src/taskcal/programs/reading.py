@@ -21,7 +21,7 @@ def read_program(
         part: of a program in APT or CSV: frame in which the positions are counted; the robot's base by default.
 
     Raises:
-        FileError: a file is missing, or is no program; of a CSV: it cannot be read as a path.
+        FileError: a file is missing, or is not a program; of a CSV: it cannot be read as a path.
         TaskcalError: no file, several languages, or a tool where the program says its own.
     """
     files = [Path(path) for path in paths]
@@ -50,6 +50,6 @@ def parse_program(
     """The program of texts of one language; see `read_program`.
 
     Raises:
-        FileError: a text is no program.
+        FileError: a text is not a program.
     """
     return language_of(sources[0].path).read(sources, Surroundings(robot=robot, tool=tool, part=part))

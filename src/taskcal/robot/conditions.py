@@ -27,7 +27,7 @@ class Conditions:
         for name, array in (("approach", self.approach), ("move", self.move)):
             if array is not None and not np.isfinite(array).all():
                 row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
-                raise TaskcalError(f"{name} of pose {row} is no number; give 0 where the way to it is not known")
+                raise TaskcalError(f"{name} of pose {row} is not a number; give 0 where the way to it is not known")
 
     @property
     def mean_temperature(self) -> float:

@@ -16,7 +16,7 @@ def parse_linear(text: str, names: Sequence[str]) -> Float[np.ndarray, " names"]
     """Coefficients of a linear expression over the given names.
 
     Raises:
-        RobotError: the text is no linear expression without a constant.
+        RobotError: the text is not a linear expression without a constant.
         UnknownName: it uses a name that is not among `names`.
     """
     if len(text) > LONGEST:
@@ -24,7 +24,7 @@ def parse_linear(text: str, names: Sequence[str]) -> Float[np.ndarray, " names"]
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError) as error:  # of the parser: syntax, NUL, nesting
-        raise RobotError(f"'{shown(text)}' is no expression; write for example '-(J2 + J3)'") from error
+        raise RobotError(f"'{shown(text)}' is not an expression; write for example '-(J2 + J3)'") from error
     terms = _terms(tree, text)
     if "" in terms:
         raise RobotError(f"'{shown(text)}' has a constant {terms['']:g}; put it into the joint's offset")

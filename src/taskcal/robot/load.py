@@ -18,7 +18,7 @@ class Load:
     """A payload and a constant force and moment at the tool point, such as those of a cut.
 
     Raises:
-        TaskcalError: a value that is no finite number, a mass below zero, or axes that do not exist.
+        TaskcalError: a value that is not a finite number, a mass below zero, or axes that do not exist.
     """
 
     mass: float | None = None
@@ -33,7 +33,7 @@ class Load:
     """Of force and moment: those of the robot's base, or those of the tool frame, which turn with it."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no load; lists and arrays become tuples."""
+        """Refuse what is not a load; lists and arrays become tuples."""
         for name in ("centre", "force", "moment"):
             value = getattr(self, name)
             if len(value) != 3 or not np.isfinite(value).all():

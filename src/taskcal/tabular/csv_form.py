@@ -18,10 +18,10 @@ def read_csv(path: str | Path) -> Table:
     """Read a table with a header line; fields separated by commas, semicolons or tabs; lines after # are comments.
 
     Raises:
-        FileError: the file is missing, is no text, has no rows, or a line has more or fewer fields than the header.
+        FileError: the file is missing, is not text, has no rows, or a line has more or fewer fields than the header.
     """
     path = Path(path)
-    text = read_text(path, encoding="utf-8-sig", otherwise="is no UTF-8 text; save it as CSV in UTF-8")
+    text = read_text(path, encoding="utf-8-sig", otherwise="is not UTF-8 text; save it as CSV in UTF-8")
     return parse_csv(path, text)
 
 

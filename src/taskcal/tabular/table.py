@@ -62,7 +62,7 @@ class Table:
         """The numbers of a column; NaN for empty cells where `empty` allows them; `remedy` says what to do about others.
 
         Raises:
-            FileError: there is no such column, or a cell is no finite number, or one beyond ±`largest`.
+            FileError: there is no such column, or a cell is not a finite number, or one beyond ±`largest`.
         """
         cells = enumerate(self.texts(column))
         out = np.array([self._number(text, row, column, empty, remedy) for row, text in cells], dtype=float)
@@ -81,9 +81,9 @@ class Table:
         if _NUMBER.fullmatch(text):
             return float(text)
         if _NOT_FINITE.fullmatch(text):
-            trouble = f"is no finite number; {remedy}"
+            trouble = f"is not a finite number; {remedy}"
         elif _DECIMAL_COMMA.match(text):
             trouble = f"is written with a decimal comma; write {shown(text.replace(',', '.'))}"
         else:
-            trouble = "is no number; give a number such as 12.5"
+            trouble = "is not a number; give a number such as 12.5"
         raise self.error(f"'{shown(text)}' {trouble}", row, column)

@@ -267,7 +267,7 @@ def _read_poses(path: Path) -> tuple[Float[np.ndarray, "n 4 4"], Float[np.ndarra
         raise columns.error("has no poses below its header")
     weights = columns.numbers("weight") if "weight" in columns else np.ones(len(columns))
     for row in np.flatnonzero(weights < 0):
-        raise columns.error(f"{weights[row]:g} is no weight; give zero or more", int(row), "weight")
+        raise columns.error(f"{weights[row]:g} is not a weight; give zero or more", int(row), "weight")
     if not weights.any():
         raise columns.error("all weights are zero; give at least one pose a weight")
     return se3.pose(se3.from_quaternion(quaternions), p), weights

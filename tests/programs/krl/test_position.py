@@ -77,8 +77,8 @@ def test_axes_are_radians():
     ("text", "reason"),
     [
         ("{X 1,Y 2,Z 3,A 0,B 0}", "C is not stated, so it keeps its value of before"),
-        ("{X height,Y 2,Z 3,A 0,B 0,C 0}", "X is 'height', which is no number"),
-        ("{X 1e999,Y 2,Z 3,A 0,B 0,C 0}", "X is '1e999', which is no number"),
+        ("{X height,Y 2,Z 3,A 0,B 0,C 0}", "X is 'height', which is not a number"),
+        ("{X 1e999,Y 2,Z 3,A 0,B 0,C 0}", "X is '1e999', which is not a number"),
     ],
 )
 def test_an_incomplete_position_says_what_is_missing(text, reason):

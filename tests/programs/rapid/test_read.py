@@ -123,7 +123,7 @@ NINE = "[9E9,9E9,9E9,9E9,9E9,9E9]"
         (POINTS, "MoveAbsJ p1,v100,fine,tool0;", "'p1' is robtarget, not jointtarget"),
         (POINTS, "MoveL Offs(p1,0,0),v100,fine,tool0;", "Offs() is not given a target and three distances"),
         (POINTS, "PDispSet shift;MoveL p1,v100,fine,tool0;", "a program displacement may shift it (PDispSet in part.mod:13)"),
-        ("", f"MoveL [[0,0,0],[1,1,0,0],[0,0,0,0],{NINE}],v100,fine,tool0;", "is no unit quaternion: its length is 1.414"),
+        ("", f"MoveL [[0,0,0],[1,1,0,0],[0,0,0,0],{NINE}],v100,fine,tool0;", "is not a unit quaternion: its length is 1.414"),
         ("", f"MoveL [[0,0],[1,0,0,0],[0,0,0,0],{NINE}],v100,fine,tool0;", "is not made of 3 numbers"),
         ("", f"MoveL [[0,0,9E9],[1,0,0,0],[0,0,0,0],{NINE}],v100,fine,tool0;", "is out of any range"),
         ("", f"MoveAbsJ [[0,0,0,0,0,9E9],{NINE}],v100,fine,tool0;", "does not say the position of every axis"),

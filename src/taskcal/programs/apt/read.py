@@ -53,7 +53,7 @@ def read_apt(
         part: frame in which they are counted; the robot's base by default.
 
     Raises:
-        FileError: neither the tool nor the robot is given, or a file is no text of APT.
+        FileError: neither the tool nor the robot is given, or a file is not APT text.
     """
     if tool is None and robot is None:
         raise FileError(sources[0].path, "does not say what its positions are of; give the tool, or the robot")

@@ -28,7 +28,7 @@ class Token:
 
     @property
     def number(self) -> float | None:
-        """Its value; None where it is no number, or a larger one than any path has."""
+        """Its value; None where it is not a number, or a larger one than any path has."""
         if not _NUMBER.fullmatch(self.text):
             return None
         value = float(self.text)

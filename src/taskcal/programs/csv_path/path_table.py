@@ -60,7 +60,7 @@ class PathTable:
                 raise self.error(f"'{word}' needs a pose; joint positions are approached by axes", row, "move")
             return "axes"
         if word and word not in _MOVES:
-            raise self.error(f"'{word}' is no motion to a pose; write {', '.join(_MOVES)}", row, "move")
+            raise self.error(f"'{word}' is not a motion to a pose; write {', '.join(_MOVES)}", row, "move")
         return _MOVES.get(word, "linear")
 
     def is_via(self, row: int) -> bool:
@@ -118,6 +118,6 @@ def _speeds(table: Table, columns: Columns) -> Float[np.ndarray, " rows"]:
         return np.full(len(table), np.nan)
     values = table.numbers(name, empty=True)
     for row in np.flatnonzero(values <= 0):
-        message = f"{values[row]:g} is no speed; give one above zero, or leave the cell empty"
+        message = f"{values[row]:g} is not a speed; give one above zero, or leave the cell empty"
         raise table.error(message, int(row), name)
     return values * 1e-3

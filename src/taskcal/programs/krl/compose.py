@@ -47,7 +47,7 @@ def compose_krl(
     """
     if not re.fullmatch(f"[A-Za-z_][A-Za-z0-9_]{{0,{LONGEST_NAME - 1}}}", name):
         raise TaskcalError(
-            f"'{name}' is no name of a KRL program; begin with a letter, and use at most {LONGEST_NAME} letters, digits and _"
+            f"'{name}' is not a name of a KRL program; begin with a letter, and use at most {LONGEST_NAME} letters, digits and _"
         )
     if len(robot.joints) > len(AXES) or any(robot.prismatic):
         raise TaskcalError(f"{robot.name} is not a robot of up to six turning axes, which KRL's positions describe")

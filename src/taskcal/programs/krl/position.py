@@ -108,7 +108,7 @@ def _stated(aggregate: Aggregate, name: str, needed: tuple[str, ...]) -> float:
     if found is None:
         raise Unresolved(f"{name} is not stated, so it keeps its value of before")
     if found.value is None:
-        raise Unresolved(f"{name} is '{found.text}', which is no number")
+        raise Unresolved(f"{name} is '{found.text}', which is not a number")
     return found.value
 
 

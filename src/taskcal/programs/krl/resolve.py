@@ -244,7 +244,7 @@ class Walk:
 
 def _offset(aggregate: Aggregate) -> Float[np.ndarray, "4 4"]:
     if not has_pose(aggregate):
-        raise Unresolved("what is added by ':' is no frame")
+        raise Unresolved("what is added by ':' is not a frame")
     return pose(aggregate, needed=())
 
 

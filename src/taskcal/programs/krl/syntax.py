@@ -14,7 +14,7 @@ class Field(NamedTuple):
     text: str
     """Its value as written."""
     value: float | None
-    """None where it is no number."""
+    """None where it is not a number."""
     start: int
     """First character of the value."""
     end: int

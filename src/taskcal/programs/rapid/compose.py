@@ -86,7 +86,7 @@ def compose_rapid(
     longest = LONGEST_NAME - len(RUN)
     if not _is_name(name) or len(name) > longest or name.lower() in RESERVED:
         raise TaskcalError(
-            f"'{name}' is no name of a RAPID module; begin with a letter, and use at most {longest} letters, digits and _"
+            f"'{name}' is not a name of a RAPID module; begin with a letter, and use at most {longest} letters, digits and _"
         )
     if len(robot.joints) != JOINTS or any(robot.prismatic):
         raise TaskcalError(f"{robot.name} is not a robot of six turning axes, which RAPID's targets describe")

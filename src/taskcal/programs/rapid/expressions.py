@@ -27,7 +27,7 @@ _RESERVED = """
     xor
 """
 RESERVED = frozenset(_RESERVED.split())
-"""Words that are no names."""
+"""Words that are not names."""
 
 _BINDING = {
     "or": 1, "xor": 1, "and": 2, "=": 3, "<>": 3, "<": 3, ">": 3, "<=": 3, ">=": 3, "+": 4, "-": 4,

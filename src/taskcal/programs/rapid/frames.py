@@ -71,7 +71,7 @@ def quaternion(value: Value, what: str) -> tuple[float, ...]:
     q = numbers(value, 4, f"the orientation of {what}")
     length = math.hypot(*q)
     if not abs(length - 1.0) <= UNIT:
-        raise Unresolved(f"the orientation of {what} is no unit quaternion: its length is {length:.4g}")
+        raise Unresolved(f"the orientation of {what} is not a unit quaternion: its length is {length:.4g}")
     return tuple(v / length for v in q)
 
 

@@ -194,5 +194,5 @@ def _stops(where: Layout, scope: Scope, file: File, settings: Settings) -> bool:
         settings.notes.setdefault(note, (file, where.zone.start))
         return True
     if not isinstance(data, tuple) or not data or not isinstance(data[0], bool):
-        raise Unresolved("its zone is no zonedata")
+        raise Unresolved("its zone is not zonedata")
     return data[0]

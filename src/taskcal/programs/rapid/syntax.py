@@ -191,7 +191,7 @@ class Problem:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Unparsed(Node):
-    """Text that is no statement."""
+    """Text that is not a statement."""
 
     tokens: tuple[Token, ...]
     problem: Problem

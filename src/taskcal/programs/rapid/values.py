@@ -126,7 +126,7 @@ class Values:
                     for item in selector.items:
                         index = self.number(item, scope, depth + 1)
                         if not 1.0 <= index <= MOST_ELEMENTS or index != int(index):
-                            raise Unresolved(f"{index:g} is no index of '{symbol.name}'")
+                            raise Unresolved(f"{index:g} is not an index of '{symbol.name}'")
                         path.append(int(index) - 1)
                 case Component():
                     names = [name for name, _ in scope.types.get(type_, ())]
