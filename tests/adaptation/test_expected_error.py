@@ -141,7 +141,7 @@ def test_the_expected_error_is_that_of_all_unknowns_estimated_at_once(cell, kind
         L = A[np.ix_(own, own)] * scale * scale[:, None] + np.eye(len(own))
         F[np.ix_(own, own)] = np.linalg.inv(L) * scale * scale[:, None]
         rest = np.eye(n) - F @ A
-        # the frames' prior is only a device of the estimator: their truth counts where it is, at nil
+        # the frames' prior is only a device of the estimator: their truth counts where it is, at zero
         truth = block_diag(np.diag(model.tolerances**2), np.zeros((n - p, n - p)))
         C = rest @ truth @ rest.T + F @ A @ F
         assert np.sqrt(np.sum(W * C)) == pytest.approx(made.expected_error(kept), rel=1e-3), size

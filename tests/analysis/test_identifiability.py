@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taskcal.analysis.identifiability import NIL, eliminate, identifiability
+from taskcal.analysis.identifiability import NEGLIGIBLE, eliminate, identifiability
 from taskcal.geometry import se3
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
@@ -38,9 +38,9 @@ def test_relations_of_made_columns_are_those_they_were_made_with(rng, p):
     made = rng.uniform(0.5, 2.0, (p, 3)) * rng.choice([-1.0, 0.0, 1.0], (p, 3)) / np.linalg.norm(J, axis=0)[:, None]
     names = tuple(f"a{i}" for i in range(p + 3))
     found = eliminate(np.c_[J, J @ made], names, np.ones(p + 3), poses=10)
-    nil = ~made.any(axis=0)
-    assert found.zero == tuple(names[p + k] for k in np.flatnonzero(nil))
-    np.testing.assert_allclose(found.relations(), np.c_[np.eye(p), np.where(nil, 0.0, made)], rtol=1e-9, atol=1e-12)
+    zero = ~made.any(axis=0)
+    assert found.zero == tuple(names[p + k] for k in np.flatnonzero(zero))
+    np.testing.assert_allclose(found.relations(), np.c_[np.eye(p), np.where(zero, 0.0, made)], rtol=1e-9, atol=1e-12)
 
 
 def test_a_column_of_pure_rounding_has_no_effect_and_a_small_one_has():
@@ -49,7 +49,7 @@ def test_a_column_of_pure_rounding_has_no_effect_and_a_small_one_has():
     J = np.linalg.qr(rng.normal(size=(30, 4)))[0]
     names = ("large", "other", "small", "rounding")
     for size in (1e-3, 1.0, 1e6):
-        scaled = size * J * [1.0, 1.0, 10.0 * NIL, 0.1 * NIL]
+        scaled = size * J * [1.0, 1.0, 10.0 * NEGLIGIBLE, 0.1 * NEGLIGIBLE]
         found = eliminate(scaled, names, np.ones(4), poses=10)
         assert found.zero == ("rounding",)
         assert found.kept == ("large", "other", "small")

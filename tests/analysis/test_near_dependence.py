@@ -13,7 +13,7 @@ NAMES = ("a", "b", "c", "d", "e", "f")
 
 
 def columns(rng: np.random.Generator, noise: float) -> np.ndarray:
-    """Six columns of unlike length of which the fifth is 3·a − 20·c with a share of noise, and the last one nil."""
+    """Six columns of unlike length of which the fifth is 3·a − 20·c with a share of noise, and the last one zero."""
     matrix = np.linalg.qr(rng.normal(size=(40, 6)))[0] * [1.0, 30.0, 0.1, 5.0, 1.0, 0.0]
     own = matrix[:, 4].copy()
     matrix[:, 4] = 3.0 * matrix[:, 0] - 20.0 * matrix[:, 2]

@@ -27,7 +27,7 @@ def random_candidates(rng: np.random.Generator, n: int = OF, d: int = 8, block: 
 
 
 def values(candidates: Candidates, subsets: np.ndarray, criterion: str) -> np.ndarray:
-    """The criterion of many choices from its definition, as a quantity of which less is better and nil is the least."""
+    """The criterion of many choices from its definition, as a quantity of which less is better and zero is the least."""
     X = candidates.rows[subsets].reshape(len(subsets), -1, candidates.rows.shape[2])
     added = np.swapaxes(X, 1, 2) @ X
     d = added.shape[1]
@@ -84,7 +84,7 @@ def test_the_value_is_that_of_matrices_inverted_afresh(criterion, rng, block, kn
     found = choose(candidates, 9, criterion)
     own = values(candidates, found.chosen[None], criterion)[0]
     expected = {"task": own, "A": own, "D": 6 * np.log(own)}.get(criterion, -1 / own)
-    # E breaks ties at nil by a millionth of the sum of the singular values
+    # E breaks ties at zero by a millionth of the sum of the singular values
     assert found.value == pytest.approx(expected, rel=1e-7, abs=1e-5 if criterion == "E" else 1e-9)
 
 
@@ -180,15 +180,15 @@ def test_more_than_there_are_means_all():
 
 
 def test_ties_of_the_smallest_singular_value_are_broken_towards_full_rank():
-    """As long as some direction is unseen, E is nil whatever is chosen: what opens most new directions goes first."""
+    """As long as some direction is unseen, E is zero whatever is chosen: what opens most new directions goes first."""
     rng = np.random.default_rng(0)
     d = 6
     basis = np.linalg.qr(rng.normal(size=(d, d)))[0]
     loud = np.stack([100.0 * rng.normal(size=(3, 2)) @ basis[:2] for _ in range(20)])
     halves = np.stack([2.0 * basis[:3], 2.0 * basis[3:]])
     rows = np.concatenate([loud, halves])
-    nil = np.zeros((d, d))
-    candidates = Candidates(rows=rows, prior=np.eye(d), task=np.eye(d), signal=nil)
+    zero = np.zeros((d, d))
+    candidates = Candidates(rows=rows, prior=np.eye(d), task=np.eye(d), signal=zero)
     found = choose(candidates, 2, "E")
     assert sorted(found.started) == [20, 21]
     assert found.value == pytest.approx(-2.0, rel=1e-4)

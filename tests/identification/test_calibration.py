@@ -169,7 +169,10 @@ BROKEN = {
         lambda text: other(text, "T_tracker_base", scaled),
         r"'T_tracker_base' is not a rigid transform: its axes have length 1\.001",
     ),
-    "mirrored frame": (lambda text: other(text, "T_tracker_base", mirrored), "'T_tracker_base' is not a rigid transform"),
+    "mirrored frame": (
+        lambda text: other(text, "T_tracker_base", mirrored),
+        "'T_tracker_base' is not a rigid transform",
+    ),
     "sheared target": (
         lambda text: edit(text, "T_tool_target", 0, 0, 1, value=0.5),
         "'T_tool_target' 1 is not a rigid transform",

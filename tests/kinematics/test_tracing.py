@@ -83,7 +83,7 @@ def test_a_sparse_path_is_followed_straight_from_pose_to_pose_as_a_dense_one_is(
 @given(generators, st.sampled_from([0.0, 1e-6, 1e-4, 1e-3, 1e-2, 0.03, 0.1]))
 @settings(max_examples=12)
 def test_a_path_by_the_wrists_singular_posture_is_continuous_or_refused_there(rng, aside):
-    """Joint 5 passes through nil; the tool is tilted aside of that by more or less, so that joints 4 and 6 have to turn."""
+    """Joint 5 passes through zero; the tool is tilted aside of that by more or less, so that joints 4 and 6 have to turn."""
     description = industrial(rng)
     model = ErrorModel(robot_from(description))
     q = np.tile(industrial_positions(rng, 1)[0], (800, 1))

@@ -52,12 +52,12 @@ def rigid(rng: np.random.Generator) -> np.ndarray:
     return T
 
 
-kinds = st.sampled_from(["fixed", "revolute", "prismatic", "error", "nil error"])
+kinds = st.sampled_from(["fixed", "revolute", "prismatic", "error", "zero error"])
 
 
 @st.composite
 def chains(draw: st.DrawFn, poses: int = 3) -> ChainCase:
-    """Steps in any order and number, some error frames exactly nil."""
+    """Steps in any order and number, some error frames exactly zero."""
     order = draw(st.lists(kinds, max_size=14))
     rng = draw(generators)
     steps: list[Step] = []
@@ -66,7 +66,7 @@ def chains(draw: st.DrawFn, poses: int = 3) -> ChainCase:
         match kind:
             case "fixed":
                 steps.append(Fixed(rigid(rng)))
-            case "error" | "nil error":
+            case "error" | "zero error":
                 steps.append(ErrorFrame())
                 e.append(rng.normal(size=6) * (kind == "error"))
             case _:

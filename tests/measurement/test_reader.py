@@ -207,7 +207,11 @@ WRONG = {
         ":2: column 'Elbow_deg': 'NaN' is not a finite number; .* leave out the row",
     ),
     "joint infinite": (HEADER, row(Elbow_deg="-inf"), ":2: column 'Elbow_deg': '-inf' is not a finite number"),
-    "joint text": (HEADER, row(J1_deg="home"), ":2: column 'J1_deg': 'home' is not a number; give a number such as 12.5"),
+    "joint text": (
+        HEADER,
+        row(J1_deg="home"),
+        ":2: column 'J1_deg': 'home' is not a number; give a number such as 12.5",
+    ),
     "joint beyond its limit": (
         HEADER,
         row(J1_deg="170.1", Elbow_deg="75"),
@@ -268,7 +272,7 @@ WRONG = {
         [TARGET_ROW[0] + ",0,0,0,1"],
         ":1: a pose has one target, this file names smr1, smr2; choose one",
     ),
-    "uncertainty nil": (
+    "uncertainty zero": (
         HEADER + ",u_mm",
         [ROWS[0] + ",0.1", ROWS[1] + ",0"],
         ":3: column 'u_mm': 0 is not a standard uncertainty; give one",

@@ -11,7 +11,7 @@ B = 4e-4
 
 
 def with_backlash(name: str, joint: int) -> tuple[ErrorModel, np.ndarray, np.ndarray]:
-    """A model, positions, and parameters nil but for the backlash of one joint."""
+    """A model, positions, and parameters zero but for the backlash of one joint."""
     model = ErrorModel(load_robot(name)) + Backlash()
     limits = np.clip(model.robot.limits, -0.5, 0.5)
     q = np.random.default_rng(0).uniform(limits[:, 0], limits[:, 1], (10, len(limits)))

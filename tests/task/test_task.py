@@ -158,7 +158,10 @@ def test_a_task_without_anything_to_do_and_a_missing_file_are_refused(tmp_path):
             r":3: column 'qx': the quaternion has length 1\.4142",
         ),
         ("x_mm,y_mm,z_mm,qx,qy,qz,qw\n1,b,3,0,0,0,1\n", r":2: column 'y_mm': 'b' is not a number; give"),
-        ("x_mm,y_mm,z_mm,qx,qy,qz,qw,weight\n1,2,3,0,0,0,1,-2\n", r":2: column 'weight': -2 is not a weight; give zero"),
+        (
+            "x_mm,y_mm,z_mm,qx,qy,qz,qw,weight\n1,2,3,0,0,0,1,-2\n",
+            r":2: column 'weight': -2 is not a weight; give zero",
+        ),
         ("x_mm,y_mm,z_mm,qx,qy,qz,qw,weight\n1,2,3,0,0,0,1,0\n", r"all weights are zero; give"),
     ],
 )

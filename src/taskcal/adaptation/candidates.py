@@ -192,7 +192,7 @@ class Experiment:
     def rows(
         self, q: Float[np.ndarray, "n joints"], visible: Bool[np.ndarray, "n targets"]
     ) -> Float[np.ndarray, "n b d"]:
-        """Whitened sensitivities of poses in the basis; nil for reflectors that are not seen."""
+        """Whitened sensitivities of poses in the basis; zero for reflectors that are not seen."""
         J, p = _sensitivities(self.layout, self.about, q, self.deviations, self.field)
         return _whiten(J, p, q, visible, self.noise, self.model_error, self.field) @ self.basis
 
@@ -344,7 +344,7 @@ def _whiten(
     model_error: float,
     field: SmoothField | None,
 ) -> Float[np.ndarray, "n b c"]:
-    """Sensitivities over the noise, a block of rows for each pose; nil for targets that are not seen."""
+    """Sensitivities over the noise, a block of rows for each pose; zero for targets that are not seen."""
     white = np.full(len(q), model_error**2) if field is None else field.columns(q)[1]
     covariance = noise.covariance(points) + white[:, None, None, None] * np.eye(3)
     out = whitener(covariance) @ J

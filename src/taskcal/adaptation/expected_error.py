@@ -1,7 +1,7 @@
 """The error to be expected over a task from a campaign and a choice of parameters, in closed form.
 
 The truth is an over-complete model with prior Σ₀; the parameters outside a kept set K act on the measurements, but the
-estimator x̂_K = G·y does not know them. With A = JᵀR⁻¹J of the campaign, L = A_KK + Σ₀_KK⁻¹, F its inverse (nil outside K)
+estimator x̂_K = G·y does not know them. With A = JᵀR⁻¹J of the campaign, L = A_KK + Σ₀_KK⁻¹, F its inverse (zero outside K)
 and M = F·A, the covariance of the estimate's error is
 
     C(K) = (I − M)·Σ₀·(I − M)ᵀ + F·A·F = Σ₀ − F·D − Dᵀ·F + F·B·F,   D = A·Σ₀,  B = A·Σ₀·A + A

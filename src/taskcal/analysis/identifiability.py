@@ -18,8 +18,8 @@ from taskcal.geometry import se3
 from taskcal.robot.error_frames import COMPONENTS
 from taskcal.robot.error_model import ErrorModel
 
-NIL = 1e-9
-"""Share of the largest singular value, or column, under which one is nil."""
+NEGLIGIBLE = 1e-9
+"""Share of the largest singular value, or column, under which one counts as zero."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,7 +41,7 @@ class Identifiability:
     pivoted_rank: int
     """By QR with column pivoting, as a second opinion."""
     singular_values: Float[np.ndarray, " p"]
-    """Of all columns, each scaled to unit length; nil for columns without effect."""
+    """Of all columns, each scaled to unit length; zero for columns without effect."""
     matrix: Float[np.ndarray, "rows p"] = field(repr=False)
     """R of the QR decomposition of the stacked sensitivities: same columns, same singular values, SI units."""
     scales: Float[np.ndarray, " p"] = field(repr=False)
@@ -102,7 +102,9 @@ class Identifiability:
             level: share of a column's squared length that four others at most must explain.
         """
         wanted = self.names if names is None else names
-        return find_near_dependences(self.matrix, self.names, wanted, against=against, level=level, nil=NIL)
+        return find_near_dependences(
+            self.matrix, self.names, wanted, against=against, level=level, negligible=NEGLIGIBLE
+        )
 
     def told_apart(self, *, noise: float) -> ToldApart:
         """How many directions a measurement with noise tells apart, and the weakest of those that are independent exactly.
@@ -184,12 +186,12 @@ def eliminate(
     if len(stacked) > p:
         matrix = np.asarray(qr(stacked, mode="r")[0])[:p]
     norms = np.linalg.norm(matrix, axis=0)
-    alive = np.flatnonzero(norms > NIL * max(norms.max(initial=0.0), 1e-300))
+    alive = np.flatnonzero(norms > NEGLIGIBLE * max(norms.max(initial=0.0), 1e-300))
     unit = matrix[:, alive] / norms[alive]
     s = np.linalg.svd(unit, compute_uv=False)
-    rank = int((s > NIL * s[0]).sum()) if len(s) else 0
+    rank = int((s > NEGLIGIBLE * s[0]).sum()) if len(s) else 0
     diagonal = np.abs(np.diag(np.asarray(qr(unit, mode="r", pivoting=True)[0]))) if len(alive) else np.zeros(0)
-    pivoted = int((diagonal > NIL * diagonal[0]).sum()) if len(diagonal) else 0
+    pivoted = int((diagonal > NEGLIGIBLE * diagonal[0]).sum()) if len(diagonal) else 0
     kept, dependent = _left_to_right(unit)
     relations = {
         names[alive[j]]: {
@@ -218,7 +220,7 @@ def _left_to_right(unit: np.ndarray) -> tuple[list[int], dict[int, dict[int, flo
     Q, R = np.zeros((rows, min(rows, p))), np.zeros((min(rows, p), p))
     kept: list[int] = []
     dependent: dict[int, dict[int, float]] = {}
-    limit = NIL * np.sqrt(p)  # the largest singular value of unit columns is at most √p
+    limit = NEGLIGIBLE * np.sqrt(p)  # the largest singular value of unit columns is at most √p
     for j in range(p):
         basis = Q[:, : len(kept)]
         first = basis.T @ unit[:, j]

@@ -40,7 +40,7 @@ def find_near_dependences(
     against: Sequence[str] | None = None,
     level: float = LEVEL,
     most: int = MOST,
-    nil: float = 1e-9,
+    negligible: float = 1e-9,
 ) -> tuple[NearDependence, ...]:
     """Which of the wanted parameters a few others nearly repeat, the most repeated first.
 
@@ -54,13 +54,13 @@ def find_near_dependences(
         against: names that may repeat them; all by default.
         level: share of a column's squared length that must be explained.
         most: how many others may explain it.
-        nil: share of the largest singular value, or column, under which one is nil.
+        negligible: share of the largest singular value, or column, under which one counts as zero.
     """
     norms = np.linalg.norm(matrix, axis=0)
-    alive = np.flatnonzero(norms > nil * max(norms.max(initial=0.0), 1e-300))
+    alive = np.flatnonzero(norms > negligible * max(norms.max(initial=0.0), 1e-300))
     labels = [names[int(i)] for i in alive]
     unit, size = matrix[:, alive] / norms[alive], norms[alive]
-    inflation = _inflations(unit, nil)
+    inflation = _inflations(unit, negligible)
     allowed = np.array([against is None or label in set(against) for label in labels], dtype=bool)
     out: list[NearDependence] = []
     for k in (k for k, label in enumerate(labels) if label in set(wanted)):
@@ -71,10 +71,10 @@ def find_near_dependences(
     return tuple(sorted(out, key=lambda found: -found.share))
 
 
-def _inflations(unit: Float[np.ndarray, "rows p"], nil: float) -> Float[np.ndarray, " p"]:
+def _inflations(unit: Float[np.ndarray, "rows p"], negligible: float) -> Float[np.ndarray, " p"]:
     """1/(1 − R²) of every column on all others; infinite where it takes part in an exact dependence."""
     _, s, Vt = np.linalg.svd(unit, full_matrices=True)
-    rank = int((s > nil * s.max(initial=0.0)).sum())
+    rank = int((s > negligible * s.max(initial=0.0)).sum())
     repeated = np.linalg.norm(Vt[rank:], axis=0) > NULL
     return np.where(repeated, np.inf, ((Vt[:rank] / s[:rank, None]) ** 2).sum(axis=0))
 

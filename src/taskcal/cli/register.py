@@ -178,5 +178,5 @@ def _show(result: Mapping[str, Any]) -> None:
 
 
 def _largest(row: Mapping[str, Any]) -> float:
-    """The residual of the target that is farthest off; nil where none was seen."""
+    """The residual of the target that is farthest off; zero where none was seen."""
     return max((v for key, v in row.items() if key.endswith("_mm") and v == v), default=0.0)

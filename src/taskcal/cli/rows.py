@@ -57,7 +57,9 @@ def _from_file(path: Path, count: int, source: Path) -> list[int]:
         if not text:
             continue
         if not re.fullmatch(r"\d{1,15}", text, re.ASCII):
-            raise FileError(path, f"'{shown(text)}' is not a row number; write one per line, counted from 0", line=number)
+            raise FileError(
+                path, f"'{shown(text)}' is not a row number; write one per line, counted from 0", line=number
+            )
         row = int(text)
         if row >= count:
             raise FileError(path, f"row {row}: {source} has {count} rows, numbered 0 to {count - 1}", line=number)

@@ -134,7 +134,9 @@ def _numbers(text: str) -> list[int]:
     names = split_names(text, "--counts") or []
     for name in names:
         if not (name.isascii() and name.isdigit() and int(name) > 0):
-            raise typer.BadParameter(f"'{name}' is not a number of poses; write for example 30,60", param_hint="--counts")
+            raise typer.BadParameter(
+                f"'{name}' is not a number of poses; write for example 30,60", param_hint="--counts"
+            )
     return [int(name) for name in names]
 
 

@@ -48,7 +48,7 @@ class Chords:
     """Into how many each motion is cut; 0 for those that are not corrected."""
     nodes: Nodes
     deviation: Float[np.ndarray, " m"]
-    """Largest distance of the true tool from the way between nodes, metres; nil where nothing lies between."""
+    """Largest distance of the true tool from the way between nodes, metres; zero where nothing lies between."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -81,7 +81,7 @@ class Ways:
         return se3.pose(R, p)
 
     def direction(self, way: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3"]:
-        """Unit vectors along some ways; nil where the tool point stays."""
+        """Unit vectors along some ways; zero where the tool point stays."""
         out = self.end[way, :3, 3] - self.start[way, :3, 3]
         is_arc, center, axis, _ = (array[way] for array in self._arc)
         if is_arc.any():

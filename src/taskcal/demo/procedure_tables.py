@@ -89,9 +89,9 @@ def tabulate_counts(procedure: Procedure) -> Table:
         ("as published", str(dropped - zero), str(zero), str(total - dropped), ""),
     ]
     repeats = [row.repeats for row in elimination.rows]
-    nil = repeats.count("zero")
-    alone = sum(bool(r) for r in repeats) - nil
-    rows.append(("repeats of one other", str(alone), str(nil), str(total - alone - nil), ""))
+    zero = repeats.count("zero")
+    alone = sum(bool(r) for r in repeats) - zero
+    rows.append(("repeats of one other", str(alone), str(zero), str(total - alone - zero), ""))
     for label, found in elimination.eliminations.items():
         condition = f"{found.condition_number:.0f}"
         rows.append(

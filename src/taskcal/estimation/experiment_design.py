@@ -35,13 +35,13 @@ class Candidates:
     """What could be measured, and what it is for, in coordinates of unit prior variance."""
 
     rows: Float[np.ndarray, "n b d"]
-    """Whitened sensitivities of each candidate; nil rows where nothing would be seen."""
+    """Whitened sensitivities of each candidate; zero rows where nothing would be seen."""
     prior: Float[np.ndarray, "d d"]
     """Information before any of them: the prior's, and that of what is measured already."""
     task: Float[np.ndarray, "d d"]
     """W: the task's mean squared error is tr(W·C)."""
     signal: Float[np.ndarray, "d d"]
-    """Of criteria that leave the prior out: information of a measurement as such, nil or that of a campaign."""
+    """Of criteria that leave the prior out: information of a measurement as such, zero or that of a campaign."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -123,7 +123,7 @@ class _State:
     def _spectral(self, information: Float[np.ndarray, "n d d"]) -> Float[np.ndarray, " n"]:
         s = np.sqrt(np.maximum(np.linalg.eigvalsh(information), 0.0))
         if self.criterion == "E":
-            # ties at nil are broken by what is there already, so that a greedy start knows where to go
+            # ties at zero are broken by what is there already, so that a greedy start knows where to go
             return -(s[:, 0] + 1e-6 * np.minimum(s, 1.0).sum(axis=1))
         poses, s = max(self.size, 1), np.maximum(s, 1e-9)
         return -np.array([getattr(observability(row, poses), self.criterion) for row in s])

@@ -87,7 +87,7 @@ def fit(
         equations: the data's cost, gradient and information.
         start: first z.
         mean: the prior's mean.
-        precision: the prior's inverse covariance; nil for none.
+        precision: the prior's inverse covariance; zero for none.
         scale: natural size of each parameter.
         stopping: when to stop.
         damping: first λ, below which it never falls.

@@ -34,7 +34,7 @@ def is_closed(path: Float[np.ndarray, "n 3"]) -> bool:
 
 
 def tangents(path: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """Unit tangents: halfway between the directions of the segments that meet at a point; nil where the path turns back.
+    """Unit tangents: halfway between the directions of the segments that meet at a point; zero where the path turns back.
 
     Args:
         path: points, no two neighbours the same.

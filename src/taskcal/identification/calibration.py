@@ -79,7 +79,7 @@ class Calibration:
     layout: FrameLayout
     """How z is laid out."""
     estimated: Int[np.ndarray, " kept"]
-    """Model parameters that were estimated; the others stay nil and are considered."""
+    """Model parameters that were estimated; the others stay zero and are considered."""
     z: Float[np.ndarray, " z"]
     """All parameters, tracker frame and targets, in the order of `all_names`."""
     z_covariance: Float[np.ndarray, "z z"]
@@ -145,7 +145,7 @@ class Calibration:
 
     @cached_property
     def estimate(self) -> Float[np.ndarray, " p"]:
-        """Every parameter of the model, nil where not kept, metres and radians."""
+        """Every parameter of the model, zero where not kept, metres and radians."""
         return self.layout.parameters(self.z)
 
     @cached_property

@@ -35,7 +35,7 @@ class Outcome:
     estimated: Int[np.ndarray, " kept"]
     """Model parameters that were estimated."""
     z: Float[np.ndarray, " z"]
-    """Nil where not estimated."""
+    """Zero where not estimated."""
     covariance: Float[np.ndarray, "z z"]
     """Of the error of z, what was not estimated included."""
     residual_covariance: Float[np.ndarray, "n targets b b"]
@@ -57,7 +57,7 @@ def fitted_whole(found: Fitted, problem: Problem) -> Outcome:
 
 
 def fitted_alone(found: Fitted, problem: Problem, whole: FrameLayout) -> Outcome:
-    """The outcome of a fit of some parameters where nothing else is believed of the others: they are taken for nil."""
+    """The outcome of a fit of some parameters where nothing else is believed of the others: they are taken for zero."""
     return Outcome(
         layout=whole,
         estimated=problem.frames.kept,
@@ -111,7 +111,7 @@ def consider(
 
 
 def spread_out(values: Float[np.ndarray, "..."], some: FrameLayout, whole: FrameLayout) -> Float[np.ndarray, "..."]:
-    """A vector or a matrix of a layout's entries among those of all parameters, nil elsewhere."""
+    """A vector or a matrix of a layout's entries among those of all parameters, zero elsewhere."""
     k = _entries(some, whole)
     out = np.zeros((len(whole.names),) * values.ndim)
     out[np.ix_(*[k] * values.ndim)] = values

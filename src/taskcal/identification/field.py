@@ -1,6 +1,6 @@
 """The residual field: what geometry and effects leave, learned over the joints by a Gaussian process.
 
-Far from the measured poses the field fades to nil and its uncertainty grows to its full size (Rasmussen and Williams 2006,
+Far from the measured poses the field fades to zero and its uncertainty grows to its full size (Rasmussen and Williams 2006,
 chapter 2). The hyper-parameters are those of the largest marginal likelihood, found by scikit-learn; what is kept are
 arrays, evaluated here.
 
@@ -25,7 +25,7 @@ from scipy.spatial import KDTree
 from taskcal.errors import CampaignError
 from taskcal.short_repr import short_repr
 
-FEWEST, SEARCHED, LARGEST = 20, 500, 10_000
+MIN_FIELD_ROWS, MAX_SEARCHED_ROWS, MAX_FIELD_ROWS = 20, 500, 10_000
 """Rows that a field needs; rows among which the hyper-parameters are sought; rows it keeps at most, where more are thinned
 out evenly: their covariance takes 0.8 GB then."""
 
@@ -165,9 +165,9 @@ def learn_field(
     Raises:
         CampaignError: too few rows.
     """
-    if len(q) < FEWEST:
+    if len(q) < MIN_FIELD_ROWS:
         raise CampaignError(
-            f"{len(q)} rows are too few to learn a residual field; measure at least {FEWEST}, better 100"
+            f"{len(q)} rows are too few to learn a residual field; measure at least {MIN_FIELD_ROWS}, better 100"
         )
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
@@ -177,14 +177,14 @@ def learn_field(
     size = np.sqrt((residual**2).mean(axis=0))
     shape: Any = RBF(np.full(q.shape[1], 2.0), (0.05, 100.0))  # pyright: ignore[reportArgumentType]
     kernel: Any = ConstantKernel(0.5, (1e-4, 1e2)) * shape + WhiteKernel(0.5, (1e-4, 1e1))
-    rows = np.sort(np.random.default_rng(seed).permutation(len(q))[:SEARCHED])
+    rows = np.sort(np.random.default_rng(seed).permutation(len(q))[:MAX_SEARCHED_ROWS])
     process = GaussianProcessRegressor(kernel, alpha=1e-10, normalize_y=False, random_state=seed)
     with warnings.catch_warnings():
         # a length at its upper bound is a joint without influence, which is an answer
         warnings.simplefilter("ignore", ConvergenceWarning)
         found: Any = process.fit((q / spread)[rows], (residual / size)[rows]).kernel_
     variance, lengths, noise = found.k1.k1.constant_value, np.atleast_1d(found.k1.k2.length_scale), found.k2.noise_level
-    kept = np.unique(np.linspace(0, len(q) - 1, min(len(q), LARGEST)).astype(int))
+    kept = np.unique(np.linspace(0, len(q) - 1, min(len(q), MAX_FIELD_ROWS)).astype(int))
     scaled, ratio = q[kept] / (lengths * spread), noise / variance
     K = _correlation(scaled, scaled)
     K[np.diag_indices_from(K)] += ratio

@@ -88,7 +88,7 @@ def fit_with_hyperparameters(problem: Problem, belief: Belief, options: FitOptio
 
 
 def _drop_insignificant(found: Fitted, hyper: Hyperparameters, problem: Problem, belief: Belief) -> Hyperparameters:
-    """A model error within two standard errors of nil is nil: half of all sound campaigns suggest a little by chance."""
+    """A model error within two standard errors of zero is zero: half of all sound campaigns suggest a little by chance."""
     at, weights = _linearised(found, problem, belief), found.weights[problem.seen.valid]
     errors = [evidence.score_model_error(at, slice(3 * g, 3 * g + 3), weights)[1] for g in range(len(hyper.variances))]
     return replace(hyper, variances=np.where(hyper.variances < 2.0 * np.array(errors), 0.0, hyper.variances))
@@ -200,7 +200,7 @@ def _rescale(
         weights = found.weights[problem.seen.valid]
         for g in range(len(variances)):
             step, _ = evidence.score_model_error(at, slice(3 * g, 3 * g + 3), weights)
-            # never to nil in one step, from where the scoring could not come back
+            # never to zero in one step, from where the scoring could not come back
             variances[g] = max(variances[g] + step, 0.01 * variances[g], 1e-6 * tracker[g])
     factor = found.hyper.prior_factor
     if search_scale and belief.prior is not None:

@@ -48,7 +48,7 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
         campaign: the measurements.
         **options: those of `FitOptions`, each by its name, and all at once as ``options``; names replace what is in those.
 
-            ``keep``: names of the parameters to estimate; all by default. The others stay nil in the estimate. With the
+            ``keep``: names of the parameters to estimate; all by default. The others stay zero in the estimate. With the
             tolerances as prior, theirs stay in its covariance: the true robot varies in them all the same (`considered`). A
             prior that is given is taken for all that is believed.
 

@@ -29,7 +29,7 @@ class FrameLayout:
 
     model: ErrorModel
     kept: Int[np.ndarray, " kept"]
-    """Model parameters that are estimated; the others stay at nil."""
+    """Model parameters that are estimated; the others stay at zero."""
     registration: Registration
     targets: tuple[str, ...]
     pose: bool
@@ -87,7 +87,7 @@ class FrameLayout:
         return z
 
     def parameters(self, z: Float[np.ndarray, " z"]) -> Float[np.ndarray, " p"]:
-        """Model parameters of an estimate, nil where not kept."""
+        """Model parameters of an estimate, zero where not kept."""
         x = np.zeros(len(self.model))
         x[self.kept] = z[: len(self.kept)]
         return x

@@ -35,9 +35,9 @@ class Explained:
 
     regressor: Regressor
     share: float
-    """Of the variance on poses left out; below nil where it predicts worse than nothing."""
+    """Of the variance on poses left out; below zero where it predicts worse than nothing."""
     p_value: float | None
-    """Chance of such a share where the quantity does not matter; None where the share is not above nil."""
+    """Chance of such a share where the quantity does not matter; None where the share is not above zero."""
 
     @property
     def proven(self) -> bool:

@@ -63,12 +63,12 @@ def solve_near(
         tip: pose, in the tool, of the frame that shall be at T; the tool itself by default.
         spin: ``free`` where that frame may turn about its own z axis, as a spindle may.
     """
-    end = approach(model, T, seed, x, iterations=iterations, tip=tip, spin=spin)
+    end = newton_steps(model, T, seed, x, iterations=iterations, tip=tip, spin=spin)
     return Reached(q=end.q, reached=end.met & model.robot.inside_limits(end.q))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Approach:
+class NewtonEnd:
     """Where Newton steps have led to."""
 
     q: Float[np.ndarray, "n joints"]
@@ -82,7 +82,7 @@ class Approach:
         return (self.off[:, 0] < POSITION) & (self.off[:, 1] < ROTATION)
 
 
-def approach(
+def newton_steps(
     model: ErrorModel,
     T: Float[np.ndarray, "n 4 4"],
     seed: Float[np.ndarray, "n joints"],
@@ -91,11 +91,11 @@ def approach(
     iterations: int,
     tip: Float[np.ndarray, "4 4"] | None = None,
     spin: Spin = "fixed",
-) -> Approach:
+) -> NewtonEnd:
     """Newton steps from the seeds, each pose until it is met with a margin; arguments as of `solve_near`."""
     free = spin == "free"
     frame = np.eye(4) if tip is None else np.ascontiguousarray(tip, dtype=float)
-    found = Approach(q=np.array(seed, dtype=float), off=np.full((len(seed), 2), np.inf))
+    found = NewtonEnd(q=np.array(seed, dtype=float), off=np.full((len(seed), 2), np.inf))
 
     def solve(rows: slice) -> None:
         q, off, goal = found.q[rows], found.off[rows], T[rows]
@@ -194,7 +194,7 @@ def find_postures(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.nd
             "its limits; move the workspace, turn the tool, or widen the limits in the robot file"
         )
     q = found.q[found.reached]
-    q = q[np.argsort(-depth(model, q), kind="stable")]
+    q = q[np.argsort(-posture_margin(model, q), kind="stable")]
     different: list[np.ndarray] = []
     for posture in q:
         if all(np.abs(posture - other).max() > SAME_POSTURE_RAD for other in different):
@@ -202,7 +202,7 @@ def find_postures(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.nd
     return np.stack(different)
 
 
-def depth(model: ErrorModel, q: np.ndarray) -> np.ndarray:
+def posture_margin(model: ErrorModel, q: np.ndarray) -> np.ndarray:
     """How far inside the limits and away from singular postures, 0 to 1."""
     low, high = np.clip(model.robot.limits, -2 * np.pi, 2 * np.pi).T
     room = (np.minimum(q - low, high - q) / (high - low) * 2.0).min(axis=1)
@@ -240,7 +240,7 @@ def follow(
         R = se3.exp(share * turn) @ home[:3, :3]
         p = home[:3, 3] + share * (T[:, :3, 3] - home[:3, 3])
         # on the way two Newton steps keep up; only the end must be exact
-        ahead = approach(model, se3.pose(R, p), q, x, iterations=2, tip=tip, spin=spin).q
+        ahead = newton_steps(model, se3.pose(R, p), q, x, iterations=2, tip=tip, spin=spin).q
         stayed &= np.abs(ahead - q).max(axis=1) < JUMP
         q = ahead
     found = solve_near(model, T, q, x, tip=tip, spin=spin)

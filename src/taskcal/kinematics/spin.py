@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.geometry.pose_step import WEIGHT
-from taskcal.kinematics.inverse import JUMP, SAME_POSTURE_RAD, depth, find_postures, solve_near
+from taskcal.kinematics.inverse import JUMP, SAME_POSTURE_RAD, find_postures, posture_margin, solve_near
 from taskcal.kinematics.tracing import refusals, trace
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
@@ -27,7 +27,7 @@ STRIDE = 0.15
 """Between guide poses the tool moves not farther than this, radians and half metres."""
 
 COMFORT = 0.1
-"""A constant spin will do where no posture comes nearer than this to limits and singular postures; see `depth`."""
+"""A constant spin will do where no posture comes nearer than this to limits and singular postures; see `posture_margin`."""
 
 SMOOTHINGS = 6
 """How often a spin that changes is averaged with its neighbours."""
@@ -56,7 +56,7 @@ class _States:
     cost: Float[np.ndarray, " m"]
     """Of the way to it."""
     tightest: Float[np.ndarray, " m"]
-    """Least depth on the way to it."""
+    """Least posture margin on the way to it."""
     before: Int[np.ndarray, " m"]
     """Which state at the guide pose before it comes from."""
 
@@ -98,9 +98,9 @@ def choose_spin(
     The joint positions keep inside all limits. A spin that is constant along the path, carried with the axis without turning
     about it, is taken wherever one keeps clear of limits and singular postures; else it changes so that the sum of
 
-        |Δq|² / Δs + Δs / depth
+        |Δq|² / Δs + Δs / m
 
-    over steps Δs of the tool's motion is least, q in radians and metres, depth as of `inverse.depth`.
+    over steps Δs of the tool's motion is least, q in radians and metres, and m is the `posture_margin`.
 
     Args:
         model: the model.
@@ -222,12 +222,12 @@ def _solved(guide: _Guide, seed: Float[np.ndarray, "m joints"], turn: Int[np.nda
     """Postures at the first pose, from seeds near them."""
     solved = solve_near(guide.model, guide.at(0, turn), seed, guide.x, tip=guide.tip)
     q = solved.q[solved.reached]
-    deep = depth(guide.model, q)
+    margin = posture_margin(guide.model, q)
     states = _States(
         q=q,
         turn=turn[solved.reached],
-        cost=STRIDE / np.maximum(deep, 1e-9),
-        tightest=deep,
+        cost=STRIDE / np.maximum(margin, 1e-9),
+        tightest=margin,
         before=np.zeros(len(q), dtype=np.int64),
     )
     return states.take(_cheapest(states))
@@ -246,12 +246,12 @@ def _search(guide: _Guide, first: _States, steps: tuple[int, ...]) -> list[_Stat
         good = np.flatnonzero(solved.reached & (np.abs(change).max(axis=1) < JUMP))
         if not len(good):
             break
-        q, deep = solved.q[good], depth(guide.model, solved.q[good])
+        q, margin = solved.q[good], posture_margin(guide.model, solved.q[good])
         states = _States(
             q=q,
             turn=turn[good],
-            cost=last.cost[source[good]] + (change[good] ** 2).sum(axis=1) / ds + ds / np.maximum(deep, 1e-9),
-            tightest=np.minimum(last.tightest[source[good]], deep),
+            cost=last.cost[source[good]] + (change[good] ** 2).sum(axis=1) / ds + ds / np.maximum(margin, 1e-9),
+            tightest=np.minimum(last.tightest[source[good]], margin),
             before=source[good],
         )
         layers.append(states.take(_cheapest(states)))

@@ -1,4 +1,4 @@
-"""The joints along a path of tool poses: one continuous way from a starting posture, or the poses where it ends and why."""
+"""The joints along a path of tool poses: one continuous branch from a starting posture, or the poses where it ends and why."""
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.geometry import se3
 from taskcal.geometry.pose_step import WEIGHT
-from taskcal.kinematics.inverse import JUMP, Approach, Spin, approach, conditioning, follow
+from taskcal.kinematics.inverse import JUMP, NewtonEnd, Spin, conditioning, follow, newton_steps
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
@@ -23,7 +23,7 @@ REPAIRED = 256
 """Poses that are solved one after another, at most, before a new stretch begins."""
 
 AHEAD = 64
-"""Strides among which a way that has ended is looked for again at a time."""
+"""Strides among which a branch that has ended is looked for again at a time."""
 
 STEEPEST = 100.0
 """Radians (half metres) that a joint may move for each that the tool does; more is a jump. About an axis of the wrist it
@@ -41,7 +41,7 @@ class Outcome(IntEnum):
 
     REACHED = 0
     OUT_OF_REACH = 1
-    """No posture near the way meets it."""
+    """No posture near the branch meets it."""
     OUTSIDE_LIMITS = 2
     """It is met outside a joint's or a coupled limit."""
     SINGULAR = 3
@@ -168,8 +168,8 @@ class _Path:
 
     def solve(
         self, T: Float[np.ndarray, "n 4 4"], seed: Float[np.ndarray, "n joints"], iterations: int = 15
-    ) -> Approach:
-        return approach(self.model, T, seed, self.x, iterations=iterations, tip=self.tip, spin=self.spin)
+    ) -> NewtonEnd:
+        return newton_steps(self.model, T, seed, self.x, iterations=iterations, tip=self.tip, spin=self.spin)
 
     def pose(self, q: Float[np.ndarray, " joints"]) -> Float[np.ndarray, "4 4"]:
         return self.model.poses(q[None], self.x)[0] @ self.tip
@@ -211,8 +211,8 @@ def _allowed(motion: Float[np.ndarray, " n"] | float) -> Float[np.ndarray, " n"]
 
 def _seeds(path: _Path, start: Float[np.ndarray, " joints"]) -> Float[np.ndarray, "n joints"]:
     """Postures near the ones looked for, interpolated between those followed in strides."""
-    way = np.concatenate([[0.0], np.cumsum(path.motion(path.T[:-1], path.T[1:]))])
-    anchor = np.diff(np.floor(way / STRIDE), prepend=-1.0) > 0.0
+    travel = np.concatenate([[0.0], np.cumsum(path.motion(path.T[:-1], path.T[1:]))])
+    anchor = np.diff(np.floor(travel / STRIDE), prepend=-1.0) > 0.0
     anchor[-1] = True
     coming = list(reversed(np.flatnonzero(anchor).tolist()))
     q, at, row = start, path.pose(start), -1
@@ -234,14 +234,14 @@ def _seeds(path: _Path, start: Float[np.ndarray, " joints"]) -> Float[np.ndarray
         q, at = ahead, path.T[row]
         postures[row] = q
     if not postures:
-        return np.tile(start, (len(way), 1))
-    known = way[list(postures)]
-    return np.stack([np.interp(way, known, column) for column in np.array(list(postures.values())).T], axis=1)
+        return np.tile(start, (len(travel), 1))
+    known = travel[list(postures)]
+    return np.stack([np.interp(travel, known, column) for column in np.array(list(postures.values())).T], axis=1)
 
 
 def _link(
-    path: _Path, end: Approach, good: Bool[np.ndarray, " n"], stayed: Bool[np.ndarray, " n"]
-) -> tuple[Approach, Bool[np.ndarray, " n"]]:
+    path: _Path, end: NewtonEnd, good: Bool[np.ndarray, " n"], stayed: Bool[np.ndarray, " n"]
+) -> tuple[NewtonEnd, Bool[np.ndarray, " n"]]:
     """Hold each step between good poses against the tool's motion, or against the seed where the tool moved far.
 
     Where one is too large, what follows is solved from its predecessor until both ways agree.

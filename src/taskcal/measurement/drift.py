@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import fdtrc
 
-from taskcal.estimation.wander import Wander, smooth
+from taskcal.estimation.local_level import LocalLevel, smooth
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.nest_motion import NestMotion, observe_nests
@@ -33,7 +33,7 @@ class Drift:
     followed: bool
     """Whether the nests moved by more than their noise, and were followed."""
     largest: float
-    """Largest movement of a nest, smoothed, metres; nil where nothing was followed."""
+    """Largest movement of a nest, smoothed, metres; zero where nothing was followed."""
     noise: float
     """Standard deviation of a nest's coordinate, metres."""
     probability: float
@@ -76,7 +76,7 @@ def follow_nests(campaign: Campaign, noise: TrackerNoise | None = None) -> Drift
         )
     variance = deviation**2 * motion.per_noise
     courses = [
-        smooth(values, spread, tremble=motion.noise is not None)
+        smooth(values, spread, white=motion.noise is not None)
         for values, spread in zip(motion.values.T, variance.T, strict=True)
     ]
     T = _transforms(motion, courses)
@@ -128,7 +128,7 @@ def _misplaced(campaign: Campaign, motion: NestMotion) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _transforms(motion: NestMotion, courses: list[Wander]) -> Float[np.ndarray, "n 4 4"]:
+def _transforms(motion: NestMotion, courses: list[LocalLevel]) -> Float[np.ndarray, "n 4 4"]:
     """From the common frame to the nests in each row: a turn about their centre, and its translation."""
     values = np.stack([course.mean for course in courses], axis=1)
     shift = values[:, :3] @ motion.axes.T
@@ -142,7 +142,7 @@ def _back(T: Float[np.ndarray, "n 4 4"], points: Float[np.ndarray, "n k 3"]) -> 
 
 
 def _uncertainty(
-    campaign: Campaign, motion: NestMotion, courses: list[Wander], noise: TrackerNoise | None
+    campaign: Campaign, motion: NestMotion, courses: list[LocalLevel], noise: TrackerNoise | None
 ) -> Float[np.ndarray, "n targets"]:
     """Standard uncertainty of every point, that of the motion at its place included, as the mean of the directions."""
     own = np.trace(campaign.covariances(noise)[..., :3, :3], axis1=2, axis2=3)

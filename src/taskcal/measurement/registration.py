@@ -42,7 +42,7 @@ class Registration:
     """Root mean square of the nominal robot's residual in space, metres."""
     unlocated: Float[np.ndarray, "offsets offsets"]
     """Projector onto the directions of all target offsets together, in the tool frame, that the poses do not determine:
-    nil in general; in one orientation a common shift of all targets. Along them the targets stay at the tool point."""
+    zero in general; in one orientation a common shift of all targets. Along them the targets stay at the tool point."""
 
     @property
     def located(self) -> tuple[bool, ...]:
@@ -254,7 +254,7 @@ def _closed_form(R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray
         A[:, i, 9 + i] = 1.0
     for t in range(count):
         A[target == t, :, 12 + 3 * t : 15 + 3 * t] = -R[target == t]
-    # columns that hardly matter (flat clouds, one orientation) are left at nil rather than blown up
+    # columns that hardly matter (flat clouds, one orientation) are left at zero rather than blown up
     solution = np.linalg.lstsq(A.reshape(3 * n, -1), p.reshape(-1), rcond=1e-6)[0]
     return se3.nearest_rotation(solution[:9].reshape(3, 3)).T
 
@@ -270,7 +270,7 @@ def _place(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Translation and target offsets for a rotation Z, and the residuals: y = Z·(p + R·o) + t is linear in both.
 
-    Along the directions of the projector `held` the offsets stay nil.
+    Along the directions of the projector `held` the offsets stay zero.
     """
     A = _placing(Z, R, target, count)
     b = y - p @ Z.T

@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from taskcal.analysis.identifiability import NIL, Identifiability
+from taskcal.analysis.identifiability import NEGLIGIBLE, Identifiability
 from taskcal.analysis.sensitivity import Sensitivity
 from taskcal.presentation.theme import AXIS_COLOURS, GREY, SERIES, label_panels, styled, switch
 
@@ -97,7 +97,7 @@ def draw_singular_values(eliminations: Mapping[str, Identifiability]) -> go.Figu
     count = max(len(found.names) for found in eliminations.values())
     figure.add_scatter(
         x=[0.5, count + 0.5],
-        y=[NIL * largest] * 2,
+        y=[NEGLIGIBLE * largest] * 2,
         mode="lines",
         name="limit: 10⁻⁹ of the largest",
         line={"color": GREY, "dash": "dash", "width": 1.5},

@@ -54,7 +54,7 @@ def remainder_section(found: Remainder, rows: str) -> Section:
             ("quantity", "moves", "share %", "p"),
             table,
             text_columns=(0, 1),
-            note="Share of the variance on poses left out; below nil, the quantity predicts worse than nothing.",
+            note="Share of the variance on poses left out; below zero, the quantity predicts worse than nothing.",
             folded=True,
         )
     )

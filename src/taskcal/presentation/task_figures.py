@@ -22,7 +22,7 @@ def draw_maps(slices: Sequence[Slice], views: Mapping[str, Maps], *, from_nil: b
     Args:
         slices: planes through the middle of the workspace.
         views: what to choose from, each with a map in metres for every slice.
-        from_nil: begin the scales at nil instead of the smallest value.
+        from_nil: begin the scales at zero instead of the smallest value.
     """
     figure = make_subplots(
         rows=1,
@@ -105,7 +105,7 @@ def draw_curves(curves: Mapping[str, Float[np.ndarray, " n"]]) -> go.Figure:
 
 
 def draw_bands(bands: Mapping[str, Float[np.ndarray, "n 3"]]) -> go.Figure:
-    """Intervals of 95 % about nil on X, Y and Z, pose by pose.
+    """Intervals of 95 % about zero on X, Y and Z, pose by pose.
 
     Args:
         bands: standard deviations per axis by what they are, metres; the widest first. One is shown at a time at first,

@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.robot import Robot
 
-STILL = 1e-4
+MAX_REST_MOTION = 1e-4
 """Largest motion of a drive that leaves it as it is, radians or metres: what a controller reports of a joint at rest."""
 
 
@@ -39,7 +39,7 @@ def conditions_in_order(
     """
     reached = np.arange(len(q)) > 0 if follows is None else follows & (np.arange(len(q)) > 0)
     move = np.where(reached[:, None], np.diff(q, axis=0, prepend=q[:1]) @ drive_motion(robot).T, 0.0)
-    approach = np.where(np.abs(move) > STILL, np.sign(move), 0.0)
+    approach = np.where(np.abs(move) > MAX_REST_MOTION, np.sign(move), 0.0)
     for i in np.flatnonzero(reached):
         approach[i] = np.where(approach[i] == 0.0, approach[i - 1], approach[i])
     return Conditions(approach=approach, move=move)

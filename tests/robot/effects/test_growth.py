@@ -129,7 +129,7 @@ def test_joints_that_cannot_be_meant_are_refused():
 
 @pytest.mark.parametrize(("reference", "cold"), [(None, -1.0), (1800.0, np.exp(-1.0) - 1.0), (0.0, 0.0)])
 def test_a_robot_warms_up_by_an_exponential_of_its_time_at_work(reference, cold):
-    """Parameters are what a robot grows from cold to warm; at the reference, and without a time, they are nil."""
+    """Parameters are what a robot grows from cold to warm; at the reference, and without a time, they are zero."""
     plain = ErrorModel(load_robot("ur5"))
     model, q = plain + WarmUp(time_constant=1800.0, reference=reference), positions(plain)
     x = with_value(model, thermal__growth=3e-4)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from taskcal.programs.rapid.expressions import RESERVED
 from taskcal.programs.rapid.lexer import Token
 from taskcal.programs.rapid.names import Scope, Unresolved
-from taskcal.programs.rapid.predefined import CHANGING, FUNCTIONS, MOVES, STILL
+from taskcal.programs.rapid.predefined import CHANGING, FUNCTIONS, MOTIONLESS, MOVES
 
 MayChange = Callable[[str, str], bool]
 """Whether an instruction or a function, by its key, may change data of a type that it is given."""
@@ -30,7 +30,7 @@ def instruction_may_change(instruction: str, type_: str) -> bool:
         return True
     if instruction in MOVES or type_ in ("tooldata", "wobjdata"):
         return False
-    return instruction not in STILL or instruction in CHANGING
+    return instruction not in MOTIONLESS or instruction in CHANGING
 
 
 def function_may_change(function: str, type_: str) -> bool:

@@ -32,7 +32,7 @@ NO_AXES = ("9E+09",) * 6
 """External axes that are not used."""
 
 LOAD = "[1,[0,0,1],[1,0,0,0],0,0,0]"
-"""A load that the controller accepts: a mass has to be greater than nil."""
+"""A load that the controller accepts: a mass has to be greater than zero."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 
 from taskcal.programs.rapid.names import Context, Scope, Unresolved
-from taskcal.programs.rapid.predefined import FUNCTIONS, MOVES, MOVING, STILL
+from taskcal.programs.rapid.predefined import FUNCTIONS, MOTIONLESS, MOVES, MOVING
 from taskcal.programs.rapid.syntax import (
     Aggregate,
     Argument,
@@ -108,7 +108,7 @@ class _Walker:
 def is_motion(instruction: Instruction, scope: Scope) -> bool:
     """Whether an instruction moves the robot by itself: one of the system's, or one that is given a target."""
     key = instruction.name.key
-    if key in STILL or key in scope.routines:
+    if key in MOTIONLESS or key in scope.routines:
         return False
     return key.startswith(MOVING) or gets_target(instruction, scope)
 
@@ -138,7 +138,7 @@ def _moves(block: Iterable[Statement], scope: Scope) -> bool:
         match statement:
             case Instruction():
                 key = statement.name.key
-                if key not in STILL or key in scope.routines or _arguments_call(statement.arguments, scope):
+                if key not in MOTIONLESS or key in scope.routines or _arguments_call(statement.arguments, scope):
                     return True
             case Assignment():
                 if _calls(statement.value, scope):

@@ -57,7 +57,7 @@ DATA: Mapping[str, tuple[str, Value]] = {
 }
 """Type and value of data that the system declares."""
 
-_STILL = """
+_MOTIONLESS = """
     accset worldacclim velset confj confl singarea cirpathmode softact softdeact gripload mechunitload set reset setdo
     setao setgo pulsedo invertdo setalldo waittime waitdi waitdo waitai waitao waitgi waitgo waituntil waitrob
     waitsynctask waittestandset tpwrite tperase tpshow uimsgbox uishow uimsgwrite uimsgwriteabort errwrite errlog
@@ -70,7 +70,7 @@ _STILL = """
     socketcreate socketbind socketlisten socketaccept socketconnect socketsend socketreceive socketclose
     tpreadfk tpreadnum tpreaddnum incr decr add clear gettime settime bitset bitclear getsysdata
 """
-STILL = frozenset(_STILL.split())
+MOTIONLESS = frozenset(_MOTIONLESS.split())
 """Instructions that move nothing."""
 
 _CHANGING = "tpreadfk tpreadnum tpreaddnum incr decr add clear bitset bitclear getsysdata packrawbytes socketreceive socketaccept"

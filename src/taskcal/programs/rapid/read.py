@@ -10,7 +10,7 @@ from taskcal.programs.rapid.flow import follow_routine, gets_target, is_motion, 
 from taskcal.programs.rapid.lexer import Token
 from taskcal.programs.rapid.names import Context, File, Scope, Symbol, Unresolved, contexts
 from taskcal.programs.rapid.parser import parse
-from taskcal.programs.rapid.predefined import MOVES, MOVING, SHIFTING, STILL, TURNING
+from taskcal.programs.rapid.predefined import MOTIONLESS, MOVES, MOVING, SHIFTING, TURNING
 from taskcal.programs.rapid.resolve import KINDS, Motion, Settings, resolve
 from taskcal.programs.rapid.rewrite import rewrite_files
 from taskcal.programs.rapid.syntax import Branches, Instruction, Loop, Module, Problem, Statement, Unparsed
@@ -186,6 +186,6 @@ def _lost_in(block: Iterable[Statement], context: Context, scope: Scope) -> Iter
 
 def _motions_in(unparsed: Unparsed, context: Context) -> Iterable[Remark]:
     for token in unparsed.tokens:
-        if token.kind == "name" and token.key.startswith(MOVING) and token.key not in STILL:
+        if token.kind == "name" and token.key.startswith(MOVING) and token.key not in MOTIONLESS:
             text = f"{token.text} stays as it is: the text around it is not understood ({unparsed.trouble(context.file.source)})"
             yield Remark(place=context.file.source.place(token.start), text=text)

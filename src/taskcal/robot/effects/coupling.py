@@ -10,7 +10,7 @@ from taskcal.robot.effects.effect import Effect
 from taskcal.robot.effects.linear_term import LinearTerm, at_joints
 from taskcal.robot.robot import Robot
 
-NEAR = 1e-6
+MEETING_DISTANCE = 1e-6
 """Distance under which axes meet, metres."""
 
 
@@ -87,4 +87,4 @@ def _meet(robot: Robot) -> bool:
         for part in joint.after:
             pose = pose @ part.transform
     point = np.linalg.lstsq(normal, right, rcond=None)[0]
-    return all(float(np.linalg.norm(across @ (point - origin))) < NEAR for across, origin in left)
+    return all(float(np.linalg.norm(across @ (point - origin))) < MEETING_DISTANCE for across, origin in left)

@@ -19,7 +19,7 @@ STAND = 1.0
 """Height that stands for what carries the robot and the tracker, metres."""
 
 DRIFT = ("tx", "ty", "tz", "rx", "ry", "rz")
-NEAR = 1e-9
+MIN_LENGTH = 1e-9
 """Length under which there is nothing to grow, metres."""
 
 
@@ -103,10 +103,10 @@ class Growth(Effect, abstract=True):
         """Lengths that grow: number of the joint before, −1 for the base, and the way to the next, in the joint's frame."""
         links = _links(robot)
         if self.joints is None:
-            return [(j, link) for j, link in links if np.linalg.norm(link) > NEAR]
+            return [(j, link) for j, link in links if np.linalg.norm(link) > MIN_LENGTH]
         chosen = self.chosen(robot)
         for j, link in links:
-            if j in chosen and np.linalg.norm(link) <= NEAR:
+            if j in chosen and np.linalg.norm(link) <= MIN_LENGTH:
                 raise TaskcalError(f"behind {robot.joint_names[j]} of {robot.name} there is no length that could grow")
         return [(j, link) for j, link in links if j in chosen]
 

@@ -33,7 +33,7 @@ class LinearTerm:
     by_joint: Basis | None = None
     """Joint positions (n, joints) to ∂basis/∂q of every pair (n, pairs, joints); by complex steps where None."""
     nominal: Float[np.ndarray, " p"] | None = None
-    """ξ₀, what is known of the effect beforehand, from which its parameters are deviations; nil where None."""
+    """ξ₀, what is known of the effect beforehand, from which its parameters are deviations; zero where None."""
 
     def prepare(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None

@@ -131,7 +131,7 @@ class LoadPath:
         return walk.columns(chain, own, np.zeros((0, 6)), layout, np.ones_like(own), angular=angular, point=point)
 
 
-def drive(robot: Robot) -> Float[np.ndarray, "coordinates motors"]:
+def motor_matrix(robot: Robot) -> Float[np.ndarray, "coordinates motors"]:
     """Coordinates that the turn of each motor moves, its four-bar taken for a parallelogram."""
     return np.eye(len(robot.joints)) if robot.four_bar is None else robot.joint_map.matrix
 
@@ -182,7 +182,7 @@ def at_motors(
         tolerances: of the parameters.
         turns: turn of its motor for a unit of each parameter, where the load path stands.
         turns_by_joint: its derivative by the controller's joints.
-        nominal: values that the parameters deviate from; nil by default.
+        nominal: values that the parameters deviate from; zero by default.
         per: what the parameters are per, for a motor that turns: ``m`` of lever, ``Nm`` of torque.
     """
     moved = moved_by_motors(robot)

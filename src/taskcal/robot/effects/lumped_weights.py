@@ -10,7 +10,7 @@ from taskcal.robot.effects.linear_term import LinearTerm
 from taskcal.robot.effects.load_path import LoadPath, at_motors, sample_poses
 from taskcal.robot.robot import Robot
 
-SAME = 1e-6
+OWN_SHARE = 1e-6
 """Share of a column under which what is left of it is nothing of its own."""
 
 
@@ -60,10 +60,10 @@ def _levers(robot: Robot, chains: Sequence[Chain], path: LoadPath) -> Float[np.n
 def _is_new(column: Float[np.ndarray, " n"], others: list[Float[np.ndarray, " n"]]) -> bool:
     """Whether a column says something that a combination of the others does not."""
     size = float(np.linalg.norm(column))
-    if size < SAME * np.sqrt(len(column)):
+    if size < OWN_SHARE * np.sqrt(len(column)):
         return False
     if not others:
         return True
     basis = np.stack(others, axis=1)
     rest = column - basis @ np.linalg.lstsq(basis, column, rcond=None)[0]
-    return float(np.linalg.norm(rest)) > SAME * size
+    return float(np.linalg.norm(rest)) > OWN_SHARE * size

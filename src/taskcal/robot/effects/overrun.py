@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.robot.approach import STILL
+from taskcal.robot.approach import MAX_REST_MOTION
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects.effect import Effect
 from taskcal.robot.effects.linear_term import LinearTerm
@@ -40,4 +40,4 @@ def _pace(conditions: Conditions) -> Float[np.ndarray, "n joints"] | None:
     if conditions.move is None:
         return None
     farthest = np.abs(conditions.move).max(axis=1, keepdims=True)
-    return np.divide(conditions.move, farthest, out=np.zeros_like(conditions.move), where=farthest > STILL)
+    return np.divide(conditions.move, farthest, out=np.zeros_like(conditions.move), where=farthest > MAX_REST_MOTION)

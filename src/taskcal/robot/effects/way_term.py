@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from taskcal.robot.approach import joint_sign
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects.linear_term import LinearTerm
-from taskcal.robot.effects.load_path import drive
+from taskcal.robot.effects.load_path import motor_matrix
 from taskcal.robot.robot import Robot
 
 Way = Callable[[Conditions], Float[np.ndarray, "n joints"] | None]
@@ -30,9 +30,9 @@ def at_drives(
         robot: the robot.
         joints: number of the joint whose drive each one turns.
         tolerance: of every parameter.
-        way: what counts of the conditions; where they do not have it, the term is nil.
+        way: what counts of the conditions; where they do not have it, the term is zero.
     """
-    turned = drive(robot) if robot.four_bar is not None else np.diag(joint_sign(robot))
+    turned = motor_matrix(robot) if robot.four_bar is not None else np.diag(joint_sign(robot))
     parameter, coordinate = np.nonzero(turned[:, joints].T)
     gear = turned[coordinate, joints[parameter]]
 

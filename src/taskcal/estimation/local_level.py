@@ -1,4 +1,4 @@
-"""A quantity that wanders and trembles, seen through noise: how much of each is most probable, and the quantity itself.
+"""A local level seen through noise: a random walk and white noise of its own, each of the most probable size, and their sum.
 
 y = w + t + e: w a random walk with steps of variance a², t white with variance b², e noise of known variances. This is the
 local level model (Durbin and Koopman 2012, chapter 2) beside a second white part that belongs to what is sought. The
@@ -14,11 +14,11 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize
 
 SMALLEST = 1e-3
-"""Smallest standard deviations that are told from nil, as shares of the noise's."""
+"""Smallest standard deviations that are distinguished from zero, as shares of the noise's."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Wander:
+class LocalLevel:
     """The most probable course of a quantity."""
 
     mean: Float[np.ndarray, " n"]
@@ -27,22 +27,22 @@ class Wander:
     """Its posterior variance."""
     step: float
     """Standard deviation of the walk's steps."""
-    tremble: float
+    white: float
     """Standard deviation of the white part."""
 
 
-def smooth(seen: Float[np.ndarray, " n"], noise: Float[np.ndarray, " n"], *, tremble: bool = True) -> Wander:
-    """Estimate the quantity at every row, with the step and the tremble of the largest marginal likelihood.
+def smooth(seen: Float[np.ndarray, " n"], noise: Float[np.ndarray, " n"], *, white: bool = True) -> LocalLevel:
+    """Estimate the quantity at every row, with the step and the white noise of the largest marginal likelihood.
 
     Args:
         seen: what was seen at rows of equal distance; NaN where nothing was.
         noise: variance of its noise.
-        tremble: whether the quantity trembles; else all that is white is noise.
+        white: whether the quantity has white noise of its own; else all that is white belongs to `noise`.
     """
     known = ~np.isnan(seen)
     size = float(np.sqrt(np.median(noise[known])))
     largest = max(10.0 * float(np.ptp(seen[known])), 10.0 * size)
-    bounds = [(np.log(SMALLEST * size), np.log(largest))] * (2 if tremble else 1)
+    bounds = [(np.log(SMALLEST * size), np.log(largest))] * (2 if white else 1)
 
     def cost(log_sizes: Float[np.ndarray, " k"]) -> float:
         return _Walk.of(seen, noise, *_variances(log_sizes)).cost
@@ -54,16 +54,16 @@ def smooth(seen: Float[np.ndarray, " n"], noise: Float[np.ndarray, " n"], *, tre
     walk = _Walk.of(seen, noise, steps, white)
     gain = np.where(known, white / (white + noise), 0.0)
     across = np.where(known, gain * noise, white)
-    return Wander(
+    return LocalLevel(
         mean=walk.mean + gain * np.where(known, seen - walk.mean, 0.0),
         variance=(1.0 - gain) ** 2 * walk.variance() + across,
         step=float(np.sqrt(steps)),
-        tremble=float(np.sqrt(white)),
+        white=float(np.sqrt(white)),
     )
 
 
 def _variances(log_sizes: Float[np.ndarray, " k"]) -> tuple[float, float]:
-    """Variance of step and tremble."""
+    """Variances of step and white noise."""
     a, b = float(log_sizes[0]), float(log_sizes[1]) if len(log_sizes) > 1 else -np.inf
     return float(np.exp(2.0 * a)), float(np.exp(2.0 * b))
 

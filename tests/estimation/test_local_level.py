@@ -4,22 +4,22 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from taskcal.estimation.wander import smooth
+from taskcal.estimation.local_level import smooth
 
 FAR = 100.0
 
 
-def draw(rng, n, step, tremble, noise):
-    course = np.cumsum(rng.normal(scale=step, size=n)) + rng.normal(scale=tremble, size=n) + rng.normal()
+def draw(rng, n, step, white, noise):
+    course = np.cumsum(rng.normal(scale=step, size=n)) + rng.normal(scale=white, size=n) + rng.normal()
     seen = course + rng.normal(size=n) * np.sqrt(noise)
     seen[rng.random(n) < 0.1] = np.nan
     return course, seen
 
 
-def prior(n, step, tremble):
+def prior(n, step, white):
     """Covariance of the course, whose first row may be anywhere."""
     rows = np.arange(n)
-    return FAR**2 + step**2 * np.minimum.outer(rows, rows) + tremble**2 * np.eye(n)
+    return FAR**2 + step**2 * np.minimum.outer(rows, rows) + white**2 * np.eye(n)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -30,19 +30,19 @@ def test_the_course_is_the_conditional_mean_and_the_sizes_are_the_likeliest(seed
     known = ~np.isnan(seen)
     found = smooth(seen, noise)
 
-    K = prior(n, found.step, found.tremble)
+    K = prior(n, found.step, found.white)
     gain = K[:, known] @ np.linalg.inv(K[np.ix_(known, known)] + np.diag(noise[known]))
     np.testing.assert_allclose(found.mean, gain @ seen[known], atol=5e-5)
     np.testing.assert_allclose(found.variance, np.diag(K - gain @ K[known]), rtol=1e-3, atol=1e-6)
 
-    def likelihood(step, tremble):
-        S = prior(n, step, tremble)[np.ix_(known, known)] + np.diag(noise[known])
+    def likelihood(step, white):
+        S = prior(n, step, white)[np.ix_(known, known)] + np.diag(noise[known])
         return multivariate_normal.logpdf(seen[known], cov=S)
 
-    best = likelihood(found.step, found.tremble)
+    best = likelihood(found.step, found.white)
     for factor in (0.8, 1.25):
-        assert likelihood(found.step * factor, found.tremble) < best
-        assert likelihood(found.step, found.tremble * factor) < best
+        assert likelihood(found.step * factor, found.white) < best
+        assert likelihood(found.step, found.white * factor) < best
 
 
 def test_intervals_cover_the_true_course():
@@ -60,13 +60,13 @@ def test_what_stands_still_is_told_far_better_than_by_each_row():
     found = smooth(rng.normal(scale=1e-2, size=300), noise)
     assert np.abs(found.mean).max() < 4e-3
     assert found.step < 1e-3
-    assert found.tremble < 4e-3
+    assert found.white < 4e-3
 
 
-def test_without_tremble_all_that_is_white_is_noise():
+def test_without_white_noise_of_its_own_all_that_is_white_is_noise():
     rng = np.random.default_rng(2)
     noise = np.full(300, 0.04)
     course, seen = draw(rng, 300, 0.02, 0.0, noise)
-    found = smooth(seen, noise, tremble=False)
-    assert found.tremble == 0.0
+    found = smooth(seen, noise, white=False)
+    assert found.white == 0.0
     assert np.std(found.mean - course) < 0.5 * np.nanstd(seen - course)
