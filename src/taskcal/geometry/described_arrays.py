@@ -49,5 +49,7 @@ def rigid(key: str, T: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4
         if off > RIGID or np.linalg.det(R) < 0.0 or (one[3] != (0.0, 0.0, 0.0, 1.0)).any():
             place = f"'{key}'" if T.ndim == 2 else f"'{key}' {number}"
             scale = float(np.linalg.norm(R) / np.sqrt(3.0))
-            raise TaskcalError(f"{place} is not a rigid transform: its axes have length {scale:.6g} and are {off:.2g} off")
+            raise TaskcalError(
+                f"{place} is not a rigid transform: its axes have length {scale:.6g} and are {off:.2g} off"
+            )
     return T
