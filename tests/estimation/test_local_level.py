@@ -67,6 +67,6 @@ def test_without_white_noise_of_its_own_all_that_is_white_is_noise():
     rng = np.random.default_rng(2)
     noise = np.full(300, 0.04)
     course, seen = draw(rng, 300, 0.02, 0.0, noise)
-    found = smooth(seen, noise, white=False)
+    found = smooth(seen, noise, own_noise=False)
     assert found.white == 0.0
     assert np.std(found.mean - course) < 0.5 * np.nanstd(seen - course)

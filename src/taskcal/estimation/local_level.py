@@ -31,18 +31,18 @@ class LocalLevel:
     """Standard deviation of the white part."""
 
 
-def smooth(seen: Float[np.ndarray, " n"], noise: Float[np.ndarray, " n"], *, white: bool = True) -> LocalLevel:
+def smooth(seen: Float[np.ndarray, " n"], noise: Float[np.ndarray, " n"], *, own_noise: bool = True) -> LocalLevel:
     """Estimate the quantity at every row, with the step and the white noise of the largest marginal likelihood.
 
     Args:
         seen: what was seen at rows of equal distance; NaN where nothing was.
         noise: variance of its noise.
-        white: whether the quantity has white noise of its own; else all that is white belongs to `noise`.
+        own_noise: whether the quantity has white noise of its own; else all that is white belongs to `noise`.
     """
     known = ~np.isnan(seen)
     size = float(np.sqrt(np.median(noise[known])))
     largest = max(10.0 * float(np.ptp(seen[known])), 10.0 * size)
-    bounds = [(np.log(SMALLEST * size), np.log(largest))] * (2 if white else 1)
+    bounds = [(np.log(SMALLEST * size), np.log(largest))] * (2 if own_noise else 1)
 
     def cost(log_sizes: Float[np.ndarray, " k"]) -> float:
         return _Walk.of(seen, noise, *_variances(log_sizes)).cost

@@ -76,7 +76,7 @@ def follow_nests(campaign: Campaign, noise: TrackerNoise | None = None) -> Drift
         )
     variance = deviation**2 * motion.per_noise
     courses = [
-        smooth(values, spread, white=motion.noise is not None)
+        smooth(values, spread, own_noise=motion.noise is not None)
         for values, spread in zip(motion.values.T, variance.T, strict=True)
     ]
     T = _transforms(motion, courses)
