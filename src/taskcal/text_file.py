@@ -89,13 +89,13 @@ def read_json(path: str | Path, what: str, remedy: str) -> Any:
     Raises:
         FileError: it cannot be read, or is not JSON.
     """
-    text = read_text(path, otherwise=f"is no {what}: it is not UTF-8 text")
+    text = read_text(path, otherwise=f"is not a {what}: it is not UTF-8 text")
     try:
         return json.loads(text)
     except RecursionError as error:
-        raise FileError(path, f"is no {what}: its JSON is nested too deeply") from error
+        raise FileError(path, f"is not a {what}: its JSON is nested too deeply") from error
     except json.JSONDecodeError as error:
         message = f"is not a whole JSON file ({error.msg}); it may have been cut off: {remedy}"
         raise FileError(path, message, line=error.lineno) from error
     except ValueError as error:
-        raise FileError(path, f"is no {what}: a number has too many digits") from error
+        raise FileError(path, f"is not a {what}: a number has too many digits") from error

@@ -315,7 +315,7 @@ def test_bad_input_is_refused_with_file_line_column_value_and_remedy(tmp_path, c
     [
         (b"", "is empty"),
         (b"\x00\x01\x02\x03,\n", "binary file"),
-        (b"\xff\xfe\x81", "no UTF-8 text"),
+        (b"\xff\xfe\x81", "not UTF-8 text"),
         (None, "cannot be read"),
     ],
     ids=["empty", "binary", "not UTF-8", "missing"],

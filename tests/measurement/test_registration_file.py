@@ -76,5 +76,5 @@ def test_a_frame_that_shears_is_refused(model, saved):
     content = json.loads(path.read_text())
     content["registration"]["T_tracker_base"][0][0] += 0.01
     path.write_text(json.dumps(content))
-    with pytest.raises(FileError, match="no rigid transform"):
+    with pytest.raises(FileError, match="not a rigid transform"):
         load_registration(path, model, campaign)

@@ -102,7 +102,7 @@ def _resolve(
         case Call():
             raise Unresolved(f"the value of {node.name.text}() is known only at run time")
         case _:
-            raise Unresolved(f"the target is no {type_}")
+            raise Unresolved(f"the target is not a {type_}")
 
 
 def _shifted(call: Call, argument: Argument, scope: Scope, values: Values, file: File) -> TargetArgument:
