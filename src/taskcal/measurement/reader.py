@@ -141,7 +141,7 @@ def _ways(columns: ColumnGroups, robot: Robot, q: Float[np.ndarray, "n joints"],
     approach = columns.side_by_side(approaches, remedy="give 1, -1, or 0 where it is unknown") if approaches else None
     if approach is not None:
         for row, j in zip(*np.nonzero(~np.isin(approach, (-1.0, 0.0, 1.0))), strict=True):
-            message = f"{approach[row, j]:g} is not a way of approach; give 1 (the joint's value grew), -1 (it fell), or 0 (unknown)"
+            message = f"{approach[row, j]:g} is not a way of approach; give 1 (the joint's value grew), -1 (it fell) or 0 (unknown)"
             raise columns.error(message, int(row), approaches[j])
     endings = [("move_mm", "move_m") if slides else ("move_deg", "move_rad") for slides in robot.prismatic]
     moves = columns.joint_columns(robot, endings, lacking)
