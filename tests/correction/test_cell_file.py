@@ -56,7 +56,7 @@ def test_a_cell_reads_back_as_it_was_written(tmp_path):
         ('[[part]]\nname = "a"\ntouched_deg = [[1, 2], [3, 4], [5, 6]]\ntouched_with = "p"\n', "where the controller"),
         ('[[tool]]\nname = "a"\nreflectors_mm = { x = [1, 2, 3], y = [1, 2, 4] }\n', "has 2 entries; give 3 or more"),
         ('[[tool]]\nname = "a"\nuncertainty_mm = 0.1\n', "uncertainty_mm is of what is measured"),
-        ('[[tool]]\nname = "a"\nlenght = 1\n', "'lenght' is not a key"),
+        ('[[tool]]\nname = "a"\nlenght = 1\n', "'lenght' is not a known key"),
         ("[[tool]\n", "no TOML"),
     ],
 )

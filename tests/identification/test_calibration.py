@@ -283,7 +283,7 @@ BROKEN = {
     "residuals of other rows": (lambda text: edit(text, "ids", value=["a"]), "is inconsistent: 'residuals' has shape"),
     "provenance edited": (
         lambda text: edit(text, "provenance", "mood", value="good"),
-        "provenance: 'mood' is not a key",
+        "provenance: 'mood' is not a known key",
     ),
     "registration lost": (lambda text: edit(text, "registration", "rms", remove=True), "registration, rms: is missing"),
 }

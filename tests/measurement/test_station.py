@@ -63,7 +63,7 @@ def test_a_file_in_millimetres_and_degrees_is_a_station_in_metres_and_radians(tm
         ("position_mm = [3200.0, -1900.0, -350.0]", "", r"position_mm: is missing"),
         ("[3200.0, -1900.0, -350.0]", "[3200.0, -1900.0]", r"position_mm 3: is missing"),
         ("reach_m = 25.0", "reach_m = 0.0", r"reach_m: must be 1e-06 or more \(got 0\.0\)"),
-        ("reach_m = 25.0", "range_m = 25.0", r"'range_m' is not a key"),
+        ("reach_m = 25.0", "range_m = 25.0", r"'range_m' is not a known key"),
         ("reach_m = 25.0", "reach_m = nan", r"reach_m: .*finite"),
         ("acceptance_deg = 45.0", "acceptance_deg = 200.0", r"reflector 1, acceptance_deg: .*180.*got 200\.0"),
         ('name = "ball"', 'name = "smr1"', r"two reflectors are named 'smr1'; give each its own name"),

@@ -119,7 +119,7 @@ def test_a_cylinder_along_an_axis(tmp_path):
         (BOX, "0.70710678, 0.70710678]", "0.5, 0.5]", r"frames, part, quaternion: .*length 0\.7071"),
         (BOX, "cone_deg = 20.0", "cone_deg = -1.0", r"orientation 1, cone_deg: .*got -1\.0"),
         (BOX, 'spin = "free"', 'spin = "loose"', r"orientation 1, spin: .*'fixed' or 'free'.*got 'loose'"),
-        (BOX, "cone_deg", "cone_mm", r"orientation 1: 'cone_mm' is not a key"),
+        (BOX, "cone_deg", "cone_mm", r"orientation 1: 'cone_mm' is not a known key"),
         (BOX, "center_mm = [100.0, 0.0, 50.0]", "", r"workspace, center_mm: is missing"),
         (BOX, "100.0", "inf", r"center_mm 1: .*finite"),
         (BOX, 'name = "pocket"', 'name = "pocket"\npath = "a.csv"', r"exactly one of .*this one has workspace and path"),
