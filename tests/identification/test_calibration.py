@@ -62,6 +62,7 @@ OTHERS = (
     "all_names",
     "targets",
     "outliers",
+    "left_out",
     "ids",
     "model_error",
     "prior_scale",
@@ -253,7 +254,7 @@ BROKEN = {
     "foreign": (lambda text: '{"format": "other"}', "is JSON, but no calibration"),
     "later version": (
         lambda text: edit(text, "format_version", value=99),
-        r"has format version 99, this Taskcal reads 1 to 2",
+        r"has format version 99, this Taskcal reads 1 to 3",
     ),
     "no version": (lambda text: edit(text, "format_version", remove=True), "has format version None"),
     "no robot": (

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from taskcal.robot.effects.effect import Effect
 from taskcal.robot.effects.linear_term import LinearTerm
-from taskcal.robot.effects.load_path import drive
+from taskcal.robot.effects.load_path import motor_matrix
 from taskcal.robot.robot import Robot
 
 
@@ -37,8 +37,8 @@ class GearErrors(Effect, abstract=True):
         kinds = ("once", "twice", "ripple", "double")
         sizes = (self.eccentricity, self.eccentricity, self.ripple, 0.5 * self.ripple)
         shapes = [(j, k, part) for j in range(gears) for k in range(len(kinds)) for part in (0, 1)]
-        parameter, coordinate = np.nonzero(drive(robot)[:, [j for j, _, _ in shapes]].T)
-        geared = drive(robot)[coordinate, np.array([j for j, _, _ in shapes])[parameter]]
+        parameter, coordinate = np.nonzero(motor_matrix(robot)[:, [j for j, _, _ in shapes]].T)
+        geared = motor_matrix(robot)[coordinate, np.array([j for j, _, _ in shapes])[parameter]]
 
         def basis(q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n pairs"]:
             own = np.array(self.orders)

@@ -21,7 +21,7 @@ from taskcal.estimation.blas import single_threaded
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.cross_validation import mean_over_rows, predict_left_out, split_postures
 from taskcal.identification.explanation import Explanation, Stage
-from taskcal.identification.field import FEWEST, learn_field
+from taskcal.identification.field import MIN_FIELD_ROWS, learn_field
 from taskcal.identification.fit_options import FitChoices, FitOptions
 from taskcal.identification.identify import identify
 from taskcal.measurement.campaign import Campaign
@@ -135,7 +135,7 @@ def select_effects(
     left_out, said = best.left_out, best.remarks[:1] if best.left_out else ()
     campaign = campaign.without(np.isin(campaign.ids, [row.id for row in left_out]))
     options = replace(options, gross_errors="keep")
-    parts = _split(campaign, search.folds, search.seed, FEWEST if search.field else 0)
+    parts = _split(campaign, search.folds, search.seed, MIN_FIELD_ROWS if search.field else 0)
     trial = _Trial(campaign=campaign, parts=parts, progress=progress)
     errors = trial.errors_left_out(model, options)
     start = _stage("geometry", best, None, errors, None, accepted=True, reason="the start")

@@ -1,5 +1,6 @@
 """How a fit is made: one frozen value that is handed on."""
 
+import json
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Literal, TypedDict, Unpack
@@ -129,7 +130,7 @@ class FitOptions:
         kept = range(len(model)) if self.keep is None else model.indices(self.keep)
         loss = {"kind": type(self.loss).__name__.lower()}
         model_error = list(self.model_error) if isinstance(self.model_error, tuple) else self.model_error
-        return {
+        description = {
             "keep": "all" if len(kept) == len(model) else [model.names[i] for i in kept],
             "prior": "given" if isinstance(self.prior, GaussianPrior) else self.prior,
             "loss": loss if isinstance(self.loss, Squared) else {**loss, **asdict(self.loss)},
@@ -141,6 +142,7 @@ class FitOptions:
             "gross_errors": self.gross_errors,
             "target_within": self.target_within,
         }
+        return json.loads(json.dumps(description))  # lists for tuples
 
 
 def _within(value: object, least: float, most: float) -> bool:
