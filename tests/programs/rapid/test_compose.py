@@ -97,7 +97,7 @@ def test_joint_positions_decide_the_configuration():
 
 @pytest.mark.parametrize("name", ["", "3d", "my program", "x" * 29, "module", "größe"])
 def test_names_that_rapid_does_not_allow(name):
-    with pytest.raises(TaskcalError, match="no name of a RAPID module"):
+    with pytest.raises(TaskcalError, match="is not a name of a RAPID module"):
         compose_rapid(name, ROBOT, [])
 
 
