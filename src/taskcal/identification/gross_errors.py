@@ -1,9 +1,8 @@
 """Rows that cannot be right: found by what all other rows agree on, left out, and said.
 
 A fit of all rows follows a gross error, and where one row alone decides a direction it follows it entirely. So the rows are
-first asked whether they agree on tracker frame and targets (`find_consensus`), then each is judged by a fit: a fitted row by
-its residual over that residual's own standard deviation, one that was left out by its prediction's. A row comes back when
-the fit of the others finds it right.
+first asked whether they agree on tracker frame and targets (`find_consensus`). Those that do not are judged by the fit of the
+others, each by its prediction's residual over the standard deviation of that, and come back where that fit finds them right.
 """
 
 from collections.abc import Callable
@@ -13,7 +12,6 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from taskcal.errors import CampaignError
-from taskcal.estimation.loss import Cauchy, Loss
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.outlier import LeftOut
 from taskcal.measurement.campaign import Campaign
@@ -22,23 +20,15 @@ from taskcal.measurement.registration import named_file
 from taskcal.measurement.tracker import TrackerNoise
 
 GROSS = 10.0
-"""Standard deviations from which on a row is wrong, not unlucky: on measured robots, whose residuals have longer tails than a
-normal distribution, the largest of 36 to 700 rows lie between 3 and 7."""
-
-SUSPICIOUS = 5.0
-"""Of the largest residual, from which on the scale is looked at again with a robust loss."""
-
-MIDDLE = {3: 1.2, 6: 2.0}
-"""Median length of studentised residuals, by their components, below which a few large ones inflate the scale; of normally
-distributed ones it is 1.54 and 2.31."""
+"""Standard deviations from which on a row that disagrees is wrong, not unlucky."""
 
 MAX_ROUNDS = 6
-"""Of fit and judgement in turn; on 200 spoilt campaigns three were enough."""
+"""Of fit and judgement in turn; two are enough as a rule."""
 
 NAMED = 6
 """Rows that a message names."""
 
-Fit = Callable[[Campaign, Loss | None], Calibration]
+Fit = Callable[[Campaign], Calibration]
 
 
 def fit_right_rows(
@@ -47,7 +37,7 @@ def fit_right_rows(
     """Fit the rows that can be right, and say which were left out.
 
     Args:
-        fit: identifies from a campaign, with a loss other than its own where one is given.
+        fit: identifies from all rows of a campaign.
         campaign: the measurements.
         rows: those that agree, to begin with.
         noise: the tracker's, where the campaign does not state uncertainties.
@@ -56,13 +46,15 @@ def fit_right_rows(
         CampaignError: more rows are wrong than can be told from right ones.
     """
     seen = campaign.seen
-    calibration, distance, length = _fit_and_judge(fit, campaign, rows, noise)
+    calibration = fit(campaign.without(seen & ~rows))
+    distance, length = _judge(calibration, campaign, rows, noise)
     for _ in range(MAX_ROUNDS):
-        following = np.logical_and(seen, length <= GROSS)
+        following = np.logical_or(rows, np.logical_and(seen, length <= GROSS))
         if np.array_equal(following, rows):
             break
         rows = following
-        calibration, distance, length = _fit_and_judge(fit, campaign, rows, noise)
+        calibration = fit(campaign.without(seen & ~rows))
+        distance, length = _judge(calibration, campaign, rows, noise)
     _check_few(seen & ~rows, campaign)
     wrong = np.flatnonzero(seen & ~rows)
     if not len(wrong):
@@ -79,15 +71,6 @@ def fit_right_rows(
     )
     said = _said(left_out, [campaign.row(int(i)) for i in wrong], int(seen.sum()))
     return replace(calibration, left_out=left_out, remarks=(said, *calibration.remarks))
-
-
-def _fit_and_judge(
-    fit: Fit, campaign: Campaign, rows: Bool[np.ndarray, " n"], noise: TrackerNoise | None
-) -> tuple[Calibration, Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    part = campaign.without(campaign.seen & ~rows)
-    calibration = fit(part, None)
-    judge = fit(part, Cauchy()) if _is_inflated(calibration) else calibration
-    return calibration, *_judge(judge, campaign, rows, noise)
 
 
 def _check_few(wrong: Bool[np.ndarray, " n"], campaign: Campaign) -> None:
@@ -115,21 +98,12 @@ def _said(left_out: tuple[LeftOut, ...], names: list[str], seen: int) -> str:
     )
 
 
-def _is_inflated(calibration: Calibration) -> bool:
-    """Whether the scale of the residuals may be that of a few large ones."""
-    length = calibration.studentised[np.isfinite(calibration.studentised)]
-    return bool(np.median(length) < MIDDLE[calibration.residuals.shape[2]] or length.max() > SUSPICIOUS)
-
-
 def _judge(
     calibration: Calibration, campaign: Campaign, fitted: Bool[np.ndarray, " n"], noise: TrackerNoise | None
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """How far each row's farthest target is off, metres, and how many of its standard deviations; zero where not seen."""
+    """How far the farthest target of each row that was left out is off, metres, and in its standard deviations; else zero."""
     distance, length = np.zeros(len(campaign)), np.zeros(len(campaign))
-    off = np.linalg.norm(calibration.residuals[..., :3], axis=2)
-    distance[fitted] = np.nan_to_num(off[fitted]).max(axis=1)
-    length[fitted] = np.nan_to_num(calibration.studentised[fitted]).max(axis=1)
-    rest = np.flatnonzero(~fitted & campaign.seen)
+    rest = np.flatnonzero(campaign.seen & ~fitted)
     if len(rest):
         others = campaign.take(rest)
         residual = np.nan_to_num(calibration.residuals_on(others))

@@ -9,7 +9,6 @@ from jaxtyping import Float, Int
 from taskcal.arguments import expect_kinds
 from taskcal.errors import FitError
 from taskcal.estimation.blas import single_threaded
-from taskcal.estimation.loss import Loss
 from taskcal.identification.belief import belief_of
 from taskcal.identification.calibration import Calibration, Provenance
 from taskcal.identification.considered import Outcome, consider, fitted_alone, fitted_whole
@@ -95,11 +94,11 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
         campaign.check_told(effect.needs, effect.key)
     poses = nominal_poses(model, campaign)
 
-    def fit_rows(part: Campaign, loss: Loss | None) -> Calibration:
-        return _fit(model, part, poses, kept, chosen if loss is None else replace(chosen, loss=loss))
+    def fit_rows(part: Campaign) -> Calibration:
+        return _fit(model, part, poses, kept, chosen)
 
     if chosen.gross_errors == "keep":
-        calibration = fit_rows(campaign, None)
+        calibration = fit_rows(campaign)
     else:
         given = chosen.registration is not None
         rows = campaign.seen if given else find_consensus(model, campaign, poses).rows
