@@ -19,7 +19,9 @@ def test_an_interrupt_ends_the_program_soon_and_says_what_was_written(kind, tmp_
     table = tmp_path / "table.csv"
     table.write_text("joint,alpha_deg,a_mm,d_mm,theta_offset_deg\nJ1,0,500,0,0\n")
     robot = tmp_path / "r.toml"
+    # a shell without job control starts what runs in the background deaf to interrupts, and its children inherit that
     code = (
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "import sys, threading, time; from taskcal.cli import main; from taskcal.robot import dh_table\n"
         f"def stuck(*_):\n    print('begun', flush=True){LOOPS[kind]}\n"
         "dh_table.describe_dh_table = stuck\n"
@@ -34,7 +36,10 @@ def test_an_interrupt_ends_the_program_soon_and_says_what_was_written(kind, tmp_
         assert ended.stdout.readline() == "begun\n"
         start = time.monotonic()
         ended.send_signal(signal.SIGINT)
-        said = ended.stderr.read()
-        status = ended.wait(20)
+        try:
+            _, said = ended.communicate(timeout=20)
+        finally:
+            ended.kill()
+        status = ended.returncode
     assert time.monotonic() - start < 5.0
     assert (status, said) == (130, f"interrupted: nothing was written; not written: {robot}\n")
