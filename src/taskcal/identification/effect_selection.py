@@ -28,6 +28,7 @@ from taskcal.measurement.campaign import Campaign
 from taskcal.robot.effects import Effect
 from taskcal.robot.effects import candidates as default_candidates
 from taskcal.robot.error_model import ErrorModel
+from taskcal.short_repr import short_repr
 
 PROOF = 3.0
 """Gain of log evidence that an effect must show, odds of 20 to 1. Log evidence counts what useless parameters cost: of all
@@ -37,6 +38,7 @@ SIGNIFICANT = 2.0
 """A residual field must lower the cross-validated error by so many standard errors of the paired difference."""
 
 
+@short_repr
 @dataclass(frozen=True, kw_only=True)
 class EffectSearch:
     """What may be added to the geometry, and how it is put to the proof."""
