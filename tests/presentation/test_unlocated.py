@@ -19,7 +19,7 @@ FAR = {"a": np.array([0.6, -0.7, 0.4]), "b": np.array([0.65, -0.7, 0.4]), "c": n
 
 def fitted(q, targets):
     campaign, _ = simulate(MODEL, q, rng=np.random.default_rng(0), targets=targets)
-    return identify(MODEL, campaign)
+    return identify(MODEL, campaign, target_within=2.0)
 
 
 def said(calibration):
