@@ -39,7 +39,7 @@ def test_keywords_replace_what_is_in_the_whole() -> None:
     assert (whole.keep, whole.prior_scale) == (("J2",), 2.0)
     assert FitOptions.of(options=whole, loss=None).loss == Squared()
     with pytest.raises(FrozenInstanceError):
-        whole.prior_scale = 1.0  # type: ignore[misc]
+        whole.prior_scale = 1.0
 
 
 def test_a_fit_by_keywords_is_the_fit_by_the_value(measured) -> None:
@@ -114,7 +114,7 @@ def test_bounds_themselves_are_taken() -> None:
 
 def test_an_option_that_does_not_exist_is_refused_with_those_that_do() -> None:
     with pytest.raises(TypeError, match="no option 'nose' of a fit; there are keep, prior, loss, noise"):
-        FitOptions.of(nose=1.0)  # type: ignore[call-arg]
+        FitOptions.of(nose=1.0)
 
 
 def test_parameters_of_an_effect_are_kept_beside_those_named(measured) -> None:
