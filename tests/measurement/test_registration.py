@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from taskcal.demo.reference import reference_task
-from taskcal.errors import CampaignError
+from taskcal.errors import CampaignError, ReachError
 from taskcal.measurement import registration
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.plausibility import _few_wrong_rows, check_plausible
@@ -175,7 +175,6 @@ WRONG = {
     "other robot": lambda q, points: (q, points, "abb-irb120"),
     "other order of joints": lambda q, points: (q[:, ::-1], points, "ur5"),
     "other sign": lambda q, points: (q * [1, -1, 1, 1, 1, 1], points, "ur5"),
-    "degrees for radians": lambda q, points: (np.degrees(q), points, "ur5"),
     "inches for millimetres": lambda q, points: (q, points / 25.4, "ur5"),
     "rows that do not belong together": lambda q, points: (q, points[::-1], "ur5"),
 }
@@ -196,6 +195,16 @@ def test_joints_and_points_that_are_not_the_robots_are_refused_with_likely_cause
         CampaignError, match=rf"do not fit {name}: .* off by \d+\.\d mm rms.*Likely causes: another robot"
     ):
         check_plausible(register(wrong, campaign), wrong, campaign)
+
+
+def test_joints_in_degrees_are_called_so():
+    rng = np.random.default_rng(0)
+    model = ErrorModel(load_robot("ur5"))
+    sound, _ = measure(rng, model, industrial_positions(rng, 10))
+    with pytest.raises(
+        ReachError, match=r"ur5: pose 0: J1 = .* these look like degrees: give radians, np\.radians\(q\)"
+    ):
+        register(model, replace(sound, q=np.degrees(sound.q)))
 
 
 def test_several_targets_in_one_orientation_are_placed_against_each_other():
