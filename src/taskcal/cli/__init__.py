@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from taskcal.cli import (
+from taskcal.cli.commands import (
     correct,
     doctor,
     identify,
@@ -120,7 +120,7 @@ def options(
 )
 def run_demo(context: typer.Context) -> None:
     """Hand all arguments to the demonstration, which is imported only now."""
-    from taskcal.cli.demo import demo  # pyright: ignore
+    from taskcal.cli.commands.demo import demo  # pyright: ignore
 
     only = typer.Typer(
         add_completion=False,
