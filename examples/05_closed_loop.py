@@ -9,8 +9,8 @@ from taskcal.effects import Backlash, Compliance, Harmonics, WarmUp
 
 def identify(model, campaign):
     """With effects by name, to be quick; `taskcal demo --full` searches them, a minute or two for each robot."""
-    growth = WarmUp().referred(campaign.conditions)
-    effects = Compliance(tolerance=3e-3), Harmonics(tolerance=5e-5), Backlash(), growth
+    expansion = WarmUp().referred(campaign.conditions)
+    effects = Compliance(tolerance=3e-3), Harmonics(tolerance=5e-5), Backlash(), expansion
     return tc.identify(sum(effects, start=model), campaign)
 
 

@@ -1,8 +1,14 @@
-"""Arguments of the public functions: a thing of another kind is refused by name, with what would make the right one."""
+"""Arguments of the public functions: a thing of another kind is refused by name, and a former name is still understood."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
+from warnings import warn
 
 from taskcal.errors import WrongKind, shown
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 MADE_BY = {
     "Calibration": 'load_calibration("cal.json") loads one, identify(model, campaign) makes one',
@@ -30,6 +36,47 @@ def expect_kinds(kinds: Mapping[str, type], **arguments: object) -> None:
         if not isinstance(value, kind):
             given = shown(repr(value)) if isinstance(value, str | int | float) else _with_article(type(value))
             raise WrongKind(f"{name} is {given}, not {_with_article(kind)}: {MADE_BY[kind.__name__]}")
+
+
+def renamed_arguments(**renamed: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Let a function take keyword arguments by their former names too, with a warning that names the present ones.
+
+    Args:
+        **renamed: former names, and what each is called now.
+    """
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        @wraps(function)
+        def called(*args: P.args, **kwargs: P.kwargs) -> R:
+            given: dict[str, Any] = dict(kwargs)
+            for former, present in renamed.items():
+                if former in given:
+                    if present in given:
+                        raise TypeError(
+                            f"{function.__name__}: '{former}' is the former name of '{present}'; give one of them"
+                        )
+                    warn_renamed(f"the argument '{former}'", present)
+                    given[present] = given.pop(former)
+            return function(*args, **given)  # pyright: ignore[reportCallIssue]
+
+        return called
+
+    return decorate
+
+
+def warn_renamed(former: str, present: str, *, stacklevel: int = 2) -> None:
+    """Warn that something has another name now.
+
+    Args:
+        former: what was used, in words.
+        present: what it is called now.
+        stacklevel: 1 for the line that calls this, 2 for the one that called that function.
+    """
+    warn(
+        f"{former} is called '{present}' now; the old name goes with the next release",
+        DeprecationWarning,
+        stacklevel + 1,
+    )
 
 
 def _with_article(kind: type) -> str:

@@ -1,5 +1,6 @@
 """Physical effects beside the geometry: `model + Thermal()`; and what an effect of your own is made from."""
 
+from taskcal.public_names import load_renamed
 from taskcal.robot.effects import GEARS as GEARS
 from taskcal.robot.effects import PERIODIC as PERIODIC
 from taskcal.robot.effects import SOFT as SOFT
@@ -11,7 +12,7 @@ from taskcal.robot.effects import EncoderGain as EncoderGain
 from taskcal.robot.effects import Harmonics as Harmonics
 from taskcal.robot.effects import LinearTerm as LinearTerm
 from taskcal.robot.effects import MotorHarmonics as MotorHarmonics
-from taskcal.robot.effects import Overrun as Overrun
+from taskcal.robot.effects import Overshoot as Overshoot
 from taskcal.robot.effects import Settling as Settling
 from taskcal.robot.effects import Spring as Spring
 from taskcal.robot.effects import Thermal as Thermal
@@ -22,3 +23,5 @@ from taskcal.robot.effects import kinds as kinds
 from taskcal.robot.effects import parse_effect as parse_effect
 from taskcal.robot.effects import ways_to_write as ways_to_write
 from taskcal.robot.load import Load as Load
+
+__getattr__ = load_renamed(__name__)

@@ -17,7 +17,7 @@ RENAMED = {
         "Harmonics": "taskcal.effects.Harmonics",
         "Load": "taskcal.effects.Load",
         "MotorHarmonics": "taskcal.effects.MotorHarmonics",
-        "Overrun": "taskcal.effects.Overrun",
+        "Overshoot": "taskcal.effects.Overshoot",
         "PathPerformance": "taskcal.performance.PathPerformance",
         "PosePerformance": "taskcal.performance.PosePerformance",
         "Registration": "taskcal.measurement.Registration",
@@ -29,7 +29,7 @@ RENAMED = {
         "assess_distance": "taskcal.performance.assess_distance",
         "assess_path": "taskcal.performance.assess_path",
         "assess_pose": "taskcal.performance.assess_pose",
-        "follow_nests": "taskcal.measurement.follow_nests",
+        "follow_nests": "taskcal.measurement.compensate_drift",
         "pose_repeatability": "taskcal.performance.pose_repeatability",
         "read_path_cycles": "taskcal.performance.read_path_cycles",
         "read_pose_cycles": "taskcal.performance.read_pose_cycles",
@@ -38,6 +38,12 @@ RENAMED = {
         "solve_calibrated": "taskcal.correction.solve_calibrated",
         "solve_near": "taskcal.kinematics.solve_near",
     },
+    "taskcal.effects": {"Overrun": "taskcal.effects.Overshoot"},
+    "taskcal.identification": {
+        "Remainder": "taskcal.identification.ResidualAnalysis",
+        "examine_remainder": "taskcal.identification.analyse_residuals",
+    },
+    "taskcal.measurement": {"follow_nests": "taskcal.measurement.compensate_drift"},
 }
 """Of each package: former names, which still work for one release, and what they are called now."""
 
@@ -66,14 +72,7 @@ def load_lazily(package: str, file: str) -> tuple[Callable[[str], Any], Callable
 
     def load(name: str) -> Any:
         if name in renamed:
-            now = renamed[name]
-            warn(
-                f"{package}.{name} is called {now} now; the old name goes with the next release",
-                DeprecationWarning,
-                stacklevel=2,
-            )
-            module, _, attribute = now.rpartition(".")
-            return getattr(import_module(module), attribute)
+            return _load_renamed(package, name, stacklevel=3)
         if name == "__version__" and "." not in package:
             from importlib.metadata import version
 
@@ -85,3 +84,30 @@ def load_lazily(package: str, file: str) -> tuple[Callable[[str], Any], Callable
         return getattr(import_module(home[name]), name)
 
     return load, lambda: sorted(home), sorted(name for name, module in home.items() if module != package)
+
+
+def load_renamed(module: str) -> Callable[[str], Any]:
+    """``__getattr__`` (PEP 562) of a module for the former names of what it has.
+
+    Args:
+        module: its name.
+    """
+
+    def load(name: str) -> Any:
+        if name not in RENAMED.get(module, {}):
+            raise AttributeError(f"module '{module}' has no attribute '{name}'")
+        return _load_renamed(module, name, stacklevel=3)
+
+    return load
+
+
+def _load_renamed(package: str, name: str, *, stacklevel: int) -> Any:
+    """What a former name stands for, with a warning that names the present one."""
+    present = RENAMED[package][name]
+    warn(
+        f"{package}.{name} is called {present} now; the old name goes with the next release",
+        DeprecationWarning,
+        stacklevel=stacklevel,
+    )
+    module, _, attribute = present.rpartition(".")
+    return getattr(import_module(module), attribute)

@@ -16,19 +16,21 @@ NESTS = np.array([[3.0, -1.5, -0.3], [3.5, -1.7, -0.3], [3.2, -2.3, -0.35]])
 
 @pytest.fixture(params=["moving", "still"])
 def nested(request: pytest.FixtureRequest, cell: Path, tmp_path: Path) -> tuple[str, Path]:
-    """A campaign with three nests beside a base that wanders away, or does not."""
+    """A campaign with three reference points beside a base that wanders away, or does not."""
     robot = load_robot(IRB6660)
     campaign = read_campaign(cell / "one.csv", robot)
     rng = np.random.default_rng(0)
     moved = np.linspace(0.0, 1e-3, len(campaign))[:, None] * [1.0, 0.0, 0.5] * (request.param == "moving")
     seen = NESTS + moved[:, None] + rng.normal(scale=3e-6, size=(len(campaign), 3, 3))
-    nests = {f"base{i + 1}": seen[:, i] for i in range(3)}
+    reference_points = {f"base{i + 1}": seen[:, i] for i in range(3)}
     path = tmp_path / "nested.csv"
-    write_campaign(path, replace(campaign, points=campaign.points + moved[:, None], nests=nests), robot)
+    write_campaign(
+        path, replace(campaign, points=campaign.points + moved[:, None], reference_points=reference_points), robot
+    )
     return request.param, path
 
 
-def test_nests_are_followed_where_they_moved_and_the_user_is_told(
+def test_reference_points_are_followed_where_they_moved_and_the_user_is_told(
     run: Run, nested: tuple[str, Path], tmp_path: Path
 ) -> None:
     kind, path = nested
@@ -37,14 +39,18 @@ def test_nests_are_followed_where_they_moved_and_the_user_is_told(
     done = ended.json["drift"]
     assert done["followed"] == (kind == "moving")
     assert done["noise_mm"] == pytest.approx(0.003, rel=0.25)
-    told = "the nests moved by up to 0.5" if kind == "moving" else "the nests moved no more than their noise"
+    told = (
+        "the reference points moved by up to 0.5"
+        if kind == "moving"
+        else "the reference points moved no more than their noise"
+    )
     assert told in " ".join(ended.err.split())
     assert ended.json["fitted"]["rms_mm"] < 0.05
     checked = run("validate", cal, path, "--json")
     assert checked.json["rms_mm"] == pytest.approx(ended.json["fitted"]["rms_mm"], rel=1e-6)
 
 
-def test_nests_may_be_ignored(run: Run, nested: tuple[str, Path], tmp_path: Path) -> None:
+def test_reference_points_may_be_ignored(run: Run, nested: tuple[str, Path], tmp_path: Path) -> None:
     kind, path = nested
     ended = run("identify", "--robot", IRB6660, path, "-o", tmp_path / "cal.json", "--drift", "ignore", "--json")
     assert ended.json["drift"] is None

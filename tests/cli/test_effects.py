@@ -165,14 +165,14 @@ def test_what_the_data_cannot_give_is_told(
     assert not (tmp_path / "cal.json").exists()
 
 
-def test_growth_is_told_from_temperatures_and_used_at_others(run: Run, tmp_path: Path) -> None:
+def test_expansion_is_told_from_temperatures_and_used_at_others(run: Run, tmp_path: Path) -> None:
     """The reference is the campaign's mean temperature; another campaign is predicted at its own."""
     robot = load_robot(ROBOT)
     rng = np.random.default_rng(3)
     limits = np.clip(robot.limits, -0.9, 0.9)
     model = ErrorModel(robot) + Thermal(reference=24.0)
     x = np.zeros(len(model))
-    x[len(model) - 7] = 2e-5  # thermal.growth
+    x[len(model) - 7] = 2e-5  # thermal.expansion
     paths: list[Path] = []
     for name, warmth in (("mild", np.linspace(19.0, 29.0, 60)), ("hot", np.full(30, 44.0))):
         q = rng.uniform(limits[:, 0], limits[:, 1], (len(warmth), len(limits)))
@@ -181,9 +181,9 @@ def test_growth_is_told_from_temperatures_and_used_at_others(run: Run, tmp_path:
         write_campaign(paths[-1], measured, robot)
     result = identify(run, paths[0], tmp_path / "cal.json", "--effects", "thermal", "--json").json
     assert result["effects"][0]["reference"] == 24.0
-    growth = next(p for p in result["parameters"] if p["name"] == "thermal.growth")
-    assert growth["unit"] == "µm/m/K"
-    assert abs(growth["estimate_um_per_m_per_k"] - 20.0) < 3.0 * growth["standard_error_um_per_m_per_k"] < 20.0
+    expansion = next(p for p in result["parameters"] if p["name"] == "thermal.expansion")
+    assert expansion["unit"] == "µm/m/K"
+    assert abs(expansion["estimate_um_per_m_per_k"] - 20.0) < 3.0 * expansion["standard_error_um_per_m_per_k"] < 20.0
     identify(run, paths[0], tmp_path / "plain.json")
     told, plain = (run("validate", tmp_path / f"{name}.json", paths[1], "--json").json for name in ("cal", "plain"))
     assert told["mean_mm"] < 0.3 * plain["mean_mm"]

@@ -14,8 +14,8 @@ pytestmark = pytest.mark.slow
 
 def named_effects(model, campaign):
     """What the search finds on such robots, without the search."""
-    growth = WarmUp().referred(campaign.conditions)
-    return identify(model + SOFT + Harmonics(tolerance=5e-5) + Backlash() + growth, campaign)
+    expansion = WarmUp().referred(campaign.conditions)
+    return identify(model + SOFT + Harmonics(tolerance=5e-5) + Backlash() + expansion, campaign)
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_the_correction_does_not_know_the_truth(loop, runs):
 
 def test_defects_of_geometry_alone_are_corrected_to_the_noise(loop):
     """The kindest case: the truth is in the class that is fitted."""
-    nothing = Sizes(links=0.0, drives=0.0, gears=0.0, lost_motion=0.0, growth=0.0)
+    nothing = Sizes(links=0.0, drives=0.0, gears=0.0, lost_motion=0.0, expansion=0.0)
     run = run_closed_loop(loop, 0, sizes=nothing, fit=identify)
     assert run.touched_off.length.max() > 4 * run.after.length.max()
     assert run.after.length.max() < 0.06e-3

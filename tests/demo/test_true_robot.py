@@ -9,7 +9,7 @@ from taskcal.demo.gear_errors import GearErrors
 from taskcal.demo.lost_motion import WIDTHS, lost_motion
 from taskcal.demo.reference import reference_task
 from taskcal.demo.true_robot import GROWING, Sizes, draw_true_robot
-from taskcal.demo.uneven_growth import UnevenGrowth
+from taskcal.demo.uneven_expansion import UnevenExpansion
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import WarmUp
 from taskcal.robot.effects.load_path import LoadPath
@@ -19,7 +19,7 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.load import Load
 from taskcal.task.task import reach_task
 
-NOTHING = dict.fromkeys(("links", "drives", "gears", "lost_motion", "growth"), 0.0)
+NOTHING = dict.fromkeys(("links", "drives", "gears", "lost_motion", "expansion"), 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def q(robot):
 def test_no_fit_can_try_what_the_truth_is_made_of():
     import taskcal.demo.true_robot  # noqa: F401
 
-    assert not {ElasticLinks, GearErrors, UnevenGrowth} & set(kinds())
+    assert not {ElasticLinks, GearErrors, UnevenExpansion} & set(kinds())
 
 
 def test_moments_about_the_axes_are_those_of_virtual_work(robot, q):
@@ -94,10 +94,10 @@ def test_lost_motion_is_taken_up_little_by_little_and_does_not_depend_on_stops(r
     np.testing.assert_allclose(lost_motion(robot, finer)[::100, 0], state, atol=1e-12)
 
 
-def test_growth_in_one_time_is_warming_up(robot, q):
+def test_expansion_in_one_time_is_warming_up(robot, q):
     """With one time constant for all it is `WarmUp` of the same joints."""
     tau = 1800.0
-    uneven = UnevenGrowth(joints=GROWING, tolerance=1e-4, time_constants=(tau,) * 4)
+    uneven = UnevenExpansion(joints=GROWING, tolerance=1e-4, time_constants=(tau,) * 4)
     even = WarmUp(joints=GROWING, tolerance=1e-4, time_constant=tau, reference=0.0)
     conditions = Conditions(time=np.linspace(100.0, 7200.0, len(q)))
     models = [ErrorModel(robot, effects=(effect,)) for effect in (uneven, even)]
@@ -108,12 +108,12 @@ def test_growth_in_one_time_is_warming_up(robot, q):
 
 
 def test_each_link_grows_in_its_own_time(robot, q):
-    uneven = UnevenGrowth(joints=GROWING, tolerance=1e-4, time_constants=(9000.0, 100.0, 1000.0, 10_000.0))
+    uneven = UnevenExpansion(joints=GROWING, tolerance=1e-4, time_constants=(9000.0, 100.0, 1000.0, 10_000.0))
     model = ErrorModel(robot, effects=(uneven,))
     shares = []
     for joint in GROWING:
         x = np.zeros(len(model))
-        x[model.names.index(f"{joint}.growth")] = 1e-4
+        x[model.names.index(f"{joint}.expansion")] = 1e-4
         at = [model.poses(q[:1], x, Conditions(time=np.array([t])))[0, :3, 3] for t in (0.0, 1000.0, 1e9)]
         shares.append(np.linalg.norm(at[1] - at[0]) / np.linalg.norm(at[2] - at[0]))
     np.testing.assert_allclose(shares, 1.0 - np.exp(-1000.0 / np.array([100.0, 1000.0, 10_000.0])), atol=1e-3)

@@ -9,7 +9,7 @@ from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
 from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects import Backlash, Effect, EncoderGain, Overrun, Settling
+from taskcal.robot.effects import Backlash, Effect, EncoderGain, Overshoot, Settling
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from tests.laws.campaigns import with_conditions
@@ -28,7 +28,7 @@ def measured(seed: int, kind: type[Effect] = Backlash, b: float = 3e-4, count: i
     return model, campaign, truth
 
 
-@pytest.mark.parametrize("kind", [Backlash, Settling, Overrun])
+@pytest.mark.parametrize("kind", [Backlash, Settling, Overshoot])
 def test_what_is_left_of_the_way_is_found_within_its_standard_errors(kind):
     scaled = []
     for seed in range(12):
@@ -49,7 +49,7 @@ def test_seen_from_the_other_side_the_backlash_changes_its_sign():
 
 
 def test_evidence_tells_a_rest_of_the_move_from_lost_motion():
-    for kind, other in ((Backlash, Settling), (Settling, Backlash), (Overrun, Settling), (Settling, Overrun)):
+    for kind, other in ((Backlash, Settling), (Settling, Backlash), (Overshoot, Settling), (Settling, Overshoot)):
         model, campaign, _ = measured(3, kind)
         plain = ErrorModel(model.robot)
         assert identify(plain + kind(), campaign).log_evidence > identify(plain + other(), campaign).log_evidence + 10.0
@@ -58,7 +58,7 @@ def test_evidence_tells_a_rest_of_the_move_from_lost_motion():
 def test_ways_compete_where_the_campaign_has_them():
     model, campaign, _ = measured(4)
     plain = ErrorModel(model.robot)
-    candidates = (EncoderGain(), Backlash(), Settling(), Overrun())
+    candidates = (EncoderGain(), Backlash(), Settling(), Overshoot())
     known = explain(plain, campaign, candidates=candidates, folds=3)
     assert known.effects == (Backlash(),)
     unknown = explain(

@@ -24,7 +24,7 @@ TARGETS = {"smr1": [0.1, 0.0, 0.05], "smr2": [-0.05, 0.1, 0.0], "smr3": [0.0, -0
 
 
 def measured(seed: int, count: int = 100, coldest: float = 20.0) -> tuple[ErrorModel, Campaign, Truth]:
-    """A robot drawn with its growth and its drift, measured while it warms up by 12 K."""
+    """A robot drawn with its expansion and its drift, measured while it warms up by 12 K."""
     rng = np.random.default_rng(seed)
     model = ErrorModel(robot_from(industrial(rng))) + EFFECT
     x = draw_defects(model, rng)
@@ -42,14 +42,14 @@ def found() -> tuple[Calibration, Campaign, Truth]:
     return identify(model, campaign), campaign, truth
 
 
-def test_growth_and_drift_are_found_within_their_standard_errors():
+def test_expansion_and_drift_are_found_within_their_standard_errors():
     scaled: list[np.ndarray] = []
     for seed in range(8):
         model, campaign, truth = measured(seed)
         fit = identify(model, campaign)
         scaled.append((fit.estimate[-7:] - truth.x[-7:]) / fit.standard_errors[-7:])
-        growth = model.names.index("thermal.growth")
-        assert fit.standard_errors[growth] < 0.1 * EFFECT.tolerance
+        expansion = model.names.index("thermal.expansion")
+        assert fit.standard_errors[expansion] < 0.1 * EFFECT.tolerance
     assert np.abs(scaled).max() < 4.0
     assert (np.abs(scaled) < 3.0).sum() >= 55
     assert 0.7 < np.sqrt(np.mean(np.square(scaled))) < 1.3
@@ -94,15 +94,15 @@ def test_a_saved_calibration_predicts_the_same_at_every_temperature(found, tmp_p
 
 
 def test_the_choice_of_the_reference_changes_hardly_a_prediction():
-    """By a tenth of its uncertainty at most: lengths and base take up what growth and drift are worth between both."""
+    """By a tenth of its uncertainty at most: lengths and base take up what expansion and drift are worth between both."""
     model, campaign, _ = measured(2)
     here = identify(model, campaign)
     there = identify(ErrorModel(model.robot) + Thermal(reference=22.0), campaign)
     moved = there.predict(campaign.q, campaign.conditions) - here.predict(campaign.q, campaign.conditions)
     uncertainty = np.sqrt(np.trace(here.predict_covariance(campaign.q, campaign.conditions), axis1=2, axis2=3))
     assert (np.linalg.norm(moved, axis=2) < 0.1 * uncertainty).all()
-    growth = model.names.index("thermal.growth")
-    assert abs(there.estimate[growth] - here.estimate[growth]) < 0.1 * here.standard_errors[growth]
+    expansion = model.names.index("thermal.expansion")
+    assert abs(there.estimate[expansion] - here.estimate[expansion]) < 0.1 * here.standard_errors[expansion]
     assert np.abs(there.predict(campaign.q) - here.predict(campaign.q)).max() > 1e-4
 
 
@@ -132,7 +132,7 @@ def test_temperatures_compete_where_they_are_known_and_vary():
 
 
 def warming(seed: int, count: int = 100) -> tuple[ErrorModel, Campaign, Truth]:
-    """A robot drawn with its growth, measured in its first two hours at work."""
+    """A robot drawn with its expansion, measured in its first two hours at work."""
     rng = np.random.default_rng(seed)
     model = ErrorModel(robot_from(industrial(rng))) + WarmUp(time_constant=2400.0, reference=7200.0)
     x = draw_defects(model, rng)
@@ -189,7 +189,7 @@ def competing(model: ErrorModel, campaign) -> tuple[int, set[str]]:
     }
 
 
-def test_growth_is_among_the_default_candidates_where_temperatures_differ_and_nowhere_else():
+def test_expansion_is_among_the_default_candidates_where_temperatures_differ_and_nowhere_else():
     model, campaign, _ = measured(3, count=40)
     plain = ErrorModel(model.robot)
     count, kinds = competing(plain, campaign)

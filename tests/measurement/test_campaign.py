@@ -22,7 +22,7 @@ def campaign(n=12, targets=3, poses=False, seed=0):
         points=points,
         rotations=rng.normal(size=(n, 3, 3)) if poses else None,
         uncertainty=rng.uniform(1e-5, 1e-4, (n, targets)),
-        nests={"base": rng.normal(size=(n, 3))},
+        reference_points={"base": rng.normal(size=(n, 3))},
         conditions=Conditions(
             temperature=rng.normal(size=n),
             time=rng.uniform(0.0, 1e4, n),
@@ -40,7 +40,7 @@ def test_taking_rows_takes_them_from_every_array(rows):
     assert some.ids == tuple(f"row {i}" for i in index)
     for name in ("q", "points", "uncertainty", "temperature", "time", "approach", "move"):
         np.testing.assert_array_equal(getattr(some, name), getattr(whole, name)[index])
-    np.testing.assert_array_equal(some.nests["base"], whole.nests["base"][index])
+    np.testing.assert_array_equal(some.reference_points["base"], whole.reference_points["base"][index])
     assert some.targets == whole.targets
 
 

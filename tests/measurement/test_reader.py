@@ -38,7 +38,7 @@ def test_a_sound_campaign_is_in_metres_and_radians(tmp_path):
     assert campaign.rotations is None
     assert campaign.uncertainty is None
     assert campaign.temperature is None
-    assert campaign.nests == {}
+    assert campaign.reference_points == {}
     assert campaign.source == "campaign.csv"
 
 
@@ -96,7 +96,7 @@ TARGET_ROW = ["a,0,0,0," + ",".join(map(str, range(1, 13)))]
 
 
 @pytest.mark.parametrize(
-    ("targets", "nests", "read", "fixed"),
+    ("targets", "reference_points", "read", "fixed"),
     [
         (None, None, ("smr1", "smr2"), {"base1", "Base2"}),
         (["SMR2"], None, ("smr2",), {"base1", "Base2"}),
@@ -107,15 +107,19 @@ TARGET_ROW = ["a,0,0,0," + ",".join(map(str, range(1, 13)))]
         (["smr1"], ["smr2"], ("smr1",), {"smr2"}),
     ],
 )
-def test_targets_and_nests_are_chosen_by_name_and_nests_begin_with_base(tmp_path, targets, nests, read, fixed):
-    campaign = read_campaign(write(tmp_path, TARGETS, TARGET_ROW), ROBOT, targets=targets, nests=nests)
+def test_targets_and_reference_points_are_chosen_by_name_and_reference_points_begin_with_base(
+    tmp_path, targets, reference_points, read, fixed
+):
+    campaign = read_campaign(
+        write(tmp_path, TARGETS, TARGET_ROW), ROBOT, targets=targets, reference_points=reference_points
+    )
     assert campaign.targets == read
-    assert set(campaign.nests) == fixed
+    assert set(campaign.reference_points) == fixed
     first = {"smr1": 1, "base1": 4, "Base2": 7, "smr2": 10}
     for t, name in enumerate(read):
         np.testing.assert_allclose(campaign.points[0, t], (first[name] + np.arange(3)) / 1e3)
     for name in fixed:
-        np.testing.assert_allclose(campaign.nests[name][0], (first[name] + np.arange(3)) / 1e3)
+        np.testing.assert_allclose(campaign.reference_points[name][0], (first[name] + np.arange(3)) / 1e3)
 
 
 def test_a_pose_has_its_quaternion_with_the_scalar_last(tmp_path):
@@ -220,7 +224,7 @@ WRONG = {
     "joints beyond a coupled limit": (HEADER, row(J1_deg="-90"), r":2: Elbow - J1 = 110\.000° is outside -100 to 100°"),
     "sliding joint beyond its limit": (HEADER, row(slide_mm="-1"), r":2: slide = -1\.000 mm is outside 0 to 800 mm"),
     "no target": (f"id,{JOINTS}", ["a,0,0,0"], ":1: names no target; give columns x_mm, y_mm, z_mm, or NAME_x_mm"),
-    "only nests": (f"id,{JOINTS},base_x_mm,base_y_mm,base_z_mm", ["a,0,0,0,1,2,3"], ":1: names no target"),
+    "only points": (f"id,{JOINTS},base_x_mm,base_y_mm,base_z_mm", ["a,0,0,0,1,2,3"], ":1: names no target"),
     "axis missing": (HEADER.replace(",y_mm", ""), ["a,0,0,0,1,2"], ":1: has 'x_mm' but no column 'y_mm'"),
     "axis of a target missing": (
         HEADER + ",smr_x_mm,smr_y_mm",
@@ -328,7 +332,7 @@ def test_what_is_no_table_is_refused(tmp_path, content, message):
         read_campaign(path, ROBOT)
 
 
-@pytest.mark.parametrize("choice", [{"targets": ["smr9"]}, {"nests": ["smr9"]}])
+@pytest.mark.parametrize("choice", [{"targets": ["smr9"]}, {"reference_points": ["smr9"]}])
 def test_a_target_that_is_not_there_is_named_with_those_that_are(tmp_path, choice):
     with pytest.raises(FileError, match=r"campaign\.csv:1: has no target 'smr9'; it has smr1, base1, Base2, smr2"):
         read_campaign(write(tmp_path, TARGETS, TARGET_ROW), ROBOT, **choice)

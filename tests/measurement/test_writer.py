@@ -25,7 +25,7 @@ def test_a_written_campaign_reads_back_to_a_nanometre(tmp_path, kind):
         points=points,
         rotations=rotations,
         uncertainty=rng.uniform(1e-5, 1e-4, (6, len(targets))),
-        nests={"base1": rng.normal(size=(6, 3))},
+        reference_points={"base1": rng.normal(size=(6, 3))},
         conditions=Conditions(
             temperature=rng.uniform(18, 25, 6),
             time=np.sort(rng.uniform(0.0, 9e3, 6)),
@@ -40,7 +40,7 @@ def test_a_written_campaign_reads_back_to_a_nanometre(tmp_path, kind):
     np.testing.assert_allclose(again.q, campaign.q, atol=1e-9)
     np.testing.assert_allclose(again.points, campaign.points, atol=1e-9)
     np.testing.assert_allclose(again.uncertainty, campaign.uncertainty, atol=1e-9)
-    np.testing.assert_allclose(again.nests["base1"], campaign.nests["base1"], atol=1e-9)
+    np.testing.assert_allclose(again.reference_points["base1"], campaign.reference_points["base1"], atol=1e-9)
     np.testing.assert_allclose(again.temperature, campaign.temperature, atol=1e-3)
     np.testing.assert_allclose(again.time, campaign.time, atol=1e-3)
     np.testing.assert_array_equal(again.approach, campaign.approach)

@@ -8,7 +8,7 @@ import pytest
 from taskcal.analysis.sensitivity import sensitivity
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.identify import identify
-from taskcal.identification.remainder import Explained, Remainder, examine_remainder
+from taskcal.identification.residual_analysis import Explained, ResidualAnalysis, analyse_residuals
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.presentation.content import Chart, Table
 from taskcal.presentation.effect_tables import tabulate_effects
@@ -24,7 +24,7 @@ TARGETS = {"a": np.zeros(3), "b": np.array([0.1, 0.0, 0.0]), "c": np.array([0.0,
 
 
 @pytest.fixture(scope="module")
-def fitted() -> tuple[Calibration, Remainder]:
+def fitted() -> tuple[Calibration, ResidualAnalysis]:
     """A robot whose third joint errs three times in a turn, which the model does not have."""
     model, rng = ErrorModel(load_robot("ur5")), np.random.default_rng(0)
     true = model + Harmonics(orders=(3,), joints=("J3",))
@@ -33,10 +33,10 @@ def fitted() -> tuple[Calibration, Remainder]:
     x[-2] = 1e-3
     campaign, _ = simulate(true, q, rng=rng, x=x, targets=TARGETS)
     calibration = identify(model + Compliance() + EncoderGain(), campaign)
-    return calibration, examine_remainder(calibration, campaign, permutations=99)
+    return calibration, analyse_residuals(calibration, campaign, permutations=99)
 
 
-def test_effects_are_drawn_in_panels_of_their_units(fitted: tuple[Calibration, Remainder]) -> None:
+def test_effects_are_drawn_in_panels_of_their_units(fitted: tuple[Calibration, ResidualAnalysis]) -> None:
     calibration, _ = fitted
     figure = draw_parameters({"fit": calibration})
     titles = [figure.layout[f"yaxis{k}"].title.text for k in ("", 2, 3, 4)]
@@ -45,7 +45,7 @@ def test_effects_are_drawn_in_panels_of_their_units(fitted: tuple[Calibration, R
     np.testing.assert_allclose(np.sort(drawn), np.sort(calibration.estimate * 1e3))
 
 
-def test_tables_of_effects_name_their_units(fitted: tuple[Calibration, Remainder]) -> None:
+def test_tables_of_effects_name_their_units(fitted: tuple[Calibration, ResidualAnalysis]) -> None:
     model = fitted[0].model
     q = np.random.default_rng(0).uniform(-1.0, 1.0, (10, 6))
     rows = {row[0]: row for _, group in tabulate_effects(sensitivity(model, q)).groups for row in group}
@@ -54,7 +54,7 @@ def test_tables_of_effects_name_their_units(fitted: tuple[Calibration, Remainder
     assert rows["J2.gain"][10] == "0.3 mrad/rad"
 
 
-def test_shares_and_the_first_quantity(fitted: tuple[Calibration, Remainder]) -> None:
+def test_shares_and_the_first_quantity(fitted: tuple[Calibration, ResidualAnalysis]) -> None:
     _, found = fitted
     first = found.explained[0]
     assert first.regressor.name == "position of J3"
@@ -71,7 +71,7 @@ def test_shares_and_the_first_quantity(fitted: tuple[Calibration, Remainder]) ->
     assert 0.5 < np.ptp(line.y) < 3.0  # a milliradian to both sides, less what geometry takes up
 
 
-def test_the_section_says_what_is_proven(fitted: tuple[Calibration, Remainder]) -> None:
+def test_the_section_says_what_is_proven(fitted: tuple[Calibration, ResidualAnalysis]) -> None:
     _, found = fitted
     section = remainder_section(found, "80 poses")
     words = str([getattr(block, "items", ()) for block in section.blocks])
@@ -82,7 +82,7 @@ def test_the_section_says_what_is_proven(fitted: tuple[Calibration, Remainder]) 
     assert len(table) == len(found.explained)
 
 
-def test_bars_are_blue_where_the_sentences_call_the_share_proven(fitted: tuple[Calibration, Remainder]) -> None:
+def test_bars_are_blue_where_the_sentences_call_the_share_proven(fitted: tuple[Calibration, ResidualAnalysis]) -> None:
     """A large share by chance, a sure share of next to nothing, and one that is both large and sure."""
     kinds = [r.regressor for r in fitted[1].explained]
     told = [(0.05, 0.20), (0.015, 0.03), (0.004, 0.01), (-0.1, None)]

@@ -67,19 +67,22 @@ def test_a_stub_names_each_once_and_re_exports_it(stub: Path) -> None:
     assert len({alias.name for alias in names}) == len(names)
 
 
-@pytest.mark.parametrize("old", sorted(RENAMED["taskcal"]))
-def test_an_old_name_works_and_warns_once_with_the_new_one(old: str) -> None:
+@pytest.mark.parametrize(
+    ("package", "old"), [(package, old) for package in RENAMED for old in sorted(RENAMED[package])]
+)
+def test_an_old_name_works_and_warns_once_with_the_new_one(package: str, old: str) -> None:
+    home = import_module(package)
     with warnings.catch_warnings(record=True) as given:
         warnings.simplefilter("always")
-        value = getattr(taskcal, old)
+        value = getattr(home, old)
     (warning,) = given
-    new = RENAMED["taskcal"][old]
+    new = RENAMED[package][old]
     assert warning.category is DeprecationWarning
     assert new in str(warning.message)
     assert warning.filename == __file__
     namespace, _, name = new.rpartition(".")
     assert value is getattr(import_module(namespace), name)
-    assert old not in dir(taskcal)
+    assert old not in dir(home)
     assert name in dir(import_module(namespace))
 
 

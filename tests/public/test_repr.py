@@ -72,7 +72,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         for i in range(40)
     ]  # fmt: skip
     explanation = tc.identification.Explanation(
-        calibration=calibration, effects=(), stages=tuple(stages), tracker=1e-5, alike=()
+        calibration=calibration, effects=(), stages=tuple(stages), tracker=1e-5, collinearities=()
     )
     return {
         "robot": robot, "model": model, "campaign": campaign, "truth": truth, "calibration": calibration, "task": task,

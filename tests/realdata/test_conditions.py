@@ -1,4 +1,4 @@
-"""What the order of measurement, nests and time tell on measured robots: mean error on held-out rows, in millimetres."""
+"""What the order of measurement, reference points and time tell on measured robots: mean error on held-out rows, in millimetres."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,7 +9,7 @@ import pytest
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.drift import follow_nests
+from taskcal.measurement.drift import compensate_drift
 from taskcal.measurement.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import (
@@ -19,7 +19,7 @@ from taskcal.robot.effects import (
     Effect,
     EncoderGain,
     Harmonics,
-    Overrun,
+    Overshoot,
     Settling,
     WarmUp,
 )
@@ -54,7 +54,9 @@ def held_out_mm(campaign: Campaign, name: str, effects: Sequence[Effect], count:
     [
         pytest.param("abb-irb120", 430, (EncoderGain(), Compliance()), Settling(), 0.295, 0.91, id="irb120, 430 rows"),
         pytest.param("abb-irb120", 60, (EncoderGain(), Compliance()), Settling(), 0.385, 0.93, id="irb120, 60 rows"),
-        pytest.param("abb-irb120", 430, (EncoderGain(), Compliance()), Overrun(), 0.285, 0.87, id="irb120, overrun"),
+        pytest.param(
+            "abb-irb120", 430, (EncoderGain(), Compliance()), Overshoot(), 0.285, 0.87, id="irb120, overshoot"
+        ),
         pytest.param("barrett-wam", 151, (), Backlash(), 1.90, 0.85, id="wam"),
         pytest.param(
             "barrett-wam",
@@ -89,8 +91,8 @@ def test_evidence_tells_which_robot_has_backlash_and_which_does_not_settle(data_
 @pytest.mark.parametrize("name", ["abb-irb120", "barrett-wam"])
 def test_evidence_says_that_the_rest_of_a_move_goes_with_the_speed_and_not_with_the_length(data_folder, name):
     model, campaign = ErrorModel(load_robot(name)) + EncoderGain() + Compliance(), campaign_of(data_folder, name)
-    overrun, settling = (identify(model + way, campaign).log_evidence for way in (Overrun(), Settling()))
-    assert overrun > settling + 50.0
+    overshoot, settling = (identify(model + way, campaign).log_evidence for way in (Overshoot(), Settling()))
+    assert overshoot > settling + 50.0
 
 
 def test_the_first_axes_of_the_irb120_keep_a_rest_of_each_move(data_folder):
@@ -102,13 +104,16 @@ def test_the_first_axes_of_the_irb120_keep_a_rest_of_each_move(data_folder):
     assert (rest > 5 * error).all()
 
 
-def test_nests_of_the_irb120_move_with_the_arm_and_are_followed(data_folder):
+def test_reference_points_of_the_irb120_move_with_the_arm_and_are_followed(data_folder):
     campaign = campaign_of(data_folder, "abb-irb120")
-    found = follow_nests(campaign)
+    found = compensate_drift(campaign)
     assert found.followed
     assert found.noise == pytest.approx(2.7e-6, rel=0.1)
     assert found.largest == pytest.approx(6.7e-5, rel=0.1)
-    assert found.remarks[0] == "nest base3 does not fit the others in 3 rows (id 50, 399, 720): taken for lost there"
+    assert (
+        found.remarks[0]
+        == "reference point base3 does not fit the others in 3 rows (id 50, 399, 720): taken for lost there"
+    )
     effects = (EncoderGain(), Compliance(), Settling())
     ignored, followed = (held_out_mm(c, "abb-irb120", effects, 430) for c in (campaign, found.campaign))
     assert followed < ignored + 1e-3
@@ -132,8 +137,8 @@ def test_lengths_of_the_ur5_change_while_it_is_measured(data_folder):
     assert found.log_evidence > without.log_evidence + 100.0
     assert after < 0.96 * before
     assert after <= 0.048
-    growth = found.names.index("thermal.growth")
-    assert found.estimate[growth] == pytest.approx(-2.4e-4, abs=1e-4)
-    assert found.estimate[growth] < -5.0 * found.standard_errors[growth]
+    expansion = found.names.index("thermal.expansion")
+    assert found.estimate[expansion] == pytest.approx(-2.4e-4, abs=1e-4)
+    assert found.estimate[expansion] < -5.0 * found.standard_errors[expansion]
     _, mixed = fit(model + warm_up, np.random.default_rng(9).permutation(rows))
     assert mixed > 0.99 * before

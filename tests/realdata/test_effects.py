@@ -10,12 +10,12 @@ import pytest
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.effect_selection import with_field
 from taskcal.identification.identify import identify
-from taskcal.identification.remainder import examine_remainder
+from taskcal.identification.residual_analysis import analyse_residuals
 from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import PERIODIC, Backlash, Compliance, Effect, EncoderGain, Harmonics, Overrun, Settling
+from taskcal.robot.effects import PERIODIC, Backlash, Compliance, Effect, EncoderGain, Harmonics, Overshoot, Settling
 from taskcal.robot.error_model import ErrorModel
 
 pytestmark = pytest.mark.realdata
@@ -109,8 +109,10 @@ def test_each_pose_of_the_coupled_robot_is_predicted_from_all_others(data_folder
         pytest.param("abb-irb120", (), 430, 0.43, 0.455, id="irb120, geometry"),
         pytest.param("abb-irb120", (EncoderGain(), Compliance()), 430, 0.34, 0.36, id="irb120, gain and compliance"),
         pytest.param("abb-irb120", (EncoderGain(), Compliance(), Settling()), 430, 0.295, 0.312, id="irb120, settling"),
-        pytest.param("abb-irb120", (EncoderGain(), Compliance(), Overrun()), 430, 0.275, 0.289, id="irb120, overrun"),
-        pytest.param("abb-irb120", (EncoderGain(), Compliance(), Overrun()), 60, 0.32, 0.345, id="irb120, 60 rows"),
+        pytest.param(
+            "abb-irb120", (EncoderGain(), Compliance(), Overshoot()), 430, 0.275, 0.289, id="irb120, overshoot"
+        ),
+        pytest.param("abb-irb120", (EncoderGain(), Compliance(), Overshoot()), 60, 0.32, 0.345, id="irb120, 60 rows"),
         pytest.param("barrett-wam", (), 0.7, 2.2, 2.3, id="wam, geometry"),
         pytest.param("barrett-wam", (Backlash(),), 0.7, 1.78, 1.88, id="wam, backlash"),
     ],
@@ -122,10 +124,10 @@ def test_medians_of_ten_splits_are_those_of_the_documentation(data_folder, name,
 def test_what_remains_on_the_irb120_is_the_robot_and_goes_with_nothing_more(data_folder):
     name = "abb-irb120"
     campaign = read_campaign(data_folder / FOLDERS[name] / "measurements.csv", load_robot(name))
-    plain = examine_remainder(identify(model_of(name, ()), campaign), campaign, permutations=19)
+    plain = analyse_residuals(identify(model_of(name, ()), campaign), campaign, permutations=19)
     assert {"approach of J1", "last move of J1"} == {e.regressor.name for e in plain.explained[:2]}
     effects = (EncoderGain(), Compliance(), Settling())
-    found = examine_remainder(identify(model_of(name, effects), campaign), campaign, permutations=19)
+    found = analyse_residuals(identify(model_of(name, effects), campaign), campaign, permutations=19)
     assert found.apart < 5e-6
     assert 0.2e-3 < found.together < 0.24e-3
     assert found.rms < 0.72 * plain.rms
@@ -134,7 +136,7 @@ def test_what_remains_on_the_irb120_is_the_robot_and_goes_with_nothing_more(data
 
 def test_what_remains_on_the_wam_without_effects_goes_with_the_approach_of_its_first_joint(data_folder):
     campaign = campaign_of(data_folder, "barrett-wam")
-    found = examine_remainder(identify(model_of("barrett-wam", ()), campaign), campaign, permutations=19)
+    found = analyse_residuals(identify(model_of("barrett-wam", ()), campaign), campaign, permutations=19)
     first = found.explained[0]
     assert first.regressor.name == "approach of J1"
     assert first.share > 0.15

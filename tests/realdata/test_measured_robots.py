@@ -124,14 +124,14 @@ def test_each_pose_of_the_coupled_robot_is_predicted_from_all_others(data_folder
     assert np.concatenate(errors).mean() * 1e3 <= 0.345
 
 
-def test_nests_and_lost_beams_are_told_from_targets(data_folder):
+def test_reference_points_and_lost_beams_are_told_from_targets(data_folder):
     robot = load_robot("abb-irb120")
     campaign = campaign_of(data_folder, "abb-irb120", robot)
     assert campaign.targets == ("smr1", "smr2", "smr3")
-    assert set(campaign.nests) == {"base1", "base2", "base3"}
+    assert set(campaign.reference_points) == {"base1", "base2", "base3"}
     assert len(campaign) == 620
-    assert not all(np.isfinite(points).all() for points in campaign.nests.values())
-    for points in campaign.nests.values():
+    assert not all(np.isfinite(points).all() for points in campaign.reference_points.values())
+    for points in campaign.reference_points.values():
         drift = np.linalg.norm(points - np.nanmedian(points, axis=0), axis=1)
         assert np.nanpercentile(drift, 90) < 1e-3
 

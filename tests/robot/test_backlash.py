@@ -4,7 +4,7 @@ import pytest
 from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects import Backlash, Overrun, Settling, effect_from
+from taskcal.robot.effects import Backlash, Overshoot, Settling, effect_from
 from taskcal.robot.error_model import ErrorModel
 
 B = 4e-4
@@ -63,8 +63,8 @@ def test_a_rest_of_the_move_is_in_proportion_to_it():
     np.testing.assert_array_equal(model.poses(q, x, Conditions(approach=np.sign(move))), model.poses(q))
 
 
-def test_a_joint_overruns_by_its_share_of_the_farthest_move_however_far_that_is():
-    model = ErrorModel(load_robot("abb-irb6660-205-1.9")) + Overrun()
+def test_a_joint_overshoots_by_its_share_of_the_farthest_move_however_far_that_is():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9")) + Overshoot()
     rng = np.random.default_rng(2)
     q = rng.uniform(-0.3, 0.3, (3, 6))
     move = np.array([[0.5, -1.0, 0.0, 0.25, 0.0, 0.0], [0.0, 0.0, 0.2, 0.0, -0.1, 0.2], [0.0] * 6])
@@ -78,7 +78,7 @@ def test_a_joint_overruns_by_its_share_of_the_farthest_move_however_far_that_is(
 
 
 def test_backlash_survives_its_description():
-    assert effect_from(Overrun(joints=("J2",)).to_json()) == Overrun(joints=("J2",))
+    assert effect_from(Overshoot(joints=("J2",)).to_json()) == Overshoot(joints=("J2",))
     assert effect_from(Settling(joints=("J1",)).to_json()) == Settling(joints=("J1",))
     assert effect_from(Backlash(joints=("J1", "J4")).to_json()) == Backlash(joints=("J1", "J4"))
 

@@ -1,4 +1,4 @@
-"""``--drift``: what becomes of nests that were measured beside the poses."""
+"""``--drift``: what becomes of reference points that were measured beside the poses."""
 
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class DriftChoice(StrEnum):
-    """Whether nests are followed."""
+    """Whether reference points are followed."""
 
     follow = "follow"
     ignore = "ignore"
@@ -22,20 +22,24 @@ class DriftChoice(StrEnum):
 DriftOption = Annotated[
     DriftChoice,
     typer.Option(
-        "--drift", help="Follow the nests beside the robot, where they moved by more than their noise, or ignore them."
+        "--drift",
+        help="Follow the reference points beside the robot, where they moved by more than their noise, or ignore them.",
     ),
 ]
 
 
-def settle(
+def compensate(
     measured: "Campaign", choice: DriftChoice, noise: "TrackerNoise | None" = None
 ) -> tuple["Campaign", dict[str, Any] | None]:
-    """The campaign in the frame of its nests, as far as they are to be followed, and what was done; None for no nests."""
-    if choice is DriftChoice.ignore or not measured.nests:
-        return measured, None
-    from taskcal.measurement.drift import follow_nests
+    """The campaign in the frame of its reference points, as far as they are to be followed, and what was done.
 
-    drift = follow_nests(measured, noise)
+    None where the campaign has none.
+    """
+    if choice is DriftChoice.ignore or not measured.reference_points:
+        return measured, None
+    from taskcal.measurement.drift import compensate_drift
+
+    drift = compensate_drift(measured, noise)
     for remark in drift.remarks:
         note(remark)
     done = {"followed": drift.followed, "largest_mm": drift.largest * 1e3, "noise_mm": drift.noise * 1e3}

@@ -2,6 +2,7 @@
 
 import math
 import re
+import warnings
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import typer
 
 from taskcal.cli.options import split_names
-from taskcal.cli.output import show_facts, show_table
+from taskcal.cli.output import note, show_facts, show_table
 from taskcal.errors import TaskcalError
 from taskcal.identification.explanation import Explanation
 from taskcal.measurement.campaign import Campaign
@@ -38,9 +39,14 @@ def _effect(name: str) -> Effect:
     if name in ("auto", "none"):
         raise typer.BadParameter(f"'{name}' stands alone; give it without other effects", param_hint="--effects")
     try:
-        return parse_effect(name)
+        with warnings.catch_warnings(record=True) as given:
+            warnings.simplefilter("always", DeprecationWarning)
+            effect = parse_effect(name)
     except TaskcalError as error:
         raise typer.BadParameter(f"{error}; or auto, or none", param_hint="--effects") from error
+    for warning in given:
+        note(str(warning.message))
+    return effect
 
 
 def refer_to(campaign: Campaign, effects: list[Effect] | None) -> list[Effect] | None:
@@ -70,8 +76,8 @@ def show_explanation(found: Explanation) -> None:
     header = ("beside what is above", "parameters", "left mm", "± 1σ mm", "taken", "because")
     show_table("What explains the measurements: mean error in space on rows left out", header, rows, left=(0, 4, 5))
     facts = [("explained", _sentence(found))]
-    if found.alike:
-        facts.append(("hardly told apart", _alike(found)))
+    if found.collinearities:
+        facts.append(("hardly told apart", _collinear(found)))
     show_facts(facts)
 
 
@@ -84,12 +90,14 @@ def near_dependences(found: Explanation) -> list[dict[str, Any]]:
             "variance_inflation": near.inflation if math.isfinite(near.inflation) else None,
             "explained_by": dict(near.by),
         }
-        for near in found.alike
+        for near in found.collinearities
     ]
 
 
-def _alike(found: Explanation) -> str:
-    named = [f"{near.name} is {_percent(near.share)} explained by {', '.join(near.by)}" for near in found.alike]
+def _collinear(found: Explanation) -> str:
+    named = [
+        f"{near.name} is {_percent(near.share)} explained by {', '.join(near.by)}" for near in found.collinearities
+    ]
     more = f"; and {len(named) - REPEATED} more" if len(named) > REPEATED else ""
     return (
         f"at the fitted poses {'; '.join(named[:REPEATED])}{more}; what these share out between them is open, predictions among "

@@ -45,12 +45,14 @@ ForceOption = Annotated[
 ]
 TargetsOption = Annotated[
     str | None,
-    typer.Option("--targets", metavar="NAME,…", help="Targets to use; all that are not nests by default."),
+    typer.Option("--targets", metavar="NAME,…", help="Targets to use; all that are not reference points by default."),
 ]
-NestsOption = Annotated[
+ReferencePointsOption = Annotated[
     str | None,
     typer.Option(
-        "--nests", metavar="NAME,…", help="Fixed points beside the robot; names beginning with 'base' by default."
+        "--points",
+        metavar="NAME,…",
+        help="Fixed points beside the robot; names beginning with 'base' by default.",
     ),
 ]
 RowsOption = Annotated[

@@ -12,7 +12,7 @@ Nobody has published these of one machine. They are assumptions, as far as possi
   Twice the ripple is as plausible and leaves nearly twice the error: the order is the tooth's, and 60 poses do not find it.
 - Lost motion: half of it 15 µrad (1σ) in the large axes and 30 µrad in the wrist. Catalogues allow half an arc minute, five to
   ten times as much, which a machine that repeats to 0.1 mm from all sides cannot have.
-- Growth: iron, 10⁻⁵ per kelvin, that warms by 8 K (1σ) at work, each link in its own time.
+- Thermal expansion: iron, 10⁻⁵ per kelvin, that warms by 8 K (1σ) at work, each link in its own time.
 - Tracker: as `TrackerNoise` states it.
 """
 
@@ -25,7 +25,7 @@ from taskcal.demo.elastic_links import ElasticLinks
 from taskcal.demo.elastic_robot import STIFFNESS, elastic_robot
 from taskcal.demo.gear_errors import GearErrors
 from taskcal.demo.lost_motion import lost_motion
-from taskcal.demo.uneven_growth import UnevenGrowth
+from taskcal.demo.uneven_expansion import UnevenExpansion
 from taskcal.measurement.virtual_cell import draw_defects
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Backlash, Compliance
@@ -66,7 +66,7 @@ class Sizes:
     drives: float = 1.0
     gears: float = 1.0
     lost_motion: float = 1.0
-    growth: float = 1.0
+    expansion: float = 1.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -103,17 +103,17 @@ def draw_true_robot(robot: Robot, rng: np.random.Generator, sizes: Sizes | None 
     s = sizes or Sizes()
     joints = len(robot.joints)
     orders, swell = rng.uniform(*RIPPLE_ORDERS, size=joints), rng.uniform(-np.pi, np.pi, size=joints)
-    warm = UnevenGrowth(joints=GROWING, time_constants=TIME_CONSTANTS)
-    growth = replace(warm, tolerance=s.growth * warm.tolerance)
+    warm = UnevenExpansion(joints=GROWING, time_constants=TIME_CONSTANTS)
+    expansion = replace(warm, tolerance=s.expansion * warm.tolerance)
     large, wrist = robot.joint_names[:3], robot.joint_names[3:]
     gears = GearErrors(orders=tuple(orders.tolist()), swell=tuple(swell.tolist()))
     effects: dict[Effect, float] = {
         Compliance(): s.drives,
-        growth: s.growth,
+        expansion: s.expansion,
         ElasticLinks(
             turns=tuple(s.links * c for c in LINK_TURNS),
             shifts=tuple(s.links * c for c in LINK_SHIFTS),
-            first=joints + (growth.coordinates if s.growth else 0),
+            first=joints + (expansion.coordinates if s.expansion else 0),
         ): s.links,
         replace(gears, eccentricity=s.gears * gears.eccentricity, ripple=s.gears * gears.ripple): s.gears,
         Backlash(joints=large, tolerance=s.lost_motion * LOST): s.lost_motion,

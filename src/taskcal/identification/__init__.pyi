@@ -7,5 +7,5 @@ from taskcal.identification.explanation import Stage as Stage
 from taskcal.identification.field import ResidualField as ResidualField
 from taskcal.identification.fit_options import FitOptions as FitOptions
 from taskcal.identification.outlier import Outlier as Outlier
-from taskcal.identification.remainder import Remainder as Remainder
-from taskcal.identification.remainder import examine_remainder as examine_remainder
+from taskcal.identification.residual_analysis import ResidualAnalysis as ResidualAnalysis
+from taskcal.identification.residual_analysis import analyse_residuals as analyse_residuals

@@ -18,6 +18,7 @@ from taskcal.identification.outlier import LeftOut, Outlier
 from taskcal.identification.problem import FrameLayout
 from taskcal.measurement.registration_file import RegistrationSection
 from taskcal.robot.effects import Effect, effect_from
+from taskcal.robot.effects.registry import current_parameter
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from taskcal.text_file import read_json
@@ -146,7 +147,7 @@ class CalibrationFile(Section):
             pose=self.pose,
             fixed_frames=self.fixed_frames,
         )
-        estimated = model.indices(self.kept)
+        estimated = model.indices(map(current_parameter, self.kept))
         written = layout if self.format_version > 1 else replace(layout, kept=estimated)
         size, rows, width = len(written.names), len(self.ids), 6 if self.pose else 3
         self._same_names(written.names)
@@ -187,9 +188,9 @@ class CalibrationFile(Section):
             raise TaskcalError(
                 f"'names' has {len(self.names)} entries, the parameters kept and frames are {len(expected)}"
             )
-        for number, (found, wanted) in enumerate(zip(self.names, expected, strict=True), start=1):
-            if found != wanted:
-                raise TaskcalError(f"'names' {number} is '{shown(found)}', where '{wanted}' belongs")
+        for number, (name, wanted) in enumerate(zip(self.names, expected, strict=True), start=1):
+            if wanted not in (name, current_parameter(name)):
+                raise TaskcalError(f"'names' {number} is '{shown(name)}', where '{wanted}' belongs")
 
     def _field(self, joints: int, width: int) -> ResidualField | None:
         if self.field is None:
@@ -245,12 +246,12 @@ def load_calibration(path: str | Path) -> Calibration:
         raise FileError(
             path, f"is JSON, but no calibration: 'format' is not '{FORMAT}'; write one with taskcal identify"
         )
-    found = data.get("format_version")
-    if type(found) is not int or not 1 <= found <= FORMAT_VERSION:
+    format_version = data.get("format_version")
+    if type(format_version) is not int or not 1 <= format_version <= FORMAT_VERSION:
         raise FileError(
             path,
-            f"has format version {shown(repr(found))}, this Taskcal reads 1 to {FORMAT_VERSION}; identify again, or use the "
-            "Taskcal that wrote it",
+            f"has format version {shown(repr(format_version))}, this Taskcal reads 1 to {FORMAT_VERSION}; identify again, or use "
+            "the Taskcal that wrote it",
         )
     try:
         content = CalibrationFile.model_validate(data)

@@ -109,8 +109,8 @@ def select_effects(
 ) -> Explanation:
     """Identify geometry, then the effects that the data prove, then a residual field if it proves itself.
 
-    Candidates compete where the campaign tells what they need and use (`Effect.is_told`): backlash, settling and overrun where
-    it has the ways to its rows, growth where all rows have temperatures, or times, that differ enough. Of two that have
+    Candidates compete where the campaign tells what they need and use (`Effect.is_told`): backlash, settling and overshoot where
+    it has the ways to its rows, thermal expansion where all rows have temperatures, or times, that differ enough. Of two that have
     parameters in common, such as a compliance of two tolerances, the model gets one.
 
     Args:
@@ -162,7 +162,7 @@ def select_effects(
         effects=found.effects,
         stages=found.stages,
         tracker=tracker,
-        alike=_repeated_by_geometry(found.calibration, campaign),
+        collinearities=_repeated_by_geometry(found.calibration, campaign),
     )
 
 

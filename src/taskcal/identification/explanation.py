@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from taskcal.analysis.near_dependence import NearDependence
+from taskcal.arguments import warn_renamed
 from taskcal.errors import shortened
 from taskcal.identification.calibration import Calibration
 from taskcal.robot.effects import Effect
@@ -35,12 +36,18 @@ class Explanation:
     stages: tuple[Stage, ...]
     tracker: float
     """What the tracker's noise alone would leave, metres in space."""
-    alike: tuple[NearDependence, ...]
+    collinearities: tuple[NearDependence, ...]
     """Parameters of effects that geometry nearly repeats at the fitted poses, the most repeated first."""
 
     def __repr__(self) -> str:
         taken = ", ".join(stage.name for stage in self.stages if stage.accepted)
         return f"Explanation({shortened(taken, 150)}: {self.calibration!r})"
+
+    @property
+    def alike(self) -> tuple[NearDependence, ...]:
+        """Former name of `collinearities`."""
+        warn_renamed("Explanation.alike", "collinearities", stacklevel=2)
+        return self.collinearities
 
     def to_json(self) -> list[dict[str, Any]]:
         """The table, in millimetres."""

@@ -4,7 +4,7 @@ from taskcal.measurement.axis_circles import AxisCircle as AxisCircle
 from taskcal.measurement.axis_circles import find_circles as find_circles
 from taskcal.measurement.axis_circles import register_from_circles as register_from_circles
 from taskcal.measurement.drift import Drift as Drift
-from taskcal.measurement.drift import follow_nests as follow_nests
+from taskcal.measurement.drift import compensate_drift as compensate_drift
 from taskcal.measurement.registration import Registration as Registration
 from taskcal.measurement.registration_file import load_registration as load_registration
 from taskcal.measurement.registration_file import save_registration as save_registration

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from taskcal.arguments import renamed_arguments, warn_renamed
 from taskcal.errors import CampaignError, UnknownName, shortened
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.conditions import Conditions
@@ -37,7 +38,7 @@ class Campaign:
     """Orientation of the target in the tracker frame, for poses."""
     uncertainty: Float[np.ndarray, "n targets"] | None = None
     """Stated standard uncertainty of each point (per axis), metres; None where the tracker's noise model says it."""
-    nests: Mapping[str, Float[np.ndarray, "n 3"]] = field(default_factory=dict[str, np.ndarray])
+    reference_points: Mapping[str, Float[np.ndarray, "n 3"]] = field(default_factory=dict[str, np.ndarray])
     """Fixed points measured beside each pose, in the tracker frame, metres."""
     conditions: Conditions = field(default_factory=Conditions)
     """How each row was reached, and how warm the robot was there."""
@@ -53,7 +54,7 @@ class Campaign:
         parts = [
             f"{len(self)} {'points' if self.rotations is None else 'poses'} of {shortened(', '.join(self.targets), 80)}",
             f"{int((~self.valid).sum())} beams lost" if not self.valid.all() else "",
-            f"nests {shortened(', '.join(self.nests), 80)}" if self.nests else "",
+            f"reference points {shortened(', '.join(self.reference_points), 80)}" if self.reference_points else "",
             f"with {', '.join(told)}" if told else "",
         ]
         return f"Campaign({shortened(self.source, 80) or 'unnamed'}: {', '.join(part for part in parts if part)})"
@@ -71,7 +72,7 @@ class Campaign:
             "move": (self.move, self.q.shape),
             "rows": (self.rows, (n,)),
             "lines": (self.lines, (n,)),
-            **{f"nest {name}": (points, (n, 3)) for name, points in self.nests.items()},
+            **{f"reference point {name}": (points, (n, 3)) for name, points in self.reference_points.items()},
         }
         for name, (array, shape) in shapes.items():
             if array is not None and array.shape != shape:
@@ -96,6 +97,12 @@ class Campaign:
     def line_of(self, number: int) -> int | None:
         """Line of the campaign's file, counted from 1; None where it is not known."""
         return None if self.lines is None else int(self.lines[number])
+
+    @property
+    def nests(self) -> Mapping[str, Float[np.ndarray, "n 3"]]:
+        """Former name of `reference_points`."""
+        warn_renamed("Campaign.nests", "reference_points", stacklevel=2)
+        return self.reference_points
 
     @cached_property
     def valid(self) -> Bool[np.ndarray, "n targets"]:
@@ -199,9 +206,11 @@ class Campaign:
             f.name: pick(getattr(self, f.name)) for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)
         }
         changed.setdefault("rows", chosen)
-        nests = {name: points[chosen] for name, points in self.nests.items()}
+        reference_points = {name: points[chosen] for name, points in self.reference_points.items()}
         ids = tuple(self.ids[i] for i in chosen)
-        return replace(self, ids=ids, nests=nests, conditions=self.conditions.take(chosen), **changed)
+        return replace(
+            self, ids=ids, reference_points=reference_points, conditions=self.conditions.take(chosen), **changed
+        )
 
     @cached_property
     def seen(self) -> Bool[np.ndarray, " n"]:
@@ -242,3 +251,6 @@ class Campaign:
         chosen = [self.targets.index(name) for name in names]
         uncertainty = None if self.uncertainty is None else self.uncertainty[:, chosen]
         return replace(self, targets=tuple(names), points=self.points[:, chosen], uncertainty=uncertainty)
+
+
+Campaign.__init__ = renamed_arguments(nests="reference_points")(Campaign.__init__)

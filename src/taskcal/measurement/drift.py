@@ -1,4 +1,4 @@
-"""Drift of base or tracker, followed by nests that were measured beside each pose."""
+"""Drift of base or tracker, followed by reference points that were measured beside each pose."""
 
 from dataclasses import dataclass, replace
 
@@ -9,46 +9,46 @@ from scipy.special import fdtrc
 from taskcal.estimation.local_level import LocalLevel, smooth
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.nest_motion import NestMotion, observe_nests
+from taskcal.measurement.reference_motion import ReferenceMotion, observe_reference_points
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.short_repr import short_repr
 
 LEVEL = 0.01
-"""Chance of following nests that stand still."""
+"""Chance of following reference points that stand still."""
 
 MIN_ROWS = 5
 """Rows that have to tell a motion."""
 
 NAMED = 6
-"""Rows of misplaced nests that are named."""
+"""Rows of misplaced reference points that are named."""
 
 
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Drift:
-    """A campaign with its nests followed, as far as they moved."""
+    """A campaign with its reference points followed, as far as they moved."""
 
     campaign: Campaign
-    """The measurements as they would be had the nests stood still in the middle of their places."""
+    """The measurements as they would be had the reference points stood still in the middle of their places."""
     followed: bool
-    """Whether the nests moved by more than their noise, and were followed."""
+    """Whether the reference points moved by more than their noise, and were followed."""
     largest: float
-    """Largest movement of a nest, smoothed, metres; zero where nothing was followed."""
+    """Largest movement of a reference point, smoothed, metres; zero where nothing was followed."""
     noise: float
-    """Standard deviation of a nest's coordinate, metres."""
+    """Standard deviation of a reference point's coordinate, metres."""
     probability: float
-    """Of nests that stand still to seem to move as much."""
+    """Of reference points that stand still to seem to move as much."""
     remarks: tuple[str, ...]
     """What was done, in words."""
 
 
-def follow_nests(campaign: Campaign, noise: TrackerNoise | None = None) -> Drift:
-    """Carry every row's measurements into the common frame of the nests.
+def compensate_drift(campaign: Campaign, noise: TrackerNoise | None = None) -> Drift:
+    """Carry every row's measurements into the common frame of the reference points.
 
-    The nests' rigid motion in each row is compared with their own noise, which shows in the distances between them. If it
-    is larger than chance allows (F test), it is taken for a random walk over the order of the rows and a white part, such
-    as a base that yields under the arm; both have the sizes of the largest marginal likelihood, so that only as much of
-    the nests' noise gets into the points as follows the motion best. Of fewer than three nests the mean translation is
+    The reference points' rigid motion in each row is compared with their own noise, which shows in the distances between
+    them. If it is larger than chance allows (F test), it is taken for a random walk over the order of the rows and a white
+    part, such as a base that yields under the arm; both have the sizes of the largest marginal likelihood, so that only as much of
+    the reference points' noise gets into the points as follows the motion best. Of fewer than three of them the mean translation is
     followed; of a single one, whose noise shows only from row to row, the random walk.
 
     Args:
@@ -56,21 +56,25 @@ def follow_nests(campaign: Campaign, noise: TrackerNoise | None = None) -> Drift
         noise: the tracker's, where the campaign does not state uncertainties.
 
     Returns:
-        the campaign in the frame of the nests, each point's standard uncertainty enlarged by that of the motion and
-        stated, equal in all directions; or the campaign as it was, where the nests did not move, tell it in too few
+        the campaign in the frame of the reference points, each point's standard uncertainty enlarged by that of the motion and
+        stated, equal in all directions; or the campaign as it was, where the reference points did not move, tell it in too few
         rows, or there are none.
     """
-    if not campaign.nests:
+    if not campaign.reference_points:
         return Drift(campaign=campaign, followed=False, largest=0.0, noise=0.0, probability=1.0, remarks=())
-    motion = observe_nests(campaign.nests)
+    motion = observe_reference_points(campaign.reference_points)
     told = ~np.isnan(motion.values[:, 0])
     if told.sum() < MIN_ROWS:
-        remark = f"the nests tell their motion in {told.sum()} rows, too few to follow it; {MIN_ROWS} are needed"
+        remark = (
+            f"the reference points tell their motion in {told.sum()} rows, too few to follow it; {MIN_ROWS} are needed"
+        )
         return Drift(campaign=campaign, followed=False, largest=0.0, noise=0.0, probability=1.0, remarks=(remark,))
     deviation, probability = _proof(motion, told)
     remarks = _misplaced(campaign, motion)
     if probability > LEVEL:
-        remarks += (f"the nests moved no more than their noise ({deviation * 1e3:.4f} mm) and were not followed",)
+        remarks += (
+            f"the reference points moved no more than their noise ({deviation * 1e3:.4f} mm) and were not followed",
+        )
         return Drift(
             campaign=campaign, followed=False, largest=0.0, noise=deviation, probability=probability, remarks=remarks
         )
@@ -80,35 +84,37 @@ def follow_nests(campaign: Campaign, noise: TrackerNoise | None = None) -> Drift
         for values, spread in zip(motion.values.T, variance.T, strict=True)
     ]
     T = _transforms(motion, courses)
-    moved = {name: _back(T, points[:, None])[:, 0] for name, points in campaign.nests.items()}
+    moved = {name: _back(T, points[:, None])[:, 0] for name, points in campaign.reference_points.items()}
     centred = np.stack([np.nanmedian(points, axis=0) for points in moved.values()])
     largest = float(np.linalg.norm(se3.apply(T[:, None], centred[None]) - centred, axis=2).max())
     remarks += (
-        f"the nests moved by up to {largest * 1e3:.3f} mm (their noise: {deviation * 1e3:.4f} mm) and were followed: "
+        f"the reference points moved by up to {largest * 1e3:.3f} mm (their noise: {deviation * 1e3:.4f} mm) and were followed: "
         "the calibration holds in the frame of their mean places",
     )
     if not motion.rigid:
-        why = "fewer than three nests" if len(campaign.nests) < 3 else "nests on a line"
+        why = (
+            "fewer than three reference points" if len(campaign.reference_points) < 3 else "reference points on a line"
+        )
         remarks += (f"{why}: their translation was followed, not their rotation",)
     followed = replace(
         campaign,
         points=_back(T, campaign.points),
         rotations=None if campaign.rotations is None else np.swapaxes(T[:, :3, :3], 1, 2) @ campaign.rotations,
         uncertainty=_uncertainty(campaign, motion, courses, noise),
-        nests=moved,
+        reference_points=moved,
     )
     return Drift(
         campaign=followed, followed=True, largest=largest, noise=deviation, probability=probability, remarks=remarks
     )
 
 
-def _proof(motion: NestMotion, told: np.ndarray) -> tuple[float, float]:
-    """Standard deviation of a nest's coordinate, and the chance that still nests seem to move as much."""
+def _proof(motion: ReferenceMotion, told: np.ndarray) -> tuple[float, float]:
+    """Standard deviation of a reference point's coordinate, and the chance that still reference points seem to move as much."""
     values, per_noise = motion.values[told], motion.per_noise[told]
     centred = values - np.average(values, axis=0)
     moved, count = float((centred**2 / per_noise).sum()), centred.size - centred.shape[1]
     if motion.noise is None:
-        # what a single nest does from row to row is its noise (von Neumann 1941); neighbours share rows, hence 2/3
+        # what a single reference point does from row to row is its noise (von Neumann 1941); neighbours share rows, hence 2/3
         steps = np.diff(values, axis=0)
         variance, freedom = float(0.5 * (steps**2).mean()), 2.0 / 3.0 * steps.size
     else:
@@ -117,19 +123,21 @@ def _proof(motion: NestMotion, told: np.ndarray) -> tuple[float, float]:
     return float(np.sqrt(variance)), float(fdtrc(count, max(freedom, 1), moved / count / variance))
 
 
-def _misplaced(campaign: Campaign, motion: NestMotion) -> tuple[str, ...]:
-    """Nests out of place, in words."""
+def _misplaced(campaign: Campaign, motion: ReferenceMotion) -> tuple[str, ...]:
+    """Reference points out of place, in words."""
     out: list[str] = []
-    for name, lost in zip(campaign.nests, motion.lost.T, strict=True):
+    for name, lost in zip(campaign.reference_points, motion.lost.T, strict=True):
         rows = np.flatnonzero(lost)
         if len(rows):
             named = ", ".join(campaign.ids[i] for i in rows[:NAMED]) + (", …" if len(rows) > NAMED else "")
-            out.append(f"nest {name} does not fit the others in {len(rows)} rows (id {named}): taken for lost there")
+            out.append(
+                f"reference point {name} does not fit the others in {len(rows)} rows (id {named}): taken for lost there"
+            )
     return tuple(out)
 
 
-def _transforms(motion: NestMotion, courses: list[LocalLevel]) -> Float[np.ndarray, "n 4 4"]:
-    """From the common frame to the nests in each row: a turn about their centre, and its translation."""
+def _transforms(motion: ReferenceMotion, courses: list[LocalLevel]) -> Float[np.ndarray, "n 4 4"]:
+    """From the common frame to the reference points in each row: a turn about their centre, and its translation."""
     values = np.stack([course.mean for course in courses], axis=1)
     shift = values[:, :3] @ motion.axes.T
     R = se3.exp(values[:, 3:] @ motion.axes.T) if motion.rigid else np.broadcast_to(np.eye(3), (len(values), 3, 3))
@@ -142,7 +150,7 @@ def _back(T: Float[np.ndarray, "n 4 4"], points: Float[np.ndarray, "n k 3"]) -> 
 
 
 def _uncertainty(
-    campaign: Campaign, motion: NestMotion, courses: list[LocalLevel], noise: TrackerNoise | None
+    campaign: Campaign, motion: ReferenceMotion, courses: list[LocalLevel], noise: TrackerNoise | None
 ) -> Float[np.ndarray, "n targets"]:
     """Standard uncertainty of every point, that of the motion at its place included, as the mean of the directions."""
     own = np.trace(campaign.covariances(noise)[..., :3, :3], axis1=2, axis2=3)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from taskcal.arguments import expect_kinds
+from taskcal.arguments import expect_kinds, renamed_arguments
 from taskcal.errors import shown
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
@@ -30,8 +30,13 @@ MOST_TARGETS = 100
 """On one tool; plates for trackers carry up to a dozen reflectors, and the fit's matrices grow with the square."""
 
 
+@renamed_arguments(nests="reference_points")
 def read_campaign(
-    path: str | Path, robot: Robot, *, targets: Sequence[str] | None = None, nests: Sequence[str] | None = None
+    path: str | Path,
+    robot: Robot,
+    *,
+    targets: Sequence[str] | None = None,
+    reference_points: Sequence[str] | None = None,
 ) -> Campaign:
     """Read a campaign.
 
@@ -47,8 +52,8 @@ def read_campaign(
     Args:
         path: the CSV.
         robot: the robot that was measured.
-        targets: the targets to read; all that are not nests by default.
-        nests: fixed points beside the robot; targets whose name begins with ``base`` by default.
+        targets: the targets to read; all that are not reference points by default.
+        reference_points: fixed points beside the robot; targets whose name begins with ``base`` by default.
 
     Raises:
         FileError: with file, line, column, value and a remedy, for anything that cannot be read as a campaign.
@@ -58,14 +63,16 @@ def read_campaign(
     ids = _ids(columns)
     q = columns.joints(robot)
     points = _points(columns)
-    nest_names = (
-        [n for n in points if n.lower().startswith("base")] if nests is None else _among(columns, nests, points)
+    reference_names = (
+        [n for n in points if n.lower().startswith("base")]
+        if reference_points is None
+        else _among(columns, reference_points, points)
     )
     if targets is None:
-        target_names = [n for n in points if n not in nest_names]
+        target_names = [n for n in points if n not in reference_names]
     else:
         target_names = _among(columns, targets, points)
-        nest_names = [n for n in nest_names if n not in target_names]
+        reference_names = [n for n in reference_names if n not in target_names]
     if len(target_names) > MOST_TARGETS:
         raise columns.refusal(f"names {len(target_names)} targets; Taskcal fits {MOST_TARGETS} at most: choose some")
     if not target_names:
@@ -95,7 +102,7 @@ def read_campaign(
         points=np.stack([points[name] for name in target_names], axis=1),
         rotations=rotations,
         uncertainty=uncertainty,
-        nests={name: points[name] for name in nest_names},
+        reference_points={name: points[name] for name in reference_names},
         conditions=conditions,
         source=Path(path).name,
         lines=np.array(columns.table.lines),
@@ -163,7 +170,7 @@ def _follows(ids: tuple[str, ...]) -> Bool[np.ndarray, " n"] | None:
 
 
 def _points(columns: ColumnGroups) -> dict[str, Float[np.ndarray, "n 3"]]:
-    """Points of every target and nest, metres; NaN for a lost beam."""
+    """Points of every target and reference point, metres; NaN for a lost beam."""
     out: dict[str, np.ndarray] = {}
     for label in _labels(columns):
         prefix = f"{label}_" if label else ""
@@ -180,7 +187,7 @@ def _points(columns: ColumnGroups) -> dict[str, Float[np.ndarray, "n 3"]]:
 
 
 def _labels(columns: ColumnGroups) -> list[str]:
-    """Names of targets and nests, as the file writes them first; one may be empty."""
+    """Names of targets and reference points, as the file writes them first; one may be empty."""
     labels: dict[str, str] = {}
     for lower, name in columns.names.items():
         match = _POINT.match(lower)

@@ -38,7 +38,7 @@ def campaign_text(campaign: Campaign, robot: Robot) -> str:
         for k, name in enumerate(("qx", "qy", "qz", "qw")):
             header.append(name)
             columns.append(_texts(quaternion[:, k], 10))
-    for name, points in campaign.nests.items():
+    for name, points in campaign.reference_points.items():
         for axis in range(3):
             header.append(f"{name}_{'xyz'[axis]}_mm")
             columns.append(_texts(points[:, axis] * 1e3, 6))

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from taskcal.adaptation.task_uncertainty import Uncertainty
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.remainder import Remainder
+from taskcal.identification.residual_analysis import ResidualAnalysis
 from taskcal.presentation.content import Block, Chart, Numbers, Section, Table, Text
 from taskcal.presentation.fit_figures import draw_parameters, draw_residuals
 from taskcal.presentation.model_error_origin import model_error_origin, prior_scale_origin
@@ -19,7 +19,7 @@ from taskcal.presentation.unlocated import describe_unlocated
 
 
 def calibration_html(
-    calibration: Calibration, over: Uncertainty | None, *, version: str, remainder: Remainder | None = None
+    calibration: Calibration, over: Uncertainty | None, *, version: str, remainder: ResidualAnalysis | None = None
 ) -> str:
     """The page of a calibration.
 

@@ -5,7 +5,7 @@ import plotly.graph_objects as go
 from jaxtyping import Bool, Float
 
 from taskcal.identification.regressor import Regressor
-from taskcal.identification.remainder import Remainder, fit_smooth
+from taskcal.identification.residual_analysis import ResidualAnalysis, fit_smooth
 from taskcal.presentation.theme import AXIS_COLOURS, BLUE, GREY, INK, styled, switch
 
 SHOWN = 8
@@ -15,7 +15,7 @@ SHORT = 0.3
 """Where a direction's movement is less than this share of its largest, the tool hardly tells a turn along it."""
 
 
-def draw_shares(found: Remainder) -> go.Figure:
+def draw_shares(found: ResidualAnalysis) -> go.Figure:
     """Share of the remainder's variance that goes with each quantity; grey where it is not proven."""
     rows = [e for e in found.explained[::-1] if e.p_value is not None]
     figure = go.Figure(
@@ -33,7 +33,7 @@ def draw_shares(found: Remainder) -> go.Figure:
     return figure
 
 
-def draw_against(found: Remainder) -> go.Figure:
+def draw_against(found: ResidualAnalysis) -> go.Figure:
     """The remainder along the direction of each of the first quantities, against it, with the smooth that was fitted."""
     figure = go.Figure()
     owner: list[int] = []

@@ -1,11 +1,11 @@
 """What a calibration leaves, as a section of its page."""
 
-from taskcal.identification.remainder import PROVEN, WORTH, Remainder
+from taskcal.identification.residual_analysis import PROVEN, WORTH, ResidualAnalysis
 from taskcal.presentation.content import Block, Chart, Numbers, Points, Section, Table, Text
 from taskcal.presentation.remainder_figures import draw_against, draw_shares
 
 
-def remainder_section(found: Remainder, rows: str) -> Section:
+def remainder_section(found: ResidualAnalysis, rows: str) -> Section:
     """The section.
 
     Args:
@@ -67,7 +67,7 @@ def remainder_section(found: Remainder, rows: str) -> Section:
     return Section(title="What is left, and what it goes with", blocks=(method, *blocks))
 
 
-def _said(found: Remainder) -> tuple[str, ...]:
+def _said(found: ResidualAnalysis) -> tuple[str, ...]:
     """The evidence in sentences."""
     proven = [e for e in found.explained if e.proven]
     out = [

@@ -7,12 +7,13 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.arguments import expect_kinds
+from taskcal.arguments import expect_kinds, warn_renamed
 from taskcal.errors import TaskcalError, UnknownName
 from taskcal.geometry import walk
 from taskcal.geometry.chain import Chain, Step
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Effect, LinearTerm
+from taskcal.robot.effects.registry import current_parameter
 from taskcal.robot.error_frames import defect_steps, length_steps
 from taskcal.robot.joint_side import JointTerm, Shift
 from taskcal.robot.load import Load
@@ -88,19 +89,20 @@ class ErrorModel:
         if twice:
             raise TaskcalError(f"two effects have a parameter '{min(twice)}'; add each effect once")
         tolerances = robot.tolerances
+        overrides = {name if name in names else current_parameter(name): t for name, t in tolerances.overrides.items()}
         default = {"m": tolerances.translation, "rad": tolerances.rotation}
         self.parameters = tuple(
             Parameter(
                 name=name,
                 unit=unit,
-                tolerance=tolerances.overrides.get(
+                tolerance=overrides.get(
                     name, tolerances.length if name.startswith("loop.") else stated.get(name) or default[unit]
                 ),
                 symbol=robot.symbols.get(name, ""),
             )
             for name, unit in zip(names, units, strict=True)
         )
-        unknown = set(tolerances.overrides) - set(names)
+        unknown = set(overrides) - set(names)
         if unknown and not lengths_only:
             raise UnknownName("parameter", min(unknown), names, f"(a tolerance of {robot.name})")
 
@@ -173,17 +175,22 @@ class ErrorModel:
         Raises:
             UnknownName: no such parameter.
         """
-        found: set[int] = set()
+        chosen: set[int] = set()
         for name in names:
-            wanted = [
-                i for i, p in enumerate(self.parameters) if name in (p.name, p.symbol) or p.name.startswith(name + ".")
-            ]
+            wanted = self._named(name)
+            present = current_parameter(name)
+            if not wanted and present != name and (wanted := self._named(present)):
+                warn_renamed(f"the parameter '{name}'", present, stacklevel=2)
             if not name or not wanted:
                 joints = self.robot.joint_names
                 hint = f"in {self.robot.name}; joint frames run from {joints[0]} to {joints[-1]}, then tool"
                 raise UnknownName("parameter", name, self.names, hint + (" and loop" if self.robot.four_bar else ""))
-            found.update(wanted)
-        return np.array(sorted(found), dtype=np.int64)
+            chosen.update(wanted)
+        return np.array(sorted(chosen), dtype=np.int64)
+
+    def _named(self, name: str) -> list[int]:
+        """Positions of the parameters that a name stands for."""
+        return [i for i, p in enumerate(self.parameters) if name in (p.name, p.symbol) or p.name.startswith(f"{name}.")]
 
     @cached_property
     def _pairs(self) -> Int[np.ndarray, "pairs 2"]:

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.drift import DriftChoice, DriftOption, settle
+from taskcal.cli.drift import DriftChoice, DriftOption, compensate
 from taskcal.cli.options import (
     ForceOption,
     JsonOption,
-    NestsOption,
+    ReferencePointsOption,
     RobotOption,
     RowsOption,
     SeedOption,
@@ -71,7 +71,7 @@ def command(
     ] = None,
     seed: SeedOption = 0,
     targets: TargetsOption = None,
-    nests: NestsOption = None,
+    reference_points: ReferencePointsOption = None,
     keep: Annotated[
         str | None,
         typer.Option(
@@ -163,7 +163,11 @@ def command(
         ("--mpe-to-sigma", mpe_to_sigma, 1e-3, 1e3),
     ):
         check_within(value, least, most, option)
-    wanted, fixed, names = split_names(targets, "--targets"), split_names(nests, "--nests"), split_names(keep, "--keep")
+    wanted, fixed, names = (
+        split_names(targets, "--targets"),
+        split_names(reference_points, "--reference-points"),
+        split_names(keep, "--keep"),
+    )
     if effects == "auto" and prior is PriorChoice.none:
         raise typer.BadParameter(
             "effects are found by their evidence, which needs a prior; name them, or leave out --prior none",
@@ -190,11 +194,11 @@ def command(
     from taskcal.robot.error_model import ErrorModel
 
     model = ErrorModel(load_robot(robot), lengths_only=lengths_only)
-    measured = read_campaign(campaign, model.robot, targets=wanted, nests=fixed)
+    measured = read_campaign(campaign, model.robot, targets=wanted, reference_points=fixed)
     if mpe_to_sigma is not None and measured.uncertainty is not None:
         note("--mpe-to-sigma has no effect: the campaign states its own uncertainties (u_mm)")
     noise = None if mpe_to_sigma is None else TrackerNoise(mpe_to_sigma=mpe_to_sigma)
-    measured, moved = settle(measured, drift, noise)
+    measured, moved = compensate(measured, drift, noise)
     chosen, others = _divide(measured, rows, holdout, seed, campaign)
     announce_compilation()
     options = FitOptions(

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.drift import DriftChoice, DriftOption, settle
+from taskcal.cli.drift import DriftChoice, DriftOption, compensate
 from taskcal.cli.options import (
     ForceOption,
     JsonOption,
-    NestsOption,
+    ReferencePointsOption,
     RobotOption,
     RowsOption,
     TargetsOption,
@@ -47,7 +47,7 @@ def command(
     ] = None,
     rows: RowsOption = None,
     targets: TargetsOption = None,
-    nests: NestsOption = None,
+    reference_points: ReferencePointsOption = None,
     drift: DriftOption = DriftChoice.follow,
     force: ForceOption = False,
     as_json: JsonOption = False,
@@ -56,7 +56,7 @@ def command(
 
     The fit of taskcal identify refines what is found here; nothing of the robot is identified yet.
     """
-    wanted, fixed = split_names(targets, "--targets"), split_names(nests, "--nests")
+    wanted, fixed = split_names(targets, "--targets"), split_names(reference_points, "--reference-points")
     outputs = check_outputs("register", [("--output", output)], [campaign, robot, rows], force=force)
     from taskcal.cli.rows import choose_rows
     from taskcal.measurement.axis_circles import find_circles
@@ -66,8 +66,8 @@ def command(
     from taskcal.robot.error_model import ErrorModel
 
     model = ErrorModel(load_robot(robot))
-    measured = read_campaign(campaign, model.robot, targets=wanted, nests=fixed)
-    measured, moved = settle(measured, drift)
+    measured = read_campaign(campaign, model.robot, targets=wanted, reference_points=fixed)
+    measured, moved = compensate(measured, drift)
     chosen = list(range(len(measured))) if rows is None else choose_rows(rows, len(measured), campaign)
     measured = measured.take(chosen)
     announce_compilation()

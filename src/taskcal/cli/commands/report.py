@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.drift import DriftChoice, DriftOption, settle
+from taskcal.cli.drift import DriftChoice, DriftOption, compensate
 from taskcal.cli.options import ForceOption, JsonOption, SeedOption
 from taskcal.cli.output import announce_compilation, tell, working, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
 
 if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
-    from taskcal.identification.remainder import Remainder
+    from taskcal.identification.residual_analysis import ResidualAnalysis
 
 
 def command(
@@ -82,7 +82,7 @@ def command(
     tell(f"wrote {output}")
 
 
-def show_remainder(left: "Remainder") -> None:
+def show_remainder(left: "ResidualAnalysis") -> None:
     """Print what the remainder goes with, as far as chance does not give as much."""
     from taskcal.cli.output import show_table
 
@@ -99,20 +99,20 @@ def show_remainder(left: "Remainder") -> None:
         tell(f"{title}: nothing that was tried")
 
 
-def _examine(calibration: "Calibration", campaign: Path, drift: DriftChoice, seed: int) -> "Remainder":
+def _examine(calibration: "Calibration", campaign: Path, drift: DriftChoice, seed: int) -> "ResidualAnalysis":
     """What the residuals on a campaign go with.
 
     Raises:
         FileError: the campaign has other targets or too few poses.
     """
     from taskcal.errors import CampaignError, FileError
-    from taskcal.identification.remainder import examine_remainder
+    from taskcal.identification.residual_analysis import analyse_residuals
     from taskcal.measurement.reader import read_campaign
 
     wanted = None if calibration.targets == ("tool",) else calibration.targets
     measured = read_campaign(campaign, calibration.model.robot, targets=wanted)
-    measured, _ = settle(measured, drift)
+    measured, _ = compensate(measured, drift)
     try:
-        return examine_remainder(calibration, measured, seed=seed)
+        return analyse_residuals(calibration, measured, seed=seed)
     except CampaignError as error:
         raise FileError(campaign, str(error)) from error

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from taskcal.cli.drift import DriftChoice, DriftOption, settle
-from taskcal.cli.options import JsonOption, NestsOption, RowsOption, TargetsOption, split_names
+from taskcal.cli.drift import DriftChoice, DriftOption, compensate
+from taskcal.cli.options import JsonOption, ReferencePointsOption, RowsOption, TargetsOption, split_names
 from taskcal.cli.output import announce_compilation, note, write_json
 
 
@@ -22,13 +22,13 @@ def command(
         ),
     ] = False,
     targets: TargetsOption = None,
-    nests: NestsOption = None,
+    reference_points: ReferencePointsOption = None,
     rows: RowsOption = None,
     drift: DriftOption = DriftChoice.follow,
     as_json: JsonOption = False,
 ) -> None:
     """Compare a campaign with a calibration's predictions."""
-    wanted, fixed = split_names(targets, "--targets"), split_names(nests, "--nests")
+    wanted, fixed = split_names(targets, "--targets"), split_names(reference_points, "--reference-points")
     from taskcal.cli.errors_table import show_errors
     from taskcal.cli.rows import choose_rows
     from taskcal.identification.calibration_file import load_calibration
@@ -36,8 +36,8 @@ def command(
     from taskcal.measurement.reader import read_campaign
 
     known = load_calibration(calibration)
-    measured = read_campaign(campaign, known.model.robot, targets=wanted, nests=fixed)
-    measured, _ = settle(measured, drift)
+    measured = read_campaign(campaign, known.model.robot, targets=wanted, reference_points=fixed)
+    measured, _ = compensate(measured, drift)
     if wanted is None and not reregister:
         shared = [name for name in measured.targets if name in known.targets]
         if shared and len(shared) < len(measured.targets):

@@ -16,7 +16,7 @@ from taskcal.robot.effects.harmonics import Harmonics as Harmonics
 from taskcal.robot.effects.linear_term import LinearTerm as LinearTerm
 from taskcal.robot.effects.linear_term import at_joints as at_joints
 from taskcal.robot.effects.motor_harmonics import MotorHarmonics as MotorHarmonics
-from taskcal.robot.effects.overrun import Overrun as Overrun
+from taskcal.robot.effects.overshoot import Overshoot as Overshoot
 from taskcal.robot.effects.registry import candidates as candidates
 from taskcal.robot.effects.registry import effect_from as effect_from
 from taskcal.robot.effects.registry import kinds as kinds

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from taskcal.arguments import warn_renamed
 from taskcal.errors import TaskcalError, UnknownName, shown
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.robot import Robot
@@ -12,6 +13,21 @@ if TYPE_CHECKING:
 
 _KINDS: dict[str, type["Effect"]] = {}
 """By class name, in the order of definition."""
+
+FORMER_KEYS = {"overrun": "overshoot"}
+"""Texts that named an effect in earlier releases, and what names it now."""
+
+FORMER_KINDS = {"Overrun": "Overshoot"}
+"""Of files that earlier releases wrote."""
+
+FORMER_PARAMETERS = {"overrun": "overshoot", "growth": "expansion"}
+"""Last parts of parameter names in earlier releases, and now."""
+
+
+def current_parameter(name: str) -> str:
+    """What a parameter is called now that a file of an earlier release names; its name as it is where it has not changed."""
+    frame, dot, last = name.rpartition(".")
+    return f"{frame}{dot}{FORMER_PARAMETERS.get(last, last)}" if dot else name
 
 
 def register(kind: type["Effect"]) -> None:
@@ -60,8 +76,12 @@ def parse_effect(text: str) -> "Effect":
     Raises:
         TaskcalError: it names none, or with options that do not exist.
     """
+    wanted = text
+    if text in FORMER_KEYS and text not in ways_to_write():
+        wanted = FORMER_KEYS[text]
+        warn_renamed(f"the effect '{text}'", wanted, stacklevel=2)
     for kind in kinds():
-        effect = kind.parse(text)
+        effect = kind.parse(wanted)
         if effect is not None:
             return effect
     raise TaskcalError(f"'{shown(text)}' is not an effect; known: {', '.join(ways_to_write())}")
@@ -75,6 +95,8 @@ def effect_from(data: Mapping[str, Any]) -> "Effect":
         TaskcalError: a kind whose module is not imported.
     """
     kind, module = str(data["kind"]), data.get("module")
+    if module is None:
+        kind = FORMER_KINDS.get(kind, kind)
     if kind in _KINDS:
         return _KINDS[kind].from_json({name: value for name, value in data.items() if name not in ("kind", "module")})
     if module is None:

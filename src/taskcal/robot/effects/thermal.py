@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects.growth import Growth
+from taskcal.robot.effects.thermal_expansion import ThermalExpansion
 from taskcal.robot.robot import Robot
 
 EXPANSION = 2.4e-5
@@ -20,7 +20,7 @@ hundredth of a millimetre."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Thermal(Growth):
+class Thermal(ThermalExpansion):
     """Lengths that grow with the temperature, and a base that moves against the tracker with it.
 
     All lengths between the axes grow in one proportion; or, if joints are named, those behind each of them in a proportion
@@ -29,12 +29,12 @@ class Thermal(Growth):
     """
 
     key = "thermal"
-    label = "growth with the temperature"
+    label = "thermal expansion"
     summary = "lengths that grow, and a base that drifts, with the temperature"
     needs = ("temperature",)
 
     tolerance: float = EXPANSION
-    """Growth per kelvin (1σ); what carries the base moves and tilts as one of 1 m height that grows so on one side."""
+    """Expansion per kelvin (1σ); what carries the base moves and tilts as one of 1 m height that grows so on one side."""
     reference: float = 20.0
     """Temperature at which the other parameters of the model hold, °C."""
     per: ClassVar[str] = "/K"

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from taskcal.errors import TaskcalError
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects.growth import Growth
+from taskcal.robot.effects.thermal_expansion import ThermalExpansion
 from taskcal.robot.robot import Robot
 
 LONGER = 600.0
@@ -23,7 +23,7 @@ _MINUTES = re.compile(r"warmup:([1-9]\d{0,3})$")
 
 
 @dataclass(frozen=True, kw_only=True)
-class WarmUp(Growth):
+class WarmUp(ThermalExpansion):
     """Lengths that grow, and a base that moves, as 1 − exp(−t/τ) with the time at work; for where no temperature is known.
 
     All lengths between the axes grow in one proportion; or, if joints are named, those behind each of them in a proportion
@@ -36,7 +36,7 @@ class WarmUp(Growth):
     needs = ("time",)
 
     tolerance: float = 2.4e-4
-    """Growth of a cold robot until it is warm (1σ): aluminium that warms by 10 K."""
+    """Expansion of a cold robot until it is warm (1σ): aluminium that warms by 10 K."""
     time_constant: float = 3600.0
     """τ, seconds."""
     reference: float | None = None

@@ -8,20 +8,20 @@ from jaxtyping import Float
 
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects.effect import Quantity
-from taskcal.robot.effects.growth import DRIFT, Growth
 from taskcal.robot.effects.linear_term import LinearTerm
+from taskcal.robot.effects.thermal_expansion import DRIFT, ThermalExpansion
 from taskcal.robot.robot import Robot
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnevenGrowth(Growth, abstract=True):
+class UnevenExpansion(ThermalExpansion, abstract=True):
     """Each named joint's length grows towards its own end, in its own time; the stand under the base is the slowest.
 
     For virtual robots only: it is not registered, so that no fit ever tries it.
     """
 
     tolerance: float = 8e-5
-    """Growth of every length until it is warm (1σ), metres per metre; the stand moves and tilts as much per metre."""
+    """Expansion of every length until it is warm (1σ), metres per metre; the stand moves and tilts as much per metre."""
     time_constants: tuple[float, ...]
     """Of the stand, then of each named joint's length, seconds."""
     needs: ClassVar[tuple[Quantity, ...]] = ("time",)
@@ -34,7 +34,7 @@ class UnevenGrowth(Growth, abstract=True):
         return len(DRIFT) + len(self.joints or ())
 
     def term(self, robot: Robot) -> LinearTerm:
-        """Parameters of `Growth`, each with its own course."""
+        """Parameters of `ThermalExpansion`, each with its own course."""
         term = super().term(robot)
         gain = (
             term.given(np.zeros((1, len(robot.joints))), Conditions(time=np.array([np.inf])))[0] if term.given else 0.0

@@ -24,7 +24,7 @@ MIN_LENGTH = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Growth(Effect, abstract=True):
+class ThermalExpansion(Effect, abstract=True):
     """What `Thermal` and `WarmUp` share; a model has one of them.
 
     All lengths between the axes grow in one proportion; or, if joints are named, those behind each of them in a proportion
@@ -48,7 +48,7 @@ class Growth(Effect, abstract=True):
         raise TaskcalError(f"{type(self).__name__} does not say what it grows with")
 
     def term(self, robot: Robot) -> LinearTerm:
-        """Parameters ``thermal.growth``, or ``J2.growth`` …, metres per metre, and ``thermal.tx`` … of the base.
+        """Parameters ``thermal.expansion``, or ``J2.expansion`` …, metres per metre, and ``thermal.tx`` … of the base.
 
         Raises:
             UnknownName: a joint that the robot does not have.
@@ -56,9 +56,9 @@ class Growth(Effect, abstract=True):
         """
         grown, first = self._grown(robot), len(robot.joints)
         if self.joints is None:
-            names, own = ["thermal.growth"], [0] * len(grown)
+            names, own = ["thermal.expansion"], [0] * len(grown)
         else:
-            names, own = [f"{robot.joint_names[j]}.growth" for j, _ in grown], list(range(len(grown)))
+            names, own = [f"{robot.joint_names[j]}.expansion" for j, _ in grown], list(range(len(grown)))
         pairs = [(first + c, len(names) + c) for c in range(len(DRIFT))]
         pairs += [(first + len(DRIFT) + i, parameter) for i, parameter in enumerate(own)]
         gain = np.array([1.0] * len(DRIFT) + [float(np.linalg.norm(link)) for _, link in grown])

@@ -47,7 +47,7 @@ class Explained:
 
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Remainder:
+class ResidualAnalysis:
     """What is left at every pose, and what it goes with."""
 
     residual: Float[np.ndarray, "n 3"]
@@ -78,9 +78,9 @@ class Remainder:
         }
 
 
-def examine_remainder(
+def analyse_residuals(
     calibration: Calibration, campaign: Campaign, *, permutations: int = 99, folds: int = 5, seed: int = 0
-) -> Remainder:
+) -> ResidualAnalysis:
     """Find out what the residuals of a calibration go with.
 
     Args:
@@ -110,7 +110,7 @@ def examine_remainder(
     parts = split_postures(campaign.q, folds, seed)
     rng = np.random.default_rng(seed)
     explained = [_explain(r, residual, parts, permutations, rng) for r in list_regressors(calibration, campaign)]
-    return Remainder(
+    return ResidualAnalysis(
         residual=residual,
         rms=float(np.sqrt((residual**2).sum(axis=1).mean())),
         tracker=tracker,

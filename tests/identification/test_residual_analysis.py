@@ -9,7 +9,7 @@ import pytest
 from taskcal.errors import CampaignError
 from taskcal.identification.identify import identify
 from taskcal.identification.regressor import list_regressors
-from taskcal.identification.remainder import examine_remainder, fit_smooth
+from taskcal.identification.residual_analysis import analyse_residuals, fit_smooth
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Harmonics
@@ -32,7 +32,7 @@ def measure(model, count=120, seed=0, x=None, targets=None):
 
 
 def examined(model, campaign, **options):
-    found = examine_remainder(identify(model, campaign), campaign, permutations=19, **options)
+    found = analyse_residuals(identify(model, campaign), campaign, permutations=19, **options)
     return found, {e.regressor.name: e for e in found.explained}
 
 
@@ -99,11 +99,11 @@ def test_targets_that_move_as_one_are_the_robot_and_others_are_not(model):
     campaign = measure(model, targets=TARGETS, count=60)
     rng = np.random.default_rng(7)
     common = campaign.points + 3e-4 * rng.normal(size=(60, 1, 3))
-    found = examine_remainder(identify(model, campaign), replace(campaign, points=common), permutations=1)
+    found = analyse_residuals(identify(model, campaign), replace(campaign, points=common), permutations=1)
     assert found.together > 2e-4
     assert found.apart == pytest.approx(found.tracker, rel=0.25)
     single = campaign.points + 3e-4 * rng.normal(size=(60, 3, 3))
-    found = examine_remainder(identify(model, campaign), replace(campaign, points=single), permutations=1)
+    found = analyse_residuals(identify(model, campaign), replace(campaign, points=single), permutations=1)
     assert found.apart == pytest.approx(3e-4, rel=0.2)
 
 
@@ -113,14 +113,14 @@ def test_lost_beams_and_short_campaigns(model):
     points[3] = np.nan
     points[4:9, 1] = np.nan
     gaps = replace(campaign, points=points)
-    found = examine_remainder(identify(model, gaps), gaps, permutations=1)
+    found = analyse_residuals(identify(model, gaps), gaps, permutations=1)
     assert found.residual.shape == (59, 3)
     assert np.isfinite(found.residual).all()
     json.dumps(found.to_json(), allow_nan=False)
     with pytest.raises(CampaignError, match="29 poses are too few"):
-        examine_remainder(identify(model, campaign), campaign.take(slice(0, 29)))
+        analyse_residuals(identify(model, campaign), campaign.take(slice(0, 29)))
     with pytest.raises(CampaignError, match="the campaign's targets are a, the calibration's a, b, c"):
-        examine_remainder(identify(model, campaign), campaign.of_targets(["a"]))
+        analyse_residuals(identify(model, campaign), campaign.of_targets(["a"]))
 
 
 def test_levers_are_those_of_the_measured_point(model):

@@ -1,4 +1,4 @@
-"""How the nests beside a robot moved together from row to row."""
+"""How the reference points beside a robot moved together from row to row."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,36 +9,36 @@ from jaxtyping import Bool, Float
 from taskcal.geometry import se3
 
 LINE = 0.05
-"""Second extent of the nests over their first under which they are taken for a line, about which nothing is seen to turn."""
+"""Second extent of the points over their first under which they are taken for a line, about which nothing is seen to turn."""
 
 MISPLACED = 10.0
-"""Standard deviations by which the distance of two nests may differ from the usual one before a nest is taken for lost."""
+"""Standard deviations by which the distance of two points may differ from the usual one before one of them is taken for lost."""
 
 FINEST = 1e-6
 """Smallest standard deviation of that distance, metres."""
 
 MAX_ROUNDS = 20
-"""Of nests placed by the motions and motions by the nests."""
+"""Of reference points placed by the motions and motions by the reference points."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class NestMotion:
-    """The nests' common motion in every row, as far as each row tells."""
+class ReferenceMotion:
+    """The reference points' common motion in every row, as far as each row tells."""
 
     centre: Float[np.ndarray, " 3"]
-    """Centre of the nests in their common frame, metres."""
+    """Centre of the reference points in their common frame, metres."""
     axes: Float[np.ndarray, "3 3"]
     """Their principal axes, columns."""
     values: Float[np.ndarray, "n components"]
-    """Translation of the centre along the axes, metres, and, where three nests tell it, rotation about them, radians."""
+    """Translation of the centre along the axes, metres, and, where three reference points tell it, rotation about them, radians."""
     per_noise: Float[np.ndarray, "n components"]
     """Variance of each value for noise of unit variance."""
     noise: float | None
-    """Standard deviation of a nest's coordinate, by what no common motion explains, metres; None for a single nest."""
+    """Standard deviation of a reference point's coordinate, by what no common motion explains, metres; None for a single one."""
     freedom: int
     """Degrees of freedom of that estimate."""
-    lost: Bool[np.ndarray, "n nests"]
-    """Nests that stood out of place."""
+    lost: Bool[np.ndarray, "n points"]
+    """Reference points that stood out of place."""
 
     @property
     def rigid(self) -> bool:
@@ -46,16 +46,16 @@ class NestMotion:
         return self.values.shape[1] == 6
 
 
-def observe_nests(nests: Mapping[str, Float[np.ndarray, "_ 3"]]) -> NestMotion:
-    """Find the common motion of nests.
+def observe_reference_points(reference_points: Mapping[str, Float[np.ndarray, "_ 3"]]) -> ReferenceMotion:
+    """Find the common motion of reference points.
 
-    Each row's motion is the rigid one that carries the nests' usual places nearest to the seen ones (Kabsch 1976), and the
-    usual places are those that all rows agree on best; of fewer than three nests, or nests on a line, the mean movement.
+    Each row's motion is the rigid one that carries the points' usual places nearest to the seen ones (Kabsch 1976), and the usual
+    places are those that all rows agree on best; of fewer than three points, or points on a line, the mean movement.
 
     Args:
-        nests: points of each nest, row by row, metres; NaN where it was not seen. One nest at least.
+        reference_points: the places of each, row by row, metres; NaN where it was not seen. One at least.
     """
-    seen = np.stack(list(nests.values()), axis=1)
+    seen = np.stack(list(reference_points.values()), axis=1)
     lost = _misplaced(seen)
     seen = np.where(lost[..., None], np.nan, seen)
     there = ~np.isnan(seen[..., 0])
@@ -77,7 +77,7 @@ def observe_nests(nests: Mapping[str, Float[np.ndarray, "_ 3"]]) -> NestMotion:
     values = np.concatenate([(se3.apply(se3.pose(R, place), centre) - centre) @ axes, se3.log(R) @ axes], 1)
     values[~told] = np.nan
     shares = np.concatenate([np.repeat(there.sum(axis=1)[:, None], 3, axis=1), lever], axis=1)
-    return NestMotion(
+    return ReferenceMotion(
         centre=centre,
         axes=axes,
         values=values,
@@ -89,7 +89,7 @@ def observe_nests(nests: Mapping[str, Float[np.ndarray, "_ 3"]]) -> NestMotion:
 
 
 def _rigid(
-    seen: Float[np.ndarray, "n nests 3"], there: Bool[np.ndarray, "n nests"], usual: Float[np.ndarray, "nests 3"]
+    seen: Float[np.ndarray, "n points 3"], there: Bool[np.ndarray, "n points"], usual: Float[np.ndarray, "points 3"]
 ) -> tuple[Float[np.ndarray, "n 3 3"], Float[np.ndarray, "n 3"]]:
     """Rotation and translation from the usual places to the seen ones, row by row."""
     count = np.maximum(there.sum(axis=1), 1)[:, None]
@@ -101,32 +101,32 @@ def _rigid(
 
 
 def _shift(
-    seen: Float[np.ndarray, "n nests 3"],
-    there: Bool[np.ndarray, "n nests"],
-    usual: Float[np.ndarray, "nests 3"],
-    lost: Bool[np.ndarray, "n nests"],
-) -> NestMotion:
+    seen: Float[np.ndarray, "n points 3"],
+    there: Bool[np.ndarray, "n points"],
+    usual: Float[np.ndarray, "points 3"],
+    lost: Bool[np.ndarray, "n points"],
+) -> ReferenceMotion:
     """Translations alone."""
-    count, nests = there.sum(axis=1)[:, None], seen.shape[1]
+    count, number = there.sum(axis=1)[:, None], seen.shape[1]
     moved = np.zeros((len(seen), 3))
     for _ in range(MAX_ROUNDS):
         moved = np.where(there[..., None], seen - usual, 0.0).sum(axis=1) / np.maximum(count, 1)
         usual = np.nanmean(seen - moved[:, None], axis=0)
-    freedom = int(3 * (there.sum() - (count > 0).sum() - nests + 1))
+    freedom = int(3 * (there.sum() - (count > 0).sum() - number + 1))
     residual = np.where(there[..., None], seen - usual - moved[:, None], 0.0)
-    return NestMotion(
+    return ReferenceMotion(
         centre=usual.mean(axis=0),
         axes=np.eye(3),
         values=np.where(count > 0, moved, np.nan),
         per_noise=np.repeat(1.0 / np.maximum(count, 1), 3, axis=1),
-        noise=None if nests == 1 else float(np.sqrt((residual**2).sum() / max(freedom, 1))),
+        noise=None if number == 1 else float(np.sqrt((residual**2).sum() / max(freedom, 1))),
         freedom=freedom,
         lost=lost,
     )
 
 
-def _misplaced(seen: Float[np.ndarray, "n nests 3"]) -> Bool[np.ndarray, "n nests"]:
-    """Nests whose distances from all others that were seen are unusual: a beam that met another reflector."""
+def _misplaced(seen: Float[np.ndarray, "n points 3"]) -> Bool[np.ndarray, "n points"]:
+    """Reference points whose distances from all others that were seen are unusual: a beam that met another reflector."""
     distance = np.linalg.norm(seen[:, :, None] - seen[:, None], axis=3)
     off = np.abs(distance - np.nanmedian(distance, axis=0))
     deviation = np.maximum(1.4826 * np.nanmedian(off, axis=0), FINEST)
@@ -134,8 +134,8 @@ def _misplaced(seen: Float[np.ndarray, "n nests 3"]) -> Bool[np.ndarray, "n nest
     return other.any(axis=2) & ((off > MISPLACED * deviation) | ~other).all(axis=2)
 
 
-def _not_on_a_line(there: Bool[np.ndarray, "n nests"], usual: Float[np.ndarray, "nests 3"]) -> Bool[np.ndarray, " n"]:
-    """Rows whose nests tell a rotation."""
+def _not_on_a_line(there: Bool[np.ndarray, "n points"], usual: Float[np.ndarray, "points 3"]) -> Bool[np.ndarray, " n"]:
+    """Rows whose reference points tell a rotation."""
     out = np.zeros(len(there), dtype=bool)
     for kind in np.unique(there, axis=0):
         some = usual[kind]

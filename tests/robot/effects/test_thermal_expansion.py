@@ -1,4 +1,4 @@
-"""Growth with the temperature, and by warming up."""
+"""Thermal expansion, with the temperature and by warming up."""
 
 import json
 
@@ -49,7 +49,7 @@ def test_a_robot_whose_lengths_all_grow_is_the_same_robot_enlarged(name):
     model, q = thermal(plain), positions(plain)
     larger = plain.poses(q)
     larger[:, :3, 3] *= 1.0 + 2e-5 * WARMTH
-    np.testing.assert_allclose(model.poses(q, with_value(model, thermal__growth=2e-5), warm(q)), larger, atol=1e-12)
+    np.testing.assert_allclose(model.poses(q, with_value(model, thermal__expansion=2e-5), warm(q)), larger, atol=1e-12)
 
 
 def test_a_model_of_lengths_alone_grows_too():
@@ -57,15 +57,15 @@ def test_a_model_of_lengths_alone_grows_too():
     model, q = thermal(plain), positions(plain)
     larger = plain.poses(q)
     larger[:, :3, 3] *= 1.0 + 2e-5 * WARMTH
-    np.testing.assert_allclose(model.poses(q, with_value(model, thermal__growth=2e-5), warm(q)), larger, atol=1e-12)
+    np.testing.assert_allclose(model.poses(q, with_value(model, thermal__expansion=2e-5), warm(q)), larger, atol=1e-12)
 
 
 def test_a_link_that_grows_by_itself_is_one_that_was_built_longer():
     plain = ErrorModel(load_robot("ur5"))
     model, q = thermal(plain, ("J2",)), positions(plain)
-    assert model.effect_names[0] == "J2.growth"
+    assert model.effect_names[0] == "J2.expansion"
     longer = with_value(plain, J2__tx=-0.425 * 3e-5 * WARMTH)  # the lower arm points along −x of its frame
-    warmed = model.poses(q, with_value(model, J2__growth=3e-5), warm(q))
+    warmed = model.poses(q, with_value(model, J2__expansion=3e-5), warm(q))
     np.testing.assert_allclose(warmed, plain.poses(q, longer), atol=1e-12)
 
 
@@ -132,7 +132,7 @@ def test_a_robot_warms_up_by_an_exponential_of_its_time_at_work(reference, cold)
     """Parameters are what a robot grows from cold to warm; at the reference, and without a time, they are zero."""
     plain = ErrorModel(load_robot("ur5"))
     model, q = plain + WarmUp(time_constant=1800.0, reference=reference), positions(plain)
-    x = with_value(model, thermal__growth=3e-4)
+    x = with_value(model, thermal__expansion=3e-4)
     time = np.array([0.0, 600.0, 1800.0, 7200.0, 1e6, np.nan])
     rise = np.append(cold + 1.0 - np.exp(-time[:5] / 1800.0), 0.0)
     expected = plain.poses(q)
@@ -143,15 +143,15 @@ def test_a_robot_warms_up_by_an_exponential_of_its_time_at_work(reference, cold)
 
 
 def test_a_model_grows_with_the_temperature_or_the_time_but_not_with_both():
-    with pytest.raises(TaskcalError, match=r"two effects have a parameter 'thermal\.growth'"):
+    with pytest.raises(TaskcalError, match=r"two effects have a parameter 'thermal\.expansion'"):
         ErrorModel(load_robot("ur5")) + Thermal() + WarmUp()
 
 
-def test_units_say_what_growth_is_counted_by():
+def test_units_say_what_expansion_is_counted_by():
     robot = ErrorModel(load_robot("ur5"))
     for effect, units in ((Thermal(), ("µm/m/K", "µm/K", "µrad/K")), (WarmUp(), ("mm/m", "mm", "mrad"))):
         shown = {p.name: p.shown.name for p in (robot + effect).parameters}
-        assert tuple(shown[f"thermal.{c}"] for c in ("growth", "tx", "rx")) == units
+        assert tuple(shown[f"thermal.{c}"] for c in ("expansion", "tx", "rx")) == units
 
 
 def test_both_survive_their_description():

@@ -14,7 +14,7 @@ from taskcal.robot.robot import Robot
 
 
 @dataclass(frozen=True, kw_only=True)
-class Overrun(Effect):
+class Overshoot(Effect):
     """A rest of the last move in proportion to the speed at which the joint came to its end.
 
     The drives of a synchronised move start and stop together, so that their speeds are to each other as their moves. The
@@ -22,15 +22,15 @@ class Overrun(Effect):
     Without the moves that led to the poses, they are taken for settled.
     """
 
-    key = "overrun"
-    label = "overrun"
+    key = "overshoot"
+    label = "overshoot"
     summary = "joints that keep a small rest of the last move, in proportion to the speed at which they came"
     uses = ("move",)
 
     def term(self, robot: Robot) -> LinearTerm:
-        """Parameters ``J2.overrun``, radians where the joint sets the pace: beyond the end if positive, short of it if negative."""
+        """Parameters ``J2.overshoot``, radians where the joint sets the pace: beyond the end if positive, short of it if not."""
         joints = np.array(self.chosen(robot), dtype=np.int64)
-        names = [f"{robot.joint_names[j]}.overrun" for j in joints]
+        names = [f"{robot.joint_names[j]}.overshoot" for j in joints]
         units = ["m" if robot.prismatic[j] else "rad" for j in joints]
         return at_drives(names, units, robot, joints, self.tolerance, _pace)
 

@@ -1,0 +1,91 @@
+"""What had another name in the release before is still understood, and says what it is called now."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taskcal.arguments import renamed_arguments
+from taskcal.errors import UnknownName
+from taskcal.identification.calibration_file import load_calibration
+from taskcal.identification.identify import identify
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.reader import read_campaign
+from taskcal.measurement.virtual_cell import simulate
+from taskcal.measurement.writer import campaign_text
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.conditions import Conditions
+from taskcal.robot.effects import Overshoot, Thermal, parse_effect
+from taskcal.robot.error_model import ErrorModel
+
+ROBOT = load_robot("ur5")
+
+
+def drawn(model: ErrorModel, count: int = 40) -> Campaign:
+    rng = np.random.default_rng(0)
+    q = rng.uniform(-1.5, 1.5, size=(count, 6))
+    move = rng.uniform(-1.0, 1.0, size=q.shape)
+    conditions = Conditions(approach=np.sign(move), move=move, temperature=rng.uniform(18.0, 28.0, size=count))
+    return simulate(model, q, rng=rng, conditions=conditions)[0]
+
+
+def test_a_function_takes_an_argument_by_its_former_name() -> None:
+    @renamed_arguments(old="new")
+    def double(new: int = 1) -> int:
+        return 2 * new
+
+    with pytest.warns(DeprecationWarning, match="the argument 'old' is called 'new' now") as given:
+        assert double(old=4) == double(new=4) == 8  # pyright: ignore[reportCallIssue]
+    assert [warning.filename for warning in given] == [__file__]
+    with pytest.raises(TypeError, match="'old' is the former name of 'new'; give one of them"):
+        double(old=4, new=4)  # pyright: ignore[reportCallIssue]
+
+
+def test_nests_are_reference_points_now(tmp_path: Path) -> None:
+    plain = drawn(ErrorModel(ROBOT))
+    places = {"post": np.tile([1.0, 2.0, 0.5], (len(plain), 1))}
+    shared = {"ids": plain.ids, "q": plain.q, "targets": plain.targets, "points": plain.points}
+    with pytest.warns(DeprecationWarning, match="'nests' is called 'reference_points' now"):
+        campaign = Campaign(**shared, nests=places)  # pyright: ignore
+    with pytest.warns(DeprecationWarning, match=r"Campaign\.nests is called 'reference_points' now"):
+        assert campaign.nests is campaign.reference_points is places
+    (tmp_path / "c.csv").write_text(campaign_text(campaign, ROBOT))
+    with pytest.warns(DeprecationWarning, match="'nests' is called 'reference_points' now"):
+        again = read_campaign(tmp_path / "c.csv", ROBOT, nests=["post"])  # pyright: ignore[reportCallIssue]
+    assert (again.targets, list(again.reference_points)) == (("tool",), ["post"])
+
+
+def test_an_effect_is_named_by_its_former_key() -> None:
+    with pytest.warns(DeprecationWarning, match="the effect 'overrun' is called 'overshoot' now"):
+        assert parse_effect("overrun") == parse_effect("overshoot") == Overshoot()
+
+
+@pytest.mark.parametrize(
+    ("effect", "former", "present"),
+    [(Overshoot(), "J2.overrun", "J2.overshoot"), (Thermal(), "thermal.growth", "thermal.expansion")],
+)
+def test_a_parameter_is_found_by_its_former_name(effect, former: str, present: str) -> None:
+    model = ErrorModel(ROBOT) + effect
+    with pytest.warns(DeprecationWarning, match=f"the parameter '{former}' is called '{present}' now"):
+        assert model.indices([former]) == model.indices([present])
+    with pytest.raises(UnknownName, match=r"J2\.overran"):
+        model.indices(["J2.overran"])
+
+
+@pytest.mark.parametrize("effect", [Overshoot(), Thermal(joints=("J2", "J3"))])
+def test_a_calibration_file_of_an_earlier_release_is_read(effect, tmp_path: Path) -> None:
+    model = ErrorModel(ROBOT) + effect
+    fit = identify(model, drawn(model), model_error=5e-5, prior_scale=1.0)
+    path = tmp_path / "cal.json"
+    fit.save(path)
+    text = path.read_text(encoding="utf-8")
+    former = text.replace("Overshoot", "Overrun").replace(".overshoot", ".overrun").replace(".expansion", ".growth")
+    assert former != text
+    path.write_text(former, encoding="utf-8")
+    read = load_calibration(path)
+    assert read.names == fit.names
+    assert read.model.effects == fit.model.effects
+    np.testing.assert_array_equal(read.z, fit.z)
+    data = json.loads(former)
+    assert any(name.endswith((".overrun", ".growth")) for name in data["names"])
