@@ -11,14 +11,15 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
-from jaxtyping import install_import_hook
 from threadpoolctl import threadpool_limits
+
+from tests.checked_calls import count_anew, install_checks
 
 os.environ["TASKCAL_STATE_DIR"] = tempfile.mkdtemp(prefix="taskcal-state-")  # not the user's own
 
 threadpool_limits(1)  # a pytest plugin may have loaded NumPy, and its BLAS, before this file
 
-# Shapes and types in annotations are checked at every call, but for these modules and all that is in these folders.
+# Shapes and types in annotations are checked, but for these modules and all that is in these folders.
 _UNCHECKED = {
     "compiled kernels, whose source Numba has to read, and what describes their arguments": """
         geometry.compiled geometry.covariance_propagation geometry.described_arrays geometry.four_bar geometry.normal_equations
@@ -60,7 +61,7 @@ def _checked() -> list[str]:
     ]
 
 
-install_import_hook(_checked(), "beartype.beartype")
+install_checks(_checked())
 
 # The same examples at every run; compiling a kernel inside an example is slow only once.
 settings.register_profile(
@@ -87,6 +88,7 @@ def _require_data() -> None:
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
+    count_anew()
     if item.get_closest_marker("realdata"):
         _require_data()
 
