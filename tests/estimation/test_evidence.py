@@ -53,7 +53,7 @@ class LinearModel:
         return Linearised(
             residual=self.y - self.J @ z,
             covariance=R,
-            spread=self.J @ posterior @ self.J.swapaxes(1, 2),
+            prediction_covariance=self.J @ posterior @ self.J.swapaxes(1, 2),
             information=H,
             posterior=posterior,
             prior_covariance=self.Sigma,
@@ -114,7 +114,7 @@ def test_a_weighted_block_counts_as_one_of_larger_variance():
     step, _ = score_model_error(weighted, slice(0, B), weights)
     # derivative of the covariance by u is 1/weight in every block: s and t weighted by hand
     W = np.linalg.inv(weighted.covariance)
-    Q = W - W @ weighted.spread @ W
+    Q = W - W @ weighted.prediction_covariance @ W
     Qr = np.einsum("nij,nj->ni", W, weighted.residual)
     s, t = (Qr**2).sum(axis=1) @ (1 / weights), np.trace(Q, axis1=1, axis2=2) @ (1 / weights)
     np.testing.assert_allclose(step, (s - t) / ((Q**2).sum(axis=(1, 2)) @ (1 / weights**2)))

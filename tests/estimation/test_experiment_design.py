@@ -91,7 +91,7 @@ def test_the_value_is_that_of_matrices_inverted_afresh(criterion, rng, block, kn
 @pytest.mark.parametrize("criterion", ["E", "O1", "O2", "O4"])
 def test_a_short_list_that_misses_the_present_candidate_does_no_harm(criterion, monkeypatch):
     """An exchange that turns out worse is taken back, so that the value stays that of the choice."""
-    monkeypatch.setattr(experiment_design, "SHORTLIST", 2)
+    monkeypatch.setattr(experiment_design, "SHORTLIST_SIZE", 2)
     for seed in range(3):
         candidates = random_candidates(np.random.default_rng(seed), n=20, d=6)
         found = choose(candidates, 7, criterion)
@@ -132,9 +132,9 @@ def test_weighing_a_pool_costs_no_more_than_one_percent(criterion, monkeypatch):
     """The pool is shrunk below the number of candidates, so that most of them are not weighed at most steps."""
     for seed in range(4):
         candidates = random_candidates(np.random.default_rng(seed), n=1500, d=12)
-        monkeypatch.setattr(experiment_design, "POOL", 10**9)
+        monkeypatch.setattr(experiment_design, "POOL_SIZE", 10**9)
         everything = values(candidates, choose(candidates, 20, criterion).chosen[None], criterion)[0]
-        monkeypatch.setattr(experiment_design, "POOL", 150)
+        monkeypatch.setattr(experiment_design, "POOL_SIZE", 150)
         pooled = values(candidates, choose(candidates, 20, criterion).chosen[None], criterion)[0]
         assert pooled <= 1.01 * everything
 

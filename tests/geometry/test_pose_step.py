@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from taskcal.geometry.chain import Chain, Fixed
-from taskcal.geometry.pose_step import LARGEST, WEIGHT, Goal, step_towards, task_jacobian
+from taskcal.geometry.pose_step import MAX_JOINT_STEP, RADIANS_PER_METRE, Goal, step_towards, task_jacobian
 from tests.laws import plain
 from tests.laws.chains import chains, rigid
 from tests.laws.robots import generators
@@ -56,7 +56,7 @@ def test_conditions_are_the_derivative_of_the_tips_pose(case, rng, free):
         T = case.pose(i) @ tip
         dT = plain.derivatives(lambda s, i=i: case.pose(i, s=s) @ tip, case.s[i])
         expected = plain.twists(T, dT) @ by_joint[i]
-        expected[:3] *= WEIGHT
+        expected[:3] *= RADIANS_PER_METRE
         if free:
             expected = np.concatenate([expected[:3], T[:3, :2].T @ expected[3:]])
         np.testing.assert_allclose(J[i], expected, rtol=0.0, atol=1e-11 * max(1.0, np.abs(expected).max()))
@@ -77,7 +77,7 @@ def test_the_step_is_the_damped_least_squares_solution(case, rng, free):
     made = step_towards(goal, case.chain, case.s, case.e, by_joint)
     J = task_jacobian(goal, case.chain, case.s, case.e, by_joint)
     for i in range(4):
-        error = np.concatenate([WEIGHT * (goal_T[i, :3, 3] - T[i, :3, 3]), turn[i]])
+        error = np.concatenate([RADIANS_PER_METRE * (goal_T[i, :3, 3] - T[i, :3, 3]), turn[i]])
         if free:
             z = np.cross(T[i, :3, 2], goal_T[i, :3, 2])
             error = np.concatenate([error[:3], T[i, :3, :2].T @ (z * np.arcsin(np.linalg.norm(z)) / np.linalg.norm(z))])
@@ -85,7 +85,7 @@ def test_the_step_is_the_damped_least_squares_solution(case, rng, free):
         damping = 1e-3 * float(error @ error) + 4e-16
         rows = np.concatenate([J[i], np.sqrt(damping) * np.eye(joints)])
         expected = np.linalg.lstsq(rows, np.concatenate([error, np.zeros(joints)]), rcond=None)[0]
-        expected *= min(1.0, LARGEST / np.abs(expected).max()) if expected.any() else 1.0
+        expected *= min(1.0, MAX_JOINT_STEP / np.abs(expected).max()) if expected.any() else 1.0
         np.testing.assert_allclose(made.step[i], expected, rtol=0.0, atol=1e-3 * max(np.abs(expected).max(), 1e-6))
 
 

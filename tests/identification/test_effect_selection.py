@@ -6,7 +6,7 @@ import pytest
 from taskcal.demo.procedure import SPREAD
 from taskcal.demo.reference import reference_task
 from taskcal.identification.calibration_file import load_calibration
-from taskcal.identification.effect_selection import PROOF, explain, with_field
+from taskcal.identification.effect_selection import MIN_EVIDENCE_GAIN, explain, with_field
 from taskcal.identification.field import learn_field
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import draw_defects, simulate
@@ -45,7 +45,7 @@ def test_geometry_alone_brings_no_effect_in(robot):
 def test_an_effect_that_the_data_prove_is_found_or_one_that_predicts_the_same(robot, true):
     """In some draws geometry takes the effect up; what is then missed is no likelier than the proof that is asked for."""
     model, errors, found_in = ErrorModel(robot), [], 0
-    threshold = PROOF
+    threshold = MIN_EVIDENCE_GAIN
     for seed in range(8):
         rng = np.random.default_rng(seed)
         q, unseen = poses(robot, rng, 80), poses(robot, rng, 100)

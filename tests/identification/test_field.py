@@ -69,7 +69,7 @@ def test_beyond_its_limit_the_correction_is_that_of_all_rows_and_the_variance_ne
     at = rng.uniform(-1.5, 1.5, (40, len(lengths)))
     mean, variance = exact(at)
     with pytest.MonkeyPatch.context() as patched:
-        for name, value in {"WHOLE": 100, "SMOOTH": 30, "NEAREST": 20}.items():
+        for name, value in {"MAX_DENSE_ROWS": 100, "LOW_RANK": 30, "NEIGHBOURS": 20}.items():
             patched.setattr(field, name, value)
         np.testing.assert_allclose(made.mean(at), mean, atol=1e-9 * DEVIATION.max())
         assert np.all(made.variance(at) >= variance * (1 - 1e-9))
@@ -91,7 +91,7 @@ def test_four_thousand_rows_tell_nearly_as_much_as_the_process_knows(lengths, no
     q, values = draw(rng, np.array(lengths), noise, 4200)
     made, exact = known(q[:4000], values[:4000], np.array(lengths), noise)
     mean, variance = exact(q[4000:])
-    assert len(made.q) > field.WHOLE
+    assert len(made.q) > field.MAX_DENSE_ROWS
     np.testing.assert_allclose(made.mean(q[4000:]), mean, atol=1e-9 * DEVIATION.max())
     ratio = made.variance(q[4000:]) / variance
     assert ratio.min() > 1.0 - 1e-9
@@ -102,7 +102,7 @@ def test_four_thousand_rows_tell_nearly_as_much_as_the_process_knows(lengths, no
 @pytest.mark.slow
 def test_the_variance_has_no_steps(monkeypatch):
     """Along a way on which the nearest rows change all the time, steps shrink with the way between the poses."""
-    for name, value in {"WHOLE": 100, "SMOOTH": 1, "NEAREST": 20}.items():
+    for name, value in {"MAX_DENSE_ROWS": 100, "LOW_RANK": 1, "NEIGHBOURS": 20}.items():
         monkeypatch.setattr(field, name, value)
     rng, lengths = np.random.default_rng(0), np.array([0.4, 0.6])
     made, _ = known(*draw(rng, lengths, 0.3, 200), lengths, 0.3)
@@ -115,7 +115,7 @@ def test_the_variance_has_no_steps(monkeypatch):
 
 
 def test_many_measurements_at_one_pose_count(monkeypatch):
-    for name, value in {"WHOLE": 100, "SMOOTH": 1, "NEAREST": 20}.items():
+    for name, value in {"MAX_DENSE_ROWS": 100, "LOW_RANK": 1, "NEIGHBOURS": 20}.items():
         monkeypatch.setattr(field, name, value)
     rng, lengths = np.random.default_rng(0), np.array([0.4, 0.6])
     q, values = draw(rng, lengths, 0.3, 160)
@@ -127,7 +127,7 @@ def test_many_measurements_at_one_pose_count(monkeypatch):
 
 def test_far_from_all_rows_nothing_is_known():
     rng, lengths = np.random.default_rng(0), np.array([0.4, 0.6])
-    made, _ = known(*draw(rng, lengths, 0.3, field.WHOLE + 1), lengths, 0.3)
+    made, _ = known(*draw(rng, lengths, 0.3, field.MAX_DENSE_ROWS + 1), lengths, 0.3)
     far = np.array([[30.0, 0.0], [0.0, -40.0]])
     np.testing.assert_allclose(made.mean(far), 0.0, atol=1e-15)
     np.testing.assert_allclose(made.variance(far), (made.deviation**2 + made.noise**2) * np.ones((2, 1)), rtol=1e-12)
@@ -136,7 +136,7 @@ def test_far_from_all_rows_nothing_is_known():
 @pytest.mark.slow
 def test_a_field_of_many_rows_is_the_same_when_read_again():
     rng = np.random.default_rng(0)
-    q, values = draw(rng, np.array([0.5, 0.8]), 0.3, field.WHOLE + 200)
+    q, values = draw(rng, np.array([0.5, 0.8]), 0.3, field.MAX_DENSE_ROWS + 200)
     made = learn_field(q, values)
     read = ResidualField.from_json(json.loads(json.dumps(made.to_json())))
     at = rng.uniform(-1, 1, (50, 2))
@@ -148,7 +148,7 @@ def test_a_field_of_many_rows_is_the_same_when_read_again():
 def test_poses_may_be_none_or_many():
     rng, lengths = np.random.default_rng(0), np.array([0.5, 0.8])
     made, exact = known(*draw(rng, lengths, 0.3, 60), lengths, 0.3)
-    at = rng.uniform(-1, 1, (2 * field.BATCH + 3, 2))
+    at = rng.uniform(-1, 1, (2 * field.BATCH_ROWS + 3, 2))
     np.testing.assert_allclose(made.mean(at), exact(at)[0], atol=1e-9 * DEVIATION.max())
     assert made.mean(at[:0]).shape == made.variance(at[:0]).shape == (0, 3)
 

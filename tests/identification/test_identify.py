@@ -306,7 +306,7 @@ def test_frames_that_are_held_stay_where_the_registration_put_them():
     rng, model = arm(4)
     campaign, truth = measure(rng, model, industrial_positions(rng, 60), defects(rng, model), targets=2, sigma=1e-5)
     held = Registration(
-        T_tracker_base=truth.T_tracker_base, T_tool_target=truth.T_tool_target, rms=0.0, unlocated=np.zeros((6, 6))
+        T_tracker_base=truth.T_tracker_base, T_tool_target=truth.T_tool_target, rms=0.0, unobservable=np.zeros((6, 6))
     )
     calibration = identify(model, campaign, registration=held, frames="fixed")
     assert calibration.all_names == model.names
@@ -467,7 +467,7 @@ def test_a_step_to_lengths_at_which_the_loop_does_not_close_is_shortened():
         T_tracker_base=truth.T_tracker_base,
         T_tool_target=truth.T_tool_target,
         rms=0.0,
-        unlocated=np.zeros((3, 3)),
+        unobservable=np.zeros((3, 3)),
     )
     found = identify(model, campaign, keep=["loop.rod"], registration=frames, frames="fixed", prior_scale=10.0)
     np.testing.assert_allclose(found.estimate[rod], x[rod], atol=1e-5)

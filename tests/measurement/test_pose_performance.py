@@ -10,7 +10,7 @@ from scipy.stats import maxwell
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.measurement.pose_performance import assess_pose, compare_directions
-from taskcal.measurement.repeated_poses import NORMAL
+from taskcal.measurement.repeated_poses import NORMAL_REPEATABILITY
 
 COMMAND = np.array([1.0, 2.0, 3.0])
 CROSS = COMMAND + 1e-3 * np.array([[4.0, 0, 0], [2, 0, 0], [3, 1, 0], [3, -1, 0]])
@@ -76,7 +76,7 @@ def test_repeatability_of_normal_noise_is_that_of_the_maxwell_distribution():
     noise = 1e-4 * np.random.default_rng(1).normal(size=(200_000, 3))
     expected = maxwell.mean(scale=1e-4) + 3 * maxwell.std(scale=1e-4)
     assert assess_pose(noise).repeatability == pytest.approx(expected, rel=0.005)
-    assert pytest.approx(expected, rel=1e-12) == NORMAL * 1e-4
+    assert pytest.approx(expected, rel=1e-12) == NORMAL_REPEATABILITY * 1e-4
 
 
 def test_directions_are_compared_by_their_means():

@@ -12,6 +12,7 @@ from taskcal.identification.calibration_file import load_calibration
 from taskcal.identification.identify import identify
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.reader import read_campaign
+from taskcal.measurement.registration import register
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.measurement.writer import campaign_text
 from taskcal.robot.catalogue import load_robot
@@ -54,6 +55,13 @@ def test_nests_are_reference_points_now(tmp_path: Path) -> None:
     with pytest.warns(DeprecationWarning, match="'nests' is called 'reference_points' now"):
         again = read_campaign(tmp_path / "c.csv", ROBOT, nests=["post"])  # pyright: ignore[reportCallIssue]
     assert (again.targets, list(again.reference_points)) == (("tool",), ["post"])
+
+
+def test_what_poses_do_not_observe_has_its_former_name() -> None:
+    model = ErrorModel(ROBOT)
+    found = register(model, drawn(model))
+    with pytest.warns(DeprecationWarning, match=r"Registration\.unlocated is called 'unobservable' now"):
+        assert found.unlocated is found.unobservable
 
 
 def test_an_effect_is_named_by_its_former_key() -> None:

@@ -303,7 +303,7 @@ def _layout(
         T[:, :3, 3] = offsets
         base = TRACKER_POSE if station is None else station.T_tracker_base
         registration = Registration(
-            T_tracker_base=base, T_tool_target=T, rms=0.0, unlocated=np.zeros((3 * len(offsets),) * 2)
+            T_tracker_base=base, T_tool_target=T, rms=0.0, unobservable=np.zeros((3 * len(offsets),) * 2)
         )
     if campaign is not None:
         names = campaign.targets

@@ -23,7 +23,7 @@ class Linearised:
     """Measured − predicted."""
     covariance: Float[np.ndarray, "blocks b b"]
     """Of tracker noise and model error together, divided by each block's robust weight."""
-    spread: Float[np.ndarray, "blocks b b"]
+    prediction_covariance: Float[np.ndarray, "blocks b b"]
     """J·A⁻¹·Jᵀ, A the posterior information."""
     information: Float[np.ndarray, "p p"]
     """H = JᵀR⁻¹J."""
@@ -46,7 +46,7 @@ def score_model_error(at: Linearised, components: slice, weights: Float[np.ndarr
         weights: robust weight of every block; its covariance holds u/weight.
     """
     inverse = np.linalg.inv(at.covariance)
-    Q = inverse - inverse @ at.spread @ inverse
+    Q = inverse - inverse @ at.prediction_covariance @ inverse
     Qr = (inverse @ at.residual[:, :, None])[:, components, 0]
     Qg = Q[:, components, components]
     s = float(np.sum((Qr**2).sum(axis=1) / weights))

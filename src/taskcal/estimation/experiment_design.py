@@ -19,14 +19,14 @@ from taskcal.estimation.information import observability
 Criterion = Literal["task", "D", "A", "E", "O1", "O2", "O3", "O4", "O5"]
 CRITERIA: tuple[Criterion, ...] = ("task", "D", "A", "E", "O1", "O2", "O3", "O4", "O5")
 
-SHORTLIST = 200
+SHORTLIST_SIZE = 200
 """Candidates of the largest D-gain among which a criterion of the spectrum is evaluated exactly."""
 
-POOL, RENEWED = 1500, 5
+POOL_SIZE, STEPS_PER_POOL = 1500, 5
 """Gains change slowly from one step to the next: all candidates are weighed every few steps, and in between only those
 that were best then."""
 
-STARTS, EFFORT = 24, 5_000
+MAX_STARTS, MAX_EFFORT = 24, 5_000
 """Random starts beside the greedy one: so many, or as many as keep starts × candidates × count below the effort."""
 
 
@@ -143,17 +143,17 @@ class _State:
     def pool(self, free: Bool[np.ndarray, " n"]) -> Int[np.ndarray, " k"]:
         """The candidates worth weighing for the next few steps."""
         among = np.flatnonzero(free)
-        if len(among) <= POOL:
+        if len(among) <= POOL_SIZE:
             return among
         gain = self.gains(among)
-        return np.sort(among[np.argpartition(-gain, POOL)[:POOL]])
+        return np.sort(among[np.argpartition(-gain, POOL_SIZE)[:POOL_SIZE]])
 
     def best(self, among: Int[np.ndarray, " k"]) -> int:
         """The candidate that improves the criterion most; of equals the first."""
         gain = self.gains(among)
         if self.criterion in ("task", "A", "D"):
             return int(among[int(np.argmax(gain))])
-        listed = among[np.argsort(-gain, kind="stable")[:SHORTLIST]]
+        listed = among[np.argsort(-gain, kind="stable")[:SHORTLIST_SIZE]]
         rows = self.candidates.rows[listed]
         return int(listed[int(np.argmin(self._spectral(self.information + np.swapaxes(rows, 1, 2) @ rows)))])
 
@@ -183,14 +183,14 @@ def choose(
     progress("exchange")
     value, exchanges = _exchange(state, chosen, sweeps)
     rng = np.random.default_rng(0)
-    for _ in range(min(STARTS, EFFORT // max(n * count, 1)) if count < n else 0):
+    for _ in range(min(MAX_STARTS, MAX_EFFORT // max(n * count, 1)) if count < n else 0):
         state = _State(candidates, criterion)
         other = [int(i) for i in rng.permutation(n)[:count]]
         for i in other:
             state.change(i, 1.0)
-        trial, made = _exchange(state, other, sweeps)
+        trial, trial_exchanges = _exchange(state, other, sweeps)
         if trial < value - 1e-9 * abs(value):
-            value, exchanges, chosen = trial, made, other
+            value, exchanges, chosen = trial, trial_exchanges, other
     return Choice(
         chosen=np.array(chosen, dtype=np.int64), started=started, greedy=greedy, value=value, exchanges=exchanges
     )
@@ -203,7 +203,7 @@ def _start_greedily(state: _State, count: int) -> tuple[list[int], Float[np.ndar
     errors: list[float] = []
     pool = np.flatnonzero(free)
     for step in range(count):
-        if step % RENEWED == 0:
+        if step % STEPS_PER_POOL == 0:
             pool = state.pool(free)
         i = state.best(pool[free[pool]])
         state.change(i, 1.0)

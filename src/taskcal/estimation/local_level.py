@@ -13,7 +13,7 @@ from jaxtyping import Float
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize
 
-SMALLEST = 1e-3
+MIN_SHARE_OF_NOISE = 1e-3
 """Smallest standard deviations that are distinguished from zero, as shares of the noise's."""
 
 
@@ -39,10 +39,10 @@ def smooth(seen: Float[np.ndarray, " n"], noise: Float[np.ndarray, " n"], *, own
         noise: variance of its noise.
         own_noise: whether the quantity has white noise of its own; else all that is white belongs to `noise`.
     """
-    known = ~np.isnan(seen)
-    size = float(np.sqrt(np.median(noise[known])))
-    largest = max(10.0 * float(np.ptp(seen[known])), 10.0 * size)
-    bounds = [(np.log(SMALLEST * size), np.log(largest))] * (2 if own_noise else 1)
+    observed = ~np.isnan(seen)
+    size = float(np.sqrt(np.median(noise[observed])))
+    largest = max(10.0 * float(np.ptp(seen[observed])), 10.0 * size)
+    bounds = [(np.log(MIN_SHARE_OF_NOISE * size), np.log(largest))] * (2 if own_noise else 1)
 
     def cost(log_sizes: Float[np.ndarray, " k"]) -> float:
         return _Walk.of(seen, noise, *_variances(log_sizes)).cost
@@ -52,10 +52,10 @@ def smooth(seen: Float[np.ndarray, " n"], noise: Float[np.ndarray, " n"], *, own
     best = min(trials, key=lambda trial: trial.fun).x
     steps, white = _variances(best)
     walk = _Walk.of(seen, noise, steps, white)
-    gain = np.where(known, white / (white + noise), 0.0)
-    across = np.where(known, gain * noise, white)
+    gain = np.where(observed, white / (white + noise), 0.0)
+    across = np.where(observed, gain * noise, white)
     return LocalLevel(
-        mean=walk.mean + gain * np.where(known, seen - walk.mean, 0.0),
+        mean=walk.mean + gain * np.where(observed, seen - walk.mean, 0.0),
         variance=(1.0 - gain) ** 2 * walk.variance() + across,
         step=float(np.sqrt(steps)),
         white=float(np.sqrt(white)),
@@ -80,16 +80,16 @@ class _Walk:
 
     @classmethod
     def of(cls, seen: Float[np.ndarray, " n"], noise: Float[np.ndarray, " n"], step: float, white: float) -> "_Walk":
-        known, n = ~np.isnan(seen), len(seen)
-        weight = np.where(known, 1.0 / (white + noise), 0.0)
+        observed, n = ~np.isnan(seen), len(seen)
+        weight = np.where(observed, 1.0 / (white + noise), 0.0)
         precision = np.zeros((2, n))
         precision[0] = weight + np.r_[1.0, np.full(n - 2, 2.0), 1.0] / step
         precision[1, :-1] = -1.0 / step
         factor = np.asarray(cholesky_banded(precision, lower=True))
-        information = np.where(known, weight * np.nan_to_num(seen), 0.0)
+        information = np.where(observed, weight * np.nan_to_num(seen), 0.0)
         mean = np.asarray(cho_solve_banded((factor, True), information))
         misfit = float(information @ (np.nan_to_num(seen) - mean))
-        determinants = 2.0 * np.log(factor[0]).sum() + (n - 1) * np.log(step) - np.log(weight[known]).sum()
+        determinants = 2.0 * np.log(factor[0]).sum() + (n - 1) * np.log(step) - np.log(weight[observed]).sum()
         return cls(mean=mean, factor=factor, cost=misfit + float(determinants))
 
     def variance(self) -> Float[np.ndarray, " n"]:

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from taskcal.errors import TaskcalError
 
-RIGID = 1e-6
+RIGID_TOLERANCE = 1e-6
 """How far a transform's rotation may be from one; files keep sixteen digits."""
 
 
@@ -46,7 +46,7 @@ def rigid(key: str, T: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4
     for number, one in enumerate(T.reshape(-1, 4, 4), start=1):
         R = one[:3, :3]
         off = float(np.abs(R.T @ R - np.eye(3)).max())
-        if off > RIGID or np.linalg.det(R) < 0.0 or (one[3] != (0.0, 0.0, 0.0, 1.0)).any():
+        if off > RIGID_TOLERANCE or np.linalg.det(R) < 0.0 or (one[3] != (0.0, 0.0, 0.0, 1.0)).any():
             place = f"'{key}'" if T.ndim == 2 else f"'{key}' {number}"
             scale = float(np.linalg.norm(R) / np.sqrt(3.0))
             raise TaskcalError(

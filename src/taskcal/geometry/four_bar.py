@@ -23,13 +23,13 @@ REMEDY = (
 )
 """What errors about a loop say that does not close, or has folded over."""
 
-INSIDE = 1e-3
+MARGIN_SHARE = 1e-3
 """Share of the range in which a loop closes that the place where it was built keeps from its ends."""
 
 ROUNDING = 1e-12
 """Of a cosine, and of the share by which a rod must reach."""
 
-DEAD = 1e-9
+MIN_TURN = 1e-9
 """∂θ/∂κ that counts as none; a rhombus that folds over leaves the rocker standing, to rounding."""
 
 
@@ -146,7 +146,7 @@ def built_side(bar: FourBar) -> Side:
     lever = -1.0 if gamma < 0.0 else 1.0
     if not low < high:
         return Side(lever=lever, turn=1.0)  # it closes nowhere
-    inside = INSIDE * (high - low)
+    inside = MARGIN_SHARE * (high - low)
     angle = lever * np.clip(abs(gamma), low + inside, high - inside)
     closure = close_four_bar(bar, np.zeros(1), np.array([angle - bar.crank_angle]))
     return Side(lever=lever, turn=-1.0 if closure.by_angle[0, 1] < 0.0 else 1.0)
@@ -160,7 +160,7 @@ def keeps_side(
     crank_angle: Float[np.ndarray, " n"],
 ) -> Bool[np.ndarray, " n"]:
     """Whether each position that closes is on the side where the loop was built."""
-    kept = closure.by_angle[:, 1] * side.turn > DEAD
+    kept = closure.by_angle[:, 1] * side.turn > MIN_TURN
     nearest, farthest = _lever_cosines(bar)
     passes = nearest > 1.0 + ROUNDING or farthest < -1.0 - ROUNDING  # the crank's lever, the line of the arm
     if not passes:

@@ -89,13 +89,13 @@ def cross_planes(
         normals: unit normal of each plane.
         within: a crossing counts if it is no farther than this from its plane's origin, metres; the nearest is taken.
     """
-    found: list[tuple[np.ndarray, ...]] = []
+    crossing_parts: list[tuple[np.ndarray, ...]] = []
     for plane, segment in _near(origins, path, np.full(len(origins), within)):
         before = np.einsum("ki,ki->k", path[segment] - origins[plane], normals[plane])
         after = np.einsum("ki,ki->k", path[segment + 1] - origins[plane], normals[plane])
         through = (before <= 0.0) & (after >= 0.0) & (after > before)
-        found.append((plane[through], segment[through], before[through] / (before[through] - after[through])))
-    plane, segment, fraction = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        crossing_parts.append((plane[through], segment[through], before[through] / (before[through] - after[through])))
+    plane, segment, fraction = (np.concatenate(parts) for parts in zip(*crossing_parts, strict=True))
     points = path[segment] + fraction[:, None] * (path[segment + 1] - path[segment])
     away = np.linalg.norm(points - origins[plane], axis=1)
     order = np.lexsort((away, plane))

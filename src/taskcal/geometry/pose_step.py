@@ -10,10 +10,10 @@ from taskcal.geometry.chain import Chain
 from taskcal.geometry.compiled import compiled, part
 from taskcal.geometry.walk import Columns, Layout, allocate_axes, expand_error_frames, fill_columns, walk_pose
 
-WEIGHT = 2.0
+RADIANS_PER_METRE = 2.0
 """Radians that a metre counts like: about what turns an arm's end by its own length."""
 
-LARGEST = 0.5
+MAX_JOINT_STEP = 0.5
 """No joint moves farther in one step, radians or metres."""
 
 
@@ -30,7 +30,7 @@ class Goal:
 
     @property
     def rows(self) -> int:
-        """How many conditions a pose sets."""
+        """Rows of the task Jacobian."""
         return 5 if self.free_spin else 6
 
 
@@ -163,7 +163,7 @@ def _set_off(T, target, free_spin, columns, y, w):
 def _weigh(columns, by_joint, y, J):
     """The task's Jacobian J by the joints, its rows and those of y weighted."""
     for a in range(y.shape[0]):
-        scale = WEIGHT if a < 3 else 1.0
+        scale = RADIANS_PER_METRE if a < 3 else 1.0
         y[a] *= scale
         for b in range(J.shape[1]):
             v = 0.0
@@ -190,9 +190,9 @@ def _damped_step(J, y, damping, A, step):
             v += J[a, b] * y[a]
         step[b] = v
         far = max(far, abs(v))
-    if far > LARGEST:
+    if far > MAX_JOINT_STEP:
         for b in range(joints):
-            step[b] *= LARGEST / far
+            step[b] *= MAX_JOINT_STEP / far
 
 
 @compiled
@@ -213,7 +213,7 @@ def _steps(steps, s, e, by_joint, layout, goal, out):
         J = out.jacobian[i if out.jacobian.shape[0] > 1 else 0]
         _weigh(columns, by_joint[i if by_joint.shape[0] > 1 else 0], y, J)
         # damping fades with the error, so that the last steps are pure Newton; it tames singular poses (Wampler 1986)
-        square = WEIGHT * WEIGHT * distance * distance + angle * angle
+        square = RADIANS_PER_METRE * RADIANS_PER_METRE * distance * distance + angle * angle
         _damped_step(J, y, 1e-3 * min(square, 4.0) + 4e-16, A, out.step[i])
 
 
@@ -247,7 +247,7 @@ def task_jacobian(
 ) -> Float[np.ndarray, "n rows joints"]:
     """Derivative of what a pose asks of the tip with respect to the joints; arguments as of `step_towards`.
 
-    Rows are the position's, times `WEIGHT`, and the angles about the axes of the chain's start; where the spin is free,
+    Rows are the position's, times `RADIANS_PER_METRE`, and the angles about the axes of the chain's start; where the spin is free,
     the angles about the tip's own x and y axes.
     """
     J = np.empty((len(s), goal.rows, by_joint.shape[2]))

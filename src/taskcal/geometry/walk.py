@@ -274,9 +274,9 @@ def poses(
         e: values of the error frames, metres and radians.
         out: where to write them.
     """
-    found = np.empty((len(s), 4, 4)) if out is None else out
-    in_chunks(lambda rows: _poses(chain.steps, s[rows], e, found[rows]), len(s))
-    return found
+    T = np.empty((len(s), 4, 4)) if out is None else out
+    in_chunks(lambda rows: _poses(chain.steps, s[rows], e, T[rows]), len(s))
+    return T
 
 
 def allocate(layout: Columns, n: int, *, angular: bool) -> Float[np.ndarray, "n rows p"]:
@@ -309,10 +309,10 @@ def columns(
         out: where to write them, from `allocate`.
     """
     point = np.zeros(3) if point is None else point
-    found = allocate(layout, len(s), angular=angular) if out is None else out
+    J = allocate(layout, len(s), angular=angular) if out is None else out
 
     def fill(rows: slice) -> None:
-        _columns(chain.steps, s[rows], e, factor[rows], layout.arrays, point, found[rows])
+        _columns(chain.steps, s[rows], e, factor[rows], layout.arrays, point, J[rows])
 
     in_chunks(fill, len(s))
-    return found
+    return J

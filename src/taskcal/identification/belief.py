@@ -11,7 +11,7 @@ from taskcal.identification.problem import FrameLayout
 BASE_PRIOR, TARGET_PRIOR = 10.0, 1.0
 """Standard deviations of tracker frame and targets about their registration, metres and radians: as good as none."""
 
-UNLOCATED_PRIOR = 1e-6
+UNOBSERVABLE_PRIOR = 1e-6
 """The same along directions in which the poses do not locate the targets: there they stay at the tool point."""
 
 
@@ -53,7 +53,7 @@ def frame_precision(layout: FrameLayout) -> Float[np.ndarray, "frames frames"]:
     """Next to nothing is known of tracker frame and targets, but for directions that the poses do not determine."""
     count = len(layout.names) - len(layout.kept)
     out = np.diag(np.where(np.arange(count) < 6, BASE_PRIOR, TARGET_PRIOR) ** -2.0)
-    held = layout.registration.unlocated / UNLOCATED_PRIOR**2
+    held = layout.registration.unobservable / UNOBSERVABLE_PRIOR**2
     if layout.pose:  # its error frame moves in the axes of the target
         X = layout.registration.T_tool_target[0, :3, :3]
         out[6:9, 6:9] += X.T @ held @ X

@@ -252,19 +252,19 @@ class Calibration:
         at = self.layout.walked(q, self.z, self.model.prepare(q, conditions))
         T = walk.poses(at.chain, at.s, at.e)[:, :3, :3] if self.layout.pose else None
         nowhere = Observations(position=np.zeros((*shape, 3)), rotation=T, valid=np.ones(shape, dtype=bool))
-        _, spread = propagate(at, nowhere, self.z_covariance)
+        _, covariance = propagate(at, nowhere, self.z_covariance)
         if conditions is None and self.model.conditioned:
-            spread = spread + self._sides(q)
+            covariance = covariance + self._sides(q)
         if not model_error:
-            return spread
+            return covariance
         if self.field is None:
-            return spread + np.diag(np.repeat(np.square(self.model_error), 3))
+            return covariance + np.diag(np.repeat(np.square(self.model_error), 3))
         R = self.T_tracker_base[:3, :3]
         variance = self.field.variance(q)
-        for first in range(0, spread.shape[2], 3):
+        for first in range(0, covariance.shape[2], 3):
             part = slice(first, first + 3)
-            spread[:, :, part, part] += (R * variance[:, None, part] @ R.T)[:, None]
-        return spread
+            covariance[:, :, part, part] += (R * variance[:, None, part] @ R.T)[:, None]
+        return covariance
 
     def _sides(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n targets b b"]:
         """Covariance of the targets where each joint may have come from either side, with even chance."""
@@ -374,7 +374,7 @@ class Calibration:
                 "T_tracker_base": registration.T_tracker_base.tolist(),
                 "T_tool_target": registration.T_tool_target.tolist(),
                 "rms": registration.rms,
-                "unlocated": registration.unlocated.tolist(),
+                "unlocated": registration.unobservable.tolist(),
             },
             "names": list(self.all_names),
             "estimate": self.z.tolist(),

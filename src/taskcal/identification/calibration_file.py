@@ -24,12 +24,12 @@ from taskcal.robot.file import robot_from
 from taskcal.text_file import read_json
 from taskcal.toml_file import Finite, NotNegative, Section, explain
 
-SYMMETRIC = 1e-6
+SYMMETRY_TOLERANCE = 1e-6
 """Of a covariance, relative to the two standard deviations; rounding of the fit leaves 10⁻⁹ at the worst."""
 
 Count = Annotated[int, Field(strict=True, ge=0, le=10**9)]
 Real = Annotated[float, Field(strict=True, ge=-1e300, le=1e300, allow_inf_nan=False)]
-AboveNil = Annotated[float, Field(strict=True, gt=0, le=1e6, allow_inf_nan=False)]
+AboveZero = Annotated[float, Field(strict=True, gt=0, le=1e6, allow_inf_nan=False)]
 Ratio = Annotated[float, Field(strict=True, ge=0, le=1e300, allow_inf_nan=False)]
 Flag = Annotated[bool, Field(strict=True)]
 Texts = list[str]
@@ -42,8 +42,8 @@ class FieldSection(Section):
 
     q: Matrix
     weights: Matrix
-    lengths: list[AboveNil]
-    deviation: list[AboveNil]
+    lengths: list[AboveZero]
+    deviation: list[AboveZero]
     noise: list[NotNegative]
 
 
@@ -109,7 +109,7 @@ class CalibrationFile(Section):
     T_tracker_base: Matrix
     T_tool_target: list[Matrix]
     model_error: list[NotNegative]
-    prior_scale: AboveNil | None
+    prior_scale: AboveZero | None
     log_evidence: Real | None
     field: FieldSection | None
     ids: Texts
@@ -221,12 +221,12 @@ def _covariance(C: Float[np.ndarray, "z z"], names: tuple[str, ...]) -> Float[np
     scale = np.where(deviation > 0.0, deviation, 1.0)
     correlation = C / scale / scale[:, None]
     i, j = np.unravel_index(int(np.abs(correlation - correlation.T).argmax()), C.shape)
-    if abs(correlation[i, j] - correlation[j, i]) > SYMMETRIC:
+    if abs(correlation[i, j] - correlation[j, i]) > SYMMETRY_TOLERANCE:
         raise TaskcalError(
             f"'covariance' is none: of '{names[i]}' and '{names[j]}' it is {C[i, j]:g}, the other way round {C[j, i]:g}"
         )
     lowest = float(np.linalg.eigvalsh((correlation + correlation.T) / 2.0).min(initial=0.0))
-    if lowest < -SYMMETRIC * len(C):
+    if lowest < -SYMMETRY_TOLERANCE * len(C):
         raise TaskcalError(
             f"'covariance' is none: a combination of the parameters has the variance {lowest:.2g} of theirs"
         )

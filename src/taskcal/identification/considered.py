@@ -44,37 +44,37 @@ class Outcome:
     """Of the whole model."""
 
 
-def fitted_whole(found: Fitted, problem: Problem) -> Outcome:
+def fitted_whole(fit: Fitted, problem: Problem) -> Outcome:
     """The outcome of a fit of all parameters."""
     return Outcome(
         layout=problem.frames,
         estimated=problem.frames.kept,
-        z=found.solution.z,
-        covariance=found.posterior,
-        residual_covariance=found.covariance - found.spread,
-        hyper=found.hyper,
+        z=fit.solution.z,
+        covariance=fit.posterior,
+        residual_covariance=fit.covariance - fit.prediction_covariance,
+        hyper=fit.hyper,
     )
 
 
-def fitted_alone(found: Fitted, problem: Problem, whole: FrameLayout) -> Outcome:
+def fitted_alone(fit: Fitted, problem: Problem, whole: FrameLayout) -> Outcome:
     """The outcome of a fit of some parameters where nothing else is believed of the others: they are taken for zero."""
     return Outcome(
         layout=whole,
         estimated=problem.frames.kept,
-        z=spread_out(found.solution.z, problem.frames, whole),
-        covariance=spread_out(found.posterior, problem.frames, whole),
-        residual_covariance=found.covariance - found.spread,
-        hyper=found.hyper,
+        z=spread_out(fit.solution.z, problem.frames, whole),
+        covariance=spread_out(fit.posterior, problem.frames, whole),
+        residual_covariance=fit.covariance - fit.prediction_covariance,
+        hyper=fit.hyper,
     )
 
 
 def consider(
-    found: Fitted, problem: Problem, belief: Belief, whole: Problem, believed: Belief, hyper: Hyperparameters
+    fit: Fitted, problem: Problem, belief: Belief, whole: Problem, believed: Belief, hyper: Hyperparameters
 ) -> Outcome:
     """The outcome of a fit of some parameters, the others considered.
 
     Args:
-        found: the fit.
+        fit: the fit.
         problem: its problem, in the layout of the parameters that it estimates.
         belief: what it believes of them.
         whole: the same campaign in the layout of all parameters.
@@ -82,30 +82,30 @@ def consider(
         hyper: hyperparameters of the whole model.
     """
     k = _entries(problem.frames, whole.frames)
-    z = spread_out(found.solution.z, problem.frames, whole.frames)
+    z = spread_out(fit.solution.z, problem.frames, whole.frames)
     d = np.setdiff1d(np.arange(len(z)), k)
-    R = whole.covariance(hyper.variances) / found.weights[..., None, None]
-    W = np.linalg.inv(found.covariance) * found.weights[..., None, None]
+    R = whole.covariance(hyper.variances) / fit.weights[..., None, None]
+    W = np.linalg.inv(fit.covariance) * fit.weights[..., None, None]
     walked = whole.walked(z)
     H = normal_equations.normal_equations(walked, whole.seen, _root(W))[2]
     B = normal_equations.normal_equations(walked, whole.seen, _root(W @ R @ W))[2]
     prior = believed.covariance(hyper.prior_factor)
-    F = found.posterior
-    A = F @ belief.precision(found.hyper.prior_factor)
+    F = fit.posterior
+    A = F @ belief.precision(fit.hyper.prior_factor)
     C = np.zeros((len(z), len(z)))
     C[np.ix_(k, k)] = A @ prior[np.ix_(k, k)] @ A.T + F @ B[np.ix_(k, k)] @ F
     G = np.zeros((len(z), len(d)))
     G[k], G[d] = -F @ H[np.ix_(k, d)], np.eye(len(d))
     C += G @ prior[np.ix_(d, d)] @ G.T
     C = 0.5 * (C + C.T)
-    followed = found.spread @ W @ R
+    followed = fit.prediction_covariance @ W @ R
     own = R - followed - np.swapaxes(followed, -1, -2) + propagate(walked, whole.seen, C)[1]
     return Outcome(
         layout=whole.frames,
         estimated=problem.frames.kept,
         z=z,
         covariance=C,
-        residual_covariance=own * found.weights[..., None, None],
+        residual_covariance=own * fit.weights[..., None, None],
         hyper=hyper,
     )
 

@@ -13,7 +13,7 @@ from taskcal.identification.calibration import Calibration
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.repeated_poses import group_postures
 
-SAME_POSTURE = float(np.radians(0.5))
+SAME_POSTURE_RAD = float(np.radians(0.5))
 """Rows whose joints all differ by less, radians (metres where a joint slides), are left out together."""
 
 
@@ -30,7 +30,7 @@ def split_postures(q: Float[np.ndarray, "n joints"], folds: int, seed: int) -> l
     """
     from sklearn.model_selection import GroupKFold
 
-    posture = group_postures(q, SAME_POSTURE)
+    posture = group_postures(q, SAME_POSTURE_RAD)
     different = len(np.unique(posture))
     if different < folds:
         raise CampaignError(

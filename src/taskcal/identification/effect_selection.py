@@ -30,11 +30,11 @@ from taskcal.robot.effects import candidates as default_candidates
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 
-PROOF = 3.0
+MIN_EVIDENCE_GAIN = 3.0
 """Gain of log evidence that an effect must show, odds of 20 to 1. Log evidence counts what useless parameters cost: of all
 candidates on 200 virtual robots that have no effect the best gained 2.9, and more than 1 in 8 of them only."""
 
-SIGNIFICANT = 2.0
+MIN_SIGMAS = 2.0
 """A residual field must lower the cross-validated error by so many standard errors of the paired difference."""
 
 
@@ -141,28 +141,28 @@ def select_effects(
     trial = _Trial(campaign=campaign, parts=parts, progress=progress)
     errors = trial.errors_left_out(model, options)
     start = _stage("geometry", best, None, errors, None, accepted=True, reason="the start")
-    found = _Found(model=model, options=options, calibration=best, errors=errors, stages=(start,))
+    selection = _Selection(model=model, options=options, calibration=best, errors=errors, stages=(start,))
     if search.effects is None:
         conditions = campaign.conditions
         competing = default_candidates(model.robot, conditions) if search.candidates is None else search.candidates
         able = [effect for effect in competing if effect.is_told(conditions)]
-        found = _search(found, _beside(model, able), trial)
+        selection = _search(selection, _beside(model, able), trial)
     elif search.effects:
-        found = _add(found, search.effects, trial)
+        selection = _add(selection, search.effects, trial)
     if search.field:
-        found = _try_field(found, search.seed, trial)
+        selection = _try_field(selection, search.seed, trial)
     noise = campaign.covariances(options.noise)[campaign.valid][:, :3, :3]
     # mean length of an isotropic normal vector: √(8/π) standard deviations
     tracker = float(np.sqrt(8.0 / np.pi) * np.sqrt(np.trace(noise, axis1=1, axis2=2).mean() / 3.0))
-    calibration = found.calibration
+    calibration = selection.calibration
     if calibration is not best:
         calibration = replace(calibration, left_out=left_out, remarks=(*said, *calibration.remarks))
     return Explanation(
         calibration=calibration,
-        effects=found.effects,
-        stages=found.stages,
+        effects=selection.effects,
+        stages=selection.stages,
         tracker=tracker,
-        collinearities=_repeated_by_geometry(found.calibration, campaign),
+        collinearities=_repeated_by_geometry(selection.calibration, campaign),
     )
 
 
@@ -185,7 +185,7 @@ class _Trial:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Found:
+class _Selection:
     """The model so far, its fit, and how it came about."""
 
     model: ErrorModel
@@ -198,42 +198,42 @@ class _Found:
     stages: tuple[Stage, ...]
 
 
-def _add(found: _Found, effects: Sequence[Effect], trial: _Trial) -> _Found:
+def _add(selection: _Selection, effects: Sequence[Effect], trial: _Trial) -> _Selection:
     """Effects that were asked for, all at once."""
-    model, options = found.model, found.options
+    model, options = selection.model, selection.options
     for effect in effects:
         model, options = _with(model, effect, options)
     trial.progress("effects that were asked for")
     calibration, errors = trial.fit(model, options), trial.errors_left_out(model, options)
     name = ", ".join(effect.name for effect in effects)
     reason = "asked for, not put to the proof"
-    stage = _stage(name, calibration, found.calibration, errors, found.errors, accepted=True, reason=reason)
-    return _Found(
+    stage = _stage(name, calibration, selection.calibration, errors, selection.errors, accepted=True, reason=reason)
+    return _Selection(
         model=model,
         options=options,
         calibration=calibration,
         errors=errors,
         effects=tuple(effects),
-        stages=(*found.stages, stage),
+        stages=(*selection.stages, stage),
     )
 
 
-def _try_field(found: _Found, seed: int, trial: _Trial) -> _Found:
+def _try_field(selection: _Selection, seed: int, trial: _Trial) -> _Selection:
     """A residual field, if it lowers the error where it was not learned."""
     trial.progress("residual field")
-    calibration = with_field(found.calibration, trial.campaign, seed)
+    calibration = with_field(selection.calibration, trial.campaign, seed)
 
     def fit(rest: Campaign) -> Calibration:
-        return with_field(identify(found.model, rest, options=found.options), rest, seed)
+        return with_field(identify(selection.model, rest, options=selection.options), rest, seed)
 
     errors = predict_left_out(fit, trial.campaign, trial.parts)
-    gain, error = mean_over_rows(found.errors - errors)
-    accepted = bool(gain > SIGNIFICANT * error)
+    gain, error = mean_over_rows(selection.errors - errors)
+    accepted = bool(gain > MIN_SIGMAS * error)
     change = -gain / max(error, 1e-12)
-    reason = f"changes the cross-validated error by {change:+.1f} standard errors; −{SIGNIFICANT:g} is asked for"
-    stage = _stage("residual field", calibration, None, errors, found.errors, accepted=accepted, reason=reason)
-    best = calibration if accepted else found.calibration
-    return replace(found, calibration=best, stages=(*found.stages, stage))
+    reason = f"changes the cross-validated error by {change:+.1f} standard errors; −{MIN_SIGMAS:g} is asked for"
+    stage = _stage("residual field", calibration, None, errors, selection.errors, accepted=accepted, reason=reason)
+    best = calibration if accepted else selection.calibration
+    return replace(selection, calibration=best, stages=(*selection.stages, stage))
 
 
 def _repeated_by_geometry(calibration: Calibration, campaign: Campaign) -> tuple[NearDependence, ...]:
@@ -242,9 +242,9 @@ def _repeated_by_geometry(calibration: Calibration, campaign: Campaign) -> tuple
     effects = [name for name in model.effect_names if name in calibration.kept]
     if not effects:
         return ()
-    found = identifiability(model, campaign.q[campaign.valid.any(axis=1)], frames=True)
-    fitted = {*calibration.kept, *(found.names[len(model) :] if not calibration.layout.fixed_frames else ())}
-    return found.near(effects, against=sorted(fitted - set(effects)))
+    analysis = identifiability(model, campaign.q[campaign.valid.any(axis=1)], frames=True)
+    fitted = {*calibration.kept, *(analysis.names[len(model) :] if not calibration.layout.fixed_frames else ())}
+    return analysis.near(effects, against=sorted(fitted - set(effects)))
 
 
 def with_field(calibration: Calibration, campaign: Campaign, seed: int = 0) -> Calibration:
@@ -258,33 +258,37 @@ def with_field(calibration: Calibration, campaign: Campaign, seed: int = 0) -> C
     return replace(calibration, field=learn_field(campaign.q[seen], residual, seed))
 
 
-def _search(found: _Found, candidates: list[Effect], trial: _Trial) -> _Found:
+def _search(selection: _Selection, candidates: list[Effect], trial: _Trial) -> _Selection:
     """Forward selection by log evidence."""
     while candidates:
-        beside = ", ".join(["geometry", *(effect.name for effect in found.effects)])
+        beside = ", ".join(["geometry", *(effect.name for effect in selection.effects)])
         trial.progress(f"{len(candidates)} candidates beside {beside}")
-        extended = [_with(found.model, effect, found.options) for effect in candidates]
+        extended = [_with(selection.model, effect, selection.options) for effect in candidates]
         fits = [trial.fit(model, options) for model, options in extended]
-        gains = [_evidence(fit) - _evidence(found.calibration) for fit in fits]
+        gains = [_evidence(fit) - _evidence(selection.calibration) for fit in fits]
         k = int(np.argmax(gains))
         of, effect, (model, options) = len(candidates), candidates.pop(k), extended[k]
         errors = trial.errors_left_out(model, options)
-        gain, _ = mean_over_rows(found.errors - errors)
-        likelier, worse = gains[k] > PROOF, gain < 0.0
-        gained = f"log evidence {gains[k]:+.1f} against {PROOF:.1f}"
+        gain, _ = mean_over_rows(selection.errors - errors)
+        likelier, worse = gains[k] > MIN_EVIDENCE_GAIN, gain < 0.0
+        gained = f"log evidence {gains[k]:+.1f} against {MIN_EVIDENCE_GAIN:.1f}"
         if of > 1:
             gained = f"best of {of}: {gained}"
         reason = f"{gained}, but worse where it was not fitted" if likelier and worse else gained
         accepted = bool(likelier and not worse)
-        stage = _stage(effect.name, fits[k], found.calibration, errors, found.errors, accepted=accepted, reason=reason)
-        found = replace(found, stages=(*found.stages, stage))
+        stage = _stage(
+            effect.name, fits[k], selection.calibration, errors, selection.errors, accepted=accepted, reason=reason
+        )
+        selection = replace(selection, stages=(*selection.stages, stage))
         if accepted:
-            effects = (*found.effects, effect)
-            found = replace(found, model=model, options=options, calibration=fits[k], errors=errors, effects=effects)
+            effects = (*selection.effects, effect)
+            selection = replace(
+                selection, model=model, options=options, calibration=fits[k], errors=errors, effects=effects
+            )
             candidates = _beside(model, candidates)
         elif not likelier:
             break
-    return found
+    return selection
 
 
 def _beside(model: ErrorModel, candidates: Sequence[Effect]) -> list[Effect]:

@@ -4,7 +4,7 @@ Far from the measured poses the field fades to zero and its uncertainty grows to
 chapter 2). The hyper-parameters are those of the largest marginal likelihood, found by scikit-learn; what is kept are
 arrays, evaluated here.
 
-The correction is always that of all rows. Its variance is exact up to `WHOLE` rows. Beyond, two linear predictors are
+The correction is always that of all rows. Its variance is exact up to `MAX_DENSE_ROWS` rows. Beyond, two linear predictors are
 tried whose weights are free only in part, and the better one tells the variance, which is then never less than the exact
 one, for that is the least of all linear predictors (chapter 2.2): weights that vary smoothly over all rows, good where
 the field is smooth, and weights of the nearest rows alone, good where it is rough. Towards the edge of a neighbourhood
@@ -29,13 +29,13 @@ MIN_FIELD_ROWS, MAX_SEARCHED_ROWS, MAX_FIELD_ROWS = 20, 500, 10_000
 """Rows that a field needs; rows among which the hyper-parameters are sought; rows it keeps at most, where more are thinned
 out evenly: their covariance takes 0.8 GB then."""
 
-WHOLE, SMOOTH, NEAREST = 3000, 400, 60
+MAX_DENSE_ROWS, LOW_RANK, NEIGHBOURS = 3000, 400, 60
 """Rows up to which the variance is that of all; beyond, degrees of freedom of smooth weights, and nearest rows."""
 
-CORE, FINEST = 0.8, 1e-3
+CORE_SHARE, MIN_RADIUS = 0.8, 1e-3
 """Share of a neighbourhood's radius in which its rows count in full, and the smallest radius, in length scales."""
 
-BATCH = 256
+BATCH_ROWS = 256
 """Poses evaluated at a time."""
 
 
@@ -72,10 +72,10 @@ class ResidualField:
     @cached_property
     def _smooth(self) -> Float[np.ndarray, "n k"]:
         """Smooth weights V·G^(−½), G their covariance Vᵀ(K + ρI)V; V spans the correlation with rows spread over all."""
-        picked = self._scaled[np.linspace(0, len(self.q) - 1, SMOOTH).astype(int)]
+        picked = self._scaled[np.linspace(0, len(self.q) - 1, LOW_RANK).astype(int)]
         V, _ = np.linalg.qr(_correlation(self._scaled, picked))
         G = V.T @ _in_batches(lambda at: _correlation(at, self._scaled) @ V, self._scaled)
-        factor = cholesky(0.5 * (G + G.T) + self._ratio * np.eye(SMOOTH), lower=True)
+        factor = cholesky(0.5 * (G + G.T) + self._ratio * np.eye(LOW_RANK), lower=True)
         return solve_triangular(factor, V.T, lower=True).T
 
     @cached_property
@@ -94,24 +94,24 @@ class ResidualField:
     def _left(self, at: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
         """Share of the field's variance that the rows leave."""
         k = _correlation(self._scaled, at)
-        if len(self.q) <= WHOLE:
-            told = (solve_triangular(self._factor, k, lower=True) ** 2).sum(axis=0)
+        if len(self.q) <= MAX_DENSE_ROWS:
+            known_variance = (solve_triangular(self._factor, k, lower=True) ** 2).sum(axis=0)
         else:
-            told = np.maximum(((self._smooth.T @ k) ** 2).sum(axis=0), self._told_nearby(at))
-        return np.maximum(1.0 - told, 0.0)
+            known_variance = np.maximum(((self._smooth.T @ k) ** 2).sum(axis=0), self._told_nearby(at))
+        return np.maximum(1.0 - known_variance, 0.0)
 
     def _told_nearby(self, at: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
         """Share of the variance that the nearest rows tell; a row of weight w counts as if its noise were 1/w times as much."""
-        found = self._tree.query(at, NEAREST + 1)
-        distance, rows = np.asarray(found[0]), np.asarray(found[1])
-        radius = np.maximum(distance[:, -1:], FINEST)
+        neighbours = self._tree.query(at, NEIGHBOURS + 1)
+        distance, rows = np.asarray(neighbours[0]), np.asarray(neighbours[1])
+        radius = np.maximum(distance[:, -1:], MIN_RADIUS)
         distance, near = distance[:, :-1], self._scaled[rows[:, :-1]]
-        inward = np.clip((radius - distance) / ((1.0 - CORE) * radius), 0.0, 1.0)
+        inward = np.clip((radius - distance) / ((1.0 - CORE_SHARE) * radius), 0.0, 1.0)
         root = np.sqrt(inward**2 * (3.0 - 2.0 * inward))
         apart = near - at[:, None]  # from the pose, where the subtraction below loses nothing
         square = (apart**2).sum(axis=2)
         inner = square[:, :, None] + square[:, None] - 2.0 * apart @ np.swapaxes(apart, 1, 2)
-        K = np.exp(-0.5 * np.maximum(inner, 0.0)) * root[:, :, None] * root[:, None] + self._ratio * np.eye(NEAREST)
+        K = np.exp(-0.5 * np.maximum(inner, 0.0)) * root[:, :, None] * root[:, None] + self._ratio * np.eye(NEIGHBOURS)
         k = np.exp(-0.5 * distance**2) * root
         return np.einsum("nk,nk->n", k, np.linalg.solve(K, k[:, :, None])[:, :, 0])
 
@@ -149,7 +149,7 @@ def _correlation(a: Float[np.ndarray, "n joints"], b: Float[np.ndarray, "k joint
 
 def _in_batches(function: Callable[[np.ndarray], np.ndarray], at: Float[np.ndarray, "n joints"]) -> np.ndarray:
     """The function of all rows, a batch at a time, so that memory does not grow with their number."""
-    return np.concatenate([function(at[i : i + BATCH]) for i in range(0, max(len(at), 1), BATCH)])
+    return np.concatenate([function(at[i : i + BATCH_ROWS]) for i in range(0, max(len(at), 1), BATCH_ROWS)])
 
 
 def learn_field(
@@ -173,7 +173,7 @@ def learn_field(
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
-    spread = np.maximum(q.std(axis=0), 1e-3)
+    scale = np.maximum(q.std(axis=0), 1e-3)
     size = np.sqrt((residual**2).mean(axis=0))
     shape: Any = RBF(np.full(q.shape[1], 2.0), (0.05, 100.0))  # pyright: ignore[reportArgumentType]
     kernel: Any = ConstantKernel(0.5, (1e-4, 1e2)) * shape + WhiteKernel(0.5, (1e-4, 1e1))
@@ -182,16 +182,20 @@ def learn_field(
     with warnings.catch_warnings():
         # a length at its upper bound is a joint without influence, which is an answer
         warnings.simplefilter("ignore", ConvergenceWarning)
-        found: Any = process.fit((q / spread)[rows], (residual / size)[rows]).kernel_
-    variance, lengths, noise = found.k1.k1.constant_value, np.atleast_1d(found.k1.k2.length_scale), found.k2.noise_level
+        kernel: Any = process.fit((q / scale)[rows], (residual / size)[rows]).kernel_
+    variance, lengths, noise = (
+        kernel.k1.k1.constant_value,
+        np.atleast_1d(kernel.k1.k2.length_scale),
+        kernel.k2.noise_level,
+    )
     kept = np.unique(np.linspace(0, len(q) - 1, min(len(q), MAX_FIELD_ROWS)).astype(int))
-    scaled, ratio = q[kept] / (lengths * spread), noise / variance
+    scaled, ratio = q[kept] / (lengths * scale), noise / variance
     K = _correlation(scaled, scaled)
     K[np.diag_indices_from(K)] += ratio
     return ResidualField(
         q=q[kept],
         weights=cho_solve(cho_factor(K, lower=True, overwrite_a=True), residual[kept]),
-        lengths=lengths * spread,
+        lengths=lengths * scale,
         deviation=np.sqrt(variance) * size,
         noise=np.sqrt(noise) * size,
     )

@@ -110,10 +110,10 @@ class FitOptions:
             TypeError: an option that does not exist; the message names all.
         """
         options = choices.pop("options", None) or cls()
-        known = [f.name for f in fields(cls)]
+        names = [f.name for f in fields(cls)]
         for name in choices:
-            if name not in known:
-                raise TypeError(f"no option '{name}' of a fit; there are {', '.join(known)}")
+            if name not in names:
+                raise TypeError(f"no option '{name}' of a fit; there are {', '.join(names)}")
         keep = choices.get("keep")
         if keep is not None and not isinstance(keep, str):
             choices["keep"] = tuple(keep)

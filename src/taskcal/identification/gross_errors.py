@@ -19,13 +19,13 @@ from taskcal.measurement.plausibility import most_wrong_rows
 from taskcal.measurement.registration import named_file
 from taskcal.measurement.tracker import TrackerNoise
 
-GROSS = 10.0
+GROSS_SIGMAS = 10.0
 """Standard deviations from which on a row that disagrees is wrong, not unlucky."""
 
 MAX_ROUNDS = 6
 """Of fit and judgement in turn; two are enough as a rule."""
 
-NAMED = 6
+MAX_NAMED_ROWS = 6
 """Rows that a message names."""
 
 Fit = Callable[[Campaign], Calibration]
@@ -49,7 +49,7 @@ def fit_right_rows(
     calibration = fit(campaign.without(seen & ~rows))
     distance, length = _judge(calibration, campaign, rows, noise)
     for _ in range(MAX_ROUNDS):
-        following = np.logical_or(rows, np.logical_and(seen, length <= GROSS))
+        following = np.logical_or(rows, np.logical_and(seen, length <= GROSS_SIGMAS))
         if np.array_equal(following, rows):
             break
         rows = following
@@ -77,10 +77,11 @@ def _check_few(wrong: Bool[np.ndarray, " n"], campaign: Campaign) -> None:
     rows = np.flatnonzero(wrong)
     seen = int(campaign.seen.sum())
     if len(rows) > most_wrong_rows(seen):
-        named = ", ".join(campaign.row(int(row)) for row in rows[:NAMED])
+        named = ", ".join(campaign.row(int(row)) for row in rows[:MAX_NAMED_ROWS])
+        named += ", …" if len(rows) > MAX_NAMED_ROWS else ""
         raise CampaignError(
-            f"{named_file(campaign)}{len(rows)} of {seen} rows do not agree with the others ({named}"
-            f"{', …' if len(rows) > NAMED else ''}): with more than a tenth of the rows, which are the wrong ones cannot be told. "
+            f"{named_file(campaign)}{len(rows)} of {seen} rows do not agree with the others ({named}): "
+            "with more than a tenth of the rows, which are the wrong ones cannot be told. "
             "Correct or leave out the wrong ones, or fit all of them with a robust loss (gross_errors='keep', loss=Cauchy(); "
             "--gross-errors keep --loss cauchy)"
         )
@@ -89,9 +90,9 @@ def _check_few(wrong: Bool[np.ndarray, " n"], campaign: Campaign) -> None:
 def _said(left_out: tuple[LeftOut, ...], names: list[str], seen: int) -> str:
     named = "; ".join(
         f"{name}, {row.distance * 1e3:.1f} mm off, {row.studentised:.0f} standard deviations"
-        for name, row in zip(names[:NAMED], left_out, strict=False)
+        for name, row in zip(names[:MAX_NAMED_ROWS], left_out, strict=False)
     )
-    more = f"; and {len(left_out) - NAMED} more" if len(left_out) > NAMED else ""
+    more = f"; and {len(left_out) - MAX_NAMED_ROWS} more" if len(left_out) > MAX_NAMED_ROWS else ""
     return (
         f"{len(left_out)} of {seen} rows cannot be right beside all others and were left out: {named}{more}. Measure them again; "
         "or, if they are right, more like them, and fit all rows with gross_errors='keep' (--gross-errors keep)"

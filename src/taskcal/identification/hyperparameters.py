@@ -38,7 +38,7 @@ class Fitted:
     solution: Solution
     hyper: Hyperparameters
     residual: Float[np.ndarray, "n targets b"]
-    spread: Float[np.ndarray, "n targets b b"]
+    prediction_covariance: Float[np.ndarray, "n targets b b"]
     covariance: Float[np.ndarray, "n targets b b"]
     """Of noise and model error."""
     weights: Float[np.ndarray, "n targets"]
@@ -73,23 +73,23 @@ def fit_with_hyperparameters(problem: Problem, belief: Belief, options: FitOptio
     while True:
         rounds += 1
         # the first fits need not be converged further than the hyperparameters are
-        found = _fit_once(problem, belief, loss, hyper, z, loose if searching else final, rounds)
-        z = found.solution.z
+        fitted = _fit_once(problem, belief, loss, hyper, z, loose if searching else final, rounds)
+        z = fitted.solution.z
         if not searching:
-            return found
-        following = _rescale(found, problem, belief, tracker, search_error, search_scale)
+            return fitted
+        following = _rescale(fitted, problem, belief, tracker, search_error, search_scale)
         moved = np.abs(following.variances - hyper.variances) / (hyper.variances + tracker)
         scale = abs(np.log(following.prior_factor / hyper.prior_factor))
         hyper = following
         if (moved.max() < 1e-3 and scale < 1e-2) or rounds > MAX_ROUNDS:
             searching = False
             if search_error:
-                hyper = _drop_insignificant(found, hyper, problem, belief)
+                hyper = _drop_insignificant(fitted, hyper, problem, belief)
 
 
-def _drop_insignificant(found: Fitted, hyper: Hyperparameters, problem: Problem, belief: Belief) -> Hyperparameters:
+def _drop_insignificant(fitted: Fitted, hyper: Hyperparameters, problem: Problem, belief: Belief) -> Hyperparameters:
     """A model error within two standard errors of zero is zero: half of all sound campaigns suggest a little by chance."""
-    at, weights = _linearised(found, problem, belief), found.weights[problem.seen.valid]
+    at, weights = _linearised(fitted, problem, belief), fitted.weights[problem.seen.valid]
     errors = [evidence.score_model_error(at, slice(3 * g, 3 * g + 3), weights)[1] for g in range(len(hyper.variances))]
     return replace(hyper, variances=np.where(hyper.variances < 2.0 * np.array(errors), 0.0, hyper.variances))
 
@@ -136,13 +136,13 @@ def _fit_once(
             f"check the campaign with a robust loss (loss=Cauchy()), or {remedy}"
         )
     posterior = _invert(solution.information + precision)
-    residual, spread = propagate(problem.walked(solution.z), problem.seen, posterior)
+    residual, prediction_covariance = propagate(problem.walked(solution.z), problem.seen, posterior)
     rms = np.sqrt(np.mean(np.einsum("ntij,ntj->nti", white, np.nan_to_num(residual)) ** 2, axis=2))
     return Fitted(
         solution=solution,
         hyper=hyper,
         residual=residual,
-        spread=spread,
+        prediction_covariance=prediction_covariance,
         covariance=covariance,
         weights=loss.weights(rms),
         posterior=posterior,
@@ -173,36 +173,36 @@ def _invert(A: Float[np.ndarray, "z z"]) -> Float[np.ndarray, "z z"]:
     return 0.5 * (inverse + inverse.T)
 
 
-def _linearised(found: Fitted, problem: Problem, belief: Belief) -> evidence.Linearised:
+def _linearised(fitted: Fitted, problem: Problem, belief: Belief) -> evidence.Linearised:
     valid, k = problem.seen.valid, len(belief.sizes)
-    scaled = np.zeros(len(found.posterior), dtype=bool)
+    scaled = np.zeros(len(fitted.posterior), dtype=bool)
     scaled[:k] = True
     prior = belief.prior or GaussianPrior.of_deviations(belief.sizes)
     return evidence.Linearised(
-        residual=found.residual[valid],
-        covariance=(found.covariance / found.weights[..., None, None])[valid],
-        spread=found.spread[valid],
-        information=found.solution.information,
-        posterior=found.posterior,
+        residual=fitted.residual[valid],
+        covariance=(fitted.covariance / fitted.weights[..., None, None])[valid],
+        prediction_covariance=fitted.prediction_covariance[valid],
+        information=fitted.solution.information,
+        posterior=fitted.posterior,
         prior_covariance=prior.covariance,
-        deviation=found.solution.z[:k] - prior.mean,
+        deviation=fitted.solution.z[:k] - prior.mean,
         scaled=scaled,
     )
 
 
 def _rescale(
-    found: Fitted, problem: Problem, belief: Belief, tracker: np.ndarray, search_error: bool, search_scale: bool
+    fitted: Fitted, problem: Problem, belief: Belief, tracker: np.ndarray, search_error: bool, search_scale: bool
 ) -> Hyperparameters:
     """One scoring step of the marginal likelihood for every hyperparameter that is searched."""
-    at = _linearised(found, problem, belief)
-    variances = found.hyper.variances.copy()
+    at = _linearised(fitted, problem, belief)
+    variances = fitted.hyper.variances.copy()
     if search_error:
-        weights = found.weights[problem.seen.valid]
+        weights = fitted.weights[problem.seen.valid]
         for g in range(len(variances)):
             step, _ = evidence.score_model_error(at, slice(3 * g, 3 * g + 3), weights)
             # never to zero in one step, from where the scoring could not come back
             variances[g] = max(variances[g] + step, 0.01 * variances[g], 1e-6 * tracker[g])
-    factor = found.hyper.prior_factor
+    factor = fitted.hyper.prior_factor
     if search_scale and belief.prior is not None:
         factor = evidence.score_prior_scale(at, factor)
-    return replace(found.hyper, variances=variances, prior_factor=factor)
+    return replace(fitted.hyper, variances=variances, prior_factor=factor)

@@ -23,13 +23,13 @@ from taskcal.measurement.plausibility import check_plausible, check_targets
 from taskcal.measurement.registration import Registration, check_rows, nominal_poses, register
 from taskcal.robot.error_model import ErrorModel
 
-NOT_SEEN = 0.95
+UNSEEN_SHARE = 0.95
 """Share of the prior's standard deviation from which on a standard error says that nothing was learnt."""
 
-WORTHLESS = 3e-4
+WORTHLESS_SIZE = 3e-4
 """Model error, metres per axis, with which a robot that shows none of its tolerances is not a nearly perfect one."""
 
-WIDE = 5.0
+WIDE_SCALE = 5.0
 """A prior scale above this calls for a look at the robot file."""
 
 
@@ -100,8 +100,8 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
     if chosen.gross_errors == "keep":
         calibration = fit_rows(campaign)
     else:
-        given = chosen.registration is not None
-        rows = campaign.seen if given else find_consensus(model, campaign, poses).rows
+        registered = chosen.registration is not None
+        rows = campaign.seen if registered else find_consensus(model, campaign, poses).rows
         calibration = fit_right_rows(fit_rows, campaign, rows, chosen.noise)
     _check_worth(calibration, chosen)
     return replace(calibration, provenance=Provenance.of(model, campaign, chosen.described(model, campaign)))
@@ -132,16 +132,16 @@ def _fit(
     )
     problem = replace(whole, frames=replace(whole.frames, kept=kept))
     belief = belief_of(problem.frames, chosen.prior)
-    found = fit_with_hyperparameters(problem, belief, chosen)
+    fit = fit_with_hyperparameters(problem, belief, chosen)
     if len(kept) == len(model):
-        outcome = fitted_whole(found, problem)
+        outcome = fitted_whole(fit, problem)
     elif chosen.prior != "tolerances":
-        outcome = fitted_alone(found, problem, whole.frames)
+        outcome = fitted_alone(fit, problem, whole.frames)
     else:
         believed = belief_of(whole.frames, chosen.prior)
         hyper = fit_with_hyperparameters(whole, believed, chosen).hyper
-        outcome = consider(found, problem, belief, whole, believed, hyper)
-    return _conclude(found, outcome, campaign, chosen)
+        outcome = consider(fit, problem, belief, whole, believed, hyper)
+    return _conclude(fit, outcome, campaign, chosen)
 
 
 def _registered(
@@ -161,9 +161,9 @@ def _registered(
 def _check_worth(calibration: Calibration, options: FitOptions) -> None:
     """Refuse a fit from which nothing was learnt, and which called all that was measured error."""
     scale, error, k = calibration.prior_scale, calibration.model_error[0], calibration.estimated
-    if options.prior_scale != "estimate" or scale is None or not len(k) or error < WORTHLESS:
+    if options.prior_scale != "estimate" or scale is None or not len(k) or error < WORTHLESS_SIZE:
         return
-    if (calibration.standard_errors[k] > NOT_SEEN * scale * calibration.model.tolerances[k]).all():
+    if (calibration.standard_errors[k] > UNSEEN_SHARE * scale * calibration.model.tolerances[k]).all():
         raise FitError(
             f"nothing can be learnt from these rows: no parameter explains them, and {error * 1e3:.2f} mm per axis were taken for "
             "error. Some rows contradict the others: look for them with a robust loss (loss=Cauchy(), --loss cauchy), check "
@@ -171,12 +171,12 @@ def _check_worth(calibration: Calibration, options: FitOptions) -> None:
         )
 
 
-def _conclude(found: Fitted, outcome: Outcome, campaign: Campaign, options: FitOptions) -> Calibration:
+def _conclude(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOptions) -> Calibration:
     """Everything that is reported, from the converged fit."""
     layout, has_prior = outcome.layout, options.prior is not None
     T_tracker_base, T_tool_target = layout.frames(outcome.z)
     studentised, outliers = studentise(
-        found.residual, outcome.residual_covariance, found.covariance, campaign, options.outlier_level
+        fit.residual, outcome.residual_covariance, fit.covariance, campaign, options.outlier_level
     )
     return Calibration(
         model=layout.model,
@@ -186,39 +186,39 @@ def _conclude(found: Fitted, outcome: Outcome, campaign: Campaign, options: FitO
         z_covariance=outcome.covariance,
         T_tracker_base=T_tracker_base,
         T_tool_target=T_tool_target,
-        residuals=found.residual,
+        residuals=fit.residual,
         studentised=studentised,
         outliers=outliers,
         left_out=(),
         ids=campaign.ids,
         model_error=tuple(float(d) for d in np.sqrt(outcome.hyper.variances)),
         prior_scale=float(np.sqrt(outcome.hyper.prior_factor)) if has_prior else None,
-        log_evidence=found.log_evidence if has_prior else None,
+        log_evidence=fit.log_evidence if has_prior else None,
         field=None,
-        iterations=found.solution.iterations,
-        rounds=found.rounds,
-        reason=found.solution.reason,
-        remarks=_remarks(found, outcome, campaign, has_prior),
+        iterations=fit.solution.iterations,
+        rounds=fit.rounds,
+        reason=fit.solution.reason,
+        remarks=_remarks(fit, outcome, campaign, has_prior),
         provenance=Provenance.of(layout.model, campaign, options.described(layout.model, campaign)),
     )
 
 
-def _remarks(found: Fitted, outcome: Outcome, campaign: Campaign, has_prior: bool) -> tuple[str, ...]:
+def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign, has_prior: bool) -> tuple[str, ...]:
     """What is unusual about a fit, in words."""
     out: list[str] = []
-    layout, unknowns = outcome.layout, len(found.solution.z)
+    layout, unknowns = outcome.layout, len(fit.solution.z)
     scale = float(np.sqrt(outcome.hyper.prior_factor))
-    if has_prior and len(outcome.estimated) and scale > WIDE:
+    if has_prior and len(outcome.estimated) and scale > WIDE_SCALE:
         out.append(
             f"the robot deviates {scale:.0f} times as much as its tolerances say: check the joints' order, signs and zero "
             "positions and the lengths in the robot file, or state wider tolerances"
         )
-    measured = int(campaign.valid.sum()) * found.residual.shape[2]
+    measured = int(campaign.valid.sum()) * fit.residual.shape[2]
     if measured < 2 * unknowns:
         out.append(
             f"{measured} measured numbers for {unknowns} unknowns: residuals of the fitted rows say little; hold rows out"
         )
-    if found.rounds > MAX_ROUNDS:
+    if fit.rounds > MAX_ROUNDS:
         out.append("model error and prior scale had not settled when the search for them ended")
     if outcome.hyper.variances[0] == 0.0 and measured < 2 * unknowns:
         out.append("no model error could be told from so few rows, so the stated uncertainty leaves it out")

@@ -10,7 +10,7 @@ from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.measurement.campaign import Campaign
 
-VARIES = 1e-6
+MIN_VARIATION = 1e-6
 """A quantity that varies less than this, in SI units, is constant."""
 
 
@@ -49,7 +49,7 @@ def list_regressors(calibration: Calibration, campaign: Campaign) -> tuple[Regre
     # of the mean of the targets
     arm = np.einsum("nij,j->ni", T[:, :3, :3], calibration.T_tool_target[:, :3, 3].mean(axis=0))
     gravity = calibration.model.robot.statics.gravity
-    found = [
+    regressors = [
         *_of_joints(calibration, campaign, arm),
         *_of_time(campaign),
         Regressor(
@@ -62,7 +62,7 @@ def list_regressors(calibration: Calibration, campaign: Campaign) -> tuple[Regre
         ),
         _of_distance(calibration, T[:, :3, 3] + arm),
     ]
-    return tuple(r for r in found if np.ptp(r.values, axis=0).max() > VARIES)
+    return tuple(r for r in regressors if np.ptp(r.values, axis=0).max() > MIN_VARIATION)
 
 
 def _of_joints(calibration: Calibration, campaign: Campaign, arm: Float[np.ndarray, "n 3"]) -> Iterator[Regressor]:

@@ -22,10 +22,10 @@ from taskcal.short_repr import short_repr
 MIN_POSES = 30
 """Poses from which on something can be said."""
 
-KNOTS, PER_KNOT = (6, 40), 15
+KNOT_RANGE, POSES_PER_KNOT = (6, 40), 15
 """Fewest and most knots of a spline, and poses for each; splines of several directions or parts have the fewest."""
 
-PROVEN, WORTH = 0.01, 0.01
+MAX_P_VALUE, MIN_SHARE = 0.01, 0.01
 """p-value up to which a share is called proven, and the smallest share that is."""
 
 
@@ -42,7 +42,7 @@ class Explained:
     @property
     def proven(self) -> bool:
         """Whether the share is one per cent or more, and chance gives as much once in a hundred or less."""
-        return self.p_value is not None and self.p_value <= PROVEN and self.share >= WORTH
+        return self.p_value is not None and self.p_value <= MAX_P_VALUE and self.share >= MIN_SHARE
 
 
 @short_repr
@@ -156,9 +156,9 @@ def _features(regressor: Regressor) -> tuple[Float[np.ndarray, "n k"], Float[np.
     if not regressor.smooth:
         basis = regressor.values / max(float(np.abs(regressor.values).max()), 1e-12)
     else:
-        fewest, most = KNOTS
+        fewest, most = KNOT_RANGE
         single = regressor.carrier.shape[2] == 1 == regressor.values.shape[1]
-        knots = int(np.clip(len(regressor.values) // PER_KNOT, fewest, most)) if single else fewest
+        knots = int(np.clip(len(regressor.values) // POSES_PER_KNOT, fewest, most)) if single else fewest
         varying = regressor.values[:, np.ptp(regressor.values, axis=0) > 1e-9]
         basis = np.asarray(SplineTransformer(n_knots=knots, degree=3).fit_transform(varying))
     return basis, _carried(basis, regressor)
@@ -182,8 +182,8 @@ def _strength(features: Float[np.ndarray, "n 3 features"], residual: Float[np.nd
     """Of the ridge that these residuals ask for."""
     from sklearn.linear_model import RidgeCV
 
-    found: Any = RidgeCV(alphas=np.logspace(-2, 4, 7), fit_intercept=False).fit(_stacked(features), residual.ravel())
-    return float(found.alpha_)
+    ridge: Any = RidgeCV(alphas=np.logspace(-2, 4, 7), fit_intercept=False).fit(_stacked(features), residual.ravel())
+    return float(ridge.alpha_)
 
 
 def _share(

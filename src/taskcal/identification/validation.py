@@ -10,7 +10,7 @@ from taskcal.errors import CampaignError
 from taskcal.identification.calibration import Calibration
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.plausibility import check_plausible
-from taskcal.measurement.registration import PLAUSIBLE, register
+from taskcal.measurement.registration import PLAUSIBLE_SHARE, register
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -97,12 +97,14 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
     """
     expect_kinds({"calibration": Calibration, "campaign": Campaign}, calibration=calibration, campaign=campaign)
     if reregister:
-        found = register(calibration.model, campaign, poses=calibration.tool_in_base(campaign.q, campaign.conditions))
-        check_plausible(found, calibration.model, campaign)
+        registration = register(
+            calibration.model, campaign, poses=calibration.tool_in_base(campaign.q, campaign.conditions)
+        )
+        check_plausible(registration, calibration.model, campaign)
         calibration = replace(
             calibration,
-            T_tracker_base=found.T_tracker_base,
-            T_tool_target=found.T_tool_target,
+            T_tracker_base=registration.T_tracker_base,
+            T_tool_target=registration.T_tool_target,
             layout=replace(calibration.layout, targets=campaign.targets),
         )
     residual = calibration.residuals_on(campaign)
@@ -113,7 +115,7 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
     rotations = np.linalg.norm(turn, axis=1) if turn.shape[1] else None
     length, reach = np.linalg.norm(error, axis=1), calibration.model.robot.reach
     remarks: tuple[str, ...] = ()
-    if np.median(length) > PLAUSIBLE * reach:
+    if np.median(length) > PLAUSIBLE_SHARE * reach:
         remarks = (
             f"the campaign is {np.median(length) * 1e3:.0f} mm away from what the calibration predicts: if the tracker or the "
             "target was moved, refit them (reregister); else it is another robot",

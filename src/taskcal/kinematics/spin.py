@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
-from taskcal.geometry.pose_step import WEIGHT
+from taskcal.geometry.pose_step import RADIANS_PER_METRE
 from taskcal.kinematics.inverse import JUMP, SAME_POSTURE_RAD, find_postures, posture_margin, solve_near
 from taskcal.kinematics.tracing import refusals, trace
 from taskcal.robot.error_model import ErrorModel
@@ -172,7 +172,7 @@ def tool_way(T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, " n"]:
     """How far the tool has moved at each pose, radians and half metres, its spin aside."""
     shift = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1)
     tilt = 2.0 * np.arcsin(np.minimum(0.5 * np.linalg.norm(np.diff(T[:, :3, 2], axis=0), axis=1), 1.0))
-    return np.concatenate([[0.0], np.cumsum(np.hypot(WEIGHT * shift, tilt))])
+    return np.concatenate([[0.0], np.cumsum(np.hypot(RADIANS_PER_METRE * shift, tilt))])
 
 
 def _guide(

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.geometry import se3
-from taskcal.geometry.pose_step import WEIGHT
+from taskcal.geometry.pose_step import RADIANS_PER_METRE
 from taskcal.kinematics.inverse import JUMP, NewtonEnd, Spin, conditioning, follow, newton_steps
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -181,7 +181,7 @@ class _Path:
         else:
             chord = np.linalg.norm(b[:, :3, :3] - a[:, :3, :3], axis=(1, 2))
             angle = 2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0))
-        return np.hypot(WEIGHT * np.linalg.norm(b[:, :3, 3] - a[:, :3, 3], axis=1), angle)
+        return np.hypot(RADIANS_PER_METRE * np.linalg.norm(b[:, :3, 3] - a[:, :3, 3], axis=1), angle)
 
     def walk(
         self, q: Float[np.ndarray, " joints"], a: Float[np.ndarray, "4 4"], b: Float[np.ndarray, "4 4"]

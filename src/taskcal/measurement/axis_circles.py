@@ -18,11 +18,11 @@ from taskcal.errors import CampaignError
 from taskcal.estimation.blas import single_threaded
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import LOCATED, Registration, nominal_poses, place_targets
+from taskcal.measurement.registration import LOCATED_WITHIN, Registration, nominal_poses, place_targets
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 
-MIN_ANGLES, ARC = 4, np.radians(20.0)
+MIN_ANGLES, MIN_ARC = 4, np.radians(20.0)
 """A circle needs so many different angles, over so large an arc."""
 
 SAME_ANGLE_RAD = np.radians(1e-3)
@@ -35,10 +35,10 @@ stays on one; a wrist whose motors are coupled does not."""
 MIN_RADIUS = 0.02
 """A circle of a smaller radius does not show its plane, metres."""
 
-PARALLEL = 0.1
+PARALLEL_SINE = 0.1
 """Sine of the angle between axes up to which they do not turn the base."""
 
-MODEL_ERROR = 1e-3
+ASSUMED_MODEL_ERROR = 1e-3
 """How far the circle of a robot may be from that of the nominal one, metres, in judging what the circles place."""
 
 
@@ -101,17 +101,17 @@ def find_circles(model: ErrorModel, campaign: Campaign) -> tuple[AxisCircle, ...
     s = model.walk(campaign.q).s
     seen = np.asarray(campaign.valid)
     circles = [
-        found
+        circle
         for axis, joint in enumerate(model.robot.joints)
         for target in range(len(campaign.targets))
         if joint.kind != "prismatic"
         and len(rows := _sweep(campaign.q, s, axis, seen[:, target], T)) > 0
-        and (found := _measure(campaign.points[rows, target], s[rows, axis], T[rows], axis, target, rows)).radius
+        and (circle := _measure(campaign.points[rows, target], s[rows, axis], T[rows], axis, target, rows)).radius
         > MIN_RADIUS
     ]
     if not circles:
         raise CampaignError(
-            f"no {MIN_ANGLES} rows over at least {np.degrees(ARC):.0f}° in which only one axis turns and a target is seen "
+            f"no {MIN_ANGLES} rows over at least {np.degrees(MIN_ARC):.0f}° in which only one axis turns and a target is seen "
             f"{MIN_RADIUS * 1e3:.0f} mm or more away from it; measure such sweeps, one axis after the other, or register from "
             "all poses, which needs none"
         )
@@ -138,7 +138,7 @@ def _sweep(
 
 def _suffices(angle: Float[np.ndarray, " k"]) -> bool:
     different = 1 + int((np.diff(np.sort(angle)) > SAME_ANGLE_RAD).sum())
-    return bool(different >= MIN_ANGLES and np.ptp(angle) >= ARC)
+    return bool(different >= MIN_ANGLES and np.ptp(angle) >= MIN_ARC)
 
 
 def _is_round(T: Float[np.ndarray, "k 4 4"], angle: Float[np.ndarray, " k"]) -> bool:
@@ -168,7 +168,7 @@ def _measure(
     nominal = np.einsum("ak,kij->aij", solve, T[:, :3])
     # tool point and tool axes turn about one direction; where the tool keeps its orientation, the point alone shows it
     turning = np.cross(nominal[1], nominal[2], axis=0).sum(axis=1)
-    normal, spread = np.cross(u, v), solve @ solve.T
+    normal, unit_covariance = np.cross(u, v), solve @ solve.T
     radius = float(np.sqrt(np.linalg.norm(normal)))
     residual = y - A @ np.stack([c, u, v])
     return AxisCircle(
@@ -182,7 +182,7 @@ def _measure(
         residual=float(np.sqrt((residual**2).sum(axis=1).mean())),
         nominal_normal=turning / np.linalg.norm(turning),
         nominal_centre=nominal[0],
-        weight=(radius**2 / float(np.linalg.eigvalsh(spread[1:, 1:])[-1]), 1.0 / float(spread[0, 0])),
+        weight=(radius**2 / float(np.linalg.eigvalsh(unit_covariance[1:, 1:])[-1]), 1.0 / float(unit_covariance[0, 0])),
     )
 
 
@@ -190,7 +190,7 @@ def _turn_base(circles: tuple[AxisCircle, ...], model: ErrorModel) -> Float[np.n
     """The rotation that carries the nominal circles' normals nearest to the measured ones (Kabsch 1976)."""
     normals = np.stack([circle.nominal_normal for circle in circles])
     apart = np.linalg.norm(np.cross(normals[:, None], normals[None]), axis=2)
-    if apart.max() < PARALLEL:
+    if apart.max() < PARALLEL_SINE:
         raise CampaignError(
             f"only {_swept(circles, model)} swept, and one direction does not turn the base; sweep an axis that is not parallel "
             "as well, or register from all poses"
@@ -215,7 +215,7 @@ def _place_base(
     eliminated = H[:3, 3:] @ np.linalg.pinv(H[3:, 3:], rcond=1e-10)
     information = H[:3, :3] - eliminated @ H[3:, :3]
     values, vectors = np.linalg.eigh(information)
-    if values[0] < (MODEL_ERROR / LOCATED) ** 2:
+    if values[0] < (ASSUMED_MODEL_ERROR / LOCATED_WITHIN) ** 2:
         x, y, z = np.abs(Z.T @ vectors[:, 0])
         raise CampaignError(
             f"{_swept(circles, model)} swept, which does not place the base along ({x:.2f}, {y:.2f}, {z:.2f}) of its own frame: "

@@ -13,7 +13,7 @@ from taskcal.errors import CampaignError, UnknownName, shortened
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.conditions import Conditions
 
-_TOLD = {
+_QUANTITIES = {
     "approach": ("ways of approach", "columns such as J1_approach"),
     "move": ("moves", "columns such as J1_move_deg"),
     "temperature": ("temperatures", "a column temp_C"),
@@ -50,12 +50,12 @@ class Campaign:
     """Line of the file that each stands in, counted from 1; None where there is no file."""
 
     def __repr__(self) -> str:
-        told = [name for name in _TOLD if getattr(self.conditions, name) is not None]
+        quantities = [name for name in _QUANTITIES if getattr(self.conditions, name) is not None]
         parts = [
             f"{len(self)} {'points' if self.rotations is None else 'poses'} of {shortened(', '.join(self.targets), 80)}",
             f"{int((~self.valid).sum())} beams lost" if not self.valid.all() else "",
             f"reference points {shortened(', '.join(self.reference_points), 80)}" if self.reference_points else "",
-            f"with {', '.join(told)}" if told else "",
+            f"with {', '.join(quantities)}" if quantities else "",
         ]
         return f"Campaign({shortened(self.source, 80) or 'unnamed'}: {', '.join(part for part in parts if part)})"
 
@@ -142,7 +142,7 @@ class Campaign:
         name = self.source or "the campaign"
         for quantity in quantities:
             values = getattr(self.conditions, quantity)
-            several, columns = _TOLD[quantity]
+            several, columns = _QUANTITIES[quantity]
             if values is None:
                 raise CampaignError(f"{name} has no {several}, which the effect '{effect}' needs; add {columns}")
             unknown = np.flatnonzero(~np.isfinite(values.reshape(len(self), -1)).all(axis=1))

@@ -19,13 +19,13 @@ from taskcal.robot.error_model import ErrorModel
 TRUSTED_SHARE = 0.75
 """Of the rows, that the trimmed sum counts."""
 
-STARTS = 24
+SUBSETS = 24
 """Subsets from which the search starts where the whole campaign does not agree: with a tenth of the rows wrong, eight rows are
 all right with a chance of 0.43, and not once in 24 times with one of 10⁻⁶."""
 
 SUBSET_ROWS = 8
 
-FAR = 10.0
+FAR_SIGMAS = 10.0
 """Times the median distance: on measured robots the nominal geometry leaves at most 8.4 times the median."""
 
 TRACKER_NOISE = 1e-4
@@ -72,7 +72,7 @@ def find_consensus(
     best = _settle(model, campaign, poses, seen, seen)
     if best is None or not best.rows[seen].all():
         rng = np.random.default_rng(seed)
-        for _ in range(STARTS):
+        for _ in range(SUBSETS):
             start = np.sort(rng.choice(seen, size=min(SUBSET_ROWS, len(seen)), replace=False))
             trial = _settle(model, campaign, poses, seen, start)
             if trial is not None and (best is None or trial.trimmed < best.trimmed * (1.0 - 1e-9)):
@@ -97,7 +97,7 @@ def _settle(
         Z = registration.T_tracker_base[:3, :3]
         distance = _distances(registration, campaign, poses, model.robot.reach)
         agreed = campaign.seen
-        near = distance <= max(FAR * float(np.median(distance[seen])), TRACKER_NOISE)
+        near = distance <= max(FAR_SIGMAS * float(np.median(distance[seen])), TRACKER_NOISE)
         if near[seen].mean() >= TRUSTED_SHARE:
             agreed = np.asarray(agreed & near)
         reached = Consensus(rows=agreed, registration=registration, distance=distance)
@@ -109,10 +109,10 @@ def _settle(
 
 
 def _distances(
-    found: Registration, campaign: Campaign, poses: Float[np.ndarray, "n 4 4"], lever: float
+    registration: Registration, campaign: Campaign, poses: Float[np.ndarray, "n 4 4"], lever: float
 ) -> Float[np.ndarray, " n"]:
     """How far the farthest target of every row is off, metres; a measured pose's rotation counts at the end of a lever."""
-    ends = (found.T_tracker_base @ poses)[:, None] @ found.T_tool_target
+    ends = (registration.T_tracker_base @ poses)[:, None] @ registration.T_tool_target
     square = np.sum((campaign.points - ends[..., :3, 3]) ** 2, axis=2)
     if campaign.rotations is not None:
         seen = campaign.valid[:, 0]

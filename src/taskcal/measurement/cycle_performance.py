@@ -28,13 +28,13 @@ class CyclePerformance:
         """All of it in millimetres and degrees; a direction is named where there is one."""
         return {
             "poses": [
-                {"pose": pose, **_direction(direction), **found.summary()}
-                for (pose, direction), found in self.poses.items()
+                {"pose": pose, **_direction(direction), **of_pair.summary()}
+                for (pose, direction), of_pair in self.poses.items()
             ],
-            "directions": [{"pose": pose, **found.summary()} for pose, found in self.directions.items()],
+            "directions": [{"pose": pose, **of_pair.summary()} for pose, of_pair in self.directions.items()],
             "distances": [
-                {"from": first, "to": second, **_direction(direction), **found.summary()}
-                for (first, second, direction), found in self.distances.items()
+                {"from": first, "to": second, **_direction(direction), **of_pair.summary()}
+                for (first, second, direction), of_pair in self.distances.items()
             ],
         }
 
@@ -59,19 +59,19 @@ def assess_cycles(cycles: Sequence[PoseCycles], distances: Iterable[tuple[str, s
         for one in cycles
     }
     names = list(dict.fromkeys(one.pose for one in cycles))
-    by_pose = {name: [found for (pose, _), found in poses.items() if pose == name] for name in names}
+    by_pose = {name: [performance for (pose, _), performance in poses.items() if pose == name] for name in names}
     between: dict[tuple[str, str, str], DistancePerformance] = {}
     for first, second in pairwise(names) if distances is None else distances:
         for name in (first, second):
             if name not in names:
                 raise UnknownName("pose", name, names)
-        found = _between(cycles, first, second)
-        if distances is not None and not found:
+        of_pair = _between(cycles, first, second)
+        if distances is not None and not of_pair:
             raise CampaignError(
                 f"poses '{first}' and '{second}' have no distance: it needs both commands (command_x_mm …), and cycles that "
                 "were measured at both, from the same direction"
             )
-        between |= found
+        between |= of_pair
     return CyclePerformance(
         poses=poses,
         directions={name: compare_directions(several) for name, several in by_pose.items() if len(several) > 1},

@@ -167,17 +167,17 @@ def _sections(
     first_pass, *_ = passes.values()
     place = {sections[row]: row for row in first_pass}
     for cycle, rows in passes.items():
-        known: dict[str, int] = {}
+        row_of_section: dict[str, int] = {}
         for row in rows:
             name = sections[row]
-            if name in known:
-                line = columns.table.lines[known[name]]
+            if name in row_of_section:
+                line = columns.table.lines[row_of_section[name]]
                 message = f"section '{name}' of pass '{cycle}' is in line {line} already; give each its own name"
                 raise columns.error(message, row, "section")
             if name not in place:
                 message = f"the first pass has no section '{name}'; it says the path, so it must have all"
                 raise columns.error(message, row, "section")
-            known[name] = row
+            row_of_section[name] = row
             _check_same_command(columns, commands, row, place[name], f"section '{name}'")
     rows = list(place.values())
     return tuple(place), commanded[rows], None if rotations is None else rotations[rows]

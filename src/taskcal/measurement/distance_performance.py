@@ -52,8 +52,8 @@ class DistancePerformance:
         out |= {f"AD_{axis}_mm": float(value) * 1e3 for axis, value in zip("xyz", self.offset, strict=True)}
         if self.repeatability is not None and self.axis_repeatability is not None:
             out["RD_p_mm"] = self.repeatability * 1e3
-            spread = zip("xyz", self.axis_repeatability, strict=True)
-            out |= {f"RD_{axis}_mm": float(value) * 1e3 for axis, value in spread}
+            repeatabilities = zip("xyz", self.axis_repeatability, strict=True)
+            out |= {f"RD_{axis}_mm": float(value) * 1e3 for axis, value in repeatabilities}
         return out
 
 

@@ -13,13 +13,13 @@ from taskcal.measurement.reference_motion import ReferenceMotion, observe_refere
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.short_repr import short_repr
 
-LEVEL = 0.01
+SIGNIFICANCE = 0.01
 """Chance of following reference points that stand still."""
 
-MIN_ROWS = 5
+MIN_DRIFT_ROWS = 5
 """Rows that have to tell a motion."""
 
-NAMED = 6
+MAX_NAMED_ROWS = 6
 """Rows of misplaced reference points that are named."""
 
 
@@ -63,15 +63,13 @@ def compensate_drift(campaign: Campaign, noise: TrackerNoise | None = None) -> D
     if not campaign.reference_points:
         return Drift(campaign=campaign, followed=False, largest=0.0, noise=0.0, probability=1.0, remarks=())
     motion = observe_reference_points(campaign.reference_points)
-    told = ~np.isnan(motion.values[:, 0])
-    if told.sum() < MIN_ROWS:
-        remark = (
-            f"the reference points tell their motion in {told.sum()} rows, too few to follow it; {MIN_ROWS} are needed"
-        )
+    observed = ~np.isnan(motion.values[:, 0])
+    if observed.sum() < MIN_DRIFT_ROWS:
+        remark = f"the reference points tell their motion in {observed.sum()} rows, too few to follow it; it takes {MIN_DRIFT_ROWS}"
         return Drift(campaign=campaign, followed=False, largest=0.0, noise=0.0, probability=1.0, remarks=(remark,))
-    deviation, probability = _proof(motion, told)
+    deviation, probability = _proof(motion, observed)
     remarks = _misplaced(campaign, motion)
-    if probability > LEVEL:
+    if probability > SIGNIFICANCE:
         remarks += (
             f"the reference points moved no more than their noise ({deviation * 1e3:.4f} mm) and were not followed",
         )
@@ -80,8 +78,8 @@ def compensate_drift(campaign: Campaign, noise: TrackerNoise | None = None) -> D
         )
     variance = deviation**2 * motion.per_noise
     courses = [
-        smooth(values, spread, own_noise=motion.noise is not None)
-        for values, spread in zip(motion.values.T, variance.T, strict=True)
+        smooth(values, noise_variance, own_noise=motion.noise is not None)
+        for values, noise_variance in zip(motion.values.T, variance.T, strict=True)
     ]
     T = _transforms(motion, courses)
     moved = {name: _back(T, points[:, None])[:, 0] for name, points in campaign.reference_points.items()}
@@ -108,9 +106,9 @@ def compensate_drift(campaign: Campaign, noise: TrackerNoise | None = None) -> D
     )
 
 
-def _proof(motion: ReferenceMotion, told: np.ndarray) -> tuple[float, float]:
+def _proof(motion: ReferenceMotion, observed: np.ndarray) -> tuple[float, float]:
     """Standard deviation of a reference point's coordinate, and the chance that still reference points seem to move as much."""
-    values, per_noise = motion.values[told], motion.per_noise[told]
+    values, per_noise = motion.values[observed], motion.per_noise[observed]
     centred = values - np.average(values, axis=0)
     moved, count = float((centred**2 / per_noise).sum()), centred.size - centred.shape[1]
     if motion.noise is None:
@@ -129,7 +127,9 @@ def _misplaced(campaign: Campaign, motion: ReferenceMotion) -> tuple[str, ...]:
     for name, lost in zip(campaign.reference_points, motion.lost.T, strict=True):
         rows = np.flatnonzero(lost)
         if len(rows):
-            named = ", ".join(campaign.ids[i] for i in rows[:NAMED]) + (", …" if len(rows) > NAMED else "")
+            named = ", ".join(campaign.ids[i] for i in rows[:MAX_NAMED_ROWS]) + (
+                ", …" if len(rows) > MAX_NAMED_ROWS else ""
+            )
             out.append(
                 f"reference point {name} does not fit the others in {len(rows)} rows (id {named}): taken for lost there"
             )

@@ -126,7 +126,7 @@ def assess_path(
     tangents = polyline.tangents(commanded)
     if (back := np.flatnonzero(~tangents.any(axis=1))).size:
         raise CampaignError(f"the commanded path turns back on itself at point {back[0]}; give the parts one by one")
-    found: list[polyline.Crossings] = []
+    crossings_by_pass: list[polyline.Crossings] = []
     deviations: list[np.ndarray] = []
     for number, samples in enumerate(passes):
         away, off = polyline.distances(samples, commanded)
@@ -141,16 +141,16 @@ def assess_path(
         crossings = polyline.cross_planes(carried_on, commanded, tangents, within)
         if not ((crossings.segments > 0) & (crossings.segments < len(samples))).any():
             raise CampaignError(f"pass {number} crosses no plane normal to the path; does it run in the path's sense?")
-        found.append(crossings)
-    crossed = np.bincount(np.concatenate([c.planes for c in found]), minlength=len(commanded))
+        crossings_by_pass.append(crossings)
+    crossed = np.bincount(np.concatenate([c.planes for c in crossings_by_pass]), minlength=len(commanded))
     sections = np.flatnonzero(crossed == len(passes))
     if not len(sections):
         raise CampaignError("no plane normal to the commanded path is crossed by every pass; give passes of one path")
-    chosen = [np.searchsorted(c.planes, sections) for c in found]
-    points = np.stack([c.points[rows] for c, rows in zip(found, chosen, strict=True)])
+    chosen = [np.searchsorted(c.planes, sections) for c in crossings_by_pass]
+    points = np.stack([c.points[rows] for c, rows in zip(crossings_by_pass, chosen, strict=True)])
     angles = turn = None
     if rotations is not None and commanded_rotations is not None:
-        turned = [_turned(R, c, rows) for R, c, rows in zip(rotations, found, chosen, strict=True)]
+        turned = [_turned(R, c, rows) for R, c, rows in zip(rotations, crossings_by_pass, chosen, strict=True)]
         mean, angles = mean_orientation(np.stack(turned))
         turn = se3.log(mean @ np.swapaxes(commanded_rotations[sections], 1, 2))
     return PathPerformance(

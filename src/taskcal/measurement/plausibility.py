@@ -5,7 +5,7 @@ import numpy as np
 from taskcal.errors import CampaignError
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.consensus import find_consensus
-from taskcal.measurement.registration import PLAUSIBLE, Registration, named_file, nominal_poses
+from taskcal.measurement.registration import PLAUSIBLE_SHARE, Registration, named_file, nominal_poses
 from taskcal.robot.error_model import ErrorModel
 
 LARGEST_SHARE = 0.1
@@ -22,7 +22,7 @@ def check_plausible(registration: Registration, model: ErrorModel, campaign: Cam
     If all but a few rows fit, the message names these; else it names what is usually wrong.
     """
     reach = model.robot.reach
-    if registration.rms <= PLAUSIBLE * reach:
+    if registration.rms <= PLAUSIBLE_SHARE * reach:
         return
     wrong = _few_wrong_rows(model, campaign)
     if wrong:
@@ -65,9 +65,11 @@ def most_wrong_rows(rows: int) -> int:
 
 def _few_wrong_rows(model: ErrorModel, campaign: Campaign) -> list[tuple[int, float]]:
     """Rows without which the campaign fits, and how far off each is; none if that is not the trouble."""
-    found = find_consensus(model, campaign, nominal_poses(model, campaign))
+    consensus = find_consensus(model, campaign, nominal_poses(model, campaign))
     seen = campaign.seen
-    wrong = np.flatnonzero(seen & (found.distance > 3.0 * PLAUSIBLE * model.robot.reach))
-    if found.registration.rms > PLAUSIBLE * model.robot.reach or len(wrong) > most_wrong_rows(int(seen.sum())):
+    wrong = np.flatnonzero(seen & (consensus.distance > 3.0 * PLAUSIBLE_SHARE * model.robot.reach))
+    if consensus.registration.rms > PLAUSIBLE_SHARE * model.robot.reach or len(wrong) > most_wrong_rows(
+        int(seen.sum())
+    ):
         return []
-    return [(int(row), float(found.distance[row])) for row in wrong]
+    return [(int(row), float(consensus.distance[row])) for row in wrong]

@@ -21,12 +21,12 @@ from taskcal.tabular.csv_form import read_csv
 _POINT = re.compile(r"(?:(?P<name>.+)_)?(?P<axis>[xyz])_(?P<unit>mm|m|um|in)$")
 LEAVE_EMPTY = "give a number, or leave all the target's cells empty"
 
-LONGEST = 1e7
+MAX_TIME_S = 1e7
 """No robot works so many seconds before it is measured; clocks count more."""
 
 _COUNT = re.compile(r"[0-9]{1,15}")
 
-MOST_TARGETS = 100
+MAX_TARGETS = 100
 """On one tool; plates for trackers carry up to a dozen reflectors, and the fit's matrices grow with the square."""
 
 
@@ -73,8 +73,8 @@ def read_campaign(
     else:
         target_names = _among(columns, targets, points)
         reference_names = [n for n in reference_names if n not in target_names]
-    if len(target_names) > MOST_TARGETS:
-        raise columns.refusal(f"names {len(target_names)} targets; Taskcal fits {MOST_TARGETS} at most: choose some")
+    if len(target_names) > MAX_TARGETS:
+        raise columns.refusal(f"names {len(target_names)} targets; Taskcal fits {MAX_TARGETS} at most: choose some")
     if not target_names:
         raise columns.refusal("names no target; give columns x_mm, y_mm, z_mm, or NAME_x_mm, NAME_y_mm, NAME_z_mm")
     rotations = _rotations(columns, target_names, points)
@@ -134,7 +134,7 @@ def _time(columns: ColumnGroups) -> Float[np.ndarray, " n"] | None:
     if "time_s" not in columns:
         return None
     time = columns.numbers("time_s", empty=True, largest=np.inf)
-    wrong = np.flatnonzero((time < 0.0) | (time > LONGEST))
+    wrong = np.flatnonzero((time < 0.0) | (time > MAX_TIME_S))
     if len(wrong):
         message = f"{time[wrong[0]]:g} s is not a time since the robot began to work; subtract the time when it did"
         raise columns.error(message, int(wrong[0]), "time_s")

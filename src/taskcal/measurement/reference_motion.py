@@ -8,13 +8,13 @@ from jaxtyping import Bool, Float
 
 from taskcal.geometry import se3
 
-LINE = 0.05
+COLLINEAR_RATIO = 0.05
 """Second extent of the points over their first under which they are taken for a line, about which nothing is seen to turn."""
 
-MISPLACED = 10.0
+MISPLACED_SIGMAS = 10.0
 """Standard deviations by which the distance of two points may differ from the usual one before one of them is taken for lost."""
 
-FINEST = 1e-6
+MIN_DISTANCE_NOISE = 1e-6
 """Smallest standard deviation of that distance, metres."""
 
 MAX_ROUNDS = 20
@@ -61,7 +61,7 @@ def observe_reference_points(reference_points: Mapping[str, Float[np.ndarray, "_
     there = ~np.isnan(seen[..., 0])
     usual = np.nanmean(seen, axis=0)
     extent = np.linalg.svd(usual - usual.mean(axis=0), compute_uv=False)
-    if seen.shape[1] < 3 or extent[1] < LINE * extent[0]:
+    if seen.shape[1] < 3 or extent[1] < COLLINEAR_RATIO * extent[0]:
         return _shift(seen, there, usual, lost)
     R, place = np.broadcast_to(np.eye(3), (len(seen), 3, 3)), np.zeros((len(seen), 3))
     for _ in range(MAX_ROUNDS):
@@ -69,13 +69,15 @@ def observe_reference_points(reference_points: Mapping[str, Float[np.ndarray, "_
         usual = np.nanmean(np.einsum("kji,knj->kni", R, seen - place[:, None]), axis=0)
     centre = usual.mean(axis=0)
     axes = np.linalg.svd(usual - centre)[2].T
-    told = _not_on_a_line(there, usual)
-    residual = np.where((there & told[:, None])[..., None], seen - place[:, None] - usual @ np.swapaxes(R, 1, 2), 0.0)
-    freedom = int(3 * there[told].sum() - 6 * told.sum() - (3 * len(usual) - 6))
+    resolved = _not_on_a_line(there, usual)
+    residual = np.where(
+        (there & resolved[:, None])[..., None], seen - place[:, None] - usual @ np.swapaxes(R, 1, 2), 0.0
+    )
+    freedom = int(3 * there[resolved].sum() - 6 * resolved.sum() - (3 * len(usual) - 6))
     arm = ((usual - centre) @ axes) ** 2
     lever = there @ (arm.sum(axis=1)[:, None] - arm)
     values = np.concatenate([(se3.apply(se3.pose(R, place), centre) - centre) @ axes, se3.log(R) @ axes], 1)
-    values[~told] = np.nan
+    values[~resolved] = np.nan
     shares = np.concatenate([np.repeat(there.sum(axis=1)[:, None], 3, axis=1), lever], axis=1)
     return ReferenceMotion(
         centre=centre,
@@ -129,9 +131,9 @@ def _misplaced(seen: Float[np.ndarray, "n points 3"]) -> Bool[np.ndarray, "n poi
     """Reference points whose distances from all others that were seen are unusual: a beam that met another reflector."""
     distance = np.linalg.norm(seen[:, :, None] - seen[:, None], axis=3)
     off = np.abs(distance - np.nanmedian(distance, axis=0))
-    deviation = np.maximum(1.4826 * np.nanmedian(off, axis=0), FINEST)
+    deviation = np.maximum(1.4826 * np.nanmedian(off, axis=0), MIN_DISTANCE_NOISE)
     other = ~np.isnan(distance) & ~np.eye(seen.shape[1], dtype=bool)
-    return other.any(axis=2) & ((off > MISPLACED * deviation) | ~other).all(axis=2)
+    return other.any(axis=2) & ((off > MISPLACED_SIGMAS * deviation) | ~other).all(axis=2)
 
 
 def _not_on_a_line(there: Bool[np.ndarray, "n points"], usual: Float[np.ndarray, "points 3"]) -> Bool[np.ndarray, " n"]:
@@ -140,5 +142,5 @@ def _not_on_a_line(there: Bool[np.ndarray, "n points"], usual: Float[np.ndarray,
     for kind in np.unique(there, axis=0):
         some = usual[kind]
         extent = np.linalg.svd(some - some.mean(axis=0), compute_uv=False) if kind.sum() > 2 else np.zeros(2)
-        out[(there == kind).all(axis=1)] = kind.sum() > 2 and extent[1] >= LINE * extent[0]
+        out[(there == kind).all(axis=1)] = kind.sum() > 2 and extent[1] >= COLLINEAR_RATIO * extent[0]
     return out

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
-from taskcal.arguments import expect_kinds
+from taskcal.arguments import expect_kinds, warn_renamed
 from taskcal.errors import CampaignError, ClosureError
 from taskcal.estimation.blas import single_threaded
 from taskcal.geometry import se3
@@ -15,17 +15,17 @@ from taskcal.measurement.campaign import Campaign
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 
-PLAUSIBLE = 0.02
+PLAUSIBLE_SHARE = 0.02
 """Nominal residual, as a share of the robot's reach, beyond which joints and points do not belong together."""
 
 OFFSET_PULL = 1e-9
 """Weight of a target's offset from the tool point against one measured point."""
 
-LOCATED = 0.02
+LOCATED_WITHIN = 0.02
 """A direction of the target offsets is determined if its standard deviation is below this, metres."""
 
 
-MINORITY = 0.1
+MINORITY_SHARE = 0.1
 """Share of the points that may be wrong; what so few alone say of a target is not believed."""
 
 
@@ -40,14 +40,20 @@ class Registration:
     """Pose of every target in the tool frame; its rotation is the identity where only points were measured."""
     rms: float
     """Root mean square of the nominal robot's residual in space, metres."""
-    unlocated: Float[np.ndarray, "offsets offsets"]
+    unobservable: Float[np.ndarray, "offsets offsets"]
     """Projector onto the directions of all target offsets together, in the tool frame, that the poses do not determine:
     zero in general; in one orientation a common shift of all targets. Along them the targets stay at the tool point."""
 
     @property
+    def unlocated(self) -> Float[np.ndarray, "offsets offsets"]:
+        """Former name of `unobservable`."""
+        warn_renamed("Registration.unlocated", "unobservable", stacklevel=2)
+        return self.unobservable
+
+    @property
     def located(self) -> tuple[bool, ...]:
         """Whether the poses determine where each target sits."""
-        share = np.diag(self.unlocated).reshape(-1, 3).max(axis=1)
+        share = np.diag(self.unobservable).reshape(-1, 3).max(axis=1)
         return tuple(bool(s < 1e-6) for s in share)
 
 
@@ -115,9 +121,11 @@ def check_rows(campaign: Campaign, parameters: int = 0) -> None:
         )
 
 
-def distances(found: Registration, campaign: Campaign, T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n targets"]:
+def distances(
+    registration: Registration, campaign: Campaign, T: Float[np.ndarray, "n 4 4"]
+) -> Float[np.ndarray, "n targets"]:
     """How far every target is from where tool poses T have it, metres; NaN where it was not seen."""
-    ends = (found.T_tracker_base @ T)[:, None] @ found.T_tool_target
+    ends = (registration.T_tracker_base @ T)[:, None] @ registration.T_tool_target
     return np.linalg.norm(campaign.points - ends[..., :3, 3], axis=2)
 
 
@@ -141,15 +149,15 @@ def _register_points(T: np.ndarray, campaign: Campaign, reach: float) -> Registr
             f"tracker frame; measure poses spread over a plane at least{hint}"
         )
     Z, (t, offsets), rms = _search(R, p, y, target, count, reach)
-    unlocated = _unlocated(Z, R, target, count, rms)
-    if unlocated.any():
-        t, offsets, residual = _place(Z, R, p, y, target, count, held=unlocated)
+    unobservable = _unobservable(Z, R, target, count, rms)
+    if unobservable.any():
+        t, offsets, residual = _place(Z, R, p, y, target, count, held=unobservable)
         rms = _rms(residual)
     return Registration(
         T_tracker_base=se3.pose(Z, t),
         T_tool_target=se3.pose(np.broadcast_to(np.eye(3), (count, 3, 3)), offsets),
         rms=rms,
-        unlocated=unlocated,
+        unobservable=unobservable,
     )
 
 
@@ -169,7 +177,7 @@ def place_targets(model: ErrorModel, campaign: Campaign, T_tracker_base: Float[n
         T_tracker_base=T_tracker_base,
         T_tool_target=se3.pose(np.broadcast_to(np.eye(3), (count, 3, 3)), offsets),
         rms=_rms(residual),
-        unlocated=np.zeros((3 * count, 3 * count)),
+        unobservable=np.zeros((3 * count, 3 * count)),
     )
 
 
@@ -198,11 +206,11 @@ def register_closely(
         Z, X = _closed_form_rotations(R, Y) if start is None else _alternate(start, R, Y, rounds=3)
         X = X[None]
     t, offsets, residual = _place(Z, R, p, y, target, count)
-    unlocated = _unlocated(Z, R, target, count, _rms(residual))
-    if unlocated.any():
-        t, offsets, residual = _place(Z, R, p, y, target, count, held=unlocated)
+    unobservable = _unobservable(Z, R, target, count, _rms(residual))
+    if unobservable.any():
+        t, offsets, residual = _place(Z, R, p, y, target, count, held=unobservable)
     return Registration(
-        T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(X, offsets), rms=_rms(residual), unlocated=unlocated
+        T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(X, offsets), rms=_rms(residual), unobservable=unobservable
     )
 
 
@@ -211,15 +219,15 @@ def _search(
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], float]:
     """From the closed form, and from many orientations if that ends where no robot would be."""
     best = _refine(_closed_form(R, p, y, target, count), R, p, y, target, count)
-    if best[2] > PLAUSIBLE * reach:
+    if best[2] > PLAUSIBLE_SHARE * reach:
         for Z in orientations():
-            found = _refine(Z, R, p, y, target, count)
-            if found[2] < best[2] * (1.0 - 1e-9):
-                best = found
+            candidate = _refine(Z, R, p, y, target, count)
+            if candidate[2] < best[2] * (1.0 - 1e-9):
+                best = candidate
     return best
 
 
-def _unlocated(Z: np.ndarray, R: np.ndarray, target: np.ndarray, count: int, rms: float) -> np.ndarray:
+def _unobservable(Z: np.ndarray, R: np.ndarray, target: np.ndarray, count: int, rms: float) -> np.ndarray:
     """Projector onto the directions of the offsets that are not determined beside the translation.
 
     A residual under a millimetre is taken for one: a robot that happens to be exact has not more orientations for it. What only
@@ -232,7 +240,7 @@ def _unlocated(Z: np.ndarray, R: np.ndarray, target: np.ndarray, count: int, rms
     H = A.T @ A
     # information of the offsets alone, the translation eliminated
     values, vectors = np.linalg.eigh(H[3:, 3:] - H[3:, :3] @ np.linalg.solve(H[:3, :3], H[:3, 3:]))
-    weak = vectors[:, values < (max(rms, 1e-3) / LOCATED) ** 2]
+    weak = vectors[:, values < (max(rms, 1e-3) / LOCATED_WITHIN) ** 2]
     return weak @ weak.T
 
 
@@ -240,7 +248,7 @@ def _confirmed(R: Float[np.ndarray, "n 3 3"]) -> Bool[np.ndarray, " n"]:
     """Points but for the few that are turned farthest away from the middle of all."""
     middle = se3.nearest_rotation(np.median(R, axis=0))
     turned = 3.0 - np.einsum("ij,nij->n", middle, R)
-    few = max(int(MINORITY * len(R)), 1)
+    few = max(int(MINORITY_SHARE * len(R)), 1)
     return turned <= np.partition(turned, len(R) - few - 1)[max(len(R) - few - 1, 0)] + 1e-12
 
 
@@ -350,17 +358,17 @@ def _register_poses(T: np.ndarray, campaign: Campaign, reach: float) -> Registra
 
     starts = [_closed_form_rotations(R, Y), _alternate(by_points, R, Y), (by_points, _target_rotation(by_points, R, Y))]
     best = min(starts, key=cost)
-    if cost(best) > len(y) * (PLAUSIBLE * reach) ** 2:
+    if cost(best) > len(y) * (PLAUSIBLE_SHARE * reach) ** 2:
         best = min([best, *(_alternate(Z, R, Y) for Z in orientations())], key=cost)
     Z, X = best
     t, offsets, residual = _place(Z, R, p, y, target, 1)
     rms = _rms(residual)
-    unlocated = _unlocated(Z, R, target, 1, rms)
-    if unlocated.any():
-        t, offsets, residual = _place(Z, R, p, y, target, 1, held=unlocated)
+    unobservable = _unobservable(Z, R, target, 1, rms)
+    if unobservable.any():
+        t, offsets, residual = _place(Z, R, p, y, target, 1, held=unobservable)
         rms = _rms(residual)
     return Registration(
-        T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(X[None], offsets), rms=rms, unlocated=unlocated
+        T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(X[None], offsets), rms=rms, unobservable=unobservable
     )
 
 

@@ -39,7 +39,7 @@ class RegistrationSection(Section):
             T_tracker_base=rigid(base, array_of(base, self.T_tracker_base, (4, 4))),
             T_tool_target=rigid(tool, array_of(tool, self.T_tool_target, (targets, 4, 4))),
             rms=self.rms,
-            unlocated=array_of("registration, unlocated", self.unlocated, (3 * targets, 3 * targets)),
+            unobservable=array_of("registration, unlocated", self.unlocated, (3 * targets, 3 * targets)),
         )
 
 
@@ -78,7 +78,7 @@ def registration_text(registration: Registration, model: ErrorModel, campaign: C
             "T_tracker_base": registration.T_tracker_base.tolist(),
             "T_tool_target": registration.T_tool_target.tolist(),
             "rms": registration.rms,
-            "unlocated": registration.unlocated.tolist(),
+            "unlocated": registration.unobservable.tolist(),
         },
     }
     return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
@@ -111,10 +111,11 @@ def load_registration(path: str | Path, model: ErrorModel, campaign: Campaign) -
         raise FileError(
             path, f"is JSON, but no registration: 'format' is not '{FORMAT}'; write one with taskcal register"
         )
-    found = data.get("format_version")
-    if type(found) is not int or found != FORMAT_VERSION:
+    format_version = data.get("format_version")
+    if type(format_version) is not int or format_version != FORMAT_VERSION:
         raise FileError(
-            path, f"has format version {shown(repr(found))}, this Taskcal reads {FORMAT_VERSION}; register again"
+            path,
+            f"has format version {shown(repr(format_version))}, this Taskcal reads {FORMAT_VERSION}; register again",
         )
     try:
         content = RegistrationFile.model_validate(data)

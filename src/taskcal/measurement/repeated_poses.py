@@ -16,7 +16,7 @@ from taskcal.short_repr import short_repr
 SAME_POSE_RAD = float(np.radians(0.01))
 """Joint positions within this of each other are one pose, radians."""
 
-NORMAL = float(2.0 * np.sqrt(2.0 / np.pi) + 3.0 * np.sqrt(3.0 - 8.0 / np.pi))
+NORMAL_REPEATABILITY = float(2.0 * np.sqrt(2.0 / np.pi) + 3.0 * np.sqrt(3.0 - 8.0 / np.pi))
 """RP_l of many cycles over the standard deviation of each coordinate, where the noise is normal and the same in all
 directions: mean and three standard deviations of the Maxwell distribution, 3.616."""
 
@@ -56,7 +56,7 @@ class RepeatedPoses:
 
         A pose of few cycles shows less: with two, RP_l is half their distance.
         """
-        return NORMAL * self.deviation
+        return NORMAL_REPEATABILITY * self.deviation
 
     def summary(self) -> dict[str, float | int]:
         """The repeatability in millimetres and degrees."""
@@ -100,7 +100,7 @@ def pose_repeatability(campaign: Campaign, *, same: float = SAME_POSE_RAD) -> Re
     label = group_postures(campaign.q, same)
     rows: list[tuple[int, ...]] = []
     performances: list[tuple[PosePerformance, ...]] = []
-    spread: list[float] = []
+    joint_ranges: list[float] = []
     for pose in np.flatnonzero(np.bincount(label) > 1):
         chosen = np.flatnonzero(label == pose)
         targets = tuple(
@@ -111,13 +111,13 @@ def pose_repeatability(campaign: Campaign, *, same: float = SAME_POSE_RAD) -> Re
         if targets:
             rows.append(tuple(int(row) for row in chosen))
             performances.append(targets)
-            spread.append(float(np.ptp(campaign.q[chosen], axis=0).max()))
+            joint_ranges.append(float(np.ptp(campaign.q[chosen], axis=0).max()))
     if not rows:
         raise CampaignError(
             f"no two of the {len(campaign)} rows measured one pose, with joints within {np.degrees(same):g}°; "
             "repeatability needs poses that recur"
         )
-    return RepeatedPoses(rows=tuple(rows), performances=tuple(performances), joint_spread=np.array(spread))
+    return RepeatedPoses(rows=tuple(rows), performances=tuple(performances), joint_spread=np.array(joint_ranges))
 
 
 def _of_target(campaign: Campaign, rows: np.ndarray, target: int) -> PosePerformance:

@@ -1,6 +1,6 @@
 """What a calibration leaves, as a section of its page."""
 
-from taskcal.identification.residual_analysis import PROVEN, WORTH, ResidualAnalysis
+from taskcal.identification.residual_analysis import MAX_P_VALUE, MIN_SHARE, ResidualAnalysis
 from taskcal.presentation.content import Block, Chart, Numbers, Points, Section, Table, Text
 from taskcal.presentation.remainder_figures import draw_against, draw_shares
 
@@ -28,7 +28,7 @@ def remainder_section(found: ResidualAnalysis, rows: str) -> Section:
                 title="What the remainder goes with",
                 figure=draw_shares(found),
                 note="Each quantity by itself; quantities that go together share what they explain. Grey: not proven, as chance "
-                f"gives as much more often than once in {1 / PROVEN:.0f} or the share is under {100 * WORTH:.0f} %.",
+                f"gives as much more often than once in {1 / MAX_P_VALUE:.0f} or the share is under {100 * MIN_SHARE:.0f} %.",
             )
         )
     if found.explained:
@@ -74,7 +74,7 @@ def _said(found: ResidualAnalysis) -> tuple[str, ...]:
         f"{e.regressor.name}, by the {e.regressor.moves}: {100 * e.share:.0f} % of the variance." for e in proven[:5]
     ]
     if not proven:
-        out = [f"Nothing that was tried is proven to explain {100 * WORTH:.0f} % of it."]
+        out = [f"Nothing that was tried is proven to explain {100 * MIN_SHARE:.0f} % of it."]
     if found.apart is not None and found.together is not None and found.together > 3.0 * found.apart:
         out.append(
             "The targets move as one body: what is left is the motion of the robot or of its stand, not of single measurements."

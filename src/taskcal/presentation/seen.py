@@ -1,7 +1,7 @@
 """Which parameters the data of a calibration say anything of."""
 
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.identify import NOT_SEEN
+from taskcal.identification.identify import UNSEEN_SHARE
 
 
 def seen_parameters(calibration: Calibration) -> dict[str, bool | None]:
@@ -12,5 +12,5 @@ def seen_parameters(calibration: Calibration) -> dict[str, bool | None]:
     scale = calibration.prior_scale
     if scale is None or calibration.provenance.options.get("prior") == "given":
         return dict.fromkeys(calibration.kept)
-    limit = NOT_SEEN * scale * calibration.model.tolerances
+    limit = UNSEEN_SHARE * scale * calibration.model.tolerances
     return {calibration.names[i]: bool(calibration.standard_errors[i] < limit[i]) for i in calibration.estimated}

@@ -15,7 +15,7 @@ def describe_unlocated(registration: Registration) -> tuple[str, ...]:
     In directions that the poses do not determine the target, or what all targets have in common, is held at the tool
     point. In the others it is found from the data, however far off that is.
     """
-    common = _common(registration.unlocated)
+    common = _common(registration.unobservable)
     return tuple("" if located else _say(common) for located in registration.located)
 
 

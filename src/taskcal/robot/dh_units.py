@@ -11,22 +11,22 @@ LENGTHS = ("a_mm", "d_mm")
 ANGLES = ("alpha_deg", "theta_offset_deg")
 LIMITS = ("lower_deg", "upper_deg")
 
-SMALLEST_ROBOT = 20.0
+SMALLEST_ROBOT_MM = 20.0
 """Millimetres that all links are long together: Mecademic's Meca500, among the smallest on the market, has 460; a table in
 metres has 0.5 to 10."""
 
-LONGEST_LINK = 1e5
+LONGEST_LINK_MM = 1e5
 """Millimetres: 100 m, the travel of the longest gantries."""
 
 TWO_PI = 2.0 * np.pi
 
-USUAL = np.radians([30.0, 45.0, 60.0, 90.0, 120.0, 135.0, 150.0, 180.0, 270.0, 360.0])
+USUAL_ANGLES_RAD = np.radians([30.0, 45.0, 60.0, 90.0, 120.0, 135.0, 150.0, 180.0, 270.0, 360.0])
 """Angles that robots are built with; in radians nobody means them by degrees."""
 
-ROUNDED = 2e-3
+ROUNDING_RAD = 2e-3
 """Of an angle in radians written with two or three digits."""
 
-TWIST = 0.7
+MAX_SMALL_TWIST = 0.7
 """A design's smallest twist in radians (40°); in degrees, one between this and 2π is no design's and too much for a defect."""
 
 
@@ -49,14 +49,14 @@ def _lengths(columns: ColumnGroups) -> None:
     values = columns.side_by_side(LENGTHS)
     row, k = _largest(values)
     longest = abs(values[row, k])
-    if longest > LONGEST_LINK:
+    if longest > LONGEST_LINK_MM:
         raise columns.error(
             f"{values[row, k]:g} mm is longer than any link of a robot; it is probably in micrometres: give millimetres",
             row,
             LENGTHS[k],
         )
     total = float(np.abs(values).sum())
-    if 0.0 < total < SMALLEST_ROBOT:
+    if 0.0 < total < SMALLEST_ROBOT_MM:
         raise columns.error(
             f"{values[row, k]:g} mm is the longest of all lengths, which add up to {total:.3g} mm: too small for a robot; they are "
             f"probably in metres: give millimetres, here {values[row, k] * 1e3:g}",
@@ -74,13 +74,13 @@ def _angles(columns: ColumnGroups, names: Sequence[str]) -> None:
             row,
             names[k],
         )
-    if abs(values[row, k]) > TWO_PI * (1.0 + ROUNDED):
+    if abs(values[row, k]) > TWO_PI * (1.0 + ROUNDING_RAD):
         return
     size = np.abs(values)
-    usual: Bool[np.ndarray, "rows columns"] = np.any(np.abs(size[..., None] - USUAL) < ROUNDED, axis=2)
+    usual: Bool[np.ndarray, "rows columns"] = np.any(np.abs(size[..., None] - USUAL_ANGLES_RAD) < ROUNDING_RAD, axis=2)
     radians = size > 0.0 if names == LIMITS else usual
     if names == ANGLES:
-        radians[:, 0] |= size[:, 0] > TWIST
+        radians[:, 0] |= size[:, 0] > MAX_SMALL_TWIST
     if not radians.any():
         return
     row, k = (int(i[0]) for i in np.nonzero(radians))

@@ -262,7 +262,7 @@ class ErrorModel:
             shifts.append(shift)
             s[:, : shift.value.shape[1]] += shift.value
             if estimated:
-                factors.append(shift.factor)
+                factors.append(shift.jacobian)
                 first += len(term.names)
         factor = np.concatenate(factors, axis=1)
         if columns is not None:

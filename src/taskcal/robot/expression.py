@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from taskcal.errors import RobotError, UnknownName, shown
 
-LONGEST = 200
+MAX_CHARACTERS = 200
 """Characters; so that brackets and signs are never nested deeper than Python follows."""
 
 
@@ -19,8 +19,8 @@ def parse_linear(text: str, names: Sequence[str]) -> Float[np.ndarray, " names"]
         RobotError: the text is not a linear expression without a constant.
         UnknownName: it uses a name that is not among `names`.
     """
-    if len(text) > LONGEST:
-        raise RobotError(f"'{shown(text)}' is longer than {LONGEST} characters; write for example '-(J2 + J3)'")
+    if len(text) > MAX_CHARACTERS:
+        raise RobotError(f"'{shown(text)}' is longer than {MAX_CHARACTERS} characters; write for example '-(J2 + J3)'")
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError) as error:  # of the parser: syntax, NUL, nesting

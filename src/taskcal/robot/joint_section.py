@@ -25,10 +25,12 @@ class StepSection(Section):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        given = [k for k, v in self.model_dump(exclude={"symbol"}).items() if v is not None]
-        if len(given) != 1:
-            raise ValueError(f"a step is one of tx_mm ty_mm tz_mm rx_deg ry_deg rz_deg; this one has {given or 'none'}")
-        if self.symbol and given[0].endswith("_deg"):
+        stated = [k for k, v in self.model_dump(exclude={"symbol"}).items() if v is not None]
+        if len(stated) != 1:
+            raise ValueError(
+                f"a step is one of tx_mm ty_mm tz_mm rx_deg ry_deg rz_deg; this one has {stated or 'none'}"
+            )
+        if self.symbol and stated[0].endswith("_deg"):
             raise ValueError("only a length can have a symbol")
         return self
 

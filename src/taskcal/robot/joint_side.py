@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Inexact, Int
 
 from taskcal.errors import ClosureError
 from taskcal.geometry.four_bar import (
-    DEAD,
+    MIN_TURN,
     REMEDY,
     FourBar,
     Side,
@@ -29,7 +29,7 @@ class Shift:
 
     value: Float[np.ndarray, "n coordinates"]
     """δs, radians or metres."""
-    factor: Float[np.ndarray, "n pairs"]
+    jacobian: Float[np.ndarray, "n pairs"]
     """∂δs/∂ξ for each of the term's pairs."""
     slope: Callable[[], Float[np.ndarray, "n coordinates joints"]]
     """Computes ∂δs/∂q, which few need."""
@@ -150,7 +150,7 @@ class FourBarDrive:
             turns = "against" if self.side.turn > 0.0 else "with"
             how = (
                 f"folded over, its rocker turning {turns} the crank"
-                if closure.by_angle[first, 1] * self.side.turn <= DEAD
+                if closure.by_angle[first, 1] * self.side.turn <= MIN_TURN
                 else "mirrored, as it does not come without being taken apart"
             )
             raise ClosureError(first, f"{bar.describe(alpha[first], kappa[first])}, but {how}; {REMEDY}")
@@ -161,7 +161,7 @@ class FourBarDrive:
 
         return Shift(
             value=(closure.angle - kappa)[:, None] * self.output,
-            factor=(closure.by_length[:, :3, None] * self.output[self.moved]).reshape(len(q), 3 * len(self.moved)),
+            jacobian=(closure.by_length[:, :3, None] * self.output[self.moved]).reshape(len(q), 3 * len(self.moved)),
             slope=slope,
         )
 

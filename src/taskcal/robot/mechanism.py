@@ -12,7 +12,7 @@ from taskcal.geometry.four_bar import FourBar, can_close, close_four_bar
 from taskcal.robot.joint_side import FourBarDrive
 from taskcal.robot.robot import Robot
 
-SINGULAR = 1e-9
+SINGULAR_SHARE = 1e-9
 """Of the largest singular value of a loop's screws: what is below it is rounding."""
 
 
@@ -83,8 +83,8 @@ class LoopFreedom:
     def of(screws: Float[np.ndarray, "6 n"]) -> "LoopFreedom":
         """Of any closed chain, from the unit screws (ω, v) of its joints, metres."""
         values = np.linalg.svd(screws, compute_uv=False)
-        rank = int((values > SINGULAR * values[0]).sum())
-        orientations = 3 - int(np.linalg.matrix_rank(screws[:3], tol=SINGULAR * values[0]))
+        rank = int((values > SINGULAR_SHARE * values[0]).sum())
+        orientations = 3 - int(np.linalg.matrix_rank(screws[:3], tol=SINGULAR_SHARE * values[0]))
         return LoopFreedom(rank=rank, fixed_orientations=orientations, fixed_positions=6 - rank - orientations)
 
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, effect_from
-from taskcal.robot.effects.compliance import LEAST, STATED
+from taskcal.robot.effects.compliance import MIN_STATED_SHARE, STATED_ERROR_SHARE
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from taskcal.robot.load import Load
@@ -121,7 +121,7 @@ def test_tolerances_come_from_the_stated_stiffness_or_from_the_largest_torque_an
     description = statics.weighed(robots.industrial(rng), rng)
     stated = ErrorModel(robot_from(description)) + Compliance()
     stiffness = np.array(stated.robot.statics.stiffness)
-    np.testing.assert_allclose(stated.tolerances[-6:], STATED / stiffness)
+    np.testing.assert_allclose(stated.tolerances[-6:], STATED_ERROR_SHARE / stiffness)
     joints = [{k: v for k, v in joint.items() if k != "stiffness_nm_rad"} for joint in description["joint"]]
     model = ErrorModel(robot_from({**description, "joint": joints})) + Compliance(tolerance=1e-3)
     q = robots.industrial_positions(rng, 300)
@@ -129,7 +129,7 @@ def test_tolerances_come_from_the_stated_stiffness_or_from_the_largest_torque_an
     torque = np.abs(model.effects[0].term(model.robot).basis(q)).max(axis=0)
     deflection = model.tolerances[-6:] * torque
     assert 0.7e-3 < deflection.max() < 1.5e-3
-    assert model.tolerances[-6:].max() <= 1e-3 / (LEAST * 0.5 * torque.max())
+    assert model.tolerances[-6:].max() <= 1e-3 / (MIN_STATED_SHARE * 0.5 * torque.max())
     under = model.under(LOAD)
     assert (under.names, under.tolerances.tolist()) == (model.names, model.tolerances.tolist())
 

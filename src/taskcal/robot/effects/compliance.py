@@ -17,13 +17,13 @@ from taskcal.robot.load import Load
 from taskcal.robot.parameter import ShownUnit
 from taskcal.robot.robot import Robot
 
-STATED = 0.3
+STATED_ERROR_SHARE = 0.3
 """Share by which a stated stiffness is expected to be wrong (1σ): it is rarely measured, and drives differ."""
 
-LEAST = 0.1
+MIN_STATED_SHARE = 0.1
 """A drive is taken to be built for this share of the largest torque among all drives at least, where it carries less."""
 
-CERTAIN = 3.0
+CERTAIN_SIGMAS = 3.0
 """Standard errors below zero from which on a compliance is called negative."""
 
 
@@ -70,7 +70,7 @@ class Compliance(Effect):
             unit = ShownUnit.of("m/N" if slides else "rad/Nm")
             deviation, error = estimates[f"{joint}.compliance"]
             total = deviation + (0.0 if stiffness is None else 1.0 / stiffness)
-            if total < -CERTAIN * error:
+            if total < -CERTAIN_SIGMAS * error:
                 out.append(
                     f"the compliance of {joint} is {total * unit.factor:.3g} ± {error * unit.factor:.2g} {unit.name}, but no "
                     "drive yields against its load: something else there has the shape of gravity; do not predict other "
@@ -109,7 +109,7 @@ class Compliance(Effect):
         own = motor_torque(robot, Load())(LoadPath.at(robot, sample_poses(robot)))
         largest = np.abs(own).max(axis=0)
         # a robot without weight gives no scale; 1 Nm keeps its tolerances finite
-        built_for = np.maximum(largest, LEAST * max(float(largest.max()), 1.0))
+        built_for = np.maximum(largest, MIN_STATED_SHARE * max(float(largest.max()), 1.0))
         stiffness = [robot.statics.stiffness[m] for m in motors]
         load = self.load or Load()
         torque, slope = motor_torque(robot, load), motor_torque_by_joint(robot, load)
@@ -118,7 +118,7 @@ class Compliance(Effect):
             [f"{robot.joint_names[m]}.compliance" for m in motors],
             motors,
             [
-                self.tolerance / built_for[m] if k is None else STATED / k
+                self.tolerance / built_for[m] if k is None else STATED_ERROR_SHARE / k
                 for m, k in zip(motors, stiffness, strict=True)
             ],
             lambda path: torque(path)[:, motors],

@@ -54,7 +54,7 @@ class LinearTerm:
         place = np.zeros((len(self.pairs), self.coordinates))
         value = xi if self.nominal is None else self.nominal + xi
         place[np.arange(len(self.pairs)), self.pairs[:, 0]] = value[self.pairs[:, 1]]
-        return Shift(value=factor @ place, factor=factor, slope=lambda: self._slope(q, place))
+        return Shift(value=factor @ place, jacobian=factor, slope=lambda: self._slope(q, place))
 
     def _slope(
         self, q: Float[np.ndarray, "n joints"], place: Float[np.ndarray, "pairs coordinates"]

@@ -11,10 +11,10 @@ from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects.thermal_expansion import ThermalExpansion
 from taskcal.robot.robot import Robot
 
-EXPANSION = 2.4e-5
+ALUMINIUM_EXPANSION = 2.4e-5
 """Expansion coefficient of aluminium, per kelvin; steel and cast iron have half of it."""
 
-WARMER = 1.0
+MIN_WARMING_K = 1.0
 """Between the coldest and the warmest row, kelvin, from which on an effect of the temperature competes: a metre grows by a
 hundredth of a millimetre."""
 
@@ -33,12 +33,12 @@ class Thermal(ThermalExpansion):
     summary = "lengths that grow, and a base that drifts, with the temperature"
     needs = ("temperature",)
 
-    tolerance: float = EXPANSION
+    tolerance: float = ALUMINIUM_EXPANSION
     """Expansion per kelvin (1σ); what carries the base moves and tilts as one of 1 m height that grows so on one side."""
     reference: float = 20.0
     """Temperature at which the other parameters of the model hold, °C."""
     per: ClassVar[str] = "/K"
-    least: ClassVar[float] = WARMER
+    least: ClassVar[float] = MIN_WARMING_K
 
     @classmethod
     def candidates(cls, robot: Robot, conditions: Conditions) -> "Sequence[Thermal]":

@@ -13,10 +13,10 @@ from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects.thermal_expansion import ThermalExpansion
 from taskcal.robot.robot import Robot
 
-LONGER = 600.0
+MIN_DURATION_S = 600.0
 """Between the first and the last row, seconds, from which on warming up competes."""
 
-TIME_CONSTANTS = 1200.0, 3600.0, 10800.0
+TIME_CONSTANTS_S = 1200.0, 3600.0, 10800.0
 """That compete, seconds: drives take minutes, castings hours."""
 
 _MINUTES = re.compile(r"warmup:([1-9]\d{0,3})$")
@@ -42,14 +42,14 @@ class WarmUp(ThermalExpansion):
     reference: float | None = None
     """Time at which the other parameters of the model hold, seconds; by default when the robot is warm."""
     per: ClassVar[str] = ""
-    least: ClassVar[float] = LONGER
+    least: ClassVar[float] = MIN_DURATION_S
 
     @classmethod
     def candidates(cls, robot: Robot, conditions: Conditions) -> "Sequence[WarmUp]":
         """Several time constants that refer to the end of the campaign, where it took long enough."""
         if not cls().is_told(conditions):
             return []
-        return [cls(time_constant=constant).referred(conditions) for constant in TIME_CONSTANTS]
+        return [cls(time_constant=constant).referred(conditions) for constant in TIME_CONSTANTS_S]
 
     @classmethod
     def ways_to_write(cls) -> Mapping[str, str]:

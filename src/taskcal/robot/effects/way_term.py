@@ -40,8 +40,8 @@ def at_drives(
         return np.zeros((len(q), len(gear)))
 
     def given(q: Float[np.ndarray, "n joints"], conditions: Conditions) -> Float[np.ndarray, "n pairs"]:
-        known = way(conditions)
-        return unknown(q) if known is None else known[:, joints[parameter]] * gear
+        motion = way(conditions)
+        return unknown(q) if motion is None else motion[:, joints[parameter]] * gear
 
     return LinearTerm(
         names=tuple(names),
