@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from taskcal.geometry import se3, walk
-from taskcal.geometry.chain import Chain, Fixed, Joint, Step
+from taskcal.geometry.chain import Chain, Joint, Step
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Part
 from taskcal.short_repr import short_repr
@@ -51,19 +51,18 @@ def place_links(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Links:
     origins = [np.zeros((len(q), 3))]
 
     def fix(parts: tuple[Part, ...]) -> None:
-        steps.extend(Fixed(part.transform) for part in parts)
+        steps.extend(part.step for part in parts)
 
-    def here(joints: int) -> Float[np.ndarray, "n 3"]:
-        chain = Chain.of(steps)
-        return walk.poses(chain, np.ascontiguousarray(s[:, :joints]), np.zeros((0, 6)))[:, :3, 3]
+    def here() -> Float[np.ndarray, "n 3"]:
+        return walk.poses(Chain.of(steps), s, np.zeros((0, 6)))[:, :3, 3]
 
-    for k, joint in enumerate(robot.joints):
+    for joint in robot.joints:
         fix(joint.before)
-        origins.append(here(k))
+        origins.append(here())
         steps.append(Joint(joint.kind))
         fix(joint.after)
     fix(robot.tool)
-    origins.append(here(len(robot.joints)))
+    origins.append(here())
     points = np.stack(origins, axis=1)
     return Links(start=points[:, :-1], end=points[:, 1:], radius=np.asarray(robot.link_radii))
 

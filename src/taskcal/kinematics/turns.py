@@ -46,7 +46,8 @@ def _period(robot: Robot, j: int) -> float | None:
     if robot.four_bar is not None:
         ratios.append(np.array([robot.four_bar.arm[j], robot.four_bar.crank[j]]))
     ratio = np.concatenate(ratios)
-    slides = np.array([*robot.prismatic, *[False] * (len(ratio) - len(robot.prismatic))])
+    driven = [joint.kind == "prismatic" for joint in robot.driven]
+    slides = np.array([*robot.prismatic, *driven, *[False] * (len(ratio) - len(robot.prismatic) - len(driven))])
     if ratio[slides].any():
         return None
     for turns in range(1, TURNS + 1):

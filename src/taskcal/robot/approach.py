@@ -23,7 +23,7 @@ def drive_motion(robot: Robot) -> Float[np.ndarray, "joints joints"]:
     """
     if robot.four_bar is not None:
         return np.eye(len(robot.joints))
-    return robot.joint_map.matrix * joint_sign(robot)[:, None]
+    return robot.joint_map.matrix[: len(robot.joints)] * joint_sign(robot)[:, None]
 
 
 def conditions_in_order(

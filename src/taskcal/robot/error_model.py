@@ -65,6 +65,11 @@ class ErrorModel:
         self.robot = robot
         self.lengths_only = lengths_only
         self.effects = tuple(effects)
+        if self.effects and robot.driven:
+            raise TaskcalError(
+                f"{robot.name} has joints that others drive ({robot.driven[0].name}); how effects pass through their linkage is not "
+                "modelled: identify it without effects"
+            )
         added = [_term(effect, robot) for effect in self.effects]
         self.effect_names = tuple(name for term in added for name in term.names)
         self.terms = (*_terms(robot), *added)
@@ -251,7 +256,7 @@ class ErrorModel:
             )
         e = self.error_frames(x)
         s = np.zeros((len(q), self.chain.joints))
-        s[:, :joints] = self.robot.joint_map(q)
+        s[:, : len(self.robot.joint_map.offset)] = self.robot.joint_map(q)
         factors = [np.empty((len(q), 0))]
         shifts: list[Shift] = []
         first = self._frame_count
@@ -339,7 +344,7 @@ class ErrorModel:
         for shift in shifts:
             own = own + shift.by_joint[:, :joints]
         out = np.zeros((len(own), self.chain.joints, joints))  # what effects add to the chain stands still
-        out[:, :joints] = own
+        out[:, : own.shape[1]] = own
         return out
 
 

@@ -14,7 +14,7 @@ from taskcal.robot.expression import parse_linear
 from taskcal.robot.joint_section import JointSection, StepSection
 from taskcal.robot.joint_side import FourBarDrive, JointMap
 from taskcal.robot.model_error import ModelError
-from taskcal.robot.robot import CoupledLimit, Published, Robot, RobotJoint, Tolerances
+from taskcal.robot.robot import CoupledLimit, DrivenJoint, Part, Published, Robot, RobotJoint, Tolerances
 from taskcal.robot.statics import Body, Statics
 from taskcal.robot.statics_section import PayloadSection, SpringSection, body
 from taskcal.toml_file import Direction, Finite, NotNegative, Positive, Section, Sign, explain, read_toml
@@ -106,24 +106,34 @@ class RobotFile(Section):
 
     @model_validator(mode="after")
     def _names(self) -> Self:
-        names = [joint.name for joint in self.joint]
-        twice = {name for name in names if names.count(name) > 1}
+        every = [joint.name for joint in self.joint]
+        twice = {name for name in every if every.count(name) > 1}
         if twice:
             raise ValueError(f"two joints are named '{min(twice)}'")
+        names = [joint.name for joint in self.own]
+        if not names:
+            raise ValueError("all joints are driven; at least one needs a motor")
+        if self.four_bar is not None and len(names) < len(every):
+            raise ValueError("a robot file has a four_bar or driven joints, not both")
         if self.link_radii_mm is not None and len(self.link_radii_mm) != len(names) + 1:
             raise ValueError(
                 f"link_radii_mm has {len(self.link_radii_mm)} values; {len(names)} joints have {len(names) + 1} links: base to "
                 "first joint, joint to joint, last joint to tool point"
             )
-        weightless = [joint.name for joint in self.joint if joint.mass_kg is None]
+        weightless = [joint.name for joint in self.own if joint.mass_kg is None]
         if 0 < len(weightless) < len(names):
             raise ValueError(
                 f"joint '{weightless[0]}' has no mass_kg, others have; state the mass of every joint, or of none"
             )
-        reserved = {"tool", "base", "loop"} & set(names)
+        reserved = {"tool", "base", "loop"} & set(every)
         if reserved:
             raise ValueError(f"a joint cannot be named '{min(reserved)}'; Taskcal uses that name for other parameters")
         return self
+
+    @property
+    def own(self) -> tuple[JointSection, ...]:
+        """Joints with motors of their own."""
+        return tuple(joint for joint in self.joint if not joint.driven)
 
     def robot(self) -> Robot:
         """The robot that the file describes.
@@ -131,19 +141,20 @@ class RobotFile(Section):
         Raises:
             RobotError: an expression or a name in it means nothing.
         """
-        names = [joint.name for joint in self.joint]
-        angles = [(f"joint {i}, angle", joint.angle or joint.name) for i, joint in enumerate(self.joint, start=1)]
-        matrix = np.array([_linear(place, text, names) for place, text in angles])
-        offset = [np.radians(j.offset_deg) if j.type == "revolute" else j.offset_mm * 1e-3 for j in self.joint]
+        names = [joint.name for joint in self.own]
+        coordinates = sorted(enumerate(self.joint, start=1), key=lambda numbered: numbered[1].driven)
+        matrix = np.array([_linear(f"joint {i}, angle", joint.angle or joint.name, names) for i, joint in coordinates])
+        offset = [np.radians(j.offset_deg) if j.type == "revolute" else j.offset_mm * 1e-3 for _, j in coordinates]
+        joints, behind = self._chain()
         return Robot(
             name=self.name,
             title=self.title or self.name,
             source=self.source,
-            joints=tuple(self._joint(i) for i in range(len(names))),
+            joints=joints,
             joint_map=JointMap(matrix=matrix, offset=np.array(offset)),
             four_bar=self._drive(names),
-            tool=tuple(step.part() for step in self.tool),
-            flange=tuple(step.part() for step in self.flange),
+            tool=(*behind, *(step.part() for step in self.tool)),
+            flange=(*behind, *(step.part() for step in self.flange)),
             coupled_limits=tuple(
                 CoupledLimit(
                     text=c.of,
@@ -161,9 +172,23 @@ class RobotFile(Section):
             description=self.model_dump(mode="json", exclude_defaults=True),
         )
 
-    def _joint(self, i: int) -> RobotJoint:
-        joint = self.joint[i]
-        before, after = joint.parts(i + 1)
+    def _chain(self) -> tuple[tuple[RobotJoint, ...], tuple[Part, ...]]:
+        """The robot's own joints with all that stands around them, and what stands behind the last."""
+        joints: list[RobotJoint] = []
+        waiting: list[Part] = []
+        number = len(self.own)
+        for i, joint in enumerate(self.joint, start=1):
+            before, after = joint.parts(i)
+            if joint.driven:
+                mover = DrivenJoint(name=joint.name, kind=joint.type, number=number)
+                waiting += [*before, Part(transform=np.eye(4), driven=mover), *after]
+                number += 1
+            else:
+                joints.append(self._joint(joint, (*waiting, *before), after))
+                waiting = []
+        return tuple(joints), tuple(waiting)
+
+    def _joint(self, joint: JointSection, before: tuple[Part, ...], after: tuple[Part, ...]) -> RobotJoint:
         if joint.type == "prismatic":
             unit, limits = 1e-3, joint.limits_mm
             speed, acceleration = joint.speed_mm_s, joint.acceleration_mm_s2
@@ -183,15 +208,15 @@ class RobotFile(Section):
 
     def _statics(self, names: list[str]) -> Statics:
         weights = [
-            body(j.mass_kg, j.centre_mm) for j in self.joint if j.mass_kg is not None and j.centre_mm is not None
+            body(j.mass_kg, j.centre_mm) for j in self.own if j.mass_kg is not None and j.centre_mm is not None
         ]
         direction = np.array(self.gravity)
-        sliding = [joint.type == "prismatic" for joint in self.joint]
+        sliding = [joint.type == "prismatic" for joint in self.own]
         return Statics(
             links=tuple(weights) or None,
             payload=Body(mass=0.0, centre=(0.0, 0.0, 0.0)) if self.payload is None else self.payload.body(),
             stiffness=tuple(
-                j.stiffness_nm_rad if j.stiffness_n_mm is None else j.stiffness_n_mm * 1e3 for j in self.joint
+                j.stiffness_nm_rad if j.stiffness_n_mm is None else j.stiffness_n_mm * 1e3 for j in self.own
             ),
             gravity=direction / np.linalg.norm(direction),
             spring=None if self.spring is None else self.spring.spring(names, sliding),

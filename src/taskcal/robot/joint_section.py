@@ -62,6 +62,7 @@ class JointSection(Section):
     dh: DHSection | None = None
     mdh: DHSection | None = None
     angle: str = ""
+    driven: bool = False
     offset_deg: Finite = 0.0
     offset_mm: Finite = 0.0
     limits_deg: tuple[Finite, Finite] | None = None
@@ -80,6 +81,8 @@ class JointSection(Section):
     def _consistent(self) -> Self:
         if sum((bool(self.steps), self.dh is not None, self.mdh is not None)) > 1:
             raise ValueError("give the parts before the joint once: as steps, dh or mdh")
+        if self.driven:
+            self._see_what_drives_it()
         sliding = self.type == "prismatic"
         if (self.offset_deg if sliding else self.offset_mm) or (self.limits_deg if sliding else self.limits_mm):
             raise ValueError(f"a {self.type} joint has its offset and limits in {'mm' if sliding else 'degrees'}")
@@ -96,6 +99,14 @@ class JointSection(Section):
         if limits and not limits[0] < limits[1]:
             raise ValueError(f"the lower limit {limits[0]:g} must be below the upper limit {limits[1]:g}")
         return self
+
+    def _see_what_drives_it(self) -> None:
+        if not self.angle:
+            raise ValueError("a driven joint needs angle, which says what moves it, such as '-(J2 + J3)'")
+        own = ("limits", "speed", "acceleration", "mass", "centre", "stiffness", "gear")
+        stated = [key for key in self.model_fields_set if key.startswith(own)]
+        if stated:
+            raise ValueError(f"a driven joint has no motor of its own, and so no {min(stated)}")
 
     def parts(self, number: int) -> tuple[tuple[Part, ...], tuple[Part, ...]]:
         """Fixed parts before the joint, and behind its error frame."""

@@ -30,6 +30,8 @@ class Mechanism:
     """Joints of the loop; empty for an open chain."""
     loop_rank: int
     """Dimension of the loop's screw system."""
+    driven: tuple[str, ...] = ()
+    """Joints that a linkage moves with others; their loops are not modelled."""
     fixed_orientations: int = 0
     """Relative rotations of the loop's bodies that it closes whatever its joints do: orientation defects left unmodelled."""
     fixed_positions: int = 0
@@ -46,12 +48,18 @@ class Mechanism:
         return (6 - self.loop_rank) * self.loops
 
     @property
+    def _linkage(self) -> str:
+        if not self.driven:
+            return ""
+        return f"; {', '.join(self.driven)} {'moves' if len(self.driven) == 1 else 'move'} with others by a linkage without play"
+
+    @property
     def explanation(self) -> str:
         """Why some defects are parameters and others are not."""
         if not self.loops:
             return (
                 f"an open chain of {len(self.motorised)} joints and {self.bodies} bodies: mobility {self.mobility}, nothing "
-                "overconstrained, so all six defects of every joint frame are free"
+                f"overconstrained, so all six defects of every joint frame are free{self._linkage}"
             )
         return (
             f"{len(self.motorised)} motorised and {len(self.passive)} passive joints between {self.bodies} bodies make "
@@ -98,7 +106,13 @@ def analyse_mechanism(robot: Robot) -> Mechanism:
     drive = robot.four_bar
     if drive is None:
         return Mechanism(
-            bodies=len(motorised) + 1, motorised=motorised, passive=(), loops=0, loop_joints=(), loop_rank=0
+            bodies=len(motorised) + len(robot.driven) + 1,
+            motorised=motorised,
+            passive=(),
+            loops=0,
+            loop_joints=(),
+            loop_rank=0,
+            driven=tuple(joint.name for joint in robot.driven),
         )
     arm, crank = _turning(robot, drive.arm), _turning(robot, drive.crank)
     n = len(motorised)

@@ -21,9 +21,19 @@ TWO_TURNS = 4.0 * np.pi
 """Radians."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class DrivenJoint:
+    """A joint without a motor of its own: a linkage moves it with others, as it keeps the flange of a palletiser level."""
+
+    name: str
+    kind: JointKind
+    number: int
+    """Its chain coordinate; those of the robot's own joints come first."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Part:
-    """An elementary fixed part of the chain: one translation or one rotation."""
+    """An elementary part of the chain: one fixed translation or rotation, or a driven joint."""
 
     transform: Float[np.ndarray, "4 4"]
     """Pose of its end in its start."""
@@ -31,6 +41,13 @@ class Part:
     """Symbol of its length, where it is one of the robot's nominal dimensions."""
     axis: int = 0
     """Axis of that length: 0, 1 or 2 for x, y or z."""
+    driven: DrivenJoint | None = None
+    """The joint that it is; its transform is then none."""
+
+    @property
+    def step(self) -> Step:
+        """What it is in a chain."""
+        return Fixed(self.transform) if self.driven is None else Joint(self.driven.kind, self.driven.number)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -140,6 +157,12 @@ class Robot:
         return np.array([joint.limits for joint in self.joints])
 
     @cached_property
+    def driven(self) -> tuple[DrivenJoint, ...]:
+        """Joints that others move, in the order of the chain."""
+        parts = [part for joint in self.joints for part in (*joint.before, *joint.after)] + list(self.tool)
+        return tuple(part.driven for part in parts if part.driven is not None)
+
+    @cached_property
     def T_flange_tool(self) -> Float[np.ndarray, "4 4"]:
         """Nominal pose of the robot's own tool in the controller's flange."""
         return se3.inverse(_product(self.flange)) @ _product(self.tool)
@@ -172,10 +195,10 @@ class Robot:
         """The nominal chain, from base to tool."""
         out: list[Step] = []
         for joint in self.joints:
-            out += [Fixed(part.transform) for part in joint.before]
+            out += [part.step for part in joint.before]
             out.append(Joint(joint.kind))
-            out += [Fixed(part.transform) for part in joint.after]
-        return out + [Fixed(part.transform) for part in self.tool]
+            out += [part.step for part in joint.after]
+        return out + [part.step for part in self.tool]
 
     def _limited(self) -> list[tuple[str, Float[np.ndarray, " joints"], tuple[float, float], bool]]:
         """Name, coefficients, limits and whether it slides, of every joint and coupled limit."""

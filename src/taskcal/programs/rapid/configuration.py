@@ -128,7 +128,7 @@ def _dot(a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"]) -> Float[np.n
 
 @lru_cache(maxsize=16)
 def _arm(robot: Robot) -> _Arm | None:
-    if robot.four_bar is not None:
+    if robot.four_bar is not None or robot.driven:
         return None
     fixed: list[np.ndarray] = []
     behind = np.eye(4)

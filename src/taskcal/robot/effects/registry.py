@@ -61,7 +61,9 @@ def kinds() -> tuple[type["Effect"], ...]:
 
 
 def candidates(robot: Robot, conditions: Conditions) -> list["Effect"]:
-    """Effects that compete on a robot by default, measured under these conditions."""
+    """Effects that compete on a robot by default, measured under these conditions; none where it has driven joints."""
+    if robot.driven:
+        return []
     return [effect for kind in kinds() for effect in kind.candidates(robot, conditions)]
 
 
