@@ -14,7 +14,8 @@ LARGEST_MB = 10.0
 DEEPEST = 100
 """Elements within elements; descriptions of robots have seven."""
 
-MOST_ELEMENTS = 200_000
+MOST_ELEMENTS = 20_000
+"""A robot with meshes and inertias has three hundred."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +83,9 @@ class _Building:
         self.count += 1
         line = self.parser.CurrentLineNumber
         if self.count > MOST_ELEMENTS:
-            raise FileError(self.path, f"has more than {MOST_ELEMENTS} elements; is it a robot's description?", line=line)
+            raise FileError(
+                self.path, f"has more than {MOST_ELEMENTS} elements; is it a robot's description?", line=line
+            )
         if len(self.open) >= DEEPEST:
             raise FileError(self.path, f"nests more than {DEEPEST} elements; is it a robot's description?", line=line)
         element = Element(tag, attributes, line)
@@ -95,7 +98,7 @@ class _Building:
     def end(self, tag: str) -> None:
         self.open.pop()
 
-    def refuse_document_type(self, name: str, system: str | None, public: str | None, internal: bool) -> None:
+    def refuse_document_type(self, name: str, system: str | None, public: str | None, internal: int) -> None:
         raise FileError(
             self.path,
             f"declares a document type ({shown(name, 40)}), which Taskcal does not read: it may define entities without end; "

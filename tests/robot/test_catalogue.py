@@ -4,7 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError, TaskcalError, UnknownName
 from taskcal.robot.catalogue import catalogue_names, load_robot
-from taskcal.robot.dh_table import robot_toml
+from taskcal.robot.description import robot_toml
 from taskcal.robot.error_model import ErrorModel
 from tests.laws import plain
 from tests.laws.robots import irb6660_positions

@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 
 from taskcal.errors import FileError
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.dh_table import describe_dh_table, read_dh_table, robot_toml
+from taskcal.robot.description import robot_toml
+from taskcal.robot.dh_table import describe_dh_table, read_dh_table
 from taskcal.robot.error_model import ErrorModel
 from tests.laws.plain import product, shift, turn
 from tests.laws.robots import generators

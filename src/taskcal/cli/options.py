@@ -6,10 +6,11 @@ from typing import Annotated
 import typer
 
 RobotOption = Annotated[
-    str, typer.Option("--robot", "-r", metavar="ROBOT", help="Name in the catalogue, or a robot file (.toml).")
+    str, typer.Option("--robot", "-r", metavar="ROBOT", help="Name in the catalogue, or a file (.toml, .urdf, .xacro).")
 ]
 OptionalRobotOption = Annotated[
-    str | None, typer.Option("--robot", "-r", metavar="ROBOT", help="Name in the catalogue, or a robot file (.toml).")
+    str | None,
+    typer.Option("--robot", "-r", metavar="ROBOT", help="Name in the catalogue, or a file (.toml, .urdf, .xacro)."),
 ]
 CalibrationOption = Annotated[
     Path | None,

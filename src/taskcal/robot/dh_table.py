@@ -3,8 +3,6 @@
 from pathlib import Path
 from typing import Any, Literal
 
-import tomli_w
-
 from taskcal.errors import FileError, TaskcalError
 from taskcal.robot.dh_units import LIMITS, check_units
 from taskcal.robot.file import robot_from
@@ -68,8 +66,3 @@ def describe_dh_table(path: str | Path, convention: Convention, name: str | None
 def read_dh_table(path: str | Path, convention: Convention, name: str | None = None) -> Robot:
     """The robot of a Denavit–Hartenberg table; arguments and errors as `describe_dh_table`."""
     return robot_from(describe_dh_table(path, convention, name))
-
-
-def robot_toml(described: dict[str, Any]) -> str:
-    """The text of a robot file, as read by `taskcal.load_robot`."""
-    return tomli_w.dumps(described)

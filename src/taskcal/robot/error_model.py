@@ -67,8 +67,8 @@ class ErrorModel:
         self.effects = tuple(effects)
         if self.effects and robot.driven:
             raise TaskcalError(
-                f"{robot.name} has joints that others drive ({robot.driven[0].name}); how effects pass through their linkage is not "
-                "modelled: identify it without effects"
+                f"{robot.name} has joints that others drive ({robot.driven[0].name}); how effects pass through their linkage is "
+                "not modelled: identify it without effects"
             )
         added = [_term(effect, robot) for effect in self.effects]
         self.effect_names = tuple(name for term in added for name in term.names)

@@ -207,9 +207,7 @@ class RobotFile(Section):
         )
 
     def _statics(self, names: list[str]) -> Statics:
-        weights = [
-            body(j.mass_kg, j.centre_mm) for j in self.own if j.mass_kg is not None and j.centre_mm is not None
-        ]
+        weights = [body(j.mass_kg, j.centre_mm) for j in self.own if j.mass_kg is not None and j.centre_mm is not None]
         direction = np.array(self.gravity)
         sliding = [joint.type == "prismatic" for joint in self.own]
         return Statics(

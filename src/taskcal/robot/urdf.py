@@ -85,13 +85,16 @@ def choose_tip(tree: UrdfTree) -> str:
         if way and way[-1].mimic is None and not _is_followed(tree, way):
             lengths[leaf] = sum(joint.mimic is None for joint in way)
     if not lengths:
-        raise FileError(tree.path, f"has no chain of joints with motors; name its tip with --tip: {_listed(tree.links)}")
+        raise FileError(
+            tree.path, f"has no chain of joints with motors; name its tip with --tip: {_listed(tree.links)}"
+        )
     longest = [leaf for leaf, length in lengths.items() if length == max(lengths.values())]
     preferred = [leaf for leaf in longest if leaf == FLANGE] or [leaf for leaf in longest if leaf.endswith(FLANGE)]
     if len(longest) == 1 or len(preferred) == 1:
         return (preferred or longest)[0]
     raise FileError(
-        tree.path, f"has several links that may be the tip: {_listed(longest)}; name one (--tip {shown(longest[0], 40)})"
+        tree.path,
+        f"has several links that may be the tip: {_listed(longest)}; name one (--tip {shown(longest[0], 40)})",
     )
 
 
@@ -102,7 +105,8 @@ def _listed(links: Sequence[str]) -> str:
 def _is_followed(tree: UrdfTree, way: list[UrdfJoint]) -> bool:
     """Whether a joint off the way mimics its last."""
     return any(
-        joint.mimic is not None and joint.mimic.joint == way[-1].name and joint not in way for joint in tree.above.values()
+        joint.mimic is not None and joint.mimic.joint == way[-1].name and joint not in way
+        for joint in tree.above.values()
     )
 
 
@@ -119,8 +123,8 @@ def _between(tree: UrdfTree, base: str, tip: str) -> tuple[Float[np.ndarray, "4 
         if joint.moves:
             raise FileError(
                 tree.path,
-                f"base '{shown(base)}' moves by joint '{shown(joint.name)}' against the chain to '{shown(tip)}'; name a base before "
-                "it",
+                f"base '{shown(base)}' moves by joint '{shown(joint.name)}' against the chain to '{shown(tip)}'; name a base "
+                "before it",
             )
         T = T @ joint.origin
     joints = down[shared:]
@@ -172,7 +176,10 @@ class _Writer:
             if offset:
                 described.update(_scaled(joint, "offset", offset))
         if own is not None and _type(own) != _type(joint):
-            message = f"joint '{shown(joint.name)}' {_does(joint)} as '{shown(own.name)}' {_does(own)} on another branch, which is not read"
+            message = (
+                f"joint '{shown(joint.name)}' {_does(joint)} as '{shown(own.name)}' {_does(own)} on another branch, which is not "
+                "read"
+            )
             raise FileError(self.tree.path, message, line=joint.line)
         if own is not None and own.limits is not None:
             described.update(_scaled(own, "limits", own.limits))

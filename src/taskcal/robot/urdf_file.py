@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal, cast, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -113,7 +113,9 @@ def _tree(path: Path, root: Element) -> UrdfTree:
     for tag in CLOSING:
         closing = root.first(tag)
         if closing is not None:
-            message = f"closes a loop by <{tag}>, which URDF does not define; describe the loop as [four_bar] of a robot file"
+            message = (
+                f"closes a loop by <{tag}>, which URDF does not define; describe the loop as [four_bar] of a robot file"
+            )
             raise FileError(path, message, line=closing.line)
     links = [_attribute(path, link, "name") for link in root.all("link")]
     joints = [_joint(path, element) for element in root.all("joint")]
@@ -173,13 +175,13 @@ def _see_mimics(tree: UrdfTree) -> None:
         while followed.mimic is not None:
             other = joints.get(followed.mimic.joint)
             if other is None or not other.moves:
-                message = (
-                    f"joint '{shown(followed.name)}' mimics '{shown(followed.mimic.joint)}', which is no joint that moves"
-                )
+                message = f"joint '{shown(followed.name)}' mimics '{shown(followed.mimic.joint)}', which is no joint that moves"
                 raise FileError(tree.path, message, line=followed.line)
             followed, turns = other, turns + 1
             if turns > len(joints):
-                raise FileError(tree.path, f"joint '{shown(joint.name)}' mimics itself by way of others", line=joint.line)
+                raise FileError(
+                    tree.path, f"joint '{shown(joint.name)}' mimics itself by way of others", line=joint.line
+                )
 
 
 def _see_all_differ(path: Path, elements: list[Element], names: list[str], what: str) -> None:
@@ -205,7 +207,7 @@ def _joint(path: Path, element: Element) -> UrdfJoint:
     limits, speed = _limits(path, element, name, sliding=kind == "prismatic")
     return UrdfJoint(
         name=name,
-        kind=kind,
+        kind=cast(UrdfKind, kind),
         parent=_linked(path, element, "parent"),
         child=_linked(path, element, "child"),
         origin=pose,
@@ -234,7 +236,9 @@ def _axis(path: Path, element: Element | None, joint: str) -> Float[np.ndarray, 
     return axis / length
 
 
-def _limits(path: Path, element: Element, name: str, *, sliding: bool) -> tuple[tuple[float, float] | None, float | None]:
+def _limits(
+    path: Path, element: Element, name: str, *, sliding: bool
+) -> tuple[tuple[float, float] | None, float | None]:
     """Limits and speed; none where they are not stated, or as far out as nothing goes."""
     limit = element.first("limit")
     if limit is None:
@@ -269,15 +273,13 @@ def _number(path: Path, element: Element, name: str, default: float, *, far: boo
     return default if text is None else _parsed(path, element, name, text, far=far)
 
 
-def _triple(
-    path: Path, element: Element, name: str, default: tuple[float, float, float]
-) -> tuple[float, float, float]:
+def _triple(path: Path, element: Element, name: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
     text = element.attributes.get(name)
     if text is None:
         return default
     words = text.split()
     if len(words) != 3:
-        raise FileError(path, f"{name}=\"{shown(text)}\" of <{element.tag}> is not three numbers", line=element.line)
+        raise FileError(path, f'{name}="{shown(text)}" of <{element.tag}> is not three numbers', line=element.line)
     x, y, z = (_parsed(path, element, name, word) for word in words)
     return x, y, z
 
@@ -288,6 +290,8 @@ def _parsed(path: Path, element: Element, name: str, text: str, *, far: bool = F
     except ValueError:
         value = math.nan
     if math.isnan(value) or (not far and abs(value) > FARTHEST):
-        message = f"{name} of <{element.tag}>: '{shown(text)}' is not a number of metres or radians; write such as 0.0825"
+        message = (
+            f"{name} of <{element.tag}>: '{shown(text)}' is not a number of metres or radians; write such as 0.0825"
+        )
         raise FileError(path, message, line=element.line)
     return value

@@ -11,7 +11,7 @@ import pytest
 
 from taskcal.identification.calibration_file import load_calibration
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.dh_table import robot_toml
+from taskcal.robot.description import robot_toml
 from tests.cli.conftest import IRB6660, Ended, Run
 
 ERRORS = {"mean_mm", "rms_mm", "p95_mm", "max_mm", "max_x_mm", "max_y_mm", "max_z_mm", "n"}

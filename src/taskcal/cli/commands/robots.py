@@ -1,4 +1,4 @@
-"""``taskcal robots``: the catalogue, one robot, and robots from tables."""
+"""``taskcal robots``: the catalogue, one robot, and robots from files of other programs."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -39,13 +39,15 @@ app = typer.Typer(
 
 @app.callback()
 def catalogue(context: typer.Context, as_json: JsonOption = False) -> None:
-    """List the catalogue, show one robot, or make a robot file from a table.
+    """List the catalogue, show one robot, or make a robot file from a file of another program.
 
     taskcal robots — the catalogue
 
     taskcal robots NAME_OR_FILE — one robot: joints, tool, mechanism, parameters
 
-    taskcal robots import TABLE.csv --convention dh -o ROBOT.toml — a robot of your own
+    taskcal robots import ROBOT.urdf -o ROBOT.toml — a robot of your own, from a URDF
+
+    taskcal robots import TABLE.csv --convention dh -o ROBOT.toml — from a table
     """
     context.obj = as_json
     if context.invoked_subcommand is not None:
@@ -65,7 +67,7 @@ def catalogue(context: typer.Context, as_json: JsonOption = False) -> None:
 def show(
     context: typer.Context,
     robot: Annotated[
-        str, typer.Argument(metavar="NAME_OR_FILE", help="Name in the catalogue, or a robot file (.toml).")
+        str, typer.Argument(metavar="NAME_OR_FILE", help="Name in the catalogue, or a file (.toml, .urdf, .xacro).")
     ],
     as_json: JsonOption = False,
 ) -> None:
@@ -81,34 +83,51 @@ def show(
 
 
 @app.command("import")
-def import_table(
+def import_robot(
     context: typer.Context,
-    table: Annotated[
+    source: Annotated[
         Path,
         typer.Argument(
-            metavar="TABLE.csv",
+            metavar="FILE",
             readable=False,
-            help="Columns joint, alpha_deg, a_mm, d_mm, theta_offset_deg; optionally theta_from_controller such as -(J2+J3), "
-            "type, lower_deg and upper_deg.",
+            help="URDF (.urdf), xacro (.xacro), or a table (.csv) with the columns joint, alpha_deg, a_mm, d_mm, theta_offset_deg; "
+            "optionally theta_from_controller such as -(J2+J3), type, lower_deg and upper_deg.",
         ),
-    ],
-    convention: Annotated[
-        Convention, typer.Option("--convention", help="dh: Rz(θ)·Tz(d)·Tx(a)·Rx(α); mdh: Rx(α)·Tx(a)·Rz(θ)·Tz(d).")
     ],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="ROBOT.toml", readable=False, help="Robot file to write.")
     ],
-    name: Annotated[str | None, typer.Option("--name", help="Name of the robot; the table's by default.")] = None,
+    convention: Annotated[
+        Convention | None,
+        typer.Option(
+            "--convention",
+            case_sensitive=False,
+            help="Of a table. dh: Rz(θ)·Tz(d)·Tx(a)·Rx(α); mdh: Rx(α)·Tx(a)·Rz(θ)·Tz(d).",
+        ),
+    ] = None,
+    tip: Annotated[
+        str | None,
+        typer.Option(
+            "--tip", metavar="LINK", help="Of a URDF: the link that is the tool; that of its longest chain by default."
+        ),
+    ] = None,
+    base: Annotated[
+        str | None,
+        typer.Option("--base", metavar="LINK", help="Of a URDF: the link that is the base; its root by default."),
+    ] = None,
+    name: Annotated[str | None, typer.Option("--name", help="Name of the robot; the file's by default.")] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Make a robot file from a Denavit–Hartenberg table."""
+    """Make a robot file from a URDF or a Denavit–Hartenberg table."""
     if output.suffix != ".toml":
         raise typer.BadParameter(f"'{output}' does not end in .toml, as robot files do", param_hint="--output")
-    outputs = check_outputs("robots import", [("--output", output)], [table], force=force)
-    from taskcal.robot.dh_table import describe_dh_table, robot_toml
+    outputs = check_outputs("robots import", [("--output", output)], [source], force=force)
+    from taskcal.robot.description import describe_robot, robot_toml
 
-    described = describe_dh_table(table, convention.value, name)
+    described = describe_robot(
+        source, convention=None if convention is None else convention.value, tip=tip, base=base, name=name
+    )
     outputs.write({output: robot_toml(described)})
     if as_json or context.obj:
         write_json({"robot": str(output), "name": described["name"], "joints": [j["name"] for j in described["joint"]]})

@@ -1,0 +1,63 @@
+"""Robots from files of other programs: which form a file has, and what a robot file says of the same robot."""
+
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from taskcal.errors import FileError, shown
+from taskcal.robot.dh_table import Convention, describe_dh_table
+from taskcal.robot.urdf import describe_tree, describe_urdf
+from taskcal.robot.urdf_file import parse_urdf_tree
+from taskcal.robot.xacro import expand_xacro
+
+URDF, XACRO, TABLE = (".urdf", ".xml"), (".xacro",), (".csv",)
+"""Endings of files, in small letters."""
+
+WHOLE = (*URDF, *XACRO)
+"""Of files that say by themselves all that there is to know."""
+
+FORMS = "URDF (.urdf), xacro (.xacro), or a Denavit–Hartenberg table (.csv)"
+
+
+def describe_robot(
+    path: str | Path,
+    *,
+    convention: Convention | None = None,
+    tip: str | None = None,
+    base: str | None = None,
+    name: str | None = None,
+) -> dict[str, Any]:
+    """A robot file's content from a file of another form.
+
+    Args:
+        path: URDF or xacro, or a table.
+        convention: of a table.
+        tip: of a URDF: the link that is the tool; by default the end of its longest chain.
+        base: of a URDF: the link that is the robot's base; the root by default.
+        name: the robot's name; the one in the file, or the file's, by default.
+
+    Raises:
+        FileError: it is none of these, or wrong; or it lacks what it needs, or has no use for what was stated.
+        UnknownName: a URDF has no such link.
+    """
+    path = Path(path)
+    ending = path.suffix.lower()
+    stated = {"tip": tip, "base": base} if ending not in WHOLE else {"convention": convention}
+    surplus = [option for option, value in stated.items() if value is not None]
+    if surplus:
+        raise FileError(path, f"has no use for a {surplus[0]}, by its ending {shown(ending, 20)}; leave it out")
+    if ending in URDF:
+        return describe_urdf(path, tip=tip, base=base, name=name)
+    if ending in XACRO:
+        return describe_tree(parse_urdf_tree(path, expand_xacro(path)), tip=tip, base=base, name=name)
+    if ending in TABLE:
+        if convention is None:
+            raise FileError(path, "is a table; state its convention, --convention dh or --convention mdh")
+        return describe_dh_table(path, convention, name)
+    raise FileError(path, f"has an ending that no robot's description has; Taskcal reads {FORMS}")
+
+
+def robot_toml(described: dict[str, Any]) -> str:
+    """The text of a robot file, as read by `taskcal.load_robot`."""
+    return tomli_w.dumps(described)
