@@ -29,13 +29,13 @@ _UNCHECKED = {
         correction.cell_file robot.file robot.joint_section robot.statics_section toml_file
     """,
     "commands, whose annotations Typer has to read": "cli",
-    "pages and tables, which get what was checked where it was computed": "demo presentation correction.remarks",
+    "pages and tables, which get what was checked where it was computed": "demo presentation correction.diagnostics",
     "not gone through yet; some give whole numbers where any will do, which pyright allows and this check does not": """
         programs.languages programs.numeral programs.rapid.changes programs.rapid.expressions programs.rapid.flow
         programs.rapid.frames programs.rapid.lexer programs.rapid.names programs.rapid.parser programs.rapid.predefined
         programs.rapid.read programs.rapid.real programs.rapid.resolve programs.rapid.rewrite programs.rapid.syntax
         programs.rapid.target_argument programs.rapid.uses programs.rapid.values programs.reading programs.source
-        correction.afresh robot.dh_units robot.load robot.model_error
+        correction.new_program robot.dh_units robot.load robot.model_error
     """,
     "not arrays: names, texts and messages, which refuse wrong ones themselves": """
         __main__ arguments effects errors performance public_names short_repr text_file

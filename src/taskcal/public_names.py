@@ -48,6 +48,26 @@ RENAMED = {
 """Of each package: former names, which still work for one release, and what they are called now."""
 
 
+class FormerName:
+    """What an attribute was called before: it still works for one release, with a warning that says what it is called now."""
+
+    def __init__(self, now: str):
+        self._now = now
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._before = f"{owner.__name__}.{name}"
+
+    def __get__(self, instance: object, owner: type) -> Any:
+        if instance is None:
+            return self
+        warn(
+            f"{self._before} is called {self._now} now; the old name goes with the next release",
+            DeprecationWarning,
+            stacklevel=2,
+        )
+        return getattr(instance, self._now)
+
+
 def names_in_stub(package: str, file: str) -> dict[str, str]:
     """Names that a package's stub re-exports, and the module that each comes from; its own name for one of its modules.
 

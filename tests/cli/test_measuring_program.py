@@ -23,7 +23,7 @@ def test_programs_drive_to_the_joints_of_the_plan_in_its_order(run: Run, ask: li
     planned = [move.end.q for move in read_program(tmp_path / "plan.csv").moves]
     for path in (rapid, krl):
         program = read_program(path)
-        assert not program.remarks
+        assert not program.diagnostics
         assert all(move.stops for move in program.moves)
         np.testing.assert_allclose([move.end.q for move in program.moves], planned, atol=2e-7)
         text = path.read_text(encoding="utf-8")

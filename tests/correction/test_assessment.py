@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 
 from taskcal.correction.assessment import assess
-from taskcal.correction.controller import drive
-from taskcal.correction.correct import wanted_ways
+from taskcal.correction.controller_trajectory import simulate_controller
+from taskcal.correction.correct import wanted_segments
 from taskcal.correction.placement import Placed, Placement
 from taskcal.geometry import se3
 from taskcal.robot.error_model import ErrorModel
@@ -12,16 +12,16 @@ from taskcal.robot.error_model import ErrorModel
 
 def test_a_way_whose_start_is_not_known_is_assessed_at_its_end_only(robot, make_moves, middle):
     moves = make_moves([middle @ se3.translation(0.05 * k, 0.0, 0.0) for k in range(3)])
-    driven = drive(robot, moves)
+    trajectory = simulate_controller(robot, moves)
     placed = Placed(
         tool_in_base=ErrorModel(robot).poses,
-        placements=(Placement(T_tool_held=np.eye(4), T_base_standing=np.eye(4), part_in_hand=False),),
+        placements=(Placement(T_tool_grasped=np.eye(4), T_base_fixed=np.eye(4), part_in_hand=False),),
         number=np.zeros(3, dtype=np.int64),
     )
-    wanted = wanted_ways(driven, placed, moves)
+    wanted = wanted_segments(trajectory, placed, moves)
     start = wanted.start.copy()
     start[1] = np.nan
-    every, found = assess(placed, wanted, driven), assess(placed, replace(wanted, start=start), driven)
+    every, found = assess(placed, wanted, trajectory), assess(placed, replace(wanted, start=start), trajectory)
     assert (every.move == 1).sum() > 1
     assert found.at_target[found.move == 1].tolist() == [True]
     kept = every.at_target | (every.move != 1)

@@ -110,18 +110,18 @@ def test_what_would_move_too_far_is_left_and_named(pocket, calibration, robot):
     program = read_program(pocket, robot=robot)
     found = correct(calibration, program, bounds=Bounds(shift=1e-6))
     assert found.sources[0].encode() == pocket.read_bytes()
-    assert sorted(found.refused) == list(range(len(program.moves)))
-    assert "would move by" in found.refused[0]
+    assert sorted(found.rejected) == list(range(len(program.moves)))
+    assert "would move by" in found.rejected[0]
     turned = correct(calibration, program, bounds=Bounds(turn=1e-7))
-    assert "would turn by" in turned.refused[0]
+    assert "would turn by" in turned.rejected[0]
 
 
 def test_targets_out_of_reach_are_refused_and_the_rest_is_corrected(tmp_path, shifted, calibration, robot):
     poses = [shifted(0, 0, 0), shifted(50, 0, 0), shifted(3000, 0, 0), shifted(0, 50, 0), shifted(0, 90, 0)]
     path = write_path(tmp_path / "far.csv", poses)
     found = correct(calibration, read_program(path, robot=robot))
-    assert list(found.refused) == [2]
-    assert "out of reach" in found.refused[2]
+    assert list(found.rejected) == [2]
+    assert "out of reach" in found.rejected[2]
     assert sorted(found.corrected) == [0, 1, 3, 4]
     lines, old = found.sources[0].text.splitlines(), path.read_text().splitlines()
     assert old[3] in lines  # the line that is out of reach stays as it was
@@ -142,7 +142,7 @@ def test_joint_positions_can_be_kept(tmp_path, calibration, robot):
     assert len(correct(calibration, program).corrected) == 2
     kept = correct(calibration, program, keep_joints=True)
     assert kept.sources[0].encode() == path.read_bytes()
-    assert not kept.refused
+    assert not kept.rejected
     np.testing.assert_array_equal(kept.after.error, kept.before.error)
 
 
@@ -195,7 +195,7 @@ def test_an_arc_whose_start_is_not_known_stays_an_arc(calibration, robot, make_m
     true = true_poses(calibration, [replace(m, end=m.via) for m in found.moves[:1]] + list(found.moves), robot)
     wanted = [program.moves[0].via.T, program.moves[0].end.T, program.moves[1].end.T]
     np.testing.assert_allclose(true[:, :3, 3], np.array(wanted)[:, :3, 3], atol=2e-9)
-    assert "begins where the text does not tell" in str(found.remarks[0])
+    assert "begins where the text does not tell" in str(found.diagnostics[0])
 
 
 def test_a_part_that_is_stated_elsewhere_is_reported_as_a_move_too_far(tmp_path, nominal, robot, shifted):
@@ -206,8 +206,8 @@ def test_a_part_that_is_stated_elsewhere_is_reported_as_a_move_too_far(tmp_path,
         there = nominal.T_tracker_base @ se3.translation(x=offset * 1e-3)
         cell = Cell(parts={"table": Measured(name="table", in_tracker=there)})
         found = correct(nominal, program, cell=cell)
-        assert set(found.refused) == {0, 1}
-        for why in found.refused.values():
+        assert set(found.rejected) == {0, 1}
+        for why in found.rejected.values():
             assert "singular" not in why
             assert f"would move by {offset:.0f}" in why
             assert "cell file" in why
@@ -217,16 +217,16 @@ def test_joints_that_would_swing_near_a_singular_posture_are_refused(tmp_path, c
     path = tmp_path / "wrist.csv"
     path.write_text("J1_deg,J2_deg,J3_deg,J4_deg,J5_deg,J6_deg\n0,10,20,0,-40,0\n0,10,20,0,0.05,0\n")
     found = correct(calibration, read_program(path, robot=robot))
-    assert list(found.refused) == [1]
-    assert "would move a joint by" in found.refused[1] or "singular" in found.refused[1]
+    assert list(found.rejected) == [1]
+    assert "would move a joint by" in found.rejected[1] or "singular" in found.rejected[1]
     assert path.read_text().splitlines()[2] in found.sources[0].text
-    assert not correct(calibration, read_program(path, robot=robot), keep_joints=True).refused
+    assert not correct(calibration, read_program(path, robot=robot), keep_joints=True).rejected
 
 
 def test_a_program_of_which_nothing_can_be_driven_is_refused_line_by_line(tmp_path, calibration, robot, shifted):
     path = write_path(tmp_path / "far.csv", [shifted(9000, 0, 0), shifted(9100, 0, 0)])
     found = correct(calibration, read_program(path, robot=robot))
-    assert sorted(found.refused) == [0, 1]
+    assert sorted(found.rejected) == [0, 1]
     assert found.sources[0].encode() == path.read_bytes()
     assert not len(found.after.error)
 
@@ -234,4 +234,4 @@ def test_a_program_of_which_nothing_can_be_driven_is_refused_line_by_line(tmp_pa
 def test_a_name_of_the_cell_that_no_motion_has_is_remarked(pocket, calibration, robot):
     cell = Cell(parts={"wobjx": Measured(name="wobjX", in_tracker=np.eye(4))})
     found = correct(calibration, read_program(pocket, robot=robot), cell=cell)
-    assert "no motion has the cell's part 'wobjX'" in str(found.remarks[0])
+    assert "no motion has the cell's part 'wobjX'" in str(found.diagnostics[0])

@@ -21,9 +21,9 @@ CUTTER = se3.pose(se3.exp(np.array([0.1, -0.4, 0.2])), np.array([0.02, 0.03, 0.1
 PART = se3.pose(se3.exp(np.array([0.02, 0.03, 0.5])), np.array([1.6, 0.1, 1.3]))
 
 
-def reflectors_in(T_tool_held):
+def reflectors_in(T_tool_grasped):
     """Reflector centres in what is held."""
-    return {name: se3.apply(se3.inverse(T_tool_held), point) for name, point in REFLECTORS.items()}
+    return {name: se3.apply(se3.inverse(T_tool_grasped), point) for name, point in REFLECTORS.items()}
 
 
 def cells(calibration, robot, measured):
@@ -60,9 +60,9 @@ def cutting(robot, make_moves, middle):
 @pytest.mark.parametrize("name", NAMES)
 def test_tool_in_part_and_robot_tool_are_inverse(name, calibration, robot, measured, cutting):
     for move in (cutting, replace(cutting, part_in_hand=False)):
-        relation = calibrate_frames(calibration, move, cells(calibration, robot, measured)[name])
+        frames = calibrate_frames(calibration, move, cells(calibration, robot, measured)[name])
         B = calibration.tool_in_base(measured)
-        np.testing.assert_allclose(relation.placement.robot_tool(relation.placement.tool_in_part(B)), B, atol=1e-12)
+        np.testing.assert_allclose(frames.placement.robot_tool(frames.placement.tool_in_part(B)), B, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -71,7 +71,7 @@ def test_the_covariance_is_that_of_small_changes_of_the_estimate(
 ):
     """Against differences: every entry of the estimate is moved, and everything is related anew."""
     cell, q = cells(calibration, robot, measured)[name], measured[5:8]
-    relation = calibrate_frames(calibration, cutting, cell)
+    frames = calibrate_frames(calibration, cutting, cell)
     J = np.empty((len(q), 3, len(calibration.z)))
     for k in range(len(calibration.z)):
         h = 1e-6
@@ -88,13 +88,13 @@ def test_the_covariance_is_that_of_small_changes_of_the_estimate(
         expected += 2e-5**2 * np.eye(3)
     scale = np.abs(expected).max()
     # points that were touched fit a rigid motion only so far, which differences see and the derivative does not
-    np.testing.assert_allclose(relation.covariance(q), expected, atol=(1e-3 if name == "touched" else 2e-5) * scale)
+    np.testing.assert_allclose(frames.covariance(q), expected, atol=(1e-3 if name == "touched" else 2e-5) * scale)
 
 
 def test_a_cutter_known_by_its_reflectors_is_where_they_say(calibration, robot, measured, cutting):
     """Moving the estimated reflectors on the tool, by what the data cannot tell, moves the cutter along."""
-    relation = calibrate_frames(calibration, cutting, cells(calibration, robot, measured)["reflectors and tracker"])
-    there = se3.apply(relation.held.T_tool_held, np.array(list(reflectors_in(CUTTER).values())))
+    frames = calibrate_frames(calibration, cutting, cells(calibration, robot, measured)["reflectors and tracker"])
+    there = se3.apply(frames.grasped.T_tool_grasped, np.array(list(reflectors_in(CUTTER).values())))
     np.testing.assert_allclose(there, calibration.T_tool_target[:, :3, 3], atol=1e-4)
 
 
@@ -134,10 +134,10 @@ def test_a_part_touched_by_the_robot_is_right_where_it_was_touched(calibration, 
     probe = robot.T_flange_tool @ se3.translation(z=0.05)
     cell = cells(calibration, robot, measured)["touched"]
     touched = replace(cell.parts["part"], touched=q)
-    relation = calibrate_frames(calibration, cutting, Cell(tools=cell.tools, parts={"part": touched}))
+    frames = calibrate_frames(calibration, cutting, Cell(tools=cell.tools, parts={"part": touched}))
     believed = se3.inverse(PART) @ nominal_flange(robot, q) @ probe
     flange = calibration.tool_in_base(q) @ se3.inverse(_own_tool(calibration))
-    truly = se3.inverse(relation.standing.T_base_standing) @ flange @ probe
+    truly = se3.inverse(frames.fixed.T_base_fixed) @ flange @ probe
     # three points of a robot that is not rigid in its errors fit a rigid motion only so far
     assert np.linalg.norm(truly[:, :3, 3] - believed[:, :3, 3], axis=1).max() < 3e-4
 
@@ -160,7 +160,7 @@ def test_stated_and_true_errors_on_a_touched_part_agree(
     errors = []
     for _ in range(150):
         true = perturbed(known, known.z + root @ rng.normal(size=len(known.z)))
-        cutter = calibrate_frames(true, cutting, cell).held.T_tool_held
+        cutter = calibrate_frames(true, cutting, cell).grasped.T_tool_grasped
         flange = true.tool_in_base(touches) @ se3.inverse(_own_tool(true))
         tips = (flange @ probe)[:, :3, 3]
         tips += np.hypot(model_error, repeats) * rng.normal(size=tips.shape)
@@ -185,9 +185,9 @@ def _own_tool(calibration):
 def test_a_part_in_hand_is_the_same_robot_seen_from_the_other_side(calibration, robot, measured, make_moves, middle):
     tool, part = Frame(name="disc", T=middle), Frame(name="blade", T=robot.T_flange_tool)
     (move,) = make_moves([np.eye(4)], tool=tool, part=part, in_hand=True)
-    relation = calibrate_frames(calibration, move, Cell())
+    frames = calibrate_frames(calibration, move, Cell())
     B = calibration.tool_in_base(measured)
-    np.testing.assert_allclose(relation.placement.tool_in_part(B), se3.inverse(B) @ middle, atol=1e-12)
+    np.testing.assert_allclose(frames.placement.tool_in_part(B), se3.inverse(B) @ middle, atol=1e-12)
     np.testing.assert_allclose(
         move.target(ErrorModel(robot).poses(measured) @ se3.inverse(robot.T_flange_tool)),
         se3.inverse(ErrorModel(robot).poses(measured)) @ middle,

@@ -34,8 +34,8 @@ def program(robot, shifted, make_moves):
 def test_the_true_tool_goes_to_the_targets_of_a_rapid_program(program, calibration, robot):
     found = correct(calibration, program, bounds=Bounds(tolerance=1.0))
     again = read_rapid(found.sources)
-    assert not program.remarks
-    assert not again.remarks
+    assert not program.diagnostics
+    assert not again.diagnostics
     wanted = np.array([move.end.T for move in program.moves])
     parts = np.array([move.part.T for move in program.moves])
     after = true_poses(calibration, again.moves, robot)
@@ -70,7 +70,7 @@ def test_lines_and_arcs_are_divided_in_the_text(program, calibration):
     fine = correct(calibration, program, bounds=Bounds(tolerance=between / 10.0))
     again = read_rapid(fine.sources)
     assert len(again.moves) == len(fine.moves) > len(program.moves)
-    assert not again.remarks
+    assert not again.diagnostics
     for written, meant in zip(again.moves, fine.moves, strict=True):
         assert written.kind == meant.kind
         assert written.follows == meant.follows

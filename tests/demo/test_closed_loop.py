@@ -34,7 +34,7 @@ def test_the_corrected_program_is_several_times_better_than_the_touched_off_one(
     assert (found["touched off"] < 0.5 * found["as programmed"]).all()
     assert (found["corrected"] < 0.5 * found["touched off"]).all()
     assert (found["corrected"] < 0.15e-3).all()
-    assert all(not run.correction.refused for run in runs)
+    assert all(not run.correction.rejected for run in runs)
 
 
 def test_the_truth_is_not_fitted_away(runs):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.correction.controller import drive
+from taskcal.correction.controller_trajectory import simulate_controller
 from taskcal.correction.placement import Placement
 from taskcal.demo.closed_loop import MARKS
 from taskcal.demo.milling import milling_program
@@ -26,7 +26,7 @@ def touched_error(robot, moves, displaced):
     inward = se3.inverse(robot.T_flange_tool)
     placements = {
         (m.tool.name, m.part.name): Placement(
-            T_tool_held=inward @ m.tool.T, T_base_standing=m.part.T, part_in_hand=False
+            T_tool_grasped=inward @ m.tool.T, T_base_fixed=m.part.T, part_in_hand=False
         )
         for m in moves
     }
@@ -35,7 +35,7 @@ def touched_error(robot, moves, displaced):
     def true_poses(q):
         return displaced @ nominal.poses(q)
 
-    driven = drive(robot, moves)
+    trajectory = simulate_controller(robot, moves)
     frames = {}
     again = []
     for i, move in enumerate(moves):
@@ -44,10 +44,10 @@ def touched_error(robot, moves, displaced):
             continue
         key = move.tool.name, move.part.name
         if key not in frames:
-            frames[key] = touch_off(robot, move, driven.end[i], placements[key], true_poses, MARKS)
+            frames[key] = touch_off(robot, move, trajectory.end[i], placements[key], true_poses, MARKS)
         again.append(replace(move, part=replace(move.part, T=frames[key])))
     out = []
-    for move, end, wanted in zip(moves, drive(robot, again).end, driven.ways.end, strict=True):
+    for move, end, wanted in zip(moves, simulate_controller(robot, again).end, trajectory.segments.end, strict=True):
         if move.kind != "axes":
             at = placements[move.tool.name, move.part.name].tool_in_part(true_poses(end[None]))[0]
             out.append(at[:3, 3] - wanted[:3, 3])

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from taskcal.demo.reference import reference_task
 from taskcal.kinematics.inverse import JUMP, conditioning, find_posture, solve_near
-from taskcal.kinematics.tracing import STEEPEST, STRIDE, Outcome, Traced, refusals, retrace, trace
+from taskcal.kinematics.tracing import STEEPEST, STRIDE, Outcome, Traced, rejections, retrace, trace
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, Harmonics
 from taskcal.robot.error_model import ErrorModel
@@ -97,7 +97,7 @@ def test_a_path_by_the_wrists_singular_posture_is_continuous_or_refused_there(rn
     assert traced.reached.mean() > 0.8
     assert traced.singularity.min() < 0.02
     assert set(traced.outcome[~traced.reached]) <= {Outcome.SINGULAR, Outcome.OUT_OF_REACH}
-    assert all("singular" in reason or "reach" in reason for _, reason in refusals(model.robot, traced))
+    assert all("singular" in reason or "reach" in reason for _, reason in rejections(model.robot, traced))
     if aside == 0.0:
         assert traced.reached.all()
         np.testing.assert_allclose(traced.q[-1], q[-1], atol=1e-6)
@@ -131,7 +131,7 @@ def test_a_path_that_leaves_the_reach_names_the_poses_and_is_taken_up_again():
     T = np.tile(middle, (301, 1, 1))
     T[:, 2, 3] += 2.5 * np.maximum(np.sin(np.linspace(0.0, 2.0 * np.pi, 301)), -0.05)
     traced = trace(model, T, find_posture(model, middle))
-    refused = refusals(model.robot, traced)
+    refused = rejections(model.robot, traced)
     out = traced.outcome == Outcome.OUT_OF_REACH
     height = np.hypot(T[:, 2, 3] - 0.8145, T[:, 0, 3] - 0.3)
     assert out[height > 2.6].all()
@@ -158,7 +158,7 @@ def test_a_path_that_passes_a_limit_says_which():
     over = q[:, 5] > np.radians(360.0) + 1e-6
     np.testing.assert_array_equal(traced.outcome == Outcome.OUTSIDE_LIMITS, over)
     assert traced.reached[~over].all()
-    first = refusals(model.robot, traced)[0]
+    first = rejections(model.robot, traced)[0]
     assert first[0] == np.argmax(over)
     assert first[1].startswith("J6 = 360.")
     assert "outside -360 to 360°" in first[1]
@@ -173,7 +173,7 @@ def test_coupled_limits_and_the_loop_are_reported():
     traced = trace(model, model.poses(q), q[0])
     over = q[:, 2] > np.radians(70.0) + 1e-6
     np.testing.assert_array_equal(traced.reached, ~over)
-    assert "J3 - J2" in refusals(model.robot, traced)[0][1]
+    assert "J3 - J2" in rejections(model.robot, traced)[0][1]
 
 
 def test_with_seeds_on_two_branches_the_step_between_them_is_solved_anew():
@@ -209,7 +209,7 @@ def test_seeds_that_change_branch_where_a_limit_ends_the_first_are_refused_there
     first = int(np.argmax(over))
     assert np.flatnonzero(~traced.reached).tolist() == [first]
     assert traced.outcome[first] == Outcome.OUTSIDE_LIMITS
-    assert refusals(model.robot, traced)[0][1].startswith("J6 = 360.")
+    assert rejections(model.robot, traced)[0][1].startswith("J6 = 360.")
     np.testing.assert_allclose(traced.q[first + 1 :], near[first + 1 :], atol=1e-7)
 
 
@@ -240,7 +240,7 @@ def test_where_both_ways_never_agree_one_pose_is_refused_and_a_new_stretch_begin
     traced = retrace(model, model.poses(q), near)
     assert np.flatnonzero(~traced.reached).tolist() == [59]
     assert traced.outcome[59] == Outcome.BRANCH_LOST
-    assert "another branch" in refusals(model.robot, traced)[0][1]
+    assert "another branch" in rejections(model.robot, traced)[0][1]
     assert_continuous(traced, model.poses(q))
     np.testing.assert_allclose(traced.q[60:], near[60:], atol=1e-7)
 
@@ -268,4 +268,4 @@ def test_a_path_of_one_pose_or_none(n):
     traced = trace(model, model.poses(q)[:n], q[0])
     assert traced.reached.tolist() == [True] * n
     assert traced.q.shape == (n, 6)
-    assert refusals(model.robot, traced) == []
+    assert rejections(model.robot, traced) == []

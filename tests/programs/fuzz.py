@@ -30,7 +30,7 @@ class Language:
     generate: Callable[[np.random.Generator], tuple[Source, ...]]
     """The files of a random valid program."""
     read: Callable[[tuple[Source, ...]], Program]
-    ways: Callable[[np.random.Generator, Program], Mapping[int, tuple[Waypoint, ...]]]
+    waypoints: Callable[[np.random.Generator, Program], Mapping[int, tuple[Waypoint, ...]]]
     """New waypoints for some of its motions."""
     robot: Robot
 
@@ -74,13 +74,13 @@ def check_case(language: Language, seed: int) -> str:
         assert time.perf_counter() - begin < LONGEST, "reading takes too long"
     unchanged = program.rewrite(language.robot, {})
     assert [s.encode() for s in unchanged] == [s.encode() for s in sources], "bytes change without a reason"
-    ways = language.ways(rng, program)
+    waypoints = language.waypoints(rng, program)
     try:
-        after = program.rewrite(language.robot, ways)
+        after = program.rewrite(language.robot, waypoints)
     except TaskcalError:
         return "read"
     again = program.reread(after)
-    expected = len(program.moves) + sum(len(way) - 1 for way in ways.values())
+    expected = len(program.moves) + sum(len(path) - 1 for path in waypoints.values())
     assert len(again.moves) == expected, f"{len(again.moves)} motions instead of {expected}"
     return "rewritten"
 

@@ -30,7 +30,7 @@ def test_motions_to_joint_positions_come_back_in_their_order(tmp_path_factory, r
     source = compose_program(path, ROBOT, moves_to_joints(ROBOT, q, path), notes=notes, wait_s=2.5)
     write_whole(source.path, source.encode())
     program = read_program(path)
-    assert not program.remarks
+    assert not program.diagnostics
     assert [(move.kind, move.stops) for move in program.moves] == [("axes", True)] * len(q)
     np.testing.assert_allclose([move.end.q for move in program.moves], q, atol=2e-7)
     positions = [source.text.index(note) for note in notes]

@@ -38,7 +38,7 @@ def circle(n: int) -> str:
 def test_every_run_of_motions_can_be_followed_by_the_robots_joints():
     given = program(circle(40) + "CIRCLE/0,0,0,0,0,1,5\nGOTO/0,0,100\n" + circle(5))
     spun = with_spins(given, ROBOT)
-    assert (spun.sources, spun.remarks) == (given.sources, given.remarks)
+    assert (spun.sources, spun.diagnostics) == (given.sources, given.diagnostics)
     assert [move.follows for move in spun.moves] == [move.follows for move in given.moves]
     old, new = (np.array([m.end.T for m in p.moves]) for p in (given, spun))
     np.testing.assert_allclose(new[:, :, 2:], old[:, :, 2:], atol=1e-12)

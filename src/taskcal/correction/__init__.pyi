@@ -3,4 +3,4 @@
 from taskcal.correction.assessment import Deviations as Deviations
 from taskcal.correction.cell import Measured as Measured
 from taskcal.correction.inverse import solve_calibrated as solve_calibrated
-from taskcal.correction.motion import JointMotion as JointMotion
+from taskcal.correction.joint_motion import JointMotion as JointMotion

@@ -6,9 +6,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.correction.controller import Driven
+from taskcal.correction.controller_trajectory import ControllerTrajectory
 from taskcal.correction.placement import Placed
-from taskcal.correction.way import Ways
+from taskcal.correction.segments import Segments
 from taskcal.geometry import se3
 from taskcal.short_repr import short_repr
 
@@ -23,7 +23,7 @@ class Deviations:
     share: Float[np.ndarray, " k"]
     """Share of its length."""
     at_target: Bool[np.ndarray, " k"]
-    """At the motion's end; elsewhere what lies along the way is left out of the error."""
+    """At the motion's end; elsewhere the component along the path is left out of the error."""
     q: Float[np.ndarray, "k joints"]
     """Joint positions of the controller, radians."""
     error: Float[np.ndarray, "k 3"]
@@ -44,36 +44,36 @@ class Deviations:
 
 def assess(
     placed: Placed,
-    wanted: Ways,
-    driven: Driven,
+    wanted: Segments,
+    trajectory: ControllerTrajectory,
     origin: Sequence[tuple[int, float, float]] | None = None,
 ) -> Deviations:
-    """Compare the true tool with the ways that a program wants; between targets only where it is known where a way begins.
+    """Compare the true tool with the path that a program asks for; between targets only where a segment's start is known.
 
     Args:
         placed: the motions of the program as it was given, on the robot as calibrated, or as it truly is.
-        wanted: their ways, tool in part.
-        driven: where the controller drives its joints, in this or in a rewritten program.
+        wanted: their segments, tool in part.
+        trajectory: where the controller moves its joints, in this program or in a rewritten one.
         origin: for each motion of the rewritten program, the one it comes from, and the shares of its length where it
             begins and ends; the program itself by default.
     """
-    table = np.array([(i, 0.0, 1.0) for i in range(len(driven.end))] if origin is None else origin, dtype=float)
+    table = np.array([(i, 0.0, 1.0) for i in range(len(trajectory.end))] if origin is None else origin, dtype=float)
     table = table.reshape(-1, 3)
-    come = table[:, 0].astype(np.int64)
-    alone = np.isfinite(driven.end[:, 0])
-    alone[driven.move] = False  # a sampled motion has its end among the samples
-    single = np.flatnonzero(alone)
-    move = np.concatenate([driven.move, single])
-    share = np.concatenate([driven.share, np.ones(len(single))])
-    q = np.concatenate([driven.q, driven.end[single]])
+    source = table[:, 0].astype(np.int64)
+    unsampled = np.isfinite(trajectory.end[:, 0])
+    unsampled[trajectory.move] = False  # a sampled motion has its end among the samples
+    single = np.flatnonzero(unsampled)
+    move = np.concatenate([trajectory.move, single])
+    share = np.concatenate([trajectory.share, np.ones(len(single))])
+    q = np.concatenate([trajectory.q, trajectory.end[single]])
     order = np.lexsort((share, move))
     move, share, q = move[order], share[order], q[order]
     first, last = table[move, 1], table[move, 2]
-    original, along = come[move], first + share * (last - first)
+    original, along = source[move], first + share * (last - first)
     at_target = along >= 1.0 - 1e-12
-    told = at_target | np.isfinite(wanted.start[original, 0, 0])
-    original, along, q, at_target = original[told], along[told], q[told], at_target[told]
-    # the way's start is not known where only its end is asked for
+    assessable = at_target | np.isfinite(wanted.start[original, 0, 0])
+    original, along, q, at_target = original[assessable], along[assessable], q[assessable], at_target[assessable]
+    # the start of a segment is not known where only its end is assessed
     T = np.where(at_target[:, None, None], wanted.end[original], wanted.at(original, along))
     true = placed.tool_in_part(original, q)
     error = true[:, :3, 3] - T[:, :3, 3]

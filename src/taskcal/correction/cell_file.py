@@ -14,7 +14,7 @@ from taskcal.files import write_whole
 from taskcal.geometry import se3
 from taskcal.toml_file import Finite, NotNegative, Quaternion, Section, read_toml
 
-ENOUGH = 3
+MIN_POINTS = 3
 """Points that locate a frame."""
 
 Point = tuple[Finite, Finite, Finite]
@@ -37,17 +37,17 @@ class MeasuredSection(Section):
     name: str = Field(min_length=1)
     controller: PoseSection | None = None
     tracker: PoseSection | None = None
-    touched_deg: Annotated[tuple[tuple[Finite, ...], ...], Field(min_length=ENOUGH)] | None = None
+    touched_deg: Annotated[tuple[tuple[Finite, ...], ...], Field(min_length=MIN_POINTS)] | None = None
     touched_with: str = ""
     flange: PoseSection | None = None
     target: PoseSection | None = None
-    reflectors_mm: Annotated[dict[str, Point], Field(min_length=ENOUGH)] | None = None
+    reflectors_mm: Annotated[dict[str, Point], Field(min_length=MIN_POINTS)] | None = None
     uncertainty_mm: NotNegative | None = None
 
     @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        ways = ("tracker", "touched_deg", "flange", "target", "reflectors_mm")
-        given = [way for way in ways if getattr(self, way) is not None]
+    def _measured_once(self) -> Self:
+        options = ("tracker", "touched_deg", "flange", "target", "reflectors_mm")
+        given = [key for key in options if getattr(self, key) is not None]
         if len(given) > 1:
             raise ValueError(f"'{self.name}' is measured in one way only: keep one of {' and '.join(given)}")
         if (self.touched_deg is None) != (not self.touched_with):
@@ -55,7 +55,7 @@ class MeasuredSection(Section):
         if self.touched_deg and len({len(row) for row in self.touched_deg}) > 1:
             raise ValueError(f"'{self.name}': the rows of touched_deg differ in length; each has one angle per joint")
         if self.uncertainty_mm is not None and not given:
-            raise ValueError(f"'{self.name}': uncertainty_mm is of what is measured: give one of {', '.join(ways)}")
+            raise ValueError(f"'{self.name}': uncertainty_mm is of what is measured: give one of {', '.join(options)}")
         return self
 
     def measured(self) -> Measured:
@@ -107,8 +107,8 @@ def load_cell(path: str | Path) -> Cell:
     )
     for part in cell.parts.values():
         toucher = part.touched_with.casefold()
-        known = cell.tools.get(toucher)
-        if toucher and (known is None or (known.controller is None and known.in_flange is None)):
+        tool = cell.tools.get(toucher)
+        if toucher and (tool is None or (tool.controller is None and tool.in_flange is None)):
             raise FileError(
                 path,
                 f"part '{part.name}' was touched with '{part.touched_with}', of which the file does not say where the controller "

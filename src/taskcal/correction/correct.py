@@ -1,27 +1,29 @@
-"""Correcting a program: every target becomes the pose that makes a nominal controller drive the joints the true robot needs."""
+"""Correcting a program: every target becomes the pose at which a nominal controller moves to the joints the true robot needs."""
 
 from collections.abc import Callable, Mapping, Sequence, Set
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.arguments import expect_kinds
-from taskcal.correction.afresh import compose_afresh
 from taskcal.correction.assessment import assess
 from taskcal.correction.cell import Cell
-from taskcal.correction.chords import Chords, Wish, cut
-from taskcal.correction.controller import Driven, drive
+from taskcal.correction.controller_trajectory import ControllerTrajectory, simulate_controller
 from taskcal.correction.correction import Bounds, Correction
+from taskcal.correction.correction_problem import CorrectionProblem
+from taskcal.correction.diagnostics import diagnose, diagnose_unused_frames
 from taskcal.correction.error_budget import SOURCES, budget_of
 from taskcal.correction.frame_calibration import FrameCalibration, calibrate_frames
-from taskcal.correction.motion import move_joints
+from taskcal.correction.joint_motion import joint_motion
+from taskcal.correction.new_program import compose_new_program
 from taskcal.correction.placement import Placed
-from taskcal.correction.refusals import refuse
-from taskcal.correction.remarks import remark, remark_unused
-from taskcal.correction.way import Ways
+from taskcal.correction.rejections import find_rejections
+from taskcal.correction.segments import Segments
+from taskcal.correction.subdivision import Subdivision, subdivide
+from taskcal.correction.target_changes import TargetChanges, target_changes
 from taskcal.errors import TaskcalError
-from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.programs.languages import language_of
 from taskcal.programs.program import Move, Program, Waypoint
@@ -30,8 +32,8 @@ from taskcal.programs.source import Source
 from taskcal.programs.spinning import with_spins
 from taskcal.robot.robot import Robot
 
-REASONS = 3
-"""Remarks that are shown where no motion could be resolved."""
+MAX_REASONS = 3
+"""Diagnostics that are shown where no motion could be resolved."""
 
 UNMOVED, UNTURNED = 1e-7, 1e-7
 """A target that moves and turns by less, metres and radians, keeps its text."""
@@ -54,8 +56,8 @@ def correct(
         program: as it was written for the nominal robot. Where it leaves the rotation about the tool's axis open, one is
             chosen that the robot can follow.
         cell: what was measured of its tools and parts; by default all are where the controller has them.
-        bounds: how far targets may be moved, and how well the tool keeps to its way between them.
-        into: file in the language of whose suffix the corrected motions are written afresh, RAPID, KRL or CSV; by default
+        bounds: how far targets may be moved, and how well the tool keeps to its path between them.
+        into: file in the language of whose suffix the corrected motions are written as a new program, RAPID, KRL or CSV; by default
             the program's own files are rewritten.
         keep_joints: leave motions to joint positions as they are, such as those to a home position that a cell checks.
         progress: told what is being done.
@@ -67,97 +69,109 @@ def correct(
     expect_kinds({"calibration": Calibration, "program": Program}, calibration=calibration, program=program)
     cell, bounds, robot = cell or Cell(), bounds or Bounds(), calibration.model.robot
     if not program.moves:
-        why = "".join(f"; {remark}" for remark in program.remarks[:REASONS])
+        why = "".join(f"; {diagnostic}" for diagnostic in program.diagnostics[:MAX_REASONS])
         raise TaskcalError(f"{program.sources[0].path} has no motion that could be resolved{why}")
     progress("the joints of the nominal robot")
     program = with_spins(program, robot)
     moves = program.moves
-    driven = drive(robot, moves)
+    trajectory = simulate_controller(robot, moves)
     frames, number = _frames(calibration, moves, cell)
     placed = Placed(
         tool_in_base=calibration.tool_in_base,
         placements=tuple(frame.placement for frame in frames),
         number=number,
     )
-    wanted = wanted_ways(driven, placed, moves)
+    wanted = wanted_segments(trajectory, placed, moves)
     progress("the joints of the calibrated robot")
-    chords = cut(
-        Wish(
+    subdivision = subdivide(
+        CorrectionProblem(
             robot=robot,
             moves=moves,
             calibration=calibration,
             placed=placed,
             wanted=wanted,
-            driven=driven,
+            trajectory=trajectory,
             tolerance=bounds.tolerance,
         )
     )
-    shift, turn = _changes(chords, len(moves))
-    joint_change = _joint_changes(robot, chords, driven)
-    left = {i for i, move in enumerate(moves) if keep_joints and move.kind == "axes"}
-    refused = driven.refused | refuse(robot, chords, shift, turn, joint_change, bounds)
-    refused = {i: why for i, why in refused.items() if i not in left}
-    ways = _waypoints(moves, chords, shift, turn, left | refused.keys())
+    changes = target_changes(robot, subdivision, trajectory)
+    kept = {i for i, move in enumerate(moves) if keep_joints and move.kind == "axes"}
+    rejected = trajectory.rejected | find_rejections(robot, subdivision, changes, bounds)
+    rejected = {i: why for i, why in rejected.items() if i not in kept}
+    waypoints = _waypoints(moves, subdivision, changes, kept | rejected.keys())
     progress("the corrected program")
-    sources, again = _rewritten(program, robot, ways, driven, into)
-    pieces = np.array([len(ways[i]) if i in ways else 1 for i in range(len(moves))], dtype=np.int64)
-    origin = piece_origins(pieces)
-    if len(origin) != len(again.moves):
-        raise TaskcalError(
-            f"the corrected program reads as {len(again.moves)} motions instead of {len(origin)}; nothing was written"
-        )
-    redriven = drive(robot, again.moves)
-    motion = move_joints(robot, again.moves, redriven)
-    before, after = assess(placed, wanted, driven), assess(placed, wanted, redriven, origin)
-    variances = _variances(frames, number, driven)
-    written = np.isin(np.arange(len(moves)), list(ways))
+    rewritten = _rewrite(program, robot, waypoints, trajectory, into)
+    new_trajectory = simulate_controller(robot, rewritten.program.moves)
+    motion = joint_motion(robot, rewritten.program.moves, new_trajectory)
+    before = assess(placed, wanted, trajectory)
+    after = assess(placed, wanted, new_trajectory, rewritten.origin)
+    variances = _variances(frames, number, trajectory)
+    written = np.isin(np.arange(len(moves)), list(waypoints))
     return Correction(
         program=program,
-        sources=sources,
-        moves=again.moves,
+        sources=rewritten.sources,
+        moves=rewritten.program.moves,
         bounds=bounds,
         wanted=wanted,
         before=before,
         after=after,
         budget=budget_of(before.length[before.at_target], after.length[after.at_target], variances),
         corrected=np.flatnonzero(written),
-        pieces=pieces,
-        shift=np.where(written, shift, 0.0),
-        turn=np.where(written, turn, 0.0),
+        pieces=rewritten.pieces,
+        shift=np.where(written, changes.shift, 0.0),
+        turn=np.where(written, changes.turn, 0.0),
         uncertainty=np.sqrt(variances.sum(axis=1)),
-        joint_change=np.where(written, joint_change, 0.0),
-        refused=refused,
-        remarks=(*remark_unused(cell, program), *remark(program, driven, redriven, origin, chords, bounds, motion)),
+        joint_change=np.where(written, changes.joint, 0.0),
+        rejected=rejected,
+        diagnostics=(
+            *diagnose_unused_frames(cell, program),
+            *diagnose(program, trajectory, new_trajectory, rewritten.origin, subdivision, bounds, motion),
+        ),
         statements=tuple(dict.fromkeys(frame.statement for frame in frames)),
         motion=motion,
     )
 
 
-def _rewritten(
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Rewritten:
+    """The corrected program."""
+
+    sources: tuple[Source, ...]
+    program: Program
+    """As read again from its sources."""
+    pieces: Int[np.ndarray, " m"]
+    """Into how many motions each of the given program became."""
+    origin: Sequence[tuple[int, float, float]]
+    """For each of its motions, the one it comes from and the shares of that one's length where it begins and ends."""
+
+
+def _rewrite(
     program: Program,
     robot: Robot,
-    ways: Mapping[int, tuple[Waypoint, ...]],
-    driven: Driven,
+    waypoints: Mapping[int, tuple[Waypoint, ...]],
+    trajectory: ControllerTrajectory,
     into: str | Path | None,
-) -> tuple[tuple[Source, ...], Program]:
-    """The corrected files, and the program that reads from them."""
+) -> _Rewritten:
+    """Write the corrected files, and read the program from them again.
+
+    Raises:
+        TaskcalError: it cannot be written, or reads as another number of motions than were written.
+    """
     if into is None:
-        sources = program.rewrite(robot, ways)
-        return sources, program.reread(sources)
-    first = program.moves[0]
-    sources = (compose_afresh(Path(into), robot, program, ways, driven),)
-    tools = {} if language_of(Path(into)).declares_frames else {"tool": first.tool, "part": first.part}
-    return sources, parse_program(sources, robot=robot, **tools)
-
-
-def _joint_changes(robot: Robot, chords: Chords, driven: Driven) -> Float[np.ndarray, " m"]:
-    """Largest change of a revolute joint at every target, radians; NaN where it is not known."""
-    out = np.full(len(driven.end), np.nan)
-    ends = chords.nodes.share == 1.0
-    move = chords.nodes.move[ends]
-    turning = [j for j, slides in enumerate(robot.prismatic) if not slides]
-    out[move] = np.abs(chords.nodes.q[ends] - driven.end[move])[:, turning].max(axis=1, initial=0.0)
-    return out
+        sources = program.rewrite(robot, waypoints)
+        again = program.reread(sources)
+    else:
+        first = program.moves[0]
+        sources = (compose_new_program(Path(into), robot, program, waypoints, trajectory),)
+        tools = {} if language_of(Path(into)).declares_frames else {"tool": first.tool, "part": first.part}
+        again = parse_program(sources, robot=robot, **tools)
+    pieces = np.array([len(waypoints[i]) if i in waypoints else 1 for i in range(len(program.moves))], dtype=np.int64)
+    origin = piece_origins(pieces)
+    if len(origin) != len(again.moves):
+        raise TaskcalError(
+            f"the corrected program reads as {len(again.moves)} motions instead of {len(origin)}; nothing was written"
+        )
+    return _Rewritten(sources=sources, program=again, pieces=pieces, origin=origin)
 
 
 def _frames(
@@ -176,65 +190,58 @@ def _frames(
     return frames, np.array(own, dtype=np.int64)
 
 
-def wanted_ways(driven: Driven, placed: Placed, moves: Sequence[Move]) -> Ways:
-    """The ways that the tool is to go on a robot: where tool or part changes, from where the tool before ended there."""
+def wanted_segments(trajectory: ControllerTrajectory, placed: Placed, moves: Sequence[Move]) -> Segments:
+    """The path of the tool on a robot: where tool or part changes, from where the tool before ended there."""
     m = len(moves)
-    ended = np.isfinite(driven.end[:, 0])
+    ended = np.isfinite(trajectory.end[:, 0])
     B = np.full((m, 4, 4), np.nan)
     rows = np.flatnonzero(ended)
-    B[rows] = placed.robot_tool(rows, driven.ways.end[rows])
+    B[rows] = placed.robot_tool(rows, trajectory.segments.end[rows])
     start = np.full((m, 4, 4), np.nan)
     for i, move in enumerate(moves):
         if move.follows is not None and ended[move.follows]:
             start[i] = placed.placements[placed.number[i]].tool_in_part(B[move.follows][None])[0]
-    return Ways(start=start, end=driven.ways.end, via=driven.ways.via)
+    return Segments(start=start, end=trajectory.segments.end, via=trajectory.segments.via)
 
 
 def _variances(
-    frames: Sequence[FrameCalibration], number: Int[np.ndarray, " m"], driven: Driven
+    frames: Sequence[FrameCalibration], number: Int[np.ndarray, " m"], trajectory: ControllerTrajectory
 ) -> Float[np.ndarray, "m sources"]:
     """Mean square of the error in space that the calibration must expect at every target, by source, metres²."""
-    out = np.full((len(number), len(SOURCES)), np.nan)
-    ended = np.isfinite(driven.end[:, 0])
+    variances = np.full((len(number), len(SOURCES)), np.nan)
+    ended = np.isfinite(trajectory.end[:, 0])
     for k, frame in enumerate(frames):
         rows = np.flatnonzero(ended & (number == k))
-        out[rows] = frame.variances(driven.end[rows])
-    return out
-
-
-def _changes(chords: Chords, m: int) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """How far the nodes of every motion are moved and turned from where the tool is wanted."""
-    nodes = chords.nodes
-    shift, turn = np.zeros(m), np.zeros(m)
-    np.maximum.at(shift, nodes.move, np.linalg.norm(nodes.T[:, :3, 3] - nodes.wanted[:, :3, 3], axis=1))
-    angle = np.linalg.norm(se3.log(nodes.T[:, :3, :3] @ np.swapaxes(nodes.wanted[:, :3, :3], 1, 2)), axis=1)
-    np.maximum.at(turn, nodes.move, angle)
-    return shift, turn
+        variances[rows] = frame.variances(trajectory.end[rows])
+    return variances
 
 
 def _waypoints(
-    moves: Sequence[Move],
-    chords: Chords,
-    shift: Float[np.ndarray, " m"],
-    turn: Float[np.ndarray, " m"],
-    left: Set[int],
+    moves: Sequence[Move], subdivision: Subdivision, changes: TargetChanges, kept: Set[int]
 ) -> dict[int, tuple[Waypoint, ...]]:
-    """What is written for every motion that changes."""
-    nodes = chords.nodes
+    """What is written for every motion that changes.
+
+    Args:
+        moves: the motions of the program.
+        subdivision: as corrected.
+        changes: how far that moves them.
+        kept: numbers of motions that stay as they are.
+    """
+    nodes = subdivision.nodes
     first = np.searchsorted(nodes.move, np.arange(len(moves) + 1))
-    out: dict[int, tuple[Waypoint, ...]] = {}
+    waypoints: dict[int, tuple[Waypoint, ...]] = {}
     for i, move in enumerate(moves):
         rows = range(first[i], first[i + 1])
-        unchanged = chords.pieces[i] == 1 and shift[i] < UNMOVED and turn[i] < UNTURNED
-        if i in left or not rows or unchanged:
+        unchanged = subdivision.pieces[i] == 1 and changes.shift[i] < UNMOVED and changes.turn[i] < UNTURNED
+        if i in kept or not rows or unchanged:
             continue
         if move.kind == "axes":
-            out[i] = (Waypoint(kind="axes", q=nodes.q[rows[-1]], T=None),)
+            waypoints[i] = (Waypoint(kind="axes", q=nodes.q[rows[-1]], T=None),)
             continue
         if move.via is None:
-            out[i] = tuple(Waypoint(kind=move.kind, q=nodes.q[k], T=nodes.T[k]) for k in rows)
+            waypoints[i] = tuple(Waypoint(kind=move.kind, q=nodes.q[k], T=nodes.T[k]) for k in rows)
             continue
-        out[i] = tuple(
+        waypoints[i] = tuple(
             Waypoint(
                 kind="circular",
                 q=nodes.q[k],
@@ -243,7 +250,7 @@ def _waypoints(
             )
             for k in rows[1::2]
         )
-    return out
+    return waypoints
 
 
 def piece_origins(pieces: Int[np.ndarray, " m"]) -> list[tuple[int, float, float]]:

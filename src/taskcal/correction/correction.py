@@ -10,12 +10,13 @@ from jaxtyping import Float, Int
 
 from taskcal.correction.assessment import Deviations
 from taskcal.correction.error_budget import ErrorBudget
-from taskcal.correction.motion import JointMotion
-from taskcal.correction.way import Ways
+from taskcal.correction.joint_motion import JointMotion
+from taskcal.correction.segments import Segments
 from taskcal.errors import FileError, shortened
 from taskcal.files import write_all
-from taskcal.programs.program import Move, Program, Remark
+from taskcal.programs.program import Diagnostic, Move, Program
 from taskcal.programs.source import Source
+from taskcal.public_names import FormerName
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +30,7 @@ class Bounds:
     joint: float = float(np.radians(5.0))
     """Farthest that a revolute joint is moved, radians."""
     tolerance: float = 2e-5
-    """Of the true tool's distance from its way between corrected targets, metres."""
+    """Of the true tool's distance from its path between corrected targets, metres."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,8 +44,8 @@ class Correction:
     moves: tuple[Move, ...]
     """Motions of the corrected program, as read again from its files."""
     bounds: Bounds
-    wanted: Ways
-    """The ways that the true tool is to go, tool in part."""
+    wanted: Segments
+    """The path that the true tool is to take, tool in part."""
     before: Deviations
     """Predicted errors of the program as it was given."""
     after: Deviations
@@ -60,23 +61,26 @@ class Correction:
     turn: Float[np.ndarray, " m"]
     """How far it was turned, radians."""
     uncertainty: Float[np.ndarray, " m"]
-    """Root mean square of the error in space that the calibration must expect at each target, metres; NaN where refused."""
+    """Root mean square of the error in space that the calibration must expect at each target, metres; NaN where rejected."""
     joint_change: Float[np.ndarray, " m"]
     """Largest change of a revolute joint at each target, radians."""
-    refused: Mapping[int, str]
+    rejected: Mapping[int, str]
     """Motions left as they were, and why."""
-    remarks: tuple[Remark, ...]
+    diagnostics: tuple[Diagnostic, ...]
     """What else the user should know, by file and line."""
     statements: tuple[str, ...]
     """Relative to which frames, and with which tools, the program is accurate."""
     motion: JointMotion
     """How the corrected program moves the joints."""
 
+    refused = FormerName("rejected")
+    remarks = FormerName("diagnostics")
+
     def __repr__(self) -> str:
-        refused = f", {len(self.refused)} refused" if self.refused else ""
+        rejected = f", {len(self.rejected)} rejected" if self.rejected else ""
         return (
             f"Correction({shortened(', '.join(str(source.path) for source in self.sources), 120)}: {len(self.corrected)} of "
-            f"{len(self.program.moves)} motions corrected{refused}, targets moved by up to "
+            f"{len(self.program.moves)} motions corrected{rejected}, targets moved by up to "
             f"{np.nanmax(self.shift, initial=0.0) * 1e3:.3f} mm)"
         )
 
@@ -131,8 +135,8 @@ class Correction:
         return {
             "moves": len(self.program.moves),
             "corrected": len(self.corrected),
-            "refused": len(self.refused),
-            "unresolved": len(self.program.remarks),
+            "refused": len(self.rejected),
+            "unresolved": len(self.program.diagnostics),
             "written_moves": len(self.moves),
             "expected": self.budget.summary(),
             "before": _errors(self.before),
@@ -148,9 +152,10 @@ class Correction:
     def targets(self) -> list[dict[str, Any]]:
         """What becomes of every motion's target, by file and line, in millimetres and degrees."""
         errors = {}
-        for label, found in (("before_mm", self.before), ("after_mm", self.after)):
-            rows = np.flatnonzero(found.at_target)
-            errors[label] = dict(zip(found.move[rows].tolist(), (found.length[rows] * 1e3).tolist(), strict=True))
+        for label, deviations in (("before_mm", self.before), ("after_mm", self.after)):
+            rows = np.flatnonzero(deviations.at_target)
+            lengths = (deviations.length[rows] * 1e3).tolist()
+            errors[label] = dict(zip(deviations.move[rows].tolist(), lengths, strict=True))
         return [
             {
                 "file": str(move.place.path),
@@ -166,22 +171,22 @@ class Correction:
                 "turn_deg": float(np.degrees(self.turn[i])),
                 "joint_change_deg": float(np.degrees(self.joint_change[i])),
                 "written_as": int(self.pieces[i]),
-                "refused": self.refused.get(i, ""),
+                "refused": self.rejected.get(i, ""),
             }
             for i, move in enumerate(self.program.moves)
         ]
 
 
 def _largest(values: Float[np.ndarray, " m"]) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.max()) if len(known) else 0.0
+    finite = values[np.isfinite(values)]
+    return float(finite.max()) if len(finite) else 0.0
 
 
-def _errors(found: Deviations) -> dict[str, Any]:
+def _errors(deviations: Deviations) -> dict[str, Any]:
     """Statistics of errors at targets and between them, millimetres; None where there is nothing of the kind."""
     return {
-        where: None if not rows.any() else _statistics(found.error[rows], found.turn[rows])
-        for where, rows in (("targets", found.at_target), ("between", ~found.at_target))
+        where: None if not rows.any() else _statistics(deviations.error[rows], deviations.turn[rows])
+        for where, rows in (("targets", deviations.at_target), ("between", ~deviations.at_target))
     }
 
 

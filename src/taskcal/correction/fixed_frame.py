@@ -19,7 +19,7 @@ from taskcal.robot.robot import Robot
 class FixedFrame:
     """What stands still."""
 
-    T_base_standing: Float[np.ndarray, "4 4"]
+    T_base_fixed: Float[np.ndarray, "4 4"]
     """In the calibrated base."""
     statement: str
     follows_base: bool
@@ -34,30 +34,31 @@ class FixedFrame:
 
 
 def fixed_frame(
-    calibration: Calibration, known: Measured, controller: Float[np.ndarray, "4 4"], cell: Cell
+    calibration: Calibration, measured: Measured, controller: Float[np.ndarray, "4 4"], cell: Cell
 ) -> FixedFrame:
     """Where what stands still is.
 
     Raises:
         TaskcalError: what was measured of it does not fit to what it is used for, or to the calibration.
     """
-    if known.in_flange is not None or known.in_target is not None or known.reflectors:
+    if measured.in_flange is not None or measured.in_target is not None or measured.reflectors:
         raise TaskcalError(
-            f"'{known.name}' stands still; it cannot be measured in the robot's hand: give tracker or touched_deg in the cell file"
+            f"'{measured.name}' stands still; it cannot be measured in the robot's hand: give tracker or touched_deg in the "
+            "cell file"
         )
-    if known.in_tracker is not None:
+    if measured.in_tracker is not None:
         return FixedFrame(
-            T_base_standing=se3.inverse(calibration.T_tracker_base) @ known.in_tracker,
-            statement=f"part '{known.name}' as the tracker measured it",
+            T_base_fixed=se3.inverse(calibration.T_tracker_base) @ measured.in_tracker,
+            statement=f"part '{measured.name}' as the tracker measured it",
             follows_base=False,
             twist=None,
-            covariance=_of_position(known),
+            covariance=_position_covariance(measured),
         )
-    if known.touched is not None:
-        return _touched(calibration, known, known.touched, controller, cell)
+    if measured.touched is not None:
+        return _touched(calibration, measured, measured.touched, controller, cell)
     return FixedFrame(
-        T_base_standing=controller,
-        statement=f"part '{known.name}' where the controller has it in the robot's base, as calibrated",
+        T_base_fixed=controller,
+        statement=f"part '{measured.name}' where the controller has it in the robot's base, as calibrated",
         follows_base=True,
         twist=None,
         covariance=np.zeros((6, 6)),
@@ -66,7 +67,7 @@ def fixed_frame(
 
 def _touched(
     calibration: Calibration,
-    known: Measured,
+    measured: Measured,
     q: Float[np.ndarray, "k joints"],
     controller: Float[np.ndarray, "4 4"],
     cell: Cell,
@@ -74,30 +75,30 @@ def _touched(
     robot = calibration.model.robot
     if q.shape[1] != len(robot.joints):
         raise TaskcalError(
-            f"touched_deg of '{known.name}' has {q.shape[1]} angles a row; {robot.name} has {len(robot.joints)} joints"
+            f"touched_deg of '{measured.name}' has {q.shape[1]} angles a row; {robot.name} has {len(robot.joints)} joints"
         )
-    toucher = cell.tool(known.touched_with)
-    believed = toucher.controller if toucher.controller is not None else toucher.in_flange
-    if believed is None:
-        raise TaskcalError(f"the cell does not say where the controller has '{known.touched_with}', which touched")
-    held = grasped_frame(calibration, toucher, believed)
-    true = calibration.tool_in_base(q) @ held.T_tool_held
-    nominal = nominal_flange(robot, q) @ believed
+    toucher = cell.tool(measured.touched_with)
+    T_controller = toucher.controller if toucher.controller is not None else toucher.in_flange
+    if T_controller is None:
+        raise TaskcalError(f"the cell does not say where the controller has '{measured.touched_with}', which touched")
+    tool = grasped_frame(calibration, toucher, T_controller)
+    true = calibration.tool_in_base(q) @ tool.T_tool_grasped
+    nominal = nominal_flange(robot, q) @ T_controller
     M, _ = fit_points(nominal[:, :3, 3], true[:, :3, 3])
     in_tracker = calibration.T_tracker_base @ true
     points = in_tracker[:, :3, 3]
     return FixedFrame(
-        T_base_standing=M @ controller,
-        statement=f"part '{known.name}' where the robot touched it with '{known.touched_with}'",
+        T_base_fixed=M @ controller,
+        statement=f"part '{measured.name}' where the robot touched it with '{measured.touched_with}'",
         follows_base=False,
-        twist=_fitted_twist(points, held.twists(q)[:, :3]),
-        covariance=_touch_covariance(calibration, known, q, in_tracker, held.covariance),
+        twist=_fitted_twist(points, tool.twists(q)[:, :3]),
+        covariance=_touch_covariance(calibration, measured, q, in_tracker, tool.covariance),
     )
 
 
-def _of_position(known: Measured) -> Float[np.ndarray, "6 6"]:
+def _position_covariance(measured: Measured) -> Float[np.ndarray, "6 6"]:
     covariance = np.zeros((6, 6))
-    covariance[:3, :3] = known.uncertainty**2 * np.eye(3)
+    covariance[:3, :3] = measured.uncertainty**2 * np.eye(3)
     return covariance
 
 
@@ -108,7 +109,7 @@ def _fitted_twist(points: Float[np.ndarray, "k 3"], J: Float[np.ndarray, "k 3 z"
 
 def _touch_covariance(
     calibration: Calibration,
-    known: Measured,
+    measured: Measured,
     q: Float[np.ndarray, "k joints"],
     touched: Float[np.ndarray, "k 4 4"],
     tip: Float[np.ndarray, "3 3"],
@@ -117,7 +118,7 @@ def _touch_covariance(
 
     Args:
         calibration: of the robot that touched.
-        known: the part; its uncertainty is that of one touch, per axis.
+        measured: the part; its uncertainty is that of one touch, per axis.
         q: joint positions of the touches.
         touched: poses of the tool that touched, tracker frame.
         tip: covariance of its tip in its own axes, the same at every touch.
@@ -125,7 +126,7 @@ def _touch_covariance(
     k = len(q)
     each = np.eye(3 * k).reshape(k, 3, 3 * k)
     single = _fitted_twist(
-        touched[:, :3, 3], each * np.sqrt(_white_variances(calibration, q) + known.uncertainty**2)[:, :, None]
+        touched[:, :3, 3], each * np.sqrt(_white_variances(calibration, q) + measured.uncertainty**2)[:, :, None]
     )
     common = _fitted_twist(touched[:, :3, 3], touched[:, :3, :3])
     return single @ single.T + common @ tip @ common.T

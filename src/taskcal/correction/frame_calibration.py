@@ -18,7 +18,7 @@ from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.programs.program import Move
 
-CHUNK = 4096
+CHUNK_POSES = 4096
 """Poses whose derivatives are held at once; those of 10⁵ would take 300 MB."""
 
 
@@ -27,50 +27,50 @@ class FrameCalibration:
     """A tool and a part, on the robot as calibrated."""
 
     calibration: Calibration
-    held: GraspedFrame
-    standing: FixedFrame
+    grasped: GraspedFrame
+    fixed: FixedFrame
     part_in_hand: bool
 
     @property
     def statement(self) -> str:
         """What the accuracy is relative to, in words."""
-        return f"{self.held.statement}; {self.standing.statement}"
+        return f"{self.grasped.statement}; {self.fixed.statement}"
 
     @property
     def placement(self) -> Placement:
         """Where both are."""
         return Placement(
-            T_tool_held=self.held.T_tool_held,
-            T_base_standing=self.standing.T_base_standing,
+            T_tool_grasped=self.grasped.T_tool_grasped,
+            T_base_fixed=self.fixed.T_base_fixed,
             part_in_hand=self.part_in_hand,
         )
 
     def covariance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3 3"]:
-        """Covariance of where the held origin is against what stands still, in the standing frame's axes, metres².
+        """Covariance of where the grasped frame's origin is against the fixed frame, in the fixed frame's axes, metres².
 
         The model error of a single new pose is not in it.
         """
         calibration = self.calibration
-        J = self.held.twists(q)[:, :3]
-        if self.standing.follows_base:
+        J = self.grasped.twists(q)[:, :3]
+        if self.fixed.follows_base:
             J = J.copy()
             J[:, :, columns_of(calibration, "base.")] = 0.0
-        elif self.standing.twist is not None:
-            T = calibration.predict_tool(q) @ self.held.T_tool_held
-            twist = np.broadcast_to(self.standing.twist, (len(q), *self.standing.twist.shape))
+        elif self.fixed.twist is not None:
+            T = calibration.predict_tool(q) @ self.grasped.T_tool_grasped
+            twist = np.broadcast_to(self.fixed.twist, (len(q), *self.fixed.twist.shape))
             J = J - se3.carry(twist, T[:, :3, 3])[:, :3]
-        R = (calibration.T_tracker_base @ self.standing.T_base_standing)[:3, :3]
+        R = (calibration.T_tracker_base @ self.fixed.T_base_fixed)[:3, :3]
         J = R.T @ J
         known = J @ calibration.z_covariance @ np.swapaxes(J, 1, 2)
-        R_standing_held = R.T @ (calibration.predict_tool(q) @ self.held.T_tool_held)[:, :3, :3]
-        held = R_standing_held @ self.held.covariance @ np.swapaxes(R_standing_held, 1, 2)
+        R_fixed_grasped = R.T @ (calibration.predict_tool(q) @ self.grasped.T_tool_grasped)[:, :3, :3]
+        held = R_fixed_grasped @ self.grasped.covariance @ np.swapaxes(R_fixed_grasped, 1, 2)
         return known + held + R.T @ self._fixed_covariance(q) @ R
 
     def _fixed_covariance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3 3"]:
-        """Of what stands still, at the held origin, by how it was measured; tracker axes, metres²."""
-        at = (self.calibration.predict_tool(q) @ self.held.T_tool_held)[:, :3, 3]
+        """Of what stands still, at the grasped frame's origin, by how it was measured; tracker axes, metres²."""
+        at = (self.calibration.predict_tool(q) @ self.grasped.T_tool_grasped)[:, :3, 3]
         arm = se3.carry(np.broadcast_to(np.eye(6), (len(q), 6, 6)), at)[:, :3]
-        return arm @ self.standing.covariance @ np.swapaxes(arm, 1, 2)
+        return arm @ self.fixed.covariance @ np.swapaxes(arm, 1, 2)
 
     def uncertainty(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
         """Root mean square of the error in space that the calibration must expect at joint positions, metres.
@@ -90,19 +90,19 @@ class FrameCalibration:
         for part in _chunks(len(q)):
             spread = self.calibration.predict_covariance(q[part], model_error=False)[..., :3, :3]
             geometry[part] = _total(spread).mean(axis=1)
-            held[part] = _total(self._held_covariance(q[part]))
+            held[part] = _total(self._grasped_covariance(q[part]))
             total[part] = _total(self.covariance(q[part]))
         parts = np.stack([geometry, held - geometry, total - held], axis=1)
         parts = np.maximum(parts, 0.0)
         parts *= (total / np.maximum(parts.sum(axis=1), 1e-300))[:, None]
         return np.stack([parts[:, 0], self._model_variance(q), parts[:, 1], parts[:, 2]], axis=1)
 
-    def _held_covariance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3 3"]:
+    def _grasped_covariance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3 3"]:
         """Of what is held, in the tracker's frame, metres²."""
-        J = self.held.twists(q)[:, :3]
-        R = (self.calibration.predict_tool(q) @ self.held.T_tool_held)[:, :3, :3]
+        J = self.grasped.twists(q)[:, :3]
+        R = (self.calibration.predict_tool(q) @ self.grasped.T_tool_grasped)[:, :3, :3]
         known = J @ self.calibration.z_covariance @ np.swapaxes(J, 1, 2)
-        return known + R @ self.held.covariance @ np.swapaxes(R, 1, 2)
+        return known + R @ self.grasped.covariance @ np.swapaxes(R, 1, 2)
 
     def _model_variance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
         if self.calibration.field is None:
@@ -111,7 +111,7 @@ class FrameCalibration:
 
 
 def _chunks(n: int) -> list[slice]:
-    return [slice(first, first + CHUNK) for first in range(0, n, CHUNK)]
+    return [slice(first, first + CHUNK_POSES) for first in range(0, n, CHUNK_POSES)]
 
 
 def _total(covariance: Float[np.ndarray, "*b 3 3"]) -> Float[np.ndarray, "*b"]:
@@ -125,11 +125,11 @@ def calibrate_frames(calibration: Calibration, move: Move, cell: Cell) -> FrameC
         TaskcalError: what was measured of them does not fit to what they are used for, or to the calibration.
     """
     tool, part = cell.tool(move.tool.name), cell.part(move.part.name)
-    held, standing = (part, tool) if move.part_in_hand else (tool, part)
-    held_frame, standing_frame = (move.part, move.tool) if move.part_in_hand else (move.tool, move.part)
+    grasped, fixed = (part, tool) if move.part_in_hand else (tool, part)
+    stated_grasped, stated_fixed = (move.part, move.tool) if move.part_in_hand else (move.tool, move.part)
     return FrameCalibration(
         calibration=calibration,
-        held=grasped_frame(calibration, held, held_frame.T),
-        standing=fixed_frame(calibration, standing, standing_frame.T, cell),
+        grasped=grasped_frame(calibration, grasped, stated_grasped.T),
+        fixed=fixed_frame(calibration, fixed, stated_fixed.T, cell),
         part_in_hand=move.part_in_hand,
     )

@@ -16,10 +16,10 @@ from taskcal.geometry import se3, walk
 from taskcal.identification.calibration import Calibration
 from taskcal.robot.error_frames import COMPONENTS
 
-SAME = 1e-6
+SAME_TOOL = 1e-6
 """A program's tool is the robot's own if it differs by less, metres and radians."""
 
-MISFIT = 5e-4
+MAX_MISFIT_M = 5e-4
 """Reflectors that fit worse than this, metres, are not where they are said to be."""
 
 Twists = Callable[[np.ndarray], np.ndarray]
@@ -30,7 +30,7 @@ Twists = Callable[[np.ndarray], np.ndarray]
 class GraspedFrame:
     """What the robot holds."""
 
-    T_tool_held: Float[np.ndarray, "4 4"]
+    T_tool_grasped: Float[np.ndarray, "4 4"]
     """In the calibrated robot's own tool."""
     statement: str
     twists: Twists
@@ -38,47 +38,47 @@ class GraspedFrame:
     """Of its origin, by how it was measured against reflectors or flange, in its own axes, metres²."""
 
 
-def grasped_frame(calibration: Calibration, known: Measured, controller: Float[np.ndarray, "4 4"]) -> GraspedFrame:
+def grasped_frame(calibration: Calibration, measured: Measured, controller: Float[np.ndarray, "4 4"]) -> GraspedFrame:
     """Where what the robot holds is.
 
     Raises:
         TaskcalError: what was measured of it does not fit to what it is used for, or to the calibration.
     """
-    if known.in_tracker is not None or known.touched is not None:
+    if measured.in_tracker is not None or measured.touched is not None:
         raise TaskcalError(
-            f"'{known.name}' is held by the robot; it cannot be measured where it stands: give flange, target or reflectors_mm "
+            f"'{measured.name}' is held by the robot; it cannot be measured where it stands: give flange, target or reflectors_mm "
             "in the cell file"
         )
-    robot, name = calibration.model.robot, known.name
-    if known.reflectors:
-        return _by_reflectors(calibration, known)
-    if known.in_target is not None:
+    robot, name = calibration.model.robot, measured.name
+    if measured.reflectors:
+        return _by_reflectors(calibration, measured)
+    if measured.in_target is not None:
         if not calibration.layout.pose:
             raise TaskcalError(
                 f"'{name}' is given in the measured target's frame, but the calibration is from points, which have none; give "
                 "reflectors_mm or flange"
             )
         return GraspedFrame(
-            T_tool_held=calibration.T_tool_target[0] @ known.in_target,
+            T_tool_grasped=calibration.T_tool_target[0] @ measured.in_target,
             statement=f"tool '{name}' by the measured poses of '{calibration.targets[0]}'",
-            twists=lambda q: _target_twists(calibration, known, q),
-            covariance=known.uncertainty**2 * np.eye(3),
+            twists=lambda q: _target_twists(calibration, measured, q),
+            covariance=measured.uncertainty**2 * np.eye(3),
         )
-    if known.in_flange is None and np.abs(controller - robot.T_flange_tool).max() < SAME:
+    if measured.in_flange is None and np.abs(controller - robot.T_flange_tool).max() < SAME_TOOL:
         return GraspedFrame(
-            T_tool_held=np.eye(4),
+            T_tool_grasped=np.eye(4),
             statement=f"tool '{name}' is the robot file's, its errors as calibrated",
             twists=calibration.tool_jacobian,
             covariance=np.zeros((3, 3)),
         )
-    in_flange = controller if known.in_flange is None else known.in_flange
-    stated = "as the controller has it" if known.in_flange is None else "as measured in the flange"
-    T_tool_held = _flange_in_tool(calibration) @ in_flange
+    in_flange = controller if measured.in_flange is None else measured.in_flange
+    stated = "as the controller has it" if measured.in_flange is None else "as measured in the flange"
+    T_tool_grasped = _flange_in_tool(calibration) @ in_flange
     return GraspedFrame(
-        T_tool_held=T_tool_held,
+        T_tool_grasped=T_tool_grasped,
         statement=f"tool '{name}' {stated}",
-        twists=lambda q: _flange_twists(calibration, T_tool_held, q),
-        covariance=known.uncertainty**2 * np.eye(3),
+        twists=lambda q: _flange_twists(calibration, T_tool_grasped, q),
+        covariance=measured.uncertainty**2 * np.eye(3),
     )
 
 
@@ -92,27 +92,27 @@ def _flange_in_tool(calibration: Calibration) -> Float[np.ndarray, "4 4"]:
     return se3.inverse(model.robot.T_flange_tool @ se3.error_transform(errors))
 
 
-def _by_reflectors(calibration: Calibration, known: Measured) -> GraspedFrame:
-    seen = [name for name in known.reflectors if name in calibration.targets]
+def _by_reflectors(calibration: Calibration, measured: Measured) -> GraspedFrame:
+    seen = [name for name in measured.reflectors if name in calibration.targets]
     if len(seen) < 3:
         raise TaskcalError(
-            f"'{known.name}' has {len(seen)} reflectors that the calibration measured ({', '.join(calibration.targets)}); "
+            f"'{measured.name}' has {len(seen)} reflectors that the calibration measured ({', '.join(calibration.targets)}); "
             "it takes 3"
         )
-    own = np.array([known.reflectors[name] for name in seen])
+    own = np.array([measured.reflectors[name] for name in seen])
     rows = [calibration.targets.index(name) for name in seen]
     there = calibration.T_tool_target[rows, :3, 3]
     T, misfit = fit_points(own, there)
-    if misfit > MISFIT:
+    if misfit > MAX_MISFIT_M:
         raise TaskcalError(
-            f"the reflectors of '{known.name}' do not fit: as calibrated they lie up to {misfit * 1e3:.2f} mm from where "
+            f"the reflectors of '{measured.name}' do not fit: as calibrated they lie up to {misfit * 1e3:.2f} mm from where "
             "reflectors_mm puts them; check their names and units"
         )
     return GraspedFrame(
-        T_tool_held=T,
-        statement=f"tool '{known.name}' by its reflectors {', '.join(seen)}",
+        T_tool_grasped=T,
+        statement=f"tool '{measured.name}' by its reflectors {', '.join(seen)}",
         twists=lambda q: _reflector_twists(calibration, rows, T, q),
-        covariance=_fitted_covariance(own, known.uncertainty),
+        covariance=_fitted_covariance(own, measured.uncertainty),
     )
 
 
@@ -129,12 +129,12 @@ def columns_of(calibration: Calibration, prefix: str) -> list[int]:
 
 
 def _flange_twists(
-    calibration: Calibration, T_tool_held: Float[np.ndarray, "4 4"], q: Float[np.ndarray, "n joints"]
+    calibration: Calibration, T_tool_grasped: Float[np.ndarray, "4 4"], q: Float[np.ndarray, "n joints"]
 ) -> Float[np.ndarray, "n 6 z"]:
     """Of a frame fixed to the flange, which the errors of the robot's own tool do not move."""
     J = calibration.tool_jacobian(q)
     J[:, :, columns_of(calibration, "tool.")] = 0.0
-    return se3.carry(J, calibration.predict_tool(q)[:, :3, :3] @ T_tool_held[:3, 3])
+    return se3.carry(J, calibration.predict_tool(q)[:, :3, :3] @ T_tool_grasped[:3, 3])
 
 
 def _reflector_twists(
@@ -155,11 +155,11 @@ def _reflector_twists(
 
 
 def _target_twists(
-    calibration: Calibration, known: Measured, q: Float[np.ndarray, "n joints"]
+    calibration: Calibration, measured: Measured, q: Float[np.ndarray, "n joints"]
 ) -> Float[np.ndarray, "n 6 z"]:
     """Of a frame that is known in the measured target's."""
     at = calibration.layout.walked(q, calibration.z)
     J = walk.columns(at.chain, at.s, at.e, at.layout, at.factor, angular=True)
     target = calibration.predict_tool(q) @ calibration.T_tool_target[0]
-    offset = np.zeros(3) if known.in_target is None else known.in_target[:3, 3]
+    offset = np.zeros(3) if measured.in_target is None else measured.in_target[:3, 3]
     return se3.carry(J, target[:, :3, :3] @ offset)

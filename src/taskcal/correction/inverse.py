@@ -9,10 +9,10 @@ from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.inverse import Reached, solve_near
 
-STILL = 1e-10
-"""The learned correction has settled when it moves the pose by less than this, metres and radians."""
+SETTLED_RAD = 1e-10
+"""The residual field's correction has settled when it moves no joint by more than this, radians."""
 
-ROUNDS = 8
+MAX_ROUNDS = 8
 
 
 def solve_calibrated(
@@ -29,19 +29,19 @@ def solve_calibrated(
         seed: joint positions to start from, radians; the nominal robot's are near enough.
     """
     x = calibration.estimate
-    found = solve_near(calibration.model, T, seed, x)
+    solution = solve_near(calibration.model, T, seed, x)
     if calibration.field is None:
-        return found
+        return solution
     settled = np.zeros(len(T), dtype=bool)
-    for _ in range(ROUNDS):
-        learned = calibration.field.mean(found.q)
+    for _ in range(MAX_ROUNDS):
+        learned = calibration.field.mean(solution.q)
         goal = np.array(T)
         goal[:, :3, 3] -= learned[:, :3]
         if learned.shape[1] == 6:
             goal[:, :3, :3] = se3.exp(-learned[:, 3:]) @ goal[:, :3, :3]
-        further = solve_near(calibration.model, goal, found.q, x)
-        settled = np.abs(further.q - found.q).max(axis=1) < STILL
-        found = further
+        refined = solve_near(calibration.model, goal, solution.q, x)
+        settled = np.abs(refined.q - solution.q).max(axis=1) < SETTLED_RAD
+        solution = refined
         if settled.all():
             break
-    return replace(found, reached=found.reached & settled)
+    return replace(solution, reached=solution.reached & settled)

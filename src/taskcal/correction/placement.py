@@ -13,22 +13,22 @@ from taskcal.geometry import se3
 class Placement:
     """Where what the robot holds and what stands still are."""
 
-    T_tool_held: Float[np.ndarray, "4 4"]
+    T_tool_grasped: Float[np.ndarray, "4 4"]
     """What is held, in the robot's own tool."""
-    T_base_standing: Float[np.ndarray, "4 4"]
+    T_base_fixed: Float[np.ndarray, "4 4"]
     """What stands still, in the base."""
     part_in_hand: bool
     """The part is held, and the tool stands still."""
 
     def tool_in_part(self, T_base_tool: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
         """Poses of the program's tool in its part for poses of the robot's own tool in the base."""
-        X = se3.inverse(self.T_base_standing) @ T_base_tool @ self.T_tool_held
+        X = se3.inverse(self.T_base_fixed) @ T_base_tool @ self.T_tool_grasped
         return se3.inverse(X) if self.part_in_hand else X
 
     def robot_tool(self, T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
         """Poses of the robot's own tool for poses of the program's tool in its part: the inverse of `tool_in_part`."""
         X = se3.inverse(T) if self.part_in_hand else T
-        return self.T_base_standing @ X @ se3.inverse(self.T_tool_held)
+        return self.T_base_fixed @ X @ se3.inverse(self.T_tool_grasped)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

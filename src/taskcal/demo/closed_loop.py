@@ -18,8 +18,8 @@ from jaxtyping import Float
 from taskcal.adaptation.plan import plan
 from taskcal.correction.assessment import Deviations, assess
 from taskcal.correction.cell import Cell, Measured
-from taskcal.correction.controller import Driven, drive
-from taskcal.correction.correct import correct, piece_origins, wanted_ways
+from taskcal.correction.controller_trajectory import ControllerTrajectory, simulate_controller
+from taskcal.correction.correct import correct, piece_origins, wanted_segments
 from taskcal.correction.correction import Correction
 from taskcal.correction.placement import Placed, Placement
 from taskcal.correction.rigid_motion import fit_points
@@ -153,29 +153,35 @@ def run_closed_loop(
     offsets = {name: np.array(p) + 2e-3 * rng.normal(size=3) for name, p in REFLECTORS.items()}
     T_tracker_base = se3.pose(se3.exp(0.01 * rng.normal(size=3)), np.zeros(3)) @ loop.station.T_tracker_base
     calibration = (fit or find_effects)(ErrorModel(loop.robot), _measure(loop, true, offsets, T_tracker_base, rng))
-    moves, driven, placements = loop.program.moves, drive(loop.robot, loop.program.moves), _true_placements(loop)
+    moves, trajectory, placements = (
+        loop.program.moves,
+        simulate_controller(loop.robot, loop.program.moves),
+        _true_placements(loop),
+    )
     cell = _measure_cell(T_tracker_base, offsets, placements, rng)
     correction = correct(calibration, loop.program, cell=cell)
-    touched = with_part_frames(loop.milling, _touched_frames(loop, driven, true, placements, rng))
+    touched = with_part_frames(loop.milling, _touched_frames(loop, trajectory, true, placements, rng))
     placed = Placed(
         tool_in_base=true.milled,
         placements=tuple(placements.values()),
         number=np.array([list(placements).index((m.tool.name, m.part.name)) for m in moves], dtype=np.int64),
     )
-    wanted = wanted_ways(driven, placed, moves)
+    wanted = wanted_segments(trajectory, placed, moves)
     cutting = np.array([move.kind != "axes" for move in moves])
 
-    def deviations(driven: Driven, origin: Sequence[tuple[int, float, float]] | None = None) -> Deviations:
-        return assess(placed, wanted, driven, origin).of_moves(cutting)
+    def deviations(
+        trajectory: ControllerTrajectory, origin: Sequence[tuple[int, float, float]] | None = None
+    ) -> Deviations:
+        return assess(placed, wanted, trajectory, origin).of_moves(cutting)
 
     return LoopRun(
         truth=true,
         calibration=calibration,
         cell=cell,
         correction=correction,
-        before=deviations(driven),
-        touched_off=deviations(drive(loop.robot, read_rapid((touched.source,)).moves)),
-        after=deviations(drive(loop.robot, correction.moves), piece_origins(correction.pieces)),
+        before=deviations(trajectory),
+        touched_off=deviations(simulate_controller(loop.robot, read_rapid((touched.source,)).moves)),
+        after=deviations(simulate_controller(loop.robot, correction.moves), piece_origins(correction.pieces)),
     )
 
 
@@ -230,14 +236,14 @@ def _true_placements(loop: ClosedLoop) -> dict[tuple[str, str], Placement]:
     out: dict[tuple[str, str], Placement] = {}
     for move in loop.program.moves:
         out[move.tool.name, move.part.name] = Placement(
-            T_tool_held=into_tool @ move.tool.T, T_base_standing=move.part.T, part_in_hand=False
+            T_tool_grasped=into_tool @ move.tool.T, T_base_fixed=move.part.T, part_in_hand=False
         )
     return out
 
 
 def _touched_frames(
     loop: ClosedLoop,
-    driven: Driven,
+    trajectory: ControllerTrajectory,
     true: TrueRobot,
     placements: Mapping[tuple[str, str], Placement],
     rng: np.random.Generator,
@@ -248,7 +254,9 @@ def _touched_frames(
         if move.kind != "axes" and move.part.name not in frames:
             marks = MARKS + TOUCHED_PART * rng.normal(size=MARKS.shape)
             placement = placements[move.tool.name, move.part.name]
-            frames[move.part.name] = touch_off(loop.robot, move, driven.end[number], placement, true.touching, marks)
+            frames[move.part.name] = touch_off(
+                loop.robot, move, trajectory.end[number], placement, true.touching, marks
+            )
     return frames
 
 
@@ -263,10 +271,10 @@ def _measure_cell(
     tools: dict[str, Measured] = {}
     parts: dict[str, Measured] = {}
     for (tool, part), placement in placements.items():
-        inward = se3.inverse(placement.T_tool_held)
+        inward = se3.inverse(placement.T_tool_grasped)
         reflectors = {name: se3.apply(inward, p) + TOUCHED * rng.normal(size=3) for name, p in offsets.items()}
         tools[tool.casefold()] = Measured(name=tool, reflectors=reflectors, uncertainty=TOUCHED)
-        marks = se3.apply(T_tracker_base @ placement.T_base_standing, MARKS)
+        marks = se3.apply(T_tracker_base @ placement.T_base_fixed, MARKS)
         seen = marks + (np.linalg.cholesky(noise.covariance(marks)) @ rng.normal(size=(len(marks), 3, 1)))[..., 0]
         parts[part.casefold()] = Measured(name=part, in_tracker=fit_points(MARKS, seen)[0], uncertainty=MARKED)
     return Cell(tools=tools, parts=parts)
@@ -304,7 +312,7 @@ def summarise_runs(runs: Sequence[LoopRun]) -> list[dict[str, Any]]:
             },
             "stated_mm": stated_uncertainty(run) * 1e3,
             "effects": [effect.name for effect in run.calibration.model.effects],
-            "refused": float(len(run.correction.refused)),
+            "refused": float(len(run.correction.rejected)),
         }
         for run in runs
     ]

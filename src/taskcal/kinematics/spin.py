@@ -13,7 +13,7 @@ from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.geometry.pose_step import RADIANS_PER_METRE
 from taskcal.kinematics.inverse import JUMP, SAME_POSTURE_RAD, find_postures, posture_margin, solve_near
-from taskcal.kinematics.tracing import refusals, trace
+from taskcal.kinematics.tracing import rejections, trace
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 
@@ -294,7 +294,7 @@ def _followed(
         traced = trace(guide.model, T, start, guide.x, tip=guide.tip)
         if traced.reached.all():
             return Spun(T=T, q=traced.q, spin=spin)
-        row, why = refusals(guide.model.robot, traced)[0]
+        row, why = rejections(guide.model.robot, traced)[0]
         reason = f"pose {row}: {why}"
     raise ReachError(
         f"{guide.model.robot.name} cannot follow the path with the rotation found about the tool's axis; {reason}"

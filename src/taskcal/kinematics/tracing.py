@@ -74,7 +74,7 @@ class Traced:
         return self.outcome == Outcome.REACHED
 
 
-def refusals(robot: Robot, traced: Traced) -> list[tuple[int, str]]:
+def rejections(robot: Robot, traced: Traced) -> list[tuple[int, str]]:
     """Rows that were refused, with the reason in words."""
     outside = dict(reversed(robot.outside_limits(traced.q)))
     out: list[tuple[int, str]] = []

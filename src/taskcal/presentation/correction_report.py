@@ -78,13 +78,13 @@ def _errors(correction: Correction) -> Section:
 
 def _left(correction: Correction) -> Section:
     moves = correction.program.moves
-    refused = [f"{moves[i].place}: {why}" for i, why in sorted(correction.refused.items())]
-    remarks = [str(remark) for remark in correction.remarks]
+    refused = [f"{moves[i].place}: {why}" for i, why in sorted(correction.rejected.items())]
+    diagnostics = [str(diagnostic) for diagnostic in correction.diagnostics]
     blocks: list[Block] = []
     if refused:
         blocks += [Text(("These motions stay as they were:",)), Points(tuple(refused))]
-    if remarks:
-        blocks += [Text(("To be looked at:",)), Points(tuple(remarks))]
+    if diagnostics:
+        blocks += [Text(("To be looked at:",)), Points(tuple(diagnostics))]
     if not blocks:
         blocks.append(Text(("Every motion was corrected, and nothing else is to be said.",)))
     return Section(title="What was left alone", blocks=tuple(blocks))

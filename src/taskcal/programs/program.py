@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from taskcal.errors import shortened
 from taskcal.geometry import se3
 from taskcal.programs.source import Place, Source
+from taskcal.public_names import FormerName
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
 
@@ -65,7 +66,7 @@ class Move:
     kind: MoveKind
     end: Target
     via: Target | None
-    """Point on the way, of an arc."""
+    """Via point of an arc."""
     tool: Frame
     part: Frame
     part_in_hand: bool
@@ -104,16 +105,16 @@ class Waypoint:
     T: Float[np.ndarray, "4 4"] | None
     """Pose of the tool in the part's frame that is written; None for joint positions."""
     via: "Waypoint | None" = None
-    """Point on the way, of an arc."""
+    """Via point of an arc."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Remark:
+class Diagnostic:
     """Something in a program that stays as it is, and why; or that the user should know."""
 
     place: Place
     text: str
-    refused: bool = False
+    rejected: bool = False
     """A motion whose numbers were read, but not what they count from or which tool they are of."""
 
     def __str__(self) -> str:
@@ -127,16 +128,18 @@ class Program(ABC):
     sources: tuple[Source, ...]
     moves: tuple[Move, ...]
     """Those that were resolved, in the order of the text."""
-    remarks: tuple[Remark, ...]
+    diagnostics: tuple[Diagnostic, ...]
     """Motions that could not be resolved, and warnings."""
+
+    remarks = FormerName("diagnostics")
 
     def __repr__(self) -> str:
         paths = shortened(", ".join(str(source.path) for source in self.sources), 120)
-        remarks = f", {len(self.remarks)} remarks" if self.remarks else ""
-        return f"{type(self).__name__}({paths}: {len(self.moves)} motions{remarks})"
+        diagnostics = f", {len(self.diagnostics)} diagnostics" if self.diagnostics else ""
+        return f"{type(self).__name__}({paths}: {len(self.moves)} motions{diagnostics})"
 
     @abstractmethod
-    def rewrite(self, robot: Robot, ways: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
 
         A motion becomes as many as it has waypoints, the last of which ends where it ended; all keep its speed and zone
@@ -144,7 +147,7 @@ class Program(ABC):
 
         Args:
             robot: the robot, whose joint positions decide the posture data that are written.
-            ways: by number of the motion.
+            waypoints: by number of the motion.
         """
 
     @abstractmethod

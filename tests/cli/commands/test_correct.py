@@ -254,5 +254,5 @@ def test_what_the_command_reads_is_never_written_over(run: Run, cell, part, tmp_
 def test_a_program_with_logic_keeps_its_language(run: Run, cell, part, tmp_path):
     ended = run("correct", "-c", cell / "cal.json", part, "-o", tmp_path / "out.src")
     assert ended.status == 1
-    assert "whose logic a program written afresh would lose" in ended.err
+    assert "whose logic a new program would lose" in ended.err
     assert not (tmp_path / "out.src").exists()

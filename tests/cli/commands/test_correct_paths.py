@@ -40,7 +40,7 @@ def test_an_apt_path_is_corrected_by_its_points_and_arcs(run: Run, cell: Path, t
     assert ended.json["before"]["targets"]["max_mm"] > 0.1
     robot = load_robot(IRB6660)
     old, new = (read_program(p, robot=robot) for p in (path, tmp_path / "out.apt"))
-    assert not new.remarks
+    assert not new.diagnostics
     assert [move.kind for move in new.moves] == ["linear", "linear", "circular"]
     shifts = [np.linalg.norm(b.end.T[:3, 3] - a.end.T[:3, 3]) for a, b in zip(old.moves, new.moves, strict=True)]
     assert all(1e-4 < shift < 5e-3 for shift in shifts)

@@ -90,20 +90,20 @@ def generate(rng: np.random.Generator, trouble: bool = True) -> bytes:
     return text.encode(str(rng.choice(["utf-8", "utf-8-sig"])))
 
 
-def nearby_ways(rng: np.random.Generator, program: Program, most: int) -> dict[int, tuple[Waypoint, ...]]:
+def nearby_waypoints(rng: np.random.Generator, program: Program, most: int) -> dict[int, tuple[Waypoint, ...]]:
     """New waypoints near the ends of some motions; arcs move as a whole, or become lines."""
     shift = rng.uniform(1e-5, 1e-3, 3)
     curved = any(move.kind == "circular" for move in program.moves)
-    ways: dict[int, tuple[Waypoint, ...]] = {}
+    waypoints: dict[int, tuple[Waypoint, ...]] = {}
     for number, move in enumerate(program.moves):
         if not curved and rng.random() < 0.5:
             continue
         if move.via is not None and rng.random() < 0.5:
-            ways[number] = (_waypoint(move, shift),)
+            waypoints[number] = (_waypoint(move, shift),)
             continue
         count = int(rng.integers(1, most + 1))
-        ways[number] = tuple(_waypoint(replace(move, kind="linear", via=None), shift) for _ in range(count))
-    return ways
+        waypoints[number] = tuple(_waypoint(replace(move, kind="linear", via=None), shift) for _ in range(count))
+    return waypoints
 
 
 def _waypoint(move: Move, shift: np.ndarray) -> Waypoint:

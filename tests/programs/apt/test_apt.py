@@ -74,7 +74,7 @@ FINI
 
 def test_a_path_of_catia_with_tool_axes_and_an_arc():
     program = read(CATIA)
-    assert not program.remarks
+    assert not program.diagnostics
     rapid, plunge, arc = program.moves
     assert [move.kind for move in program.moves] == ["linear", "linear", "circular"]
     assert [move.speed for move in program.moves] == [None, pytest.approx(0.005), pytest.approx(0.005)]
@@ -113,7 +113,7 @@ def test_a_path_of_nx_whose_arcs_stay_as_they_are():
     ]
     assert [move.follows for move in program.moves] == [None, 0, None]
     np.testing.assert_allclose(axes(program), np.tile([0, 0.6, 0.8], (3, 1)), atol=1e-12)
-    assert [str(remark) for remark in program.remarks] == [
+    assert [str(diagnostic) for diagnostic in program.diagnostics] == [
         "path.apt:9: CIRCLE is not read; the motion stays as it is",
         "path.apt:10: it ends an arc whose sense of rotation is not certain; the motion stays as it is",
     ]
@@ -169,7 +169,7 @@ def test_what_moves_coordinates_leaves_motions_as_they_are_until_it_is_cleared(t
     program = read(text.format("GOTO/1,2,3\nGODLTA/1,0,0\n") + "GOTO/4,5,6\n")
     expected = f"{UNCERTAIN[text]}; the motion stays as it is"
     lasts = "{}" in text[-4:]
-    assert [remark.text for remark in program.remarks] == [expected] * (3 if lasts else 2)
+    assert [diagnostic.text for diagnostic in program.diagnostics] == [expected] * (3 if lasts else 2)
     assert len(program.moves) == (0 if lasts else 1)
     if not lasts:
         assert program.moves[0].follows is None
@@ -178,8 +178,8 @@ def test_what_moves_coordinates_leaves_motions_as_they_are_until_it_is_cleared(t
 
 @pytest.mark.parametrize("text", UNCERTAIN)
 def test_motions_whose_frame_or_tool_is_not_known_are_refused(text):
-    assert all(remark.refused for remark in read(text.format("GOTO/1,2,3\nGODLTA/1,0,0\n")).remarks)
-    assert not any(remark.refused for remark in read(NX).remarks)
+    assert all(diagnostic.rejected for diagnostic in read(text.format("GOTO/1,2,3\nGODLTA/1,0,0\n")).diagnostics)
+    assert not any(diagnostic.rejected for diagnostic in read(NX).diagnostics)
 
 
 @pytest.mark.parametrize("word", ["UNIT", "UNITS"])
@@ -191,7 +191,7 @@ def test_either_word_sets_the_unit(word):
 def test_a_tool_that_waits_in_the_magazine_is_not_loaded():
     program = read("LOAD/TOOL,1\nSELECT/TOOL,2\nGOTO/1,2,3\nLOAD/TOOL,2\nGOTO/4,5,6\n")
     assert [move.place.line for move in program.moves] == [3]
-    assert [remark.place.line for remark in program.remarks] == [5]
+    assert [diagnostic.place.line for diagnostic in program.diagnostics] == [5]
 
 
 TURNED_SETUP = """TRNTYP/WORLD,0,0,0
@@ -206,7 +206,7 @@ GOTO/78.,22.,-12.,1.,0,0
 
 def test_points_of_a_turned_setup_stay_in_the_first_frame_where_their_tool_axis_shows_it():
     program = read(TURNED_SETUP)
-    assert not program.remarks
+    assert not program.diagnostics
     assert [move.follows for move in program.moves] == [None, None, 1]
     np.testing.assert_allclose(points(program), [[0.01, 0.02, 0.03], [0.078, 0.035, -0.012], [0.078, 0.022, -0.012]])
     np.testing.assert_allclose(axes(program)[1:], [[1, 0, 0]] * 2, atol=1e-15)
@@ -214,8 +214,8 @@ def test_points_of_a_turned_setup_stay_in_the_first_frame_where_their_tool_axis_
 
 def test_points_of_a_turned_setup_are_read_again_when_they_were_corrected():
     program = read(TURNED_SETUP)
-    ways = {n: (moved(m, np.full(3, 1e-3), np.array([0.01, 0.0, 0.01])),) for n, m in enumerate(program.moves)}
-    again = read(program.rewrite(ROBOT, ways)[0].encode())
+    waypoints = {n: (moved(m, np.full(3, 1e-3), np.array([0.01, 0.0, 0.01])),) for n, m in enumerate(program.moves)}
+    again = read(program.rewrite(ROBOT, waypoints)[0].encode())
     np.testing.assert_allclose(points(again), points(program) + 1e-3, atol=1e-8)
 
 
@@ -232,9 +232,11 @@ def test_points_of_a_turned_setup_are_read_again_when_they_were_corrected():
 def test_points_of_a_moved_frame_are_refused_where_their_frame_cannot_be_told(text):
     program = read(text)
     assert len(program.moves) == 1
-    assert len(program.remarks) == 2
-    assert all(remark.refused for remark in program.remarks)
-    assert any(word in program.remarks[0].text for word in ("another frame is stated", "the tool axis does not tell"))
+    assert len(program.diagnostics) == 2
+    assert all(diagnostic.rejected for diagnostic in program.diagnostics)
+    assert any(
+        word in program.diagnostics[0].text for word in ("another frame is stated", "the tool axis does not tell")
+    )
 
 
 @pytest.mark.parametrize(
@@ -258,8 +260,8 @@ def test_points_of_a_moved_frame_are_refused_where_their_frame_cannot_be_told(te
     ],
 )
 def test_what_is_not_read_is_said_by_line(text, said):
-    (remark,) = read(text).remarks
-    assert said in str(remark)
+    (diagnostic,) = read(text).diagnostics
+    assert said in str(diagnostic)
 
 
 def test_a_file_is_refused_without_a_tool_or_where_it_is_no_text():
@@ -277,16 +279,16 @@ def test_a_file_is_refused_without_a_tool_or_where_it_is_no_text():
 def test_rewritten_motions_are_read_back_and_all_others_stay_where_they_were(data, rng):
     program = read(data)
     chosen = [n for n in range(len(program.moves)) if rng.random() < 0.5]
-    ways = {n: (moved(program.moves[n], rng.uniform(1e-5, 1e-3, 3), rng.uniform(-1e-3, 1e-3, 3)),) for n in chosen}
+    waypoints = {n: (moved(program.moves[n], rng.uniform(1e-5, 1e-3, 3), rng.uniform(-1e-3, 1e-3, 3)),) for n in chosen}
     if any(m.kind == "circular" for m in program.moves):
         shift = rng.uniform(1e-5, 1e-3, 3)
-        ways = {n: (moved(m, shift, np.zeros(3)),) for n, m in enumerate(program.moves)}
-    (source,) = program.rewrite(ROBOT, ways)
+        waypoints = {n: (moved(m, shift, np.zeros(3)),) for n, m in enumerate(program.moves)}
+    (source,) = program.rewrite(ROBOT, waypoints)
     again = read(source.encode())
     assert [m.kind for m in again.moves] == [m.kind for m in program.moves]
-    assert len(again.remarks) == len(program.remarks)
+    assert len(again.diagnostics) == len(program.diagnostics)
     for n, (old, new) in enumerate(zip(program.moves, again.moves, strict=True)):
-        wanted = ways[n][0] if n in ways else Waypoint(kind=old.kind, q=np.zeros(6), T=old.end.T)
+        wanted = waypoints[n][0] if n in waypoints else Waypoint(kind=old.kind, q=np.zeros(6), T=old.end.T)
         np.testing.assert_allclose(new.end.T[:3, 3], wanted.T[:3, 3], atol=2e-8)
         if len(program.instructions[n].numbers) == 6:
             np.testing.assert_allclose(new.end.T[:3, 2], wanted.T[:3, 2], atol=2e-6)
@@ -340,7 +342,7 @@ def test_an_arc_becomes_two_arcs():
     ]
     (source,) = program.rewrite(ROBOT, {2: tuple(pieces)})
     again = read(source.encode())
-    assert not again.remarks
+    assert not again.diagnostics
     assert [move.kind for move in again.moves] == ["linear", "linear", "circular", "circular"]
     np.testing.assert_allclose(again.moves[2].end.T[:3, 3], around(-1.0)[:3, 3], atol=2e-8)
     np.testing.assert_allclose(again.moves[3].end.T[:3, 3], arc.end.T[:3, 3], atol=2e-8)

@@ -8,12 +8,12 @@ from taskcal.programs.csv_path.read import read_csv_path
 from taskcal.programs.program import Frame
 from taskcal.programs.source import Source
 from taskcal.robot.catalogue import load_robot
-from tests.programs.csv_path.generator import generate, nearby_ways
+from tests.programs.csv_path.generator import generate, nearby_waypoints
 from tests.programs.fuzz import Language
 
 LANGUAGE = Language(
     generate=lambda rng: (Source.of(Path("path.csv"), generate(rng)),),
     read=lambda sources: read_csv_path(sources, tool=Frame(name="mill", T=np.eye(4))),
-    ways=lambda rng, program: nearby_ways(rng, program, most=3),
+    waypoints=lambda rng, program: nearby_waypoints(rng, program, most=3),
     robot=load_robot("abb-irb120"),
 )

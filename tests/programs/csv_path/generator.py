@@ -36,7 +36,7 @@ def generate(rng: np.random.Generator) -> bytes:
     return text.encode(str(rng.choice(["utf-8", "utf-8-sig", "latin-1"])))
 
 
-def nearby_ways(rng: np.random.Generator, program: Program, most: int) -> dict[int, tuple[Waypoint, ...]]:
+def nearby_waypoints(rng: np.random.Generator, program: Program, most: int) -> dict[int, tuple[Waypoint, ...]]:
     """New waypoints near the ends of some motions."""
     return {
         number: tuple(_waypoint(rng, move) for _ in range(int(rng.integers(1, most + 1))))

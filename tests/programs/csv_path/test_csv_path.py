@@ -180,7 +180,7 @@ def test_rows_of_another_tool_stay_as_they_are():
     program = read("tool,x_mm,y_mm,z_mm,i,j,k\nmill,1,2,3,0,0,1\nsaw,1,2,3,0,0,1\nmill,1,2,4,0,0,1\n")
     assert [move.place.line for move in program.moves] == [2, 4]
     assert program.moves[1].follows is None
-    assert str(program.remarks[0]).startswith("path.csv:3: tool 'saw' is not known; only 'mill' was given")
+    assert str(program.diagnostics[0]).startswith("path.csv:3: tool 'saw' is not known; only 'mill' was given")
 
 
 def test_what_the_columns_cannot_hold_is_refused():

@@ -18,7 +18,7 @@ def nearby(rng: np.random.Generator, move: Move, size: float = 1e-3) -> Waypoint
     return Waypoint(kind=move.kind, q=Q, T=_moved(rng, move.end.T, size), via=via)
 
 
-def nearby_ways(rng: np.random.Generator, program: Program, most: int) -> dict[int, tuple[Waypoint, ...]]:
+def nearby_waypoints(rng: np.random.Generator, program: Program, most: int) -> dict[int, tuple[Waypoint, ...]]:
     """For about half of the motions, up to so many waypoints each."""
     return {
         i: tuple(nearby(rng, move) for _ in range(int(rng.integers(1, most + 1))))

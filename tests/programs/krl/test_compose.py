@@ -34,7 +34,7 @@ def test_a_measuring_program_reads_as_the_joint_positions_it_was_given(rng):
     notes = [f"pose {i}\nnext" for i in range(5)]
     source = compose_krl("measure", KR16, [move("axes", q=row) for row in q], notes=notes, wait_s=3.0)
     program = read_krl([source])
-    assert not program.remarks
+    assert not program.diagnostics
     np.testing.assert_allclose([m.end.q for m in program.moves], q, atol=1.1e-8)
     assert all(m.kind == "axes" and m.stops for m in program.moves)
     lines = source.text.split("\r\n")
@@ -52,7 +52,7 @@ def test_motions_to_poses_read_as_they_were_given(rng):
         move("circular", T=T[2], via=T[0], speed=0.25),
     ]
     program = read_krl([compose_krl("path", KR16, moves, q=q)])
-    assert not program.remarks
+    assert not program.diagnostics
     for given_move, read in zip(moves, program.moves, strict=True):
         assert (read.kind, read.stops, read.speed) == (given_move.kind, given_move.stops, given_move.speed)
         np.testing.assert_allclose(read.end.T, given_move.end.T, atol=5e-8)

@@ -24,7 +24,7 @@ def read(body: str, dat: str = "", config: str = CONFIG_DAT, more: str = "") -> 
 
 
 def texts(program: KrlProgram) -> list[str]:
-    return [str(remark) for remark in program.remarks]
+    return [str(diagnostic) for diagnostic in program.diagnostics]
 
 
 def frame(x: float, y: float, z: float, A: float, B: float, C: float) -> np.ndarray:
@@ -172,8 +172,8 @@ def test_the_robots_place_in_the_world_counts():
 def test_motions_that_the_text_does_not_tell_are_left_with_a_reason(body, reason):
     program = read(body)
     assert not program.moves
-    (remark,) = program.remarks
-    assert re.search(reason, str(remark))
+    (diagnostic,) = program.diagnostics
+    assert re.search(reason, str(diagnostic))
 
 
 @pytest.mark.parametrize(
@@ -256,15 +256,15 @@ def test_joint_positions_need_no_frames():
 def test_an_absolutely_accurate_controller_is_pointed_out():
     pose = POSE.replace("}", ",S 18,T 2}")
     program = read(f"{FRAMES}PTP {pose}\n$ABS_ACCUR=TRUE")
-    assert [remark.place.line for remark in program.remarks] == [4, 5]
-    assert all("correct twice" in str(remark) for remark in program.remarks)
+    assert [diagnostic.place.line for diagnostic in program.diagnostics] == [4, 5]
+    assert all("correct twice" in str(diagnostic) for diagnostic in program.diagnostics)
 
 
 def test_a_trigger_before_a_motion_is_pointed_out():
     program = read(f"{FRAMES}TRIGGER WHEN DISTANCE=1 DELAY=0 DO $OUT[1]=TRUE\nLIN {POSE}\nLIN {POSE}")
     assert len(program.moves) == 2
-    (remark,) = program.remarks
-    assert (remark.place.line, "TRIGGER" in remark.text) == (5, True)
+    (diagnostic,) = program.diagnostics
+    assert (diagnostic.place.line, "TRIGGER" in diagnostic.text) == (5, True)
 
 
 @pytest.mark.parametrize(
@@ -286,4 +286,4 @@ def test_every_motion_of_a_program_is_resolved(rng):
     generated = generate(rng)
     program = read_krl(generated.sources)
     assert len(program.moves) == generated.motions
-    assert not program.remarks
+    assert not program.diagnostics

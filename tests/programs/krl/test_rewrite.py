@@ -15,7 +15,7 @@ from tests.laws.robots import generators
 from tests.programs.fuzz import check_case
 from tests.programs.krl.fuzzing import LANGUAGE
 from tests.programs.krl.generator import generate
-from tests.programs.krl.rewriting import Q, nearby, nearby_ways
+from tests.programs.krl.rewriting import Q, nearby, nearby_waypoints
 from tests.programs.krl.samples import handling, milling, source
 
 KR16 = load_robot("kuka-kr16-2")
@@ -51,8 +51,8 @@ def to(x: float, kind: str = "linear", via: Waypoint | None = None, q: np.ndarra
     return Waypoint(kind=kind, q=q, T=T, via=via)
 
 
-def line(program: KrlProgram, ways: dict[int, tuple[Waypoint, ...]], number: int, file: int = 0) -> str:
-    return program.rewrite(KR16, ways)[file].text.splitlines()[number - 1]
+def line(program: KrlProgram, waypoints: dict[int, tuple[Waypoint, ...]], number: int, file: int = 0) -> str:
+    return program.rewrite(KR16, waypoints)[file].text.splitlines()[number - 1]
 
 
 @given(generators)
@@ -60,8 +60,8 @@ def test_rewriting_nothing_or_motions_that_stay_gives_every_byte_back(rng):
     sources = generate(rng).sources
     program = read_krl(sources)
     stays = {i: (here(move),) for i, move in enumerate(program.moves) if states_no_more(program, i)}
-    for ways in ({}, stays):
-        for before, after in zip(sources, program.rewrite(KR16, ways), strict=True):
+    for waypoints in ({}, stays):
+        for before, after in zip(sources, program.rewrite(KR16, waypoints), strict=True):
             assert after.encode() == before.encode()
 
 
@@ -82,19 +82,19 @@ def states_no_more(program: KrlProgram, number: int) -> bool:
 def test_rewritten_programs_read_as_what_was_wanted_and_the_rest_as_before(rng):
     sources = generate(rng).sources
     program = read_krl(sources)
-    ways = nearby_ways(rng, program, most=3)
-    after = program.rewrite(KR16, ways)
+    waypoints = nearby_waypoints(rng, program, most=3)
+    after = program.rewrite(KR16, waypoints)
     again = program.reread(after)
-    assert len(again.moves) == len(program.moves) + sum(len(way) - 1 for way in ways.values())
+    assert len(again.moves) == len(program.moves) + sum(len(path) - 1 for path in waypoints.values())
     moves = iter(again.moves)
     for i, old in enumerate(program.moves):
-        if i not in ways:
+        if i not in waypoints:
             unchanged(next(moves), old)
             continue
-        for j, wanted in enumerate(ways[i]):
+        for j, wanted in enumerate(waypoints[i]):
             new = next(moves)
             check(new, wanted)
-            assert new.stops == (old.stops and j == len(ways[i]) - 1)
+            assert new.stops == (old.stops and j == len(waypoints[i]) - 1)
             assert (new.speed, new.routine) == (old.speed, old.routine)
             np.testing.assert_allclose(new.tool.T, old.tool.T)
             np.testing.assert_allclose(new.part.T, old.part.T)

@@ -4,11 +4,11 @@ from taskcal.programs.rapid.read import read_rapid
 from taskcal.robot.catalogue import load_robot
 from tests.programs.fuzz import Language
 from tests.programs.rapid.generator import generate
-from tests.programs.rapid.rewriting import nearby_ways
+from tests.programs.rapid.rewriting import nearby_waypoints
 
 LANGUAGE = Language(
     generate=lambda rng: generate(rng).sources,
     read=read_rapid,
-    ways=lambda rng, program: nearby_ways(rng, program, most=2),
+    waypoints=lambda rng, program: nearby_waypoints(rng, program, most=2),
     robot=load_robot("abb-irb6660-205-1.9"),
 )

@@ -9,15 +9,15 @@ from taskcal.programs.program import Program, Target, Waypoint
 from taskcal.robot.robot import Robot
 
 
-def nearby_ways(rng: np.random.Generator, program: Program, most: int) -> dict[int, tuple[Waypoint, ...]]:
+def nearby_waypoints(rng: np.random.Generator, program: Program, most: int) -> dict[int, tuple[Waypoint, ...]]:
     """New waypoints for some of the motions: up to `most` each, of which the last is of the motion's kind."""
-    ways = {}
+    waypoints = {}
     for i, move in enumerate(program.moves):
         if rng.random() < 0.5:
             count = int(rng.integers(1, most + 1))
             before = [_near(rng, move.end, str(rng.choice(["linear", "joint", move.kind]))) for _ in range(count - 1)]
-            ways[i] = (*before, _near(rng, move.end, move.kind))
-    return ways
+            waypoints[i] = (*before, _near(rng, move.end, move.kind))
+    return waypoints
 
 
 def _near(rng: np.random.Generator, target: Target, kind: str) -> Waypoint:
@@ -31,18 +31,18 @@ def _near(rng: np.random.Generator, target: Target, kind: str) -> Waypoint:
     return Waypoint(kind=kind, q=q, T=T, via=via)
 
 
-def check_rewriting(program: Program, ways: Mapping[int, tuple[Waypoint, ...]], robot: Robot) -> None:
+def check_rewriting(program: Program, waypoints: Mapping[int, tuple[Waypoint, ...]], robot: Robot) -> None:
     """Read again, rewritten motions end where they should, and all others where they did."""
-    sources = program.rewrite(robot, ways)
+    sources = program.rewrite(robot, waypoints)
     again = program.reread(sources)
-    assert len(again.remarks) == len(program.remarks)
+    assert len(again.diagnostics) == len(program.diagnostics)
     moves = iter(again.moves)
     for i, move in enumerate(program.moves):
-        way = ways.get(i)
-        if way is None:
+        path = waypoints.get(i)
+        if path is None:
             _same(next(moves).end, move.end)
             continue
-        for waypoint in way:
+        for waypoint in path:
             found = next(moves)
             assert found.kind == waypoint.kind
             np.testing.assert_array_equal(found.tool.T, move.tool.T)
@@ -51,7 +51,7 @@ def check_rewriting(program: Program, ways: Mapping[int, tuple[Waypoint, ...]], 
             _reaches(found.end, waypoint, robot)
             if waypoint.via is not None:
                 _reaches(found.via, waypoint.via, robot)
-            last = waypoint is way[-1]
+            last = waypoint is path[-1]
             assert found.stops == (move.stops and last)
     assert next(moves, None) is None
 

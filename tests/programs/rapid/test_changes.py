@@ -33,7 +33,7 @@ def test_motions_and_questions_that_are_not_understood_change_nothing(odd):
     routine = "\nENDPROC\nPROC keep(INOUT robtarget a, num b)\nWaitTime b;"
     program = read_rapid([module(f"{MOTION}{odd}{routine}", DATA)])
     assert [move.end.name for move in program.moves] == ["p1"]
-    assert program.remarks
+    assert program.diagnostics
 
 
 @pytest.mark.parametrize(
@@ -64,14 +64,14 @@ def test_what_may_be_an_assignment_makes_a_value_unknown(odd):
     line = 6 + ("\n" in odd)
     assert (
         f"part.mod:5: MoveL stays as it is: 'p1' may be assigned to in part.mod:{line}, which is not understood (line"
-        in str(program.remarks[0])
+        in str(program.diagnostics[0])
     )
 
 
 def test_the_problem_of_a_text_is_told_where_it_matters():
     program = read_rapid([module(f"{MOTION}MoveL p1,v5,fine,tM\np1:=CRobT();", DATA)])
     trouble = "line 7: a comma or a semicolon is missing before 'p1'"
-    assert [str(remark) for remark in program.remarks] == [
+    assert [str(diagnostic) for diagnostic in program.diagnostics] == [
         f"part.mod:5: MoveL stays as it is: 'p1' may be assigned to in part.mod:7, which is not understood ({trouble}), "
         "so its value is not known",
         f"part.mod:6: MoveL stays as it is: the text around it is not understood ({trouble})",

@@ -73,7 +73,7 @@ def test_what_is_composed_is_read_again(rng):
     source = compose_rapid("Job", ROBOT, moves, zone="z5")
     assert max(map(len, source.text.splitlines())) <= LONGEST_LINE
     program = read_rapid([source])
-    assert not program.remarks
+    assert not program.diagnostics
     for found, move in zip(program.moves, moves, strict=True):
         assert (found.kind, found.stops, found.part_in_hand) == (move.kind, move.stops, move.part_in_hand)
         assert found.speed == pytest.approx(0.25 if move.speed is None else move.speed)
@@ -109,4 +109,4 @@ def test_a_robot_of_seven_joints_is_refused():
 def test_long_comments_are_broken():
     source = compose_rapid("Job", ROBOT, [to_axes(np.zeros(6))], notes=["word " * 80 + "\nend"])
     assert max(map(len, source.text.splitlines())) <= LONGEST_LINE
-    assert not read_rapid([source]).remarks
+    assert not read_rapid([source]).diagnostics

@@ -50,4 +50,4 @@ def test_a_routine_of_the_program_that_is_named_like_a_motion_is_a_call():
     body = f"{move(1)}MoveHome;{move(2)}\nENDPROC\nPROC MoveHome()\n{move(3)}"
     program = read_rapid([module(body, POINTS)])
     assert [found.follows for found in program.moves] == [None, None, None]
-    assert not program.remarks
+    assert not program.diagnostics

@@ -74,13 +74,13 @@ def test_the_tree_of_a_routine():
 )
 def test_deep_nesting_is_reported(body):
     program = read_rapid([module(body)])
-    assert any(f"nested deeper than {DEPTH}" in remark.text for remark in program.remarks)
+    assert any(f"nested deeper than {DEPTH}" in diagnostic.text for diagnostic in program.diagnostics)
 
 
 def test_data_that_refer_to_each_other_deeply():
     chain = "".join(f"CONST num a{k}:={'(' * 20}a{k + 1}+1{')' * 20};" for k in range(90)) + "CONST num a90:=1;"
     body = "MoveL [[a0,0,0],[1,0,0,0],[0,0,0,0],[9,9,9,9,9,9]],v5,fine,tool0;"
-    assert "in a circle, or too deeply" in read_rapid([module(body, chain)]).remarks[0].text
+    assert "in a circle, or too deeply" in read_rapid([module(body, chain)]).diagnostics[0].text
     doubled = "".join(f"CONST num a{k}:=a{k + 1}+a{k + 1};" for k in range(40)) + "CONST num a40:=1;"
     move = "MoveL [[a30,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v5,fine,tool0;"
     (found,) = read_rapid([module(move, doubled)]).moves

@@ -11,7 +11,7 @@ from tests.programs.rapid.samples import IRC5, IRC5_FRAMES, POINTS, S4C, module,
 
 
 def reasons(program) -> list[str]:
-    return [str(remark) for remark in program.remarks]
+    return [str(diagnostic) for diagnostic in program.diagnostics]
 
 
 def pose(xyz_mm, wxyz) -> np.ndarray:
@@ -262,7 +262,7 @@ def test_external_axes_are_pointed_out_once():
     body = "MoveL [[0,0,0],[1,0,0,0],[0,0,0,0],[100,9E9,9E9,9E9,9E9,9E9]],v5,fine,tool0;\nMoveL p1,v5,fine,tool0;"
     program = read_rapid([module(body, POINTS)])
     assert len(program.moves) == 2
-    assert len(program.remarks) == 1
+    assert len(program.diagnostics) == 1
     assert "external axes are in use" in reasons(program)[0]
 
 

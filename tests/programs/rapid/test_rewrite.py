@@ -13,7 +13,7 @@ from taskcal.programs.source import Source
 from taskcal.robot.catalogue import load_robot
 from tests.laws.robots import generators
 from tests.programs.rapid.generator import generate
-from tests.programs.rapid.rewriting import check_rewriting, nearby_ways
+from tests.programs.rapid.rewriting import check_rewriting, nearby_waypoints
 from tests.programs.rapid.samples import IRC5, IRC5_FRAMES, POINTS, S4C, module, source
 
 ROBOT = load_robot("abb-irb6660-205-1.9")
@@ -43,7 +43,7 @@ def lines_that_differ(a: str, b: str) -> list[str]:
 def test_a_program_is_read_as_it_is_meant(rng):
     made = generate(rng)
     program = read_rapid(made.sources)
-    assert not program.remarks
+    assert not program.diagnostics
     assert [move.kind for move in program.moves] == [meant.kind for meant in made.moves]
     for move, meant in zip(program.moves, made.moves, strict=True):
         np.testing.assert_allclose(move.tool.T, meant.tool, atol=1e-12)
@@ -86,15 +86,15 @@ def _via(move) -> Waypoint | None:
 def test_motions_that_are_rewritten_are_read_again_and_the_others_stay(rng):
     made = generate(rng)
     program = read_rapid(made.sources)
-    ways = nearby_ways(rng, program, most=1)
-    check_rewriting(program, ways, ROBOT)
+    waypoints = nearby_waypoints(rng, program, most=1)
+    check_rewriting(program, waypoints, ROBOT)
 
 
 @given(generators)
 def test_further_points_come_in_order_before_the_end(rng):
     made = generate(rng)
     program = read_rapid(made.sources)
-    check_rewriting(program, nearby_ways(rng, program, most=3), ROBOT)
+    check_rewriting(program, nearby_waypoints(rng, program, most=3), ROBOT)
 
 
 def test_only_numbers_change_where_every_target_has_its_own_motion():
@@ -122,8 +122,8 @@ def test_a_target_that_another_motion_needs_as_it_is_gets_a_clone_behind_it():
 def test_motions_that_want_the_same_share_it():
     before = module("MoveL p1,v100,fine,tool0;\nMoveJ p1,v5,fine,tool0;\nMoveJ p1,v50,fine,tool0;", POINTS)
     program = read_rapid([before])
-    ways = shifted(program, 0) | shifted(program, 1, 2, mm=(0, 0, 5))
-    assert lines_that_differ(before.text, program.rewrite(ROBOT, ways)[0].text) == [
+    waypoints = shifted(program, 0) | shifted(program, 1, 2, mm=(0, 0, 5))
+    assert lines_that_differ(before.text, program.rewrite(ROBOT, waypoints)[0].text) == [
         "CONST robtarget p1:=[[10,0,5],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
         "CONST robtarget p1_2:=[[11,0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
         "MoveL p1_2,v100,fine,tool0;",
@@ -198,14 +198,14 @@ def test_further_points_stop_nowhere_and_take_the_arguments_of_the_motion():
         "  MoveAbsJ\n[[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]]\\NoEOffs,v5,fine,tool0;"
     )
     program = read_rapid([module(body.replace("\n", "\r\n"), POINTS)])
-    ways = {i: way * 2 for i, way in shifted(program, 0, 1).items()}
-    ways[2] = (
+    waypoints = {i: path * 2 for i, path in shifted(program, 0, 1).items()}
+    waypoints[2] = (
         Waypoint(kind="axes", q=Q, T=None),
         Waypoint(kind="linear", q=Q, T=np.eye(4)),
         Waypoint(kind="axes", q=Q, T=None),
     )
     pose, nine = "[[{},0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]]", "[9E9,9E9,9E9,9E9,9E9,9E9]"
-    text = program.rewrite(ROBOT, ways)[0].text
+    text = program.rewrite(ROBOT, waypoints)[0].text
     assert text[text.index("PROC main()\n") :] == (
         "PROC main()\n"
         f"  MoveL {pose.format(11)},v100\\V:=30,z5\\Z:=3,tool0\\WObj:=wobj0;\r\n"
@@ -220,10 +220,10 @@ def test_further_points_stop_nowhere_and_take_the_arguments_of_the_motion():
 
 def test_what_an_if_without_then_governs_stays_together():
     program = read_rapid([module("  IF a=1 MoveL p1,v100,fine,tool0;\n  MoveL p2,v100,fine,tool0;", POINTS)])
-    ways = {0: shifted(program, 0)[0] * 2}
-    after = read_rapid(program.rewrite(ROBOT, ways))
+    waypoints = {0: shifted(program, 0)[0] * 2}
+    after = read_rapid(program.rewrite(ROBOT, waypoints))
     assert [move.follows for move in after.moves] == [None, 0, None]
-    assert not after.remarks
+    assert not after.diagnostics
 
 
 def test_an_arc_becomes_lines_or_stays_an_arc():
@@ -272,9 +272,9 @@ def test_clones_are_written_in_the_style_of_their_declaration():
 def test_external_axes_keep_their_text():
     target = "[[0,0,0],[1,0,0,0],[0,-2,2,0],[ 100.50,9E9,9E+09,9E9,9E9,9E9]]"
     program = read_rapid([module(f"MoveL {target},v5,fine,tool0;")])
-    ways = {0: shifted(program, 0)[0] * 2}
-    assert program.rewrite(ROBOT, ways)[0].text.count("[100.50,9E9,9E+09,9E9,9E9,9E9]") == 1
-    assert program.rewrite(ROBOT, ways)[0].text.count("[ 100.50,9E9,9E+09,9E9,9E9,9E9]") == 1
+    waypoints = {0: shifted(program, 0)[0] * 2}
+    assert program.rewrite(ROBOT, waypoints)[0].text.count("[100.50,9E9,9E+09,9E9,9E9,9E9]") == 1
+    assert program.rewrite(ROBOT, waypoints)[0].text.count("[ 100.50,9E9,9E+09,9E9,9E9,9E9]") == 1
 
 
 @pytest.mark.parametrize("encoding", ["latin-1", "utf-8", "utf-8-sig"])

@@ -173,7 +173,7 @@ def command(
         note(f"{'error: not written: ' if withheld else ''}{state_uncertain(found)}")
         if withheld:
             note("--accept-uncertain writes the program all the same")
-    if withheld or found.refused or any(remark.refused for remark in found.remarks):
+    if withheld or found.rejected or any(diagnostic.rejected for diagnostic in found.diagnostics):
         raise typer.Exit(1)
 
 
@@ -225,10 +225,11 @@ def _as_json(found: "Correction", written: tuple[Path, ...], report: Path | None
         "targets": found.targets(),
         "refused": [
             {"file": program.moves[i].place.path, "line": program.moves[i].place.line, "reason": reason}
-            for i, reason in sorted(found.refused.items())
+            for i, reason in sorted(found.rejected.items())
         ],
         "remarks": [
-            {"file": remark.place.path, "line": remark.place.line, "text": remark.text} for remark in found.remarks
+            {"file": diagnostic.place.path, "line": diagnostic.place.line, "text": diagnostic.text}
+            for diagnostic in found.diagnostics
         ],
     }
 
@@ -248,8 +249,8 @@ def _show(found: "Correction", written: tuple[Path, ...], report: Path | None) -
             note_text = table.note
             tell(f"{note_text}\n")
     show_facts(tabulate_correction(found))
-    problems = [f"{found.program.moves[i].place}: left as it was: {why}" for i, why in sorted(found.refused.items())]
-    problems += [str(remark) for remark in found.remarks]
+    problems = [f"{found.program.moves[i].place}: left as it was: {why}" for i, why in sorted(found.rejected.items())]
+    problems += [str(diagnostic) for diagnostic in found.diagnostics]
     for problem in problems:
         note(problem)
     for path in written:

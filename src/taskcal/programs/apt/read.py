@@ -25,7 +25,7 @@ class AptProgram(Program):
     tool: Frame
     part: Frame
 
-    def rewrite(self, robot: Robot, ways: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The files with some motions rewritten; see `Program.rewrite`.
 
         A point without a tool axis keeps being one: its position changes, its axis stays. What counts from the end of a
@@ -34,7 +34,7 @@ class AptProgram(Program):
         Raises:
             TaskcalError: a motion is to become one to joint positions, which APT does not know.
         """
-        return rewritten(self.sources, self.moves, self.instructions, ways)
+        return rewritten(self.sources, self.moves, self.instructions, waypoints)
 
     def reread(self, sources: tuple[Source, ...]) -> "AptProgram":
         """The program of other texts of the same files, with this one's spins along the way; see `Program.reread`."""
@@ -44,7 +44,7 @@ class AptProgram(Program):
 def read_apt(
     sources: Sequence[Source], *, robot: Robot | None = None, tool: Frame | None = None, part: Frame | None = None
 ) -> AptProgram:
-    """Read tool paths in APT. What changes coordinates, or moves in a way that is not read, becomes a remark.
+    """Read tool paths in APT. What changes coordinates, or moves in a way that is not read, becomes a diagnostic.
 
     Args:
         sources: the files, each a path of its own.
@@ -68,7 +68,7 @@ def read_apt(
     return AptProgram(
         sources=tuple(sources),
         moves=tuple(reading.moves),
-        remarks=tuple(reading.remarks),
+        diagnostics=tuple(reading.diagnostics),
         instructions=tuple(reading.instructions),
         tool=own,
         part=reading.part,

@@ -10,7 +10,7 @@ from taskcal.programs.apt.instruction import Instruction
 from taskcal.programs.apt.stated_frame import StatedFrames
 from taskcal.programs.apt.statement import Statement, Token
 from taskcal.programs.apt.words import BLOCKING, CLEARING, FEEDS, HARMLESS, NIL, UNITS, UNREAD_MOTIONS
-from taskcal.programs.program import Frame, Move, MoveKind, Remark, Target
+from taskcal.programs.program import Diagnostic, Frame, Move, MoveKind, Target
 from taskcal.programs.source import Place, Source
 from taskcal.programs.tool_axis import with_axis
 
@@ -30,7 +30,7 @@ class Reading:
     part: Frame
     moves: list[Move] = field(default_factory=list[Move])
     instructions: list[Instruction] = field(default_factory=list[Instruction])
-    remarks: list[Remark] = field(default_factory=list[Remark])
+    diagnostics: list[Diagnostic] = field(default_factory=list[Diagnostic])
 
 
 @dataclass(kw_only=True)
@@ -68,13 +68,13 @@ class Reader:
         """Where a statement stands."""
         return self.source.place(statement.start)
 
-    def remark(self, statement: Statement, text: str) -> None:
+    def diagnose(self, statement: Statement, text: str) -> None:
         """Something that the user should know."""
-        self.reading.remarks.append(Remark(place=self.place(statement), text=text))
+        self.reading.diagnostics.append(Diagnostic(place=self.place(statement), text=text))
 
     def unresolved(self, statement: Statement, why: str) -> None:
         """A motion that stays as it is, and after which the tool's place is not known."""
-        self.remark(statement, f"{why}; the motion stays as it is")
+        self.diagnose(statement, f"{why}; the motion stays as it is")
         self.position = self.previous = None
         self.rapid = False
 
@@ -169,7 +169,9 @@ class Reader:
     def _refuse(self, statement: Statement, why: str) -> None:
         """A motion whose numbers could be corrected if it were known what they count from."""
         place = self.place(statement)
-        self.reading.remarks.append(Remark(place=place, text=f"{why}; the motion stays as it is", refused=True))
+        self.reading.diagnostics.append(
+            Diagnostic(place=place, text=f"{why}; the motion stays as it is", rejected=True)
+        )
         self.position = self.previous = None
         self.rapid = False
 
@@ -292,7 +294,7 @@ class Reader:
             self.position = self.previous = None
         elif word not in self.unknown:
             self.unknown.add(word)
-            self.remark(statement, f"'{word}' is not known; it is taken to move nothing")
+            self.diagnose(statement, f"'{word}' is not known; it is taken to move nothing")
 
     def _state(self, statement: Statement, stated: tuple[object, ...], why: str) -> None:
         """A tool or a frame: the first one is the caller's, another one is not known."""

@@ -25,7 +25,7 @@ def rewritten(
     sources: Sequence[Source],
     moves: Sequence[Move],
     instructions: Sequence[Instruction],
-    ways: Mapping[int, tuple[Waypoint, ...]],
+    waypoints: Mapping[int, tuple[Waypoint, ...]],
 ) -> tuple[Source, ...]:
     """The files of a program with some motions rewritten.
 
@@ -33,7 +33,7 @@ def rewritten(
         sources: the files.
         moves: all motions.
         instructions: where they stand.
-        ways: waypoints, by number of the motion.
+        waypoints: by number of the motion.
 
     Raises:
         TaskcalError: APT cannot say it.
@@ -41,25 +41,25 @@ def rewritten(
     edits: list[list[Edit]] = [[] for _ in sources]
     for number, move in enumerate(moves):
         instruction = instructions[number]
-        begin = _begin(move, instruction, ways)
-        way = ways.get(number)
-        if way is None:
+        begin = _begin(move, instruction, waypoints)
+        path = waypoints.get(number)
+        if path is None:
             leans = instruction.relative or instruction.circle is not None
             if not leans or _same(begin, instruction.begin):
                 continue
-            way = (_waypoint(move),)
+            path = (_waypoint(move),)
         writing = _Writing(source=sources[instruction.source], instruction=instruction, move=move)
-        edits[instruction.source] += writing.edits(begin, way)
+        edits[instruction.source] += writing.edits(begin, path)
     return tuple(source.edited(e) for source, e in zip(sources, edits, strict=True))
 
 
 def _begin(
-    move: Move, instruction: Instruction, ways: Mapping[int, tuple[Waypoint, ...]]
+    move: Move, instruction: Instruction, waypoints: Mapping[int, tuple[Waypoint, ...]]
 ) -> Float[np.ndarray, " 3"] | None:
     """Where a motion begins in the rewritten program."""
-    if move.follows is None or move.follows not in ways:
+    if move.follows is None or move.follows not in waypoints:
         return instruction.begin
-    T = ways[move.follows][-1].T
+    T = waypoints[move.follows][-1].T
     return None if T is None else T[:3, 3]
 
 
@@ -91,11 +91,11 @@ class _Writing:
         """Of lengths, in the program's unit."""
         return MM if self.instruction.unit <= 1e-3 else INCHES
 
-    def edits(self, begin: Float[np.ndarray, " 3"] | None, way: Sequence[Waypoint]) -> list[Edit]:
+    def edits(self, begin: Float[np.ndarray, " 3"] | None, path: Sequence[Waypoint]) -> list[Edit]:
         """Edits that give the motion its waypoints: statements before it, and its own numbers."""
         own = self.instruction
         texts: list[str] = []
-        for waypoint in way[:-1]:
+        for waypoint in path[:-1]:
             texts.append(self._statement(begin, waypoint))
             begin = self._end(waypoint)
         parting = self.source.newline + self.source.indent(own.start)
@@ -103,7 +103,7 @@ class _Writing:
             parting += "RAPID" + parting
         ahead = "".join(text + parting for text in texts)
         out = [Edit(start=own.start, end=own.start, text=ahead)] if ahead else []
-        return out + self._own(begin, way[-1])
+        return out + self._own(begin, path[-1])
 
     def _end(self, waypoint: Waypoint) -> Float[np.ndarray, " 3"]:
         if waypoint.T is None:

@@ -8,7 +8,7 @@ import numpy as np
 from taskcal.errors import FileError
 from taskcal.programs.csv_path.path_table import PathTable, read_path_table
 from taskcal.programs.csv_path.rewrite import Written, rewritten
-from taskcal.programs.program import Frame, Move, Program, Remark, Target, Waypoint
+from taskcal.programs.program import Diagnostic, Frame, Move, Program, Target, Waypoint
 from taskcal.programs.source import Edit, Source
 from taskcal.programs.spinning import spun_alike
 from taskcal.robot.robot import Robot
@@ -27,16 +27,16 @@ class CsvProgram(Program):
     tool: Frame | None
     part: Frame
 
-    def rewrite(self, robot: Robot, ways: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The files with some motions rewritten; see `Program.rewrite`.
 
         Raises:
             TaskcalError: a motion is to become something for which the file has no columns.
         """
         edits: list[list[Edit]] = [[] for _ in self.path_tables]
-        for number, way in ways.items():
+        for number, path in waypoints.items():
             s, written = self.written[number]
-            edits[s] += rewritten(self.path_tables[s], written, way)
+            edits[s] += rewritten(self.path_tables[s], written, path)
         return tuple(path_table.source.edited(e) for path_table, e in zip(self.path_tables, edits, strict=True))
 
     def reread(self, sources: tuple[Source, ...]) -> "CsvProgram":
@@ -62,7 +62,7 @@ def read_csv_path(
     path_tables = tuple(read_path_table(source, robot) for source in sources)
     moves: list[Move] = []
     written: list[tuple[int, Written]] = []
-    remarks: list[Remark] = []
+    diagnostics: list[Diagnostic] = []
     for s, path_table in enumerate(path_tables):
         if path_table.columns.position and tool is None and robot is None:
             raise FileError(
@@ -74,12 +74,12 @@ def read_csv_path(
         for row in range(len(path_table.rows)):
             if path_table.is_via(row):
                 if via is not None or row + 1 == len(path_table.rows):
-                    raise path_table.error("a point on the way must be followed by the end of its arc", row)
+                    raise path_table.error("a via point must be followed by the end of its arc", row)
                 via = row
                 continue
             strangers = _strangers(path_table, row, own, part)
             if strangers:
-                remarks.append(Remark(place=path_table.place(row), text=strangers))
+                diagnostics.append(Diagnostic(place=path_table.place(row), text=strangers))
                 before = None
             else:
                 moves.append(_move(path_table, row, via, own, part, before))
@@ -89,7 +89,7 @@ def read_csv_path(
     return CsvProgram(
         sources=tuple(sources),
         moves=tuple(moves),
-        remarks=tuple(remarks),
+        diagnostics=tuple(diagnostics),
         path_tables=path_tables,
         written=tuple(written),
         robot=robot,
@@ -110,7 +110,7 @@ def _strangers(path_table: PathTable, row: int, tool: Frame, part: Frame) -> str
 def _move(path_table: PathTable, row: int, via: int | None, tool: Frame, part: Frame, before: int | None) -> Move:
     kind = path_table.kind(row)
     if (kind == "circular") != (via is not None):
-        message = "a row 'via' with the point on the way must stand before the end of an arc, and 'circular' at its end"
+        message = "a row 'via' with the via point must stand before the end of an arc, and 'circular' at its end"
         raise path_table.error(message, row, "move")
     return Move(
         kind=kind,

@@ -23,22 +23,22 @@ class Written:
     row: int
     """Of its end."""
     via: int | None
-    """Of the point on its way, of an arc."""
+    """Of the via point, of an arc."""
 
 
-def rewritten(path_table: PathTable, written: Written, way: Sequence[Waypoint]) -> list[Edit]:
-    """Edits that give one motion its waypoints: a row for each, and one more for the point on the way of an arc."""
+def rewritten(path_table: PathTable, written: Written, path: Sequence[Waypoint]) -> list[Edit]:
+    """Edits that give one motion its waypoints: a row for each, and one more for the via point of an arc."""
     first = written.row if written.via is None else written.via
     ahead = "".join(
         _copied(path_table, row, edits)
-        for waypoint in way[:-1]
+        for waypoint in path[:-1]
         for row, edits in _rows_for(path_table, written, waypoint)
     )
     start = path_table.rows[first].start
     out = [Edit(start=start, end=start, text=ahead)] if ahead else []
-    if written.via is not None and way[-1].via is None:
+    if written.via is not None and path[-1].via is None:
         out.append(Edit(start=start, end=path_table.rows[first].next, text=""))
-    return out + [edit for _, edits in _rows_for(path_table, written, way[-1]) for edit in edits]
+    return out + [edit for _, edits in _rows_for(path_table, written, path[-1]) for edit in edits]
 
 
 def _copied(path_table: PathTable, row: int, edits: Sequence[Edit]) -> str:
@@ -54,7 +54,7 @@ def _rows_for(path_table: PathTable, written: Written, waypoint: Waypoint) -> li
     if waypoint.via is None:
         return [(written.row, _edits(path_table, written.row, waypoint, waypoint.kind))]
     if written.via is None:
-        raise _lacking(path_table, written.row, "an arc needs a row for the point on its way")
+        raise _lacking(path_table, written.row, "an arc needs a row for the via point")
     return [
         (written.via, _edits(path_table, written.via, waypoint.via, "via")),
         (written.row, _edits(path_table, written.row, waypoint, "circular")),

@@ -12,7 +12,7 @@ from taskcal.programs.krl.resolve import Findings, Walk
 from taskcal.programs.krl.rewrite import Site, rewrite
 from taskcal.programs.krl.routines import altering, callers_first, callers_of, routines_of
 from taskcal.programs.krl.syntax import Begin
-from taskcal.programs.program import Frame, Program, Remark, Waypoint
+from taskcal.programs.program import Diagnostic, Frame, Program, Waypoint
 from taskcal.programs.source import Source
 from taskcal.robot.robot import Robot
 
@@ -24,7 +24,7 @@ class KrlProgram(Program):
     sites: tuple[Site, ...]
     """Of the moves, in their order."""
 
-    def rewrite(self, robot: Robot, ways: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
 
         Points of the program's own data list get new numbers there, or a copy beside them where other motions still need the old
@@ -33,9 +33,9 @@ class KrlProgram(Program):
 
         Args:
             robot: the robot, whose joint positions decide status and turn.
-            ways: by number of the motion.
+            waypoints: by number of the motion.
         """
-        return rewrite(self.sources, self.sites, self.moves, robot, ways)
+        return rewrite(self.sources, self.sites, self.moves, robot, waypoints)
 
     def reread(self, sources: tuple[Source, ...]) -> "KrlProgram":
         """The program of other texts of the same files; see `Program.reread`."""
@@ -96,7 +96,7 @@ class _Reading:
         for file in self.files:
             for words in lines_of_words(file.source.text) if "$ABS_" in file.source.text.upper() else ():
                 if any(word.upper in ("$ABS_ACCUR", "$ABS_CONVERT") for word in words):
-                    self.findings.remark(
+                    self.findings.diagnose(
                         file,
                         words[0].start,
                         "the controller's own absolute accuracy may be on; a corrected program would then correct twice",
@@ -111,9 +111,9 @@ class _Reading:
             moves=tuple(
                 replace(f.move, follows=None if f.move.follows is None else number[f.move.follows]) for f in found
             ),
-            remarks=tuple(
-                Remark(place=self.files[file].source.place(position), text=text)
-                for file, position, text in sorted(set(self.findings.remarks))
+            diagnostics=tuple(
+                Diagnostic(place=self.files[file].source.place(position), text=text)
+                for file, position, text in sorted(set(self.findings.diagnostics))
             ),
             sites=tuple(f.site for f in found),
         )

@@ -39,12 +39,12 @@ class Findings:
 
     found: list[Found] = field(default_factory=list[Found])
     """In the order of reading."""
-    remarks: list[tuple[int, int, str]] = field(default_factory=list[tuple[int, int, str]])
+    diagnostics: list[tuple[int, int, str]] = field(default_factory=list[tuple[int, int, str]])
     """Number of the file, position and text."""
 
-    def remark(self, file: File, position: int, text: str) -> None:
+    def diagnose(self, file: File, position: int, text: str) -> None:
         """Note something about a place."""
-        self.remarks.append((file.number, position, text))
+        self.diagnostics.append((file.number, position, text))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -131,7 +131,7 @@ class Walk:
         if line.name == "BAS":
             return self.frames.after_bas(state, line)
         if line.name not in self.alters:
-            self.findings.remark(
+            self.findings.diagnose(
                 self.routine.file,
                 line.start,
                 f"{line.name} is not in the files given; it is taken to leave $TOOL, $BASE and $IPO_MODE as they are",
@@ -146,10 +146,10 @@ class Walk:
                 raise Unresolved(line.trouble or "it is part of a spline, whose shape depends on all its points")
             move, site = self._resolve(line, self.frames.with_settings(state, line.settings))
         except Unresolved as trouble:
-            self.findings.remark(self.routine.file, line.start, f"{line.keyword} stays as it is: {trouble}")
+            self.findings.diagnose(self.routine.file, line.start, f"{line.keyword} stays as it is: {trouble}")
             return replace(state, last=None)
         if trigger:
-            self.findings.remark(
+            self.findings.diagnose(
                 self.routine.file, line.start, "a TRIGGER acts along this motion; check it if the motion is divided"
             )
         number = len(self.findings.found)
@@ -219,7 +219,7 @@ class Walk:
             T = T @ _offset(aggregate)
         S, turn = whole(last, "S"), whole(last, "T")
         if S is not None and S & ACCURATE_BIT:
-            self.findings.remark(
+            self.findings.diagnose(
                 self.routine.file,
                 written.operand.start,
                 "the point was taught with the controller's own absolute accuracy (bit 4 of S); where that is on, a corrected "

@@ -70,12 +70,12 @@ def rewrite(
     sites: Sequence[Site],
     moves: Sequence[Move],
     robot: Robot,
-    ways: Mapping[int, tuple[Waypoint, ...]],
+    waypoints: Mapping[int, tuple[Waypoint, ...]],
 ) -> tuple[Source, ...]:
     """The sources with some motions rewritten; see `KrlProgram.rewrite`."""
     rewriting = _Rewriting(robot=robot, files=_files(sites))
-    for number, way in sorted(ways.items()):
-        rewriting.motion(sites[number], moves[number], way)
+    for number, path in sorted(waypoints.items()):
+        rewriting.motion(sites[number], moves[number], path)
     rewriting.variables()
     return tuple(source.edited(rewriting.edits.get(i, ())) for i, source in enumerate(sources))
 
@@ -99,9 +99,9 @@ class _Rewriting:
     def _edit(self, file: File, edit: Edit) -> None:
         self.edits.setdefault(file.number, []).append(edit)
 
-    def motion(self, site: Site, move: Move, way: tuple[Waypoint, ...]) -> None:
+    def motion(self, site: Site, move: Move, path: tuple[Waypoint, ...]) -> None:
         """Rewrite a motion, with motions of their own for all waypoints but the last."""
-        *before, last = way
+        *before, last = path
         source, start = site.file.source, site.motion.start
         line = source.text.rfind("\n", 0, start) + 1
         for waypoint in before:

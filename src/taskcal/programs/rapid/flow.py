@@ -38,8 +38,8 @@ def nested(block: Iterable[Statement]) -> Iterator[Statement]:
         yield statement
         match statement:
             case Branches():
-                for way in statement.ways:
-                    yield from nested(way)
+                for branch in statement.branches:
+                    yield from nested(branch)
             case Loop():
                 yield from nested(statement.body)
             case _:
@@ -84,8 +84,8 @@ class _Walker:
             case Branches():
                 before = self._asked(statement.conditions, scope, before)
                 after = frozenset() if statement.exhaustive else before
-                for way in statement.ways:
-                    after |= self.block(way, scope, before)
+                for branch in statement.branches:
+                    after |= self.block(branch, scope, before)
                 return after
             case Loop():
                 before = self._asked(statement.conditions, scope, before)
@@ -146,7 +146,7 @@ def _moves(block: Iterable[Statement], scope: Scope) -> bool:
             case Branches():
                 if any(_calls(c, scope) for c in statement.conditions):
                     return True
-                if any(_moves(way, scope) for way in statement.ways):
+                if any(_moves(branch, scope) for branch in statement.branches):
                     return True
             case Loop():
                 if any(_calls(c, scope) for c in statement.conditions) or _moves(statement.body, scope):

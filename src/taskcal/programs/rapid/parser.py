@@ -306,7 +306,7 @@ class _Parser(ExpressionParser):
         if not self.skip("then"):
             return self._compact_if(start, conditions[0], declarations)
         self.enter()
-        ways = [self._block(declarations)]
+        branches = [self._block(declarations)]
         otherwise = False
         while True:
             if self.skip("elseif"):
@@ -316,9 +316,11 @@ class _Parser(ExpressionParser):
                 otherwise = True
             else:
                 break
-            ways.append(self._block(declarations))
+            branches.append(self._block(declarations))
         self._close("endif", start)
-        return Branches(start=start, end=self.end, conditions=tuple(conditions), ways=tuple(ways), exhaustive=otherwise)
+        return Branches(
+            start=start, end=self.end, conditions=tuple(conditions), branches=tuple(branches), exhaustive=otherwise
+        )
 
     def _compact_if(self, start: int, condition: Expression, declarations: list[Declaration]) -> Statement:
         self.enter()
@@ -328,13 +330,13 @@ class _Parser(ExpressionParser):
             inner = Instruction(
                 start=inner.start, end=inner.end, name=inner.name, arguments=inner.arguments, compact=True
             )
-        return Branches(start=start, end=self.end, conditions=(condition,), ways=((inner,),), exhaustive=False)
+        return Branches(start=start, end=self.end, conditions=(condition,), branches=((inner,),), exhaustive=False)
 
     def _test(self, declarations: list[Declaration]) -> Statement:
         start = self.take().start
         conditions: list[Expression] = [self.expression()]
         self.enter()
-        ways: list[tuple[Statement, ...]] = []
+        branches: list[tuple[Statement, ...]] = []
         otherwise = False
         while True:
             if self.skip("case"):
@@ -347,9 +349,11 @@ class _Parser(ExpressionParser):
                 otherwise = True
             else:
                 break
-            ways.append(self._block(declarations))
+            branches.append(self._block(declarations))
         self._close("endtest", start)
-        return Branches(start=start, end=self.end, conditions=tuple(conditions), ways=tuple(ways), exhaustive=otherwise)
+        return Branches(
+            start=start, end=self.end, conditions=tuple(conditions), branches=tuple(branches), exhaustive=otherwise
+        )
 
     def _for(self, declarations: list[Declaration]) -> Statement:
         start = self.take().start

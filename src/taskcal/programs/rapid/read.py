@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import chain
 
 from taskcal.errors import FileError
-from taskcal.programs.program import Program, Remark, Waypoint
+from taskcal.programs.program import Diagnostic, Program, Waypoint
 from taskcal.programs.rapid.flow import follow_routine, gets_target, is_motion, nested
 from taskcal.programs.rapid.lexer import Token
 from taskcal.programs.rapid.names import Context, File, Scope, Symbol, Unresolved, contexts
@@ -29,17 +29,17 @@ class RapidProgram(Program):
     uses: Mapping[Symbol, tuple[Use, ...]]
     """All references to declared data."""
 
-    def rewrite(self, robot: Robot, ways: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
 
         Args:
             robot: the robot, whose joint positions decide the configuration data that are written.
-            ways: by number of the motion.
+            waypoints: by number of the motion.
 
         Raises:
             TaskcalError: the robot has not six joints.
         """
-        return rewrite_files(self.sources, self.motions, self.uses, robot, ways)
+        return rewrite_files(self.sources, self.motions, self.uses, robot, waypoints)
 
     def reread(self, sources: tuple[Source, ...]) -> "RapidProgram":
         """The program of other texts of the same files; see `Program.reread`."""
@@ -55,25 +55,25 @@ def read_rapid(sources: Sequence[Source]) -> RapidProgram:
     Raises:
         FileError: a file is no RAPID module.
     """
-    remarks: list[Remark] = []
+    diagnostics: list[Diagnostic] = []
     files: list[File] = []
     for source in sources:
         modules, problems = _parsed(source)
         files.append(File(source=source, modules=modules))
-        remarks += [Remark(place=source.place(p.position), text=p.text) for p in problems]
+        diagnostics += [Diagnostic(place=source.place(p.position), text=p.text) for p in problems]
     everywhere = tuple(contexts(files))
     values = Values(assigned=assigned(everywhere))
     settings = _settings(everywhere, values)
     motions: list[Motion] = []
     for context in everywhere:
-        follow_routine(context, _Resolver(context, settings, motions, remarks))
-        remarks += _lost_motions(context)
-    remarks += _cautions(everywhere)
-    remarks += [Remark(place=file.source.place(at), text=text) for text, (file, at) in settings.notes.items()]
+        follow_routine(context, _Resolver(context, settings, motions, diagnostics))
+        diagnostics += _lost_motions(context)
+    diagnostics += _cautions(everywhere)
+    diagnostics += [Diagnostic(place=file.source.place(at), text=text) for text, (file, at) in settings.notes.items()]
     order = {source.path: i for i, source in enumerate(sources)}
-    remarks.sort(key=lambda remark: (order[remark.place.path], remark.place.line))
+    diagnostics.sort(key=lambda diagnostic: (order[diagnostic.place.path], diagnostic.place.line))
     return RapidProgram(
-        sources=tuple(sources), moves=tuple(motion.move for motion in motions), remarks=tuple(remarks),
+        sources=tuple(sources), moves=tuple(motion.move for motion in motions), diagnostics=tuple(diagnostics),
         motions=tuple(motions), uses=uses(everywhere, values),
     )  # fmt: skip
 
@@ -88,10 +88,10 @@ def _parsed(source: Source) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:
 
 
 class _Resolver:
-    """Resolves the motions of a routine; keeps them, and remarks on those that cannot be resolved."""
+    """Resolves the motions of a routine; keeps them, and says of the others why they cannot be."""
 
-    def __init__(self, context: Context, settings: Settings, motions: list[Motion], remarks: list[Remark]):
-        self.context, self.settings, self.motions, self.remarks = context, settings, motions, remarks
+    def __init__(self, context: Context, settings: Settings, motions: list[Motion], diagnostics: list[Diagnostic]):
+        self.context, self.settings, self.motions, self.diagnostics = context, settings, motions, diagnostics
 
     def __call__(self, instruction: Instruction, scope: Scope, follows: int | None) -> int | None:
         file = self.context.file
@@ -102,7 +102,7 @@ class _Resolver:
             motion = resolve(instruction, scope, file, self.settings, name, follows)
         except Unresolved as reason:
             text = f"{instruction.name.text} stays as it is: {reason}"
-            self.remarks.append(Remark(place=file.source.place(instruction.start), text=text))
+            self.diagnostics.append(Diagnostic(place=file.source.place(instruction.start), text=text))
             return None
         self.motions.append(motion)
         return len(self.motions) - 1
@@ -122,7 +122,7 @@ def _settings(everywhere: Iterable[Context], values: Values) -> Settings:
     return Settings(values=values, postures_off=frozenset(off), shift=shift)
 
 
-def _cautions(everywhere: Iterable[Context]) -> Iterator[Remark]:
+def _cautions(everywhere: Iterable[Context]) -> Iterator[Diagnostic]:
     """What instructions do to motions elsewhere."""
     for file, name, options in _words(everywhere):
         if name.key in SHIFTING:
@@ -134,7 +134,7 @@ def _cautions(everywhere: Iterable[Context]) -> Iterator[Remark]:
             )
         else:
             continue
-        yield Remark(place=file.source.place(name.start), text=text)
+        yield Diagnostic(place=file.source.place(name.start), text=text)
 
 
 def _words(everywhere: Iterable[Context]) -> Iterator[tuple[File, Token, frozenset[str]]]:
@@ -156,7 +156,7 @@ def _words(everywhere: Iterable[Context]) -> Iterator[tuple[File, Token, frozens
                     pass
 
 
-def _lost_motions(context: Context) -> Iterable[Remark]:
+def _lost_motions(context: Context) -> Iterable[Diagnostic]:
     """Motions in text that was not understood, and targets that are handed to a routine."""
     if context.routine is None:
         for unparsed in context.module.unparsed:
@@ -166,26 +166,26 @@ def _lost_motions(context: Context) -> Iterable[Remark]:
         yield from _lost_in(block, context, context.scope)
 
 
-def _lost_in(block: Iterable[Statement], context: Context, scope: Scope) -> Iterable[Remark]:
+def _lost_in(block: Iterable[Statement], context: Context, scope: Scope) -> Iterable[Diagnostic]:
     for statement in block:
         match statement:
             case Unparsed():
                 yield from _motions_in(statement, context)
             case Branches():
-                for way in statement.ways:
-                    yield from _lost_in(way, context, scope)
+                for branch in statement.branches:
+                    yield from _lost_in(branch, context, scope)
             case Loop():
                 yield from _lost_in(statement.body, context, scope.with_counter(statement.counter))
             case Instruction() if statement.name.key not in MOVES and not is_motion(statement, scope):
                 if statement.name.key in scope.routines and gets_target(statement, scope):
                     text = f"the target that '{statement.name.text}' is given stays as it is: motions to a routine's parameter"
-                    yield Remark(place=context.file.source.place(statement.start), text=f"{text} are not read")
+                    yield Diagnostic(place=context.file.source.place(statement.start), text=f"{text} are not read")
             case _:
                 pass
 
 
-def _motions_in(unparsed: Unparsed, context: Context) -> Iterable[Remark]:
+def _motions_in(unparsed: Unparsed, context: Context) -> Iterable[Diagnostic]:
     for token in unparsed.tokens:
         if token.kind == "name" and token.key.startswith(MOVING) and token.key not in MOTIONLESS:
             text = f"{token.text} stays as it is: the text around it is not understood ({unparsed.trouble(context.file.source)})"
-            yield Remark(place=context.file.source.place(token.start), text=text)
+            yield Diagnostic(place=context.file.source.place(token.start), text=text)

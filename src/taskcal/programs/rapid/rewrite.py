@@ -56,7 +56,7 @@ def rewrite_files(
     motions: Sequence[Motion],
     uses: Mapping[Symbol, tuple[Use, ...]],
     robot: Robot,
-    ways: Mapping[int, tuple[Waypoint, ...]],
+    waypoints: Mapping[int, tuple[Waypoint, ...]],
 ) -> tuple[Source, ...]:
     """Files with motions rewritten.
 
@@ -65,7 +65,7 @@ def rewrite_files(
         motions: all resolved motions.
         uses: all references to each piece of data.
         robot: the robot, whose joint positions decide the configuration data.
-        ways: new waypoints by number of the motion.
+        waypoints: by number of the motion.
 
     Raises:
         TaskcalError: the robot has not six joints.
@@ -76,13 +76,13 @@ def rewrite_files(
         )
     edits = _Edits()
     wants: list[_Want] = []
-    for number in sorted(ways):
-        way, motion = ways[number], motions[number]
-        if not way:
+    for number in sorted(waypoints):
+        path, motion = waypoints[number], motions[number]
+        if not path:
             raise ValueError(f"motion {number} has no waypoint; it needs one at least")
-        wants += _end(motion, way[-1], robot, edits)
-        if len(way) > 1:
-            _insert(motion, way[:-1], robot, edits)
+        wants += _end(motion, path[-1], robot, edits)
+        if len(path) > 1:
+            _insert(motion, path[:-1], robot, edits)
     _write_targets(wants, sources, uses, edits)
     return tuple(source.edited(edits.by_path.get(str(source.path), ())) for source in sources)
 
@@ -116,11 +116,11 @@ def _end(motion: Motion, waypoint: Waypoint, robot: Robot, edits: _Edits) -> lis
 
 def _via(waypoint: Waypoint) -> Waypoint:
     if waypoint.via is None:
-        raise ValueError("a circular motion needs a point on its way")
+        raise ValueError("a circular motion needs a via point")
     return waypoint.via
 
 
-def _insert(motion: Motion, way: Iterable[Waypoint], robot: Robot, edits: _Edits) -> None:
+def _insert(motion: Motion, path: Iterable[Waypoint], robot: Robot, edits: _Edits) -> None:
     r"""Write motions in front of an instruction, with its own arguments.
 
     They pass by in its zone, or where it stops in the finest zone. \Conc is left to the last one, since the controller
@@ -135,7 +135,7 @@ def _insert(motion: Motion, way: Iterable[Waypoint], robot: Robot, edits: _Edits
     else:
         rest = text[where.behind_to : instruction.end]
     before: list[str] = []
-    for waypoint in way:
+    for waypoint in path:
         kind = waypoint.kind
         name = instruction.name.text if kind == motion.move.kind else NAMES[kind]
         target = fresh_text(_type(kind), waypoint, robot, motion.end)

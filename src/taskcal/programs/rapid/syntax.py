@@ -150,12 +150,12 @@ class Assignment(Node):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Branches(Node):
-    """IF or TEST: one of several ways is taken."""
+    """IF or TEST: one of several branches is taken."""
 
     conditions: tuple[Expression, ...]
-    ways: tuple[tuple["Statement", ...], ...]
+    branches: tuple[tuple["Statement", ...], ...]
     exhaustive: bool
-    """One of the ways is always taken."""
+    """One of the branches is always taken."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

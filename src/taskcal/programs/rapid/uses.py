@@ -155,8 +155,8 @@ class _Walker:
                 case Branches():
                     for condition in statement.conditions:
                         yield from self.read(condition, scope)
-                    for way in statement.ways:
-                        yield from self.statements(way, scope)
+                    for branch in statement.branches:
+                        yield from self.statements(branch, scope)
                 case Loop():
                     for condition in statement.conditions:
                         yield from self.read(condition, scope)

@@ -6,34 +6,34 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.correction.way import Ways
+from taskcal.correction.segments import Segments
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_postures, solve_near
-from taskcal.kinematics.tracing import refusals, trace
+from taskcal.kinematics.tracing import rejections, trace
 from taskcal.kinematics.turns import turned
 from taskcal.programs.program import Move, Target
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
-STEP, TURN = 0.02, np.radians(5.0)
-"""Ways are followed in steps not longer than this, metres and radians."""
+MAX_STEP_M, MAX_STEP_RAD = 0.02, np.radians(5.0)
+"""Segments are followed in steps not longer than this, metres and radians."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Driven:
-    """Where a nominal controller drives its joints in the motions of a program."""
+class ControllerTrajectory:
+    """Where a nominal controller moves its joints in the motions of a program."""
 
     start: Float[np.ndarray, "m joints"]
     """Where each motion begins, radians; NaN where that is not known."""
     end: Float[np.ndarray, "m joints"]
-    """Where it ends; NaN where it cannot be driven."""
-    ways: Ways
+    """Where it ends; NaN where it cannot be executed."""
+    segments: Segments
     """Tool in part's frame along each motion; of use for lines and arcs."""
-    refused: dict[int, str]
-    """Motions that cannot be driven, and why."""
+    rejected: dict[int, str]
+    """Motions that cannot be executed, and why."""
     warnings: dict[int, str]
-    """Motions whose posture data say something else than the way leads to."""
+    """Motions whose posture data disagree with where the path leads."""
     move: Int[np.ndarray, " k"]
     """Motion of every sample along lines and arcs whose start is known, in order; the last one of each is its end."""
     share: Float[np.ndarray, " k"]
@@ -42,81 +42,81 @@ class Driven:
     """Joint positions there, radians."""
 
 
-def drive(robot: Robot, moves: Sequence[Move]) -> Driven:
-    """Drive a program on the nominal robot.
+def simulate_controller(robot: Robot, moves: Sequence[Move]) -> ControllerTrajectory:
+    """Simulate the nominal controller executing a program.
 
     Args:
         robot: the robot as its controller knows it.
         moves: the motions, in the order of the program.
     """
-    return _Drive(robot, moves).run()
+    return _Simulation(robot, moves).run()
 
 
-class _Drive:
-    """One drive through a program; motions that follow each other along lines and arcs are traced together."""
+class _Simulation:
+    """One run through a program; motions that follow each other along lines and arcs are traced together."""
 
     def __init__(self, robot: Robot, moves: Sequence[Move]):
         self.robot, self.moves = robot, moves
         self.model = ErrorModel(robot)
         m, joints = len(moves), len(robot.joints)
         self.start, self.end = np.full((m, joints), np.nan), np.full((m, joints), np.nan)
-        self.refused: dict[int, str] = {}
+        self.rejected: dict[int, str] = {}
         self.warnings: dict[int, str] = {}
         self.samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         self.last: np.ndarray | None = None
-        self._given_joints()
-        self.ways = self._ways()
+        self._take_joint_targets()
+        self.segments = self._segments()
 
-    def run(self) -> Driven:
+    def run(self) -> ControllerTrajectory:
         joints = len(self.robot.joints)
         i = 0
         while i < len(self.moves):
             previous = self.moves[i].follows
             if previous is not None:
                 self.start[i] = self.end[previous]
-            if self._on_the_way(i):
+            if self._is_path(i):
                 i = self._trace(i)
                 continue
-            if i not in self.refused and np.isnan(self.end[i, 0]):
-                self._arrive(i)
-            if i not in self.refused:
+            if i not in self.rejected and np.isnan(self.end[i, 0]):
+                self._solve_pose(i)
+            if i not in self.rejected:
                 self.last = self.end[i]
             i += 1
         parts = self.samples or [(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, joints)))]
         move, share, q = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return Driven(
+        return ControllerTrajectory(
             start=self.start,
             end=self.end,
-            ways=self.ways,
-            refused=self.refused,
+            segments=self.segments,
+            rejected=self.rejected,
             warnings=self.warnings,
             move=move,
             share=share,
             q=q,
         )
 
-    def _given_joints(self) -> None:
+    def _take_joint_targets(self) -> None:
         """Ends of motions to joint positions."""
         for i, move in enumerate(self.moves):
             if move.end.q is None:
                 continue
             if len(move.end.q) != len(self.robot.joints):
                 count = len(self.robot.joints)
-                self.refused[i] = f"has {len(move.end.q)} joint positions; {self.robot.name} has {count} joints"
+                self.rejected[i] = f"has {len(move.end.q)} joint positions; {self.robot.name} has {count} joints"
                 continue
             outside = self.robot.outside_limits(move.end.q[None])
             if outside:
-                self.refused[i] = outside[0][1]
+                self.rejected[i] = outside[0][1]
             else:
                 self.end[i] = move.end.q
 
-    def _ways(self) -> Ways:
+    def _segments(self) -> Segments:
         """Of all motions, tool in part; the start is where the motion before ended, seen with this motion's frames."""
         m = len(self.moves)
         flange = np.full((m, 4, 4), np.nan)
-        given = np.flatnonzero(np.isfinite(self.end[:, 0]))
-        if len(given):
-            flange[given] = self.model.poses(self.end[given]) @ se3.inverse(self.robot.T_flange_tool)
+        to_joints = np.flatnonzero(np.isfinite(self.end[:, 0]))
+        if len(to_joints):
+            flange[to_joints] = self.model.poses(self.end[to_joints]) @ se3.inverse(self.robot.T_flange_tool)
         start, end, via = np.full((m, 4, 4), np.nan), np.full((m, 4, 4), np.nan), np.full((m, 3), np.nan)
         for i, move in enumerate(self.moves):
             if move.end.T is not None:
@@ -129,9 +129,9 @@ class _Drive:
             if move.via is not None and move.via.T is not None:
                 via[i] = move.via.T[:3, 3]
         self.goal = flange @ self.robot.T_flange_tool
-        return Ways(start=start, end=end, via=via)
+        return Segments(start=start, end=end, via=via)
 
-    def _on_the_way(self, i: int) -> bool:
+    def _is_path(self, i: int) -> bool:
         """Whether a motion is a line or an arc from a place that is known."""
         return self.moves[i].kind in ("linear", "circular") and bool(np.isfinite(self.start[i]).all())
 
@@ -145,56 +145,56 @@ class _Drive:
         ):
             stop += 1
         rows = np.arange(first, stop)
-        turn = np.linalg.norm(self.ways.turn[rows], axis=1)
-        steps = np.ceil(np.maximum(self.ways.length[rows] / STEP, turn / TURN)).astype(int)
+        turn = np.linalg.norm(self.segments.turn[rows], axis=1)
+        steps = np.ceil(np.maximum(self.segments.length[rows] / MAX_STEP_M, turn / MAX_STEP_RAD)).astype(int)
         steps = np.maximum(steps, 2)
         move = np.repeat(rows, steps)
         last = np.cumsum(steps) - 1
         number = np.arange(len(move)) - np.repeat(last + 1 - steps, steps) + 1
         share = number / np.repeat(steps, steps)
         flange = np.empty((len(move), 4, 4))
-        T = self.ways.at(move, share)
+        T = self.segments.at(move, share)
         for i, own in _groups(move):
             flange[own] = self.moves[i].flange(T[own])
-        found = trace(self.model, flange @ self.robot.T_flange_tool, self.start[first])
-        good = found.reached
-        end = int(np.argmin(good)) if not good.all() else len(good)
+        traced = trace(self.model, flange @ self.robot.T_flange_tool, self.start[first])
+        reached = traced.reached
+        end = int(np.argmin(reached)) if not reached.all() else len(reached)
         whole = int(np.searchsorted(last, end, side="left"))  # motions of which every sample was reached
         kept = last[whole - 1] + 1 if whole else 0
-        self.samples.append((move[:kept], share[:kept], found.q[:kept]))
+        self.samples.append((move[:kept], share[:kept], traced.q[:kept]))
         for k in range(whole):
             i = first + k
-            self.end[i] = found.q[last[k]]
+            self.end[i] = traced.q[last[k]]
             self.start[i] = self.start[first] if k == 0 else self.end[i - 1]
             self._compare_posture(i)
         if whole:
             self.last = self.end[first + whole - 1]
-        if end < len(good):
-            reason = dict(refusals(self.robot, found))[end]
-            self.refused[first + whole] = f"{reason}, {share[end]:.0%} of the way there"
+        if end < len(reached):
+            reason = dict(rejections(self.robot, traced))[end]
+            self.rejected[first + whole] = f"{reason}, {share[end]:.0%} of the way there"
             return first + whole + 1
         return stop
 
-    def _arrive(self, i: int) -> None:
-        """Find the joint positions of a pose that is not reached along a known way."""
+    def _solve_pose(self, i: int) -> None:
+        """Find the joint positions of a pose that is not reached along a known path."""
         move = self.moves[i]
         T = self.goal[i]
         seed = self.start[i] if np.isfinite(self.start[i, 0]) else self.last
         near = np.zeros((0, len(self.robot.joints)))
         if seed is not None:
-            found = solve_near(self.model, T[None], seed[None])
-            near = found.q[found.reached]
+            solution = solve_near(self.model, T[None], seed[None])
+            near = solution.q[solution.reached]
             if len(near) and _agrees(self.robot, move.end, near)[0]:
                 self.end[i] = near[0]
                 return
         try:
             postures = np.concatenate([turned(self.robot, q) for q in find_postures(self.model, T)])
         except ReachError:
-            self.refused[i] = "is out of reach, or reached outside the joint limits only"
+            self.rejected[i] = "is out of reach, or reached outside the joint limits only"
             return
         agreeing = postures[_agrees(self.robot, move.end, postures)]
         if not len(agreeing):
-            self.refused[i] = (
+            self.rejected[i] = (
                 f"states the posture {move.end.posture}, in which the robot does not reach it inside its joint limits; "
                 "it does so in other postures only"
             )
@@ -207,7 +207,7 @@ class _Drive:
     def _compare_posture(self, i: int) -> None:
         move = self.moves[i]
         if not _agrees(self.robot, move.end, self.end[i][None])[0]:
-            self.warnings[i] = f"says posture {move.end.posture}, but the way leads there in another"
+            self.warnings[i] = f"says posture {move.end.posture}, but the path leads there in another"
 
 
 def _agrees(robot: Robot, target: Target, q: Float[np.ndarray, "n joints"]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Corrected motions as a fresh program, for tool paths that no controller reads as they are."""
+"""Corrected motions as a new program, for tool paths that no controller reads as they are."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from taskcal.correction.controller import Driven
+from taskcal.correction.controller_trajectory import ControllerTrajectory
 from taskcal.errors import TaskcalError
 from taskcal.programs.composing import compose_program
 from taskcal.programs.languages import language_of
@@ -15,26 +15,30 @@ from taskcal.programs.source import Source
 from taskcal.robot.robot import Robot
 
 
-def compose_afresh(
-    into: Path, robot: Robot, program: Program, ways: Mapping[int, tuple[Waypoint, ...]], driven: Driven
+def compose_new_program(
+    into: Path,
+    robot: Robot,
+    program: Program,
+    waypoints: Mapping[int, tuple[Waypoint, ...]],
+    trajectory: ControllerTrajectory,
 ) -> Source:
-    """A fresh program of the corrected motions.
+    """A new program of the corrected motions.
 
     Raises:
-        TaskcalError: the program is more than its motions; a motion cannot be driven, so that nothing can be written for it;
+        TaskcalError: the program is more than its motions; a motion cannot be executed, so that nothing can be written for it;
             or its language cannot say it.
     """
     _check_plain(program)
     written: list[Move] = []
     q: list[np.ndarray] = []
     for i, move in enumerate(program.moves):
-        if i not in ways:
-            if i in driven.refused:
-                raise TaskcalError(f"{move.place}: {driven.refused[i]}; a program written afresh has no place for it")
+        if i not in waypoints:
+            if i in trajectory.rejected:
+                raise TaskcalError(f"{move.place}: {trajectory.rejected[i]}; a new program has no place for it")
             written.append(move)
-            q.append(driven.end[i])
+            q.append(trajectory.end[i])
             continue
-        for waypoint in ways[i]:
+        for waypoint in waypoints[i]:
             end = replace(move.end, name="", T=waypoint.T, q=waypoint.q if waypoint.T is None else None, posture=None)
             via = None if waypoint.via is None else replace(end, T=waypoint.via.T)
             written.append(replace(move, kind=waypoint.kind, end=end, via=via))
@@ -52,9 +56,9 @@ def _check_plain(program: Program) -> None:
     language = language_of(path)
     if language.declares_frames:
         raise TaskcalError(
-            f"{path} is {language.name}, whose logic a program written afresh would lose; name an output of the same language"
+            f"{path} is {language.name}, whose logic a new program would lose; name an output of the same language"
         )
-    if program.remarks:
+    if program.diagnostics:
         raise TaskcalError(
-            f"{program.remarks[0]}; a program written afresh would lose it: take it out of the path, or read it"
+            f"{program.diagnostics[0]}; a new program would lose it: take it out of the path, or read it"
         )

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.correction.controller import Driven
+from taskcal.correction.controller_trajectory import ControllerTrajectory
 from taskcal.programs.program import Move
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
 
-SHORTEST = 1e-9
-"""Samples that lie nearer together in time are one, seconds."""
+MIN_STEP_S = 1e-9
+"""Samples nearer together in time than this are one, seconds."""
 
-METRE = 2.0
+RADIANS_PER_METRE = 2.0
 """Radians that count as much as a metre where translations and rotations of the tool are compared."""
 
 TURN_SPEED = float(np.radians(500.0))
@@ -32,7 +32,7 @@ SINGULAR = 0.02
 class JointMotion:
     """Largest joint speeds and accelerations along lines and arcs of known speed, and the posture nearest to singular.
 
-    Finite differences over the samples of the ways; at a corner between two ways the zone decides, which is not modelled.
+    Finite differences over the samples of the path; at a corner between two segments the zone decides, which is not modelled.
     """
 
     robot: Robot
@@ -70,38 +70,38 @@ def _against(
     }
 
 
-def move_joints(robot: Robot, moves: Sequence[Move], driven: Driven) -> JointMotion:
+def joint_motion(robot: Robot, moves: Sequence[Move], trajectory: ControllerTrajectory) -> JointMotion:
     """How the joints move along a program's lines and arcs.
 
     Args:
         robot: the robot.
         moves: the motions of the program.
-        driven: where a controller drives the joints in them.
+        trajectory: where a controller moves the joints in them.
     """
     joints = len(robot.joints)
     speed, acceleration = np.full(joints, np.nan), np.full(joints, np.nan)
     assumed: int | None = None
-    i = driven.move
+    i = trajectory.move
     if len(i):
         starts = np.flatnonzero(np.diff(i, prepend=-1))
-        before = np.concatenate([[0.0], driven.share[:-1]])
+        before = np.concatenate([[0.0], trajectory.share[:-1]])
         before[starts] = 0.0
-        q0 = np.concatenate([driven.q[:1], driven.q[:-1]])
-        q0[starts] = driven.start[i[starts]]
-        time, assumed = _durations(moves, driven, driven.share - before)
+        q0 = np.concatenate([trajectory.q[:1], trajectory.q[:-1]])
+        q0[starts] = trajectory.start[i[starts]]
+        time, assumed = _durations(moves, trajectory, trajectory.share - before)
         with np.errstate(invalid="ignore", divide="ignore"):
-            rate = (driven.q - q0) / time[:, None]
+            rate = (trajectory.q - q0) / time[:, None]
             change = np.diff(rate, axis=0) / (0.5 * (time[1:] + time[:-1]))[:, None]
             change[np.diff(i) != 0] = np.nan
         speed, acceleration = _largest(rate, speed), _largest(change, acceleration)
-    ends = np.isfinite(driven.end[:, 0])
+    ends = np.isfinite(trajectory.end[:, 0])
     move = np.concatenate([i, np.flatnonzero(ends)])
-    q = np.concatenate([driven.q, driven.end[ends]])
+    q = np.concatenate([trajectory.q, trajectory.end[ends]])
     if not len(q):
         return JointMotion(
             robot=robot, speed=speed, acceleration=acceleration, conditioning=np.inf, nearest_singular=None
         )
-    J = ErrorModel(robot).joint_jacobian(q) * np.repeat([METRE, 1.0], 3)[:, None]
+    J = ErrorModel(robot).joint_jacobian(q) * np.repeat([RADIANS_PER_METRE, 1.0], 3)[:, None]
     s = np.linalg.svd(J, compute_uv=False)
     ratio = s[:, min(5, s.shape[1] - 1)] / s[:, 0]
     nearest = int(np.argmin(ratio))
@@ -116,27 +116,31 @@ def move_joints(robot: Robot, moves: Sequence[Move], driven: Driven) -> JointMot
 
 
 def _durations(
-    moves: Sequence[Move], driven: Driven, step: Float[np.ndarray, " k"]
+    moves: Sequence[Move], trajectory: ControllerTrajectory, step: Float[np.ndarray, " k"]
 ) -> tuple[Float[np.ndarray, " k"], int | None]:
-    """Time between the samples of the ways, seconds, and the first motion where an assumed reorientation speed sets it.
+    """Time between the samples of the path, seconds, and the first motion where an assumed reorientation speed sets it.
 
     A controller keeps to the path speed and to the reorientation speed, whichever takes longer.
 
     Args:
         moves: the motions of the program.
-        driven: their samples.
+        trajectory: their samples.
         step: share of its motion's length that each sample is behind the one before.
     """
-    speed = np.array([move.speed or np.nan for move in moves])[driven.move]
-    stated = np.array([move.turn_speed or np.nan for move in moves])[driven.move]
+    speed = np.array([move.speed or np.nan for move in moves])[trajectory.move]
+    stated = np.array([move.turn_speed or np.nan for move in moves])[trajectory.move]
     unstated = np.isnan(stated)
-    along = driven.ways.length[driven.move] * step / speed
-    about = np.linalg.norm(driven.ways.turn, axis=1)[driven.move] * step / np.where(unstated, TURN_SPEED, stated)
+    along = trajectory.segments.length[trajectory.move] * step / speed
+    about = (
+        np.linalg.norm(trajectory.segments.turn, axis=1)[trajectory.move]
+        * step
+        / np.where(unstated, TURN_SPEED, stated)
+    )
     time = np.maximum(along, about)
     rows = np.flatnonzero(unstated & (about > along))
-    return np.where(time > SHORTEST, time, np.nan), int(driven.move[rows[0]]) if len(rows) else None
+    return np.where(time > MIN_STEP_S, time, np.nan), int(trajectory.move[rows[0]]) if len(rows) else None
 
 
 def _largest(values: Float[np.ndarray, "k joints"], otherwise: Float[np.ndarray, " joints"]) -> np.ndarray:
-    known = np.isfinite(values).all(axis=1)
-    return np.abs(values[known]).max(axis=0) if known.any() else otherwise
+    complete = np.isfinite(values).all(axis=1)
+    return np.abs(values[complete]).max(axis=0) if complete.any() else otherwise

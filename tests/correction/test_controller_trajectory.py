@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from taskcal.correction.controller import drive
+from taskcal.correction.controller_trajectory import simulate_controller
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_postures
 from taskcal.programs.program import Frame
@@ -35,22 +35,22 @@ def test_every_target_is_met_with_its_tool_and_part(robot, model, make_moves, sh
     inward = se3.inverse(robot.T_flange_tool) @ tool
     programmed = [se3.inverse(part) @ T @ inward for T in poses]
     moves = make_moves(programmed, tool=Frame(name="t", T=tool), part=Frame(name="p", T=part))
-    driven = drive(robot, moves)
-    assert not driven.refused
-    np.testing.assert_allclose(model.poses(driven.end), np.array(poses), atol=1e-8)
-    np.testing.assert_allclose(driven.start[1:], driven.end[:-1])
-    assert np.isnan(driven.start[0]).all()
+    trajectory = simulate_controller(robot, moves)
+    assert not trajectory.rejected
+    np.testing.assert_allclose(model.poses(trajectory.end), np.array(poses), atol=1e-8)
+    np.testing.assert_allclose(trajectory.start[1:], trajectory.end[:-1])
+    assert np.isnan(trajectory.start[0]).all()
 
 
 def test_samples_lie_on_lines_and_arcs_and_end_in_the_target(robot, model, make_moves, shifted):
     poses = [shifted(0, 0, 0), shifted(100, 0, 0), shifted(200, 0, 0)]
-    driven = drive(robot, make_moves(poses, vias={2: shifted(150, 50, 0)}))
-    on_line, on_arc = driven.move == 1, driven.move == 2
-    p = (model.poses(driven.q)[:, :3, 3] - poses[0][:3, 3]) * 1e3
+    trajectory = simulate_controller(robot, make_moves(poses, vias={2: shifted(150, 50, 0)}))
+    on_line, on_arc = trajectory.move == 1, trajectory.move == 2
+    p = (model.poses(trajectory.q)[:, :3, 3] - poses[0][:3, 3]) * 1e3
     np.testing.assert_allclose(p[on_line, 1:], 0.0, atol=1e-5)
     np.testing.assert_allclose(np.linalg.norm(p[on_arc] - [150.0, 0.0, 0.0], axis=1), 50.0, atol=1e-5)
-    assert driven.share[np.flatnonzero(on_line)[-1]] == driven.share[np.flatnonzero(on_arc)[-1]] == 1.0
-    np.testing.assert_array_equal(driven.q[np.flatnonzero(on_arc)[-1]], driven.end[2])
+    assert trajectory.share[np.flatnonzero(on_line)[-1]] == trajectory.share[np.flatnonzero(on_arc)[-1]] == 1.0
+    np.testing.assert_array_equal(trajectory.q[np.flatnonzero(on_arc)[-1]], trajectory.end[2])
     # never farther apart than the ways are looked at
     assert np.diff(p[on_arc], axis=0).__abs__().max() < 20.0
 
@@ -59,8 +59,8 @@ def test_a_change_of_tool_starts_where_the_tool_before_ended(robot, make_moves, 
     longer = Frame(name="longer", T=robot.T_flange_tool @ se3.translation(z=0.05))
     moves = make_moves([shifted(0, 0, 0), shifted(50, 0, 0)])
     moves[1] = replace(moves[1], tool=longer)
-    driven = drive(robot, moves)
-    np.testing.assert_allclose(driven.ways.start[1], moves[0].end.T @ se3.translation(z=0.05), atol=1e-12)
+    trajectory = simulate_controller(robot, moves)
+    np.testing.assert_allclose(trajectory.segments.start[1], moves[0].end.T @ se3.translation(z=0.05), atol=1e-12)
 
 
 def test_the_posture_that_the_program_says_is_taken(robot, model, make_moves, middle):
@@ -69,45 +69,47 @@ def test_the_posture_that_the_program_says_is_taken(robot, model, make_moves, mi
     for sign in (-1.0, 1.0):
         (move,) = make_moves([middle])
         move = replace(move, end=replace(move.end, posture=Elbow(sign)))
-        q = drive(robot, [move]).end[0]
+        q = simulate_controller(robot, [move]).end[0]
         assert np.sign(q[4]) == sign
         np.testing.assert_allclose(model.poses(q[None])[0], middle, atol=1e-8)
 
 
 def test_a_posture_that_is_not_there_is_refused(robot, make_moves, middle, shifted):
     first, second = make_moves([middle, shifted(30, 0, 0)])
-    driven = drive(robot, [replace(first, end=replace(first.end, posture=Elbow(0.5))), second])
+    trajectory = simulate_controller(robot, [replace(first, end=replace(first.end, posture=Elbow(0.5))), second])
     assert (
         "in which the robot does not reach it inside its joint limits; it does so in other postures"
-        in driven.refused[0]
+        in trajectory.rejected[0]
     )
-    assert not re.search(r"\d{3,}", driven.refused[0]), "a count of the postures that were tried says nothing to a user"
+    assert not re.search(r"\d{3,}", trajectory.rejected[0]), (
+        "a count of the postures that were tried says nothing to a user"
+    )
     # what follows from an unknown place is found by itself, and has no way
-    assert np.isfinite(driven.end[1]).all()
-    assert not len(driven.move)
+    assert np.isfinite(trajectory.end[1]).all()
+    assert not len(trajectory.move)
 
 
 def test_a_line_that_leads_to_another_posture_than_it_says_is_remarked(robot, make_moves, middle, shifted):
     first, second = make_moves([middle, shifted(30, 0, 0)])
-    sign = float(np.sign(drive(robot, [first, second]).end[1][4]))
-    driven = drive(robot, [first, replace(second, end=replace(second.end, posture=Elbow(-sign)))])
-    assert not driven.refused
-    assert "the way leads there in another" in driven.warnings[1]
+    sign = float(np.sign(simulate_controller(robot, [first, second]).end[1][4]))
+    trajectory = simulate_controller(robot, [first, replace(second, end=replace(second.end, posture=Elbow(-sign)))])
+    assert not trajectory.rejected
+    assert "the path leads there in another" in trajectory.warnings[1]
 
 
 def test_joint_positions_are_taken_as_they_are_or_refused(robot, make_moves, middle):
     (move,) = make_moves([middle])
     q = np.radians([10.0, 20.0, 30.0, 0.0, -40.0, 0.0])
     to_joints = replace(move, kind="axes", end=replace(move.end, T=None, q=q))
-    driven = drive(robot, [to_joints])
-    np.testing.assert_array_equal(driven.end[0], q)
+    trajectory = simulate_controller(robot, [to_joints])
+    np.testing.assert_array_equal(trajectory.end[0], q)
     short = replace(to_joints, end=replace(to_joints.end, q=q[:5]))
-    assert "has 5 joint positions" in drive(robot, [short]).refused[0]
+    assert "has 5 joint positions" in simulate_controller(robot, [short]).rejected[0]
     outside = replace(to_joints, end=replace(to_joints.end, q=q + 2.0))
-    assert "is outside" in drive(robot, [outside]).refused[0]
+    assert "is outside" in simulate_controller(robot, [outside]).rejected[0]
 
 
 def test_nothing_is_driven_in_an_empty_program(robot):
-    driven = drive(robot, [])
-    assert not len(driven.move)
-    assert driven.end.shape == (0, 6)
+    trajectory = simulate_controller(robot, [])
+    assert not len(trajectory.move)
+    assert trajectory.end.shape == (0, 6)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.correction.controller import drive
-from taskcal.correction.motion import TURN_SPEED, move_joints
+from taskcal.correction.controller_trajectory import simulate_controller
+from taskcal.correction.joint_motion import TURN_SPEED, joint_motion
 from taskcal.geometry import se3
 from taskcal.robot.error_model import ErrorModel
 
@@ -32,10 +32,10 @@ def turn(make_moves, middle):
 def test_a_reorientation_has_its_own_speed(robot, turn, length, turn_speed):
     """Joint rates are J⁻¹ times the turning of the tool, however short the way of its point."""
     moves = turn(length, turn_speed)
-    driven = drive(robot, moves)
-    found = move_joints(robot, moves, driven)
+    trajectory = simulate_controller(robot, moves)
+    found = joint_motion(robot, moves, trajectory)
     rate = turn_speed or TURN_SPEED
-    J = ErrorModel(robot).joint_jacobian(driven.q)
+    J = ErrorModel(robot).joint_jacobian(trajectory.q)
     twist = np.concatenate([[length * rate / TURN, 0.0, 0.0], rate * AXIS])
     expected = np.abs(np.linalg.solve(J, np.broadcast_to(twist, (len(J), 6))[..., None])).max(axis=0)[:, 0]
     np.testing.assert_allclose(found.speed, expected, rtol=0.1, atol=0.01 * rate)
@@ -44,8 +44,8 @@ def test_a_reorientation_has_its_own_speed(robot, turn, length, turn_speed):
 
 def test_the_path_speed_counts_where_it_takes_longer(robot, turn):
     moves = turn(0.2, TURN_SPEED)
-    driven = drive(robot, moves)
-    found = move_joints(robot, moves, driven)
-    faster = move_joints(robot, [replace(m, turn_speed=10.0 * TURN_SPEED) for m in moves], driven)
+    trajectory = simulate_controller(robot, moves)
+    found = joint_motion(robot, moves, trajectory)
+    faster = joint_motion(robot, [replace(m, turn_speed=10.0 * TURN_SPEED) for m in moves], trajectory)
     np.testing.assert_array_equal(found.speed, faster.speed)
-    assert move_joints(robot, [replace(m, turn_speed=None) for m in moves], driven).turn_speed_assumed is None
+    assert joint_motion(robot, [replace(m, turn_speed=None) for m in moves], trajectory).turn_speed_assumed is None

@@ -1,0 +1,66 @@
+"""What is to be corrected: the motions of a program, the path they ask for, and the robot as calibrated."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from taskcal.correction.controller_trajectory import ControllerTrajectory
+from taskcal.correction.fixed_frame import nominal_flange
+from taskcal.correction.placement import Placed
+from taskcal.correction.segments import Segments
+from taskcal.identification.calibration import Calibration
+from taskcal.programs.program import Move
+from taskcal.robot.robot import Robot
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CorrectionProblem:
+    """What is to be corrected."""
+
+    robot: Robot
+    moves: Sequence[Move]
+    calibration: Calibration
+    placed: Placed
+    """On the robot as calibrated."""
+    wanted: Segments
+    trajectory: ControllerTrajectory
+    """Of the program as it was given, on the nominal robot."""
+    tolerance: float
+    """Of the true tool's distance from its path between nodes, metres."""
+
+    @cached_property
+    def is_circular(self) -> Bool[np.ndarray, " m"]:
+        """Motions that have a via point, whether or not their start is known."""
+        return np.array([move.via is not None for move in self.moves], dtype=bool)
+
+    def seeds(self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k joints"]:
+        """Nominal joint positions along motions, between the samples of the controller's trajectory."""
+        trajectory = self.trajectory
+        if not len(move):
+            return np.zeros((0, trajectory.end.shape[1]))
+        rows = np.arange(len(self.moves))
+        started = np.isfinite(trajectory.start[:, 0])
+        ended = np.isfinite(trajectory.end[:, 0])
+        place = np.concatenate([trajectory.move + trajectory.share, rows[started] + 1e-9, rows[ended] + 1.0 - 1e-9])
+        q = np.concatenate([trajectory.q, trajectory.start[started], trajectory.end[ended]])
+        order = np.argsort(place, kind="stable")
+        at = move + np.clip(share, 2e-9, 1.0 - 2e-9)
+        return np.stack([np.interp(at, place[order], column[order]) for column in q.T], axis=1)
+
+    def controller_poses(
+        self, move: Int[np.ndarray, " k"], q: Float[np.ndarray, "k joints"]
+    ) -> Float[np.ndarray, "k 4 4"]:
+        """Tool in part as the controller has it, for joint positions in some motions."""
+        flange = nominal_flange(self.robot, q)
+        T = np.empty_like(flange)
+        for rows, example in self.by_placement(move):
+            T[rows] = example.target(flange[rows])
+        return T
+
+    def by_placement(self, move: Int[np.ndarray, " k"]) -> list[tuple[Int[np.ndarray, " _"], Move]]:
+        """Rows whose motions have tool and part in common, with one of these motions."""
+        own = self.placed.number[move]
+        return [(rows, self.moves[int(move[rows[0]])]) for rows in (np.flatnonzero(own == k) for k in np.unique(own))]

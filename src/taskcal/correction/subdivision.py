@@ -1,0 +1,167 @@
+"""How many pieces a corrected line or arc takes until the true tool keeps to it between its ends."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from taskcal.correction.correction_problem import CorrectionProblem
+from taskcal.correction.inverse import solve_calibrated
+from taskcal.correction.segments import Segments
+from taskcal.kinematics.inverse import solve_near
+from taskcal.programs.program import Move, Target
+from taskcal.robot.error_model import ErrorModel
+
+MAX_PIECES = 4096
+"""Pieces that one motion is divided into at most."""
+
+MAX_ROUNDS = 12
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Nodes:
+    """Ends of the pieces of corrected motions, and a via point of each arc; sorted by motion and share."""
+
+    move: Int[np.ndarray, " k"]
+    share: Float[np.ndarray, " k"]
+    """Share of the motion's length."""
+    q: Float[np.ndarray, "k joints"]
+    """Joint positions to which the controller must move, radians."""
+    reached: Bool[np.ndarray, " k"]
+    wanted: Float[np.ndarray, "k 4 4"]
+    """Pose of the tool in the part's frame that the true robot is to take there."""
+    T: Float[np.ndarray, "k 4 4"]
+    """Pose of the tool in the part's frame that the controller takes for these joint positions; an estimate where not reached."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Subdivision:
+    """Corrected motions, lines and arcs in pieces."""
+
+    pieces: Int[np.ndarray, " m"]
+    """Into how many each motion is divided; 0 for those that are not corrected."""
+    nodes: Nodes
+    deviation: Float[np.ndarray, " m"]
+    """Largest distance of the true tool from the path between nodes, metres; zero where nothing lies between."""
+
+
+def subdivide(problem: CorrectionProblem) -> Subdivision:
+    """Correct all motions that the nominal robot can execute, dividing lines and arcs until they keep to their paths."""
+    trajectory, m = problem.trajectory, len(problem.moves)
+    curved = np.array([move.kind in ("linear", "circular") for move in problem.moves], dtype=bool)
+    along = curved & np.isfinite(trajectory.start[:, 0]) & np.isfinite(problem.wanted.start[:, 0, 0])
+    pieces = np.isfinite(trajectory.end[:, 0]).astype(np.int64)
+    open_ = along & (pieces > 0)
+    nodes = _nodes(problem, np.flatnonzero(pieces), pieces)
+    lost = np.zeros(m, dtype=bool)
+    lost[nodes.move[~nodes.reached]] = True
+    before = np.array([-1 if move.follows is None else move.follows for move in problem.moves], dtype=np.int64)
+    open_ &= ~lost & ~lost[before]
+    deviation = np.zeros(m)
+    todo = np.flatnonzero(open_)
+    for _ in range(MAX_ROUNDS):
+        if len(todo):
+            deviation[todo] = _deviations(problem, nodes, todo, pieces)
+            todo = todo[(deviation[todo] > problem.tolerance) & (pieces[todo] < MAX_PIECES)]
+        if not len(todo):
+            break
+        # the deviation of a chord goes with the square of its length
+        factor = np.minimum(np.sqrt(deviation[todo] / problem.tolerance) * 1.1, 16.0)
+        pieces[todo] = np.minimum(np.maximum(np.ceil(pieces[todo] * factor), pieces[todo] + 1), MAX_PIECES)
+        nodes = _replaced(nodes, _nodes(problem, todo, pieces), todo)
+    return Subdivision(pieces=pieces, nodes=nodes, deviation=deviation)
+
+
+def _nodes(problem: CorrectionProblem, rows: Int[np.ndarray, " r"], pieces: Int[np.ndarray, " m"]) -> Nodes:
+    """Nodes of some motions."""
+    per_piece = np.where(problem.is_circular[rows], 2, 1)
+    count = pieces[rows] * per_piece
+    move = np.repeat(rows, count)
+    number = np.arange(len(move)) - np.repeat(np.cumsum(count) - count, count) + 1
+    share = number / np.repeat(count, count)
+    # an arc that stays whole keeps its own via point
+    via = (pieces[move] == 1) & problem.is_circular[move] & (number == 1)
+    on_arc = via & problem.wanted.is_arc[move]
+    share[on_arc] = problem.wanted.via_share[move[on_arc]]
+    at_end = number == np.repeat(count, count)
+    T = np.where(at_end[:, None, None], problem.wanted.end[move], problem.wanted.at(move, share))
+    for k in np.flatnonzero(via & ~on_arc):  # where an arc begins is not known: its points are corrected one by one
+        T[k] = _pose(problem.moves[int(move[k])].via)
+    seeds = problem.seeds(move, share)
+    solution = solve_calibrated(problem.calibration, problem.placed.robot_tool(move, T), seeds)
+    met, lost = np.flatnonzero(solution.reached), np.flatnonzero(~solution.reached)
+    stated = T.copy()
+    stated[met] = problem.controller_poses(move[met], solution.q[met])
+    # no joints to take the controller's pose from: moved by as much as the true tool is off at the nominal joints
+    stated[lost, :3, 3] += T[lost, :3, 3] - problem.placed.tool_in_part(move[lost], seeds[lost])[:, :3, 3]
+    return Nodes(move=move, share=share, q=solution.q, reached=solution.reached, wanted=T, T=stated)
+
+
+def _pose(target: Target | None) -> Float[np.ndarray, "4 4"]:
+    if target is None or target.T is None:
+        raise ValueError("a via point of an arc is a pose")
+    return target.T
+
+
+def _replaced(nodes: Nodes, new: Nodes, rows: Int[np.ndarray, " r"]) -> Nodes:
+    kept = ~np.isin(nodes.move, rows)
+    joined = {
+        name: np.concatenate([getattr(nodes, name)[kept], getattr(new, name)])
+        for name in ("move", "share", "q", "reached", "wanted", "T")
+    }
+    order = np.lexsort((joined["share"], joined["move"]))
+    return Nodes(**{name: array[order] for name, array in joined.items()})
+
+
+def _deviations(
+    problem: CorrectionProblem, nodes: Nodes, rows: Int[np.ndarray, " r"], pieces: Int[np.ndarray, " m"]
+) -> Float[np.ndarray, " r"]:
+    """Largest distance of the true tool from each of some motions, between its nodes, metres."""
+    first = np.searchsorted(nodes.move, rows, side="left")
+    arc = problem.is_circular[rows]
+    stride = np.where(arc, 2, 1)
+    owner = np.repeat(np.arange(len(rows)), pieces[rows])
+    piece = np.arange(len(owner)) - np.repeat(np.cumsum(pieces[rows]) - pieces[rows], pieces[rows])
+    end = first[owner] + (piece + 1) * stride[owner] - 1
+    start_q, start_T = _starts(problem, nodes, rows)
+    inner = piece > 0
+    before = np.maximum(end - stride[owner], 0)
+    q0 = np.where(inner[:, None], nodes.q[before], start_q[owner])
+    T0 = np.where(inner[:, None, None], nodes.T[before], start_T[owner])
+    via = np.where(arc[owner, None], nodes.T[np.maximum(end - 1, 0), :3, 3], np.nan)
+    segments = Segments(start=T0, end=nodes.T[end], via=via)
+    out = np.zeros(len(rows))
+    model = ErrorModel(problem.robot)
+    own_tool = problem.robot.T_flange_tool
+    for within in (0.25, 0.5, 0.75):
+        k = np.arange(len(owner))
+        T = segments.at(k, np.full(len(k), within))
+        move = rows[owner]
+        flange = np.empty_like(T)
+        for own, example in problem.by_placement(move):
+            flange[own] = example.flange(T[own])
+        solution = solve_near(model, flange @ own_tool, q0 + within * (nodes.q[end] - q0))
+        share = (piece + within) / pieces[move]
+        wanted = problem.wanted.at(move, share)
+        error = problem.placed.tool_in_part(move, solution.q)[:, :3, 3] - wanted[:, :3, 3]
+        tangent = problem.wanted.direction(move, share)
+        error -= (error * tangent).sum(axis=1, keepdims=True) * tangent
+        size = np.where(solution.reached, np.linalg.norm(error, axis=1), np.inf)
+        np.maximum.at(out, owner, size)
+    return out
+
+
+def _starts(
+    problem: CorrectionProblem, nodes: Nodes, rows: Int[np.ndarray, " r"]
+) -> tuple[Float[np.ndarray, "r joints"], Float[np.ndarray, "r 4 4"]]:
+    """Where some motions start, corrected: joint positions, and tool in part as the controller has it."""
+    previous = np.array([_previous(problem.moves[i]) for i in rows], dtype=np.int64)
+    last = np.searchsorted(nodes.move, previous, side="right") - 1
+    q = nodes.q[last]
+    return q, problem.controller_poses(rows, q)
+
+
+def _previous(move: Move) -> int:
+    if move.follows is None:
+        raise ValueError("a motion without a known start has no path to divide")
+    return move.follows
