@@ -153,7 +153,7 @@ WRONG = {
     "x_mm,y_mm,z_mm,i,j,k,J1_deg\n,,,,,,\n1,2,3,0,0,1,\n,,,,,,5\nx,,,,,,\n": r"path\.csv:5: column 'x_mm': 'x' is not a number",
     "id,J1_deg\n7,\n": r"path\.csv:2: the row has no target",
     "x_mm,y_mm,z_mm,i,j,k,move\n1,2,3,0,0,1,hop\n": r"path\.csv:2: column 'move': 'hop' is not a motion to a pose; write joint,",
-    "x_mm,y_mm,z_mm,i,j,k,move\n1,2,3,0,0,1,via\n": r"path\.csv:2: a point on the way must be followed",
+    "x_mm,y_mm,z_mm,i,j,k,move\n1,2,3,0,0,1,via\n": r"path\.csv:2: a via point must be followed",
     "x_mm,y_mm,z_mm,i,j,k,move\n1,2,3,0,0,1,circular\n": r"path\.csv:2: column 'move': a row 'via' .* before the end",
     "J1_deg,move\n1,linear\n": r"path\.csv:2: column 'move': 'linear' needs a pose",
     "J1_deg,speed_mm_s\n1,-5\n": r"path\.csv:2: column 'speed_mm_s': -5 is not a speed",
