@@ -1,14 +1,19 @@
 """Arguments of the public functions: a thing of another kind is refused by name, and a former name is still understood."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 from warnings import warn
 
 from taskcal.errors import WrongKind, shown
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 P = ParamSpec("P")
 R = TypeVar("R")
+Options = TypeVar("Options", bound="DataclassInstance")
 
 MADE_BY = {
     "Calibration": 'load_calibration("cal.json") loads one, identify(model, campaign) makes one',
@@ -81,3 +86,21 @@ def warn_renamed(former: str, present: str, *, stacklevel: int = 2) -> None:
 
 def _with_article(kind: type) -> str:
     return f"{'an' if kind.__name__[0] in 'AEIOU' else 'a'} {kind.__name__}"
+
+
+def with_choices(options: Options, choices: Mapping[str, Any], what: str) -> Options:
+    """Frozen options with some of their values replaced by keywords.
+
+    Args:
+        options: the others.
+        choices: new values by name.
+        what: the options are of, for the message, such as ``a fit``.
+
+    Raises:
+        TypeError: an option that does not exist; the message names all.
+    """
+    names = [f.name for f in fields(options)]
+    for name in choices:
+        if name not in names:
+            raise TypeError(f"no option '{name}' of {what}; there are {', '.join(names)}")
+    return replace(options, **choices)

@@ -2,8 +2,10 @@
 
 from dataclasses import dataclass
 
+from taskcal.adaptation.hyperparameters import known_hyperparameters
 from taskcal.errors import CampaignError
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.identify import identify
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration, register
@@ -16,13 +18,9 @@ from taskcal.robot.error_model import ErrorModel
 class PlanPrior:
     """From a campaign, from a calibration, or assumed."""
 
-    model_error: float
-    """Standard deviation per axis of what the model does not explain, metres."""
-    model_error_origin: str
-    """Where that comes from, in words."""
-    prior_scale: float
-    """Factor of the tolerances."""
-    registration: Registration | None
+    hyper: Hyperparameters
+    """Model error and prior scale."""
+    registration: Registration | None = None
     """Where tracker and targets are, if known; a calibration has its own."""
     campaign: Campaign | None = None
     """Measured already, its targets in the station's order."""
@@ -44,9 +42,7 @@ def prior_from_campaign(
         campaign = campaign.of_targets([r.name for r in station.reflectors])
     fitted = identify(model, campaign, noise=noise)
     return PlanPrior(
-        model_error=fitted.model_error[0],
-        model_error_origin="what the campaign shows",
-        prior_scale=fitted.prior_scale or 1.0,
+        hyper=known_hyperparameters(fitted, "what the campaign shows"),
         registration=register(model, campaign),
         campaign=campaign,
     )
@@ -77,10 +73,7 @@ def prior_from_calibration(model: ErrorModel, calibration: Calibration, station:
             f"{', '.join(calibration.targets)}"
         )
     return PlanPrior(
-        model_error=calibration.model_error[0],
-        model_error_origin="as calibrated",
-        prior_scale=calibration.prior_scale,
-        registration=None,
+        hyper=known_hyperparameters(calibration),
         calibration=calibration,
     )
 

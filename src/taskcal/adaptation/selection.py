@@ -1,29 +1,30 @@
 """How many parameters a task needs, and which: the ladder of expected task error, and a choice with its reasons."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.adaptation.candidates import measuring_task
 from taskcal.adaptation.expected_error import Design, design
+from taskcal.adaptation.hyperparameters import assumed_hyperparameters, known_hyperparameters
+from taskcal.adaptation.selection_options import SelectionChoices, SelectionOptions
 from taskcal.analysis.elimination_table import describe_combination, published_kept
 from taskcal.analysis.identifiability import Identifiability, identifiability
 from taskcal.arguments import expect_kinds
 from taskcal.errors import CampaignError, shortened
 from taskcal.estimation.blas import single_threaded
 from taskcal.estimation.scaled import pseudo_invert_scaled
-from taskcal.identification.calibration import Calibration
 from taskcal.identification.cross_validation import mean_over_rows, predict_left_out, split_postures
+from taskcal.identification.fit_options import FitOptions
+from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.identify import identify
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.tracker import TrackerNoise
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.model_error import model_error_of
 from taskcal.task.task import Task, TaskPoses, reach_task
 
 SUFFICIENT = 1.02
@@ -70,6 +71,8 @@ class Selection:
     by hand."""
     model_error: float = 0.0
     """Standard deviation per axis of what the complete model does not explain, with which it was chosen, metres."""
+    model_error_rotation: float | None = None
+    """The same of rotation, radians; None where points were measured, or nothing."""
     model_error_origin: str = ""
     """Where that comes from, in words."""
 
@@ -87,6 +90,7 @@ class Selection:
             "why": self.why,
             "before_mm": self.before * 1e3,
             "model_error_mm": self.model_error * 1e3,
+            **({} if self.model_error_rotation is None else {"model_error_mrad": self.model_error_rotation * 1e3}),
             "model_error_origin": self.model_error_origin,
             "unreachable": self.unreachable,
             "references": {name: {"size": size, "expected_mm": e * 1e3} for name, (size, e) in self.references.items()},
@@ -107,13 +111,7 @@ def select(
     task: Task,
     campaign: Campaign | None = None,
     accuracy: float | None = None,
-    *,
-    count: int = 200,
-    seed: int = 0,
-    folds: int = 5,
-    noise: TrackerNoise | None = None,
-    scales: "Scales | None" = None,
-    model_error: float | None = None,
+    **options: Unpack[SelectionChoices],
 ) -> Selection:
     """Choose the smallest model that serves the task.
 
@@ -125,121 +123,110 @@ def select(
         task: what the robot has to do.
         campaign: measurements, from which model error and prior scale are taken, and which cross-validate every size.
         accuracy: error in space (rms) that is enough, metres.
-        count: poses spread over the task.
-        seed: of that spread, and of the folds.
-        folds: of the cross-validation.
-        noise: the tracker's.
-        scales: what is known of model error and prior scale without a campaign.
-        model_error: standard deviation per axis of what the complete model does not explain, metres, without a campaign and
-            scales; by default that of the robot's file, or of a typical robot (`model_error_of`).
+        **options: those of `SelectionOptions`, each by its name, and all at once as ``options``; names replace what is in those.
+
+            ``count``: poses spread over the task.
+
+            ``seed``: of that spread, and of the folds.
+
+            ``folds``: of the cross-validation.
+
+            ``noise``: the tracker's.
+
+            ``hyperparameters``: what is known of model error and prior scale without a campaign.
+
+            ``model_error``: standard deviation per axis of what the complete model does not explain, metres, without a campaign
+            and hyperparameters; by default that of the robot's file, or of a typical robot (`model_error_of`).
 
     Raises:
         ReachError: the robot does not reach the task.
         CampaignError: the accuracy is below what even the full model is expected to reach, or too few rows.
     """
     expect_kinds({"model": ErrorModel, "task": Task}, model=model, task=task)
-    reached = reach_task(model, task, count, seed)
-    if scales is None:
-        scales = assume_scales(model, model_error)
-    made, hyper = assume_design(model, reached, task, campaign, seed, noise, scales)
-    order, expected = made.ladder()
-    p = len(model)
-    crossed = (
-        [None] * (p + 1) if campaign is None else _cross_validate(model, campaign, order, hyper, folds, seed, noise)
-    )
-    ladder = tuple(
-        NestedModel(
-            size=p - k,
-            dropped_next=model.names[order[k]] if k < p else "",
-            expected=float(expected[k]),
-            cross_validated=None if value is None else value[0],
-            standard_error=None if value is None else value[1],
-        )
-        for k, value in enumerate(crossed)
-    )
+    chosen = SelectionOptions.of(**options)
+    reached = reach_task(model, task, chosen.count, chosen.seed)
+    by, hyper = design_for(model, reached, task, campaign, chosen)
+    order, expected = by.ladder()
+    ladder = _ladder(model, order, expected, _cross_validate(model, campaign, order, hyper, chosen))
     k, why = _choose(ladder, accuracy)
-    kept = sorted(set(range(p)) - set(order[:k]))
+    kept = sorted(set(range(len(model))) - set(order[:k]))
     poses = reached.q if campaign is None else np.concatenate([reached.q, campaign.q])
-    found = identifiability(model, poses)
+    elimination = identifiability(model, poses)
     return Selection(
         kept=tuple(model.names[i] for i in kept),
-        dropped=_reasons(made, order[:k], expected, found, kept),
+        dropped=_reasons(by, order[:k], expected, elimination, kept),
         ladder=ladder,
         why=why,
-        before=made.before,
-        references=_references(model, made, found),
+        before=by.before,
+        references=_references(model, by, elimination),
         unreachable=float(reached.unreachable.mean()),
-        design=made,
+        design=by,
         model_error=hyper.model_error[0],
+        model_error_rotation=hyper.model_error[1] if campaign is not None and campaign.rotations is not None else None,
         model_error_origin=hyper.origin,
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Scales:
-    """What a campaign shows besides the parameters."""
-
-    model_error: tuple[float, ...] = (0.0, 0.0)
-    """Standard deviation per axis of what the model does not explain, metres (and radians, for poses)."""
-    prior_scale: float = 1.0
-    """Factor of the tolerances."""
-    origin: str = "as given"
-    """Where the model error comes from, in words."""
-
-    @classmethod
-    def of(cls, calibration: Calibration, origin: str = "as calibrated") -> "Scales":
-        """Those of a calibration."""
-        return cls(model_error=calibration.model_error, prior_scale=calibration.prior_scale or 1.0, origin=origin)
-
-
-def assume_scales(model: ErrorModel, model_error: float | None = None) -> Scales:
-    """Those of a robot that was not measured: its tolerances, and the model error given, of its file, or typical."""
-    assumed = model_error_of(model.robot, model_error)
-    return Scales(model_error=(assumed.position, 0.0), origin=assumed.source)
-
-
-def assume_design(
+def design_for(
     model: ErrorModel,
     reached: TaskPoses,
     task: Task,
-    campaign: Campaign | None,
-    seed: int,
-    noise: TrackerNoise | None,
-    scales: Scales | None = None,
-) -> tuple[Design, Scales]:
-    """The design of a campaign for a task, with the scales that it shows; of assumed poses where there is none."""
+    campaign: Campaign | None = None,
+    options: SelectionOptions | None = None,
+) -> tuple[Design, Hyperparameters]:
+    """The design of a campaign for a task, with the hyperparameters that it shows; of assumed poses where there is none."""
+    chosen = options or SelectionOptions()
     if campaign is None:
-        assumed = reach_task(model, measuring_task(model, task), ASSUMED_POSES, seed + 1)
-        measured, _ = simulate(model, assumed.q, rng=np.random.default_rng(seed), x=np.zeros(len(model)), noise=noise)
-        scales = scales or assume_scales(model)
+        assumed = reach_task(model, measuring_task(model, task), ASSUMED_POSES, chosen.seed + 1)
+        rng, x = np.random.default_rng(chosen.seed), np.zeros(len(model))
+        measured, _ = simulate(model, assumed.q, rng=rng, x=x, noise=chosen.noise)
+        hyper = chosen.hyperparameters or assumed_hyperparameters(model, chosen.model_error)
     else:
         measured = campaign
-        scales = Scales.of(identify(model, campaign, noise=noise), "what the campaign shows")
-    made = design(model, measured, reached, noise=noise, model_error=scales.model_error, prior_scale=scales.prior_scale)
-    return made, scales
+        hyper = known_hyperparameters(identify(model, campaign, noise=chosen.noise), "what the campaign shows")
+    by = design(
+        model, measured, reached, noise=chosen.noise, model_error=hyper.model_error, prior_scale=hyper.prior_scale
+    )
+    return by, hyper
+
+
+def _ladder(
+    model: ErrorModel,
+    order: list[int],
+    expected: Float[np.ndarray, " sizes"],
+    crossed: list[tuple[float, float]] | None,
+) -> tuple[NestedModel, ...]:
+    """Every size from the full model down to none, with its expected and its cross-validated error."""
+    p = len(model)
+    return tuple(
+        NestedModel(
+            size=p - k,
+            dropped_next=model.names[order[k]] if k < p else "",
+            expected=float(expected[k]),
+            cross_validated=None if crossed is None else crossed[k][0],
+            standard_error=None if crossed is None else crossed[k][1],
+        )
+        for k in range(p + 1)
+    )
 
 
 def _cross_validate(
-    model: ErrorModel,
-    campaign: Campaign,
-    order: list[int],
-    scales: Scales,
-    folds: int,
-    seed: int,
-    noise: TrackerNoise | None,
-) -> list[tuple[float, float] | None]:
-    """Mean error on left-out rows for every nested model, with its standard error over the rows."""
+    model: ErrorModel, campaign: Campaign | None, order: list[int], hyper: Hyperparameters, options: SelectionOptions
+) -> list[tuple[float, float]] | None:
+    """Mean error on left-out rows for every nested model, with its standard error over the rows; None without a campaign."""
+    if campaign is None:
+        return None
     n, p = len(campaign), len(model)
-    if n < 2 * folds:
+    if n < 2 * options.folds:
         raise CampaignError(
-            f"{n} rows are too few for cross-validation in {folds} folds; measure more, or select without it"
+            f"{n} rows are too few for cross-validation in {options.folds} folds; measure more, or select without it"
         )
-    parts = split_postures(campaign.q, folds, seed)
-    error = scales.model_error[0] if len(scales.model_error) == 1 else (scales.model_error[0], scales.model_error[1])
-    out: list[tuple[float, float] | None] = []
+    parts = split_postures(campaign.q, options.folds, options.seed)
+    held = hyper.held(FitOptions(noise=options.noise))
+    out: list[tuple[float, float]] = []
     for k in range(p + 1):
-        keep = [model.names[i] for i in sorted(set(range(p)) - set(order[:k]))]
-        fit = partial(identify, model, keep=keep, noise=noise, model_error=error, prior_scale=scales.prior_scale)
+        keep = tuple(model.names[i] for i in sorted(set(range(p)) - set(order[:k])))
+        fit = partial(identify, model, options=replace(held, keep=keep))
         out.append(mean_over_rows(predict_left_out(fit, campaign, parts)))
     return out
 
@@ -271,19 +258,19 @@ def _choose(ladder: tuple[NestedModel, ...], accuracy: float | None) -> tuple[in
 
 
 def _reasons(
-    made: Design,
+    by: Design,
     gone: list[int],
     expected: Float[np.ndarray, " sizes"],
-    found: Identifiability,
+    elimination: Identifiability,
     kept: list[int],
 ) -> dict[str, str]:
     """Why each dropped parameter is not in the model."""
-    names, out = made.model.names, dict[str, str]()
-    alone = np.sqrt(np.maximum(np.diag(made.influence), 0.0)) * made.prior
+    names, out = by.model.names, dict[str, str]()
+    alone = np.sqrt(np.maximum(np.diag(by.influence), 0.0)) * by.prior
     for step, j in enumerate(gone):
         name = names[j]
-        relation = _relation(made, j, kept)
-        if name in found.zero:
+        relation = _relation(by, j, kept)
+        if name in elimination.zero:
             out[name] = "no effect on the position at any of these poses"
         elif alone[j] <= 1e-6 * expected[0]:
             out[name] = "moves the task only as tracker frame and targets do, which are fitted in any case"
@@ -301,9 +288,9 @@ def _reasons(
     return out
 
 
-def _relation(made: Design, j: int, kept: list[int]) -> dict[str, float]:
+def _relation(by: Design, j: int, kept: list[int]) -> dict[str, float]:
     """The combination of kept parameters that a dropped one equals, for campaign and task together; empty if none."""
-    both = made.information / np.trace(made.information) + made.influence / np.trace(made.influence)
+    both = by.information / np.trace(by.information) + by.influence / np.trace(by.influence)
     if not kept or both[j, j] <= 0.0:
         return {}
     inner = both[np.ix_(kept, kept)]
@@ -312,12 +299,12 @@ def _relation(made: Design, j: int, kept: list[int]) -> dict[str, float]:
     if left > 1e-9 * both[j, j]:
         return {}
     weight = np.abs(c) * np.sqrt(np.diag(inner))
-    return {made.model.names[kept[i]]: float(c[i]) for i in np.flatnonzero(weight > 1e-4 * weight.max())}
+    return {by.model.names[kept[i]]: float(c[i]) for i in np.flatnonzero(weight > 1e-4 * weight.max())}
 
 
-def _references(model: ErrorModel, made: Design, found: Identifiability) -> dict[str, tuple[int, float]]:
+def _references(model: ErrorModel, by: Design, elimination: Identifiability) -> dict[str, tuple[int, float]]:
     """The published and the identifiable set in the same terms."""
-    sets: dict[str, Int[np.ndarray, " k"]] = {"identifiable": model.indices(found.kept)}
+    sets: dict[str, Int[np.ndarray, " k"]] = {"identifiable": model.indices(elimination.kept)}
     if model.robot.published.dropped:
         sets["published"] = model.indices(published_kept(model))
-    return {name: (len(kept), made.expected_error(kept)) for name, kept in sets.items()}
+    return {name: (len(kept), by.expected_error(kept)) for name, kept in sets.items()}

@@ -9,12 +9,12 @@ explains. On real robots it is alike at neighbouring poses.
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from jaxtyping import Float
@@ -22,10 +22,11 @@ from jaxtyping import Float
 from taskcal.adaptation.candidates import measuring_task
 from taskcal.adaptation.plan import plan
 from taskcal.adaptation.selection import select
+from taskcal.adaptation.study_options import StudyChoices, StudyOptions
 from taskcal.adaptation.workers import side_by_side
 from taskcal.analysis.elimination_table import published_kept
 from taskcal.arguments import expect_kinds
-from taskcal.errors import FileError, TaskcalError, UnknownName
+from taskcal.errors import FileError, TaskcalError
 from taskcal.files import write_whole
 from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.identify import identify
@@ -39,9 +40,6 @@ from taskcal.text_file import read_text
 if TYPE_CHECKING:
     import pandas as pd
 
-PlanKind = Literal["planned", "random", "grid"]
-PLANS: tuple[PlanKind, ...] = ("planned", "random", "grid")
-MODELS = ("all", "selected", "published", "published-damped")
 POOL = 2000
 """Poses of the task's workspace that random plans are drawn from."""
 
@@ -57,6 +55,8 @@ class Study:
     rms_with_model_error_mm of single poses, which have the model error beside it."""
     robots: int
     seed: int
+    accuracy: float | None = None
+    """Needed by the task, metres."""
     model_error: float = 0.0
     """Standard deviation per axis of what no parameter explains at a pose, metres."""
     model_error_origin: str = ""
@@ -119,36 +119,38 @@ def study(
     model: ErrorModel,
     task: Task,
     *,
-    robots: int = 200,
-    counts: Iterable[int] = (30, 60),
-    plans: Iterable[PlanKind] = ("planned", "random"),
-    models: Iterable[str] = ("all",),
-    seed: int = 0,
-    noise: TrackerNoise | None = None,
-    model_error: float | None = None,
     engine: str = "loky",
     workers: int = -1,
     resume: str | Path | None = None,
     progress: Progress = lambda done, total: None,
+    **options: Unpack[StudyChoices],
 ) -> Study:
     """Simulate many true robots and see how accurate the task becomes.
 
     Args:
         model: the model that the true robots are drawn from.
         task: what the robot has to do.
-        robots: how many true robots.
-        counts: numbers of measured poses.
-        plans: ``planned`` by `plan`, ``random`` or ``grid`` in the task's own workspace.
-        models: ``all`` parameters, those ``selected`` for the task, the ``published`` ones, or ``published-damped``
-            without prior.
-        seed: of everything.
-        noise: the tracker's.
-        model_error: standard deviation per axis of what no parameter explains, metres, which every robot has at every pose; by
-            default that of the robot's file, or of a typical robot (`model_error_of`).
         engine: of joblib: ``loky``, ``threading``, ``sequential``, or ``dask:ADDRESS`` of a scheduler.
         workers: how many; −1 for one per core.
         resume: a file that keeps what is done; a study that was interrupted goes on from it.
         progress: called with the robots done and their total.
+        **options: those of `StudyOptions`, each by its name, and all at once as ``options``; names replace what is in those.
+
+            ``robots``: how many true robots.
+
+            ``counts``: numbers of measured poses.
+
+            ``plans``: ``planned`` by `plan`, ``random`` or ``grid`` in the task's own workspace.
+
+            ``models``: ``all`` parameters, those ``selected`` for the task, the ``published`` ones, or ``published-damped``
+            without prior.
+
+            ``seed``: of everything.
+
+            ``noise``: the tracker's.
+
+            ``model_error``: standard deviation per axis of what no parameter explains, metres, which every robot has at every
+            pose; by default that of the robot's file, or of a typical robot (`model_error_of`).
 
     Raises:
         UnknownName: a plan, model or engine that does not exist.
@@ -156,67 +158,56 @@ def study(
         ReachError: the robot does not reach the task.
     """
     expect_kinds({"model": ErrorModel, "task": Task}, model=model, task=task)
-    assumed = model_error_of(model.robot, model_error)
-    setting = _prepare(model, task, tuple(counts), tuple(plans), tuple(models), seed, noise or TrackerNoise(), assumed)
+    chosen = StudyOptions.of(**options)
+    setting = _prepare(model, task, chosen)
     done = _read(resume, setting)
-    progress(len(done), robots)
-    left = [index for index in range(robots) if index not in done]
+    progress(len(done), chosen.robots)
+    left = [index for index in range(chosen.robots) if index not in done]
     with closing(side_by_side(partial(_one_robot, setting), left, engine, workers)) as results:
         for index, rows in results:
             done[index] = rows
             if resume is not None:
                 _append(Path(resume), setting, done)
-            progress(len(done), robots)
-    rows = [row for index in range(robots) for row in done[index]]
+            progress(len(done), chosen.robots)
+    rows = [row for index in range(chosen.robots) for row in done[index]]
     return Study(
         rows=tuple(rows),
-        robots=robots,
-        seed=seed,
-        model_error=assumed.position,
-        model_error_origin=assumed.source,
+        robots=chosen.robots,
+        seed=chosen.seed,
+        accuracy=task.accuracy,
+        model_error=setting.model_error.position,
+        model_error_origin=setting.model_error.source,
     )
 
 
-def _prepare(
-    model: ErrorModel,
-    task: Task,
-    counts: tuple[int, ...],
-    plans: tuple[str, ...],
-    models: tuple[str, ...],
-    seed: int,
-    noise: TrackerNoise,
-    model_error: ModelError,
-) -> _Setting:
-    for kind in plans:
-        if kind not in PLANS:
-            raise UnknownName("plan", kind, PLANS)
+def _prepare(model: ErrorModel, task: Task, options: StudyOptions) -> _Setting:
+    seed, noise = options.seed, options.noise or TrackerNoise()
+    model_error = model_error_of(model.robot, options.model_error)
     goal = reach_task(model, task, 200, seed)
     fixed: dict[str, np.ndarray] = {}
-    for count in counts:
-        if "planned" in plans:
-            fixed[f"planned {count}"] = plan(
-                model, task, count, seed=seed, noise=noise, model_error=model_error.position
-            ).q
-        if "grid" in plans:
+    for count in options.counts:
+        if "planned" in options.plans:
+            planned = plan(model, task, count, seed=seed, noise=noise, model_error=model_error.position)
+            fixed[f"planned {count}"] = planned.q
+        if "grid" in options.plans:
             fixed[f"grid {count}"] = reach_task(model, measuring_task(model, task), count, 0).q
+    fits = {name: replace(_fit_of(model, task, name, model_error), noise=noise) for name in options.models}
     return _Setting(
         model=model,
         task_q=goal.q,
         weights=goal.weights,
         plans=fixed,
         pool=reach_task(model, measuring_task(model, task), POOL, seed + 1).q,
-        cases=tuple((kind, count) for count in counts for kind in plans),
-        models={name: replace(_options(model, task, name, model_error), noise=noise) for name in models},
+        cases=tuple((kind, count) for count in options.counts for kind in options.plans),
+        models=fits,
         noise=noise,
         seed=seed,
         model_error=model_error,
     )
 
 
-def _options(model: ErrorModel, task: Task, name: str, model_error: ModelError) -> FitOptions:
+def _fit_of(model: ErrorModel, task: Task, name: str, model_error: ModelError) -> FitOptions:
     """Options of the identification that a model's name stands for."""
-    if name not in MODELS:
-        raise UnknownName("model", name, MODELS)
     if name == "selected":
         return FitOptions(keep=select(model, task, model_error=model_error.position).kept)
     if name.startswith("published"):
@@ -240,8 +231,8 @@ def _one_robot(setting: _Setting, index: int) -> tuple[int, list[dict[str, Any]]
             q = setting.pool[rng.permutation(len(setting.pool))[:count]]
         campaign, truth = simulate(setting.model, q, rng=rng, x=x, noise=setting.noise, model_error=sigma)
         for name, options in setting.models.items():
-            found = identify(setting.model, campaign, options=options)
-            off = (found.predict(setting.task_q) - truth.points(setting.task_q))[:, 0] * 1e3
+            calibration = identify(setting.model, campaign, options=options)
+            off = (calibration.predict(setting.task_q) - truth.points(setting.task_q))[:, 0] * 1e3
             error, single = np.linalg.norm(off, axis=1), np.linalg.norm(off - unexplained * 1e3, axis=1)
             out.append(
                 {

@@ -2,9 +2,10 @@
 
 import json
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, TypedDict, Unpack
 
+from taskcal.arguments import with_choices
 from taskcal.estimation.loss import Loss, Squared
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.measurement.campaign import Campaign
@@ -110,16 +111,12 @@ class FitOptions:
             TypeError: an option that does not exist; the message names all.
         """
         options = choices.pop("options", None) or cls()
-        names = [f.name for f in fields(cls)]
-        for name in choices:
-            if name not in names:
-                raise TypeError(f"no option '{name}' of a fit; there are {', '.join(names)}")
         keep = choices.get("keep")
         if keep is not None and not isinstance(keep, str):
             choices["keep"] = tuple(keep)
         if "loss" in choices and choices["loss"] is None:
             choices["loss"] = Squared()
-        return replace(options, **choices)
+        return with_choices(options, choices, "a fit")
 
     def keeping(self, names: Iterable[str]) -> "FitOptions":
         """The options, with these parameters estimated too where not all are."""

@@ -1,5 +1,6 @@
 """The fit and its hyperparameters in turn: model error and prior scale are those of the largest marginal likelihood."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,12 +24,45 @@ MAX_ROUNDS = 60
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Hyperparameters:
-    """What the evidence says besides the estimate."""
+    """Model error and prior scale: found by the evidence, known from a calibration, or assumed."""
 
     variances: Float[np.ndarray, " groups"]
     """Model error of position, m², and of rotation for poses, rad²."""
     prior_factor: float
     """Factor of the prior's covariance."""
+    origin: str = "what the campaign shows"
+    """Where the model error comes from, in words."""
+
+    @classmethod
+    def of_deviations(
+        cls, model_error: Sequence[float], prior_scale: float | None = None, origin: str = "as given"
+    ) -> "Hyperparameters":
+        """From standard deviations.
+
+        Args:
+            model_error: per axis, metres, and radians for poses.
+            prior_scale: factor of the tolerances; None for one, as where a fit had no prior.
+            origin: of the model error, in words.
+        """
+        factor = 1.0 if prior_scale is None else float(prior_scale) ** 2
+        return cls(variances=np.square(np.asarray(model_error, dtype=float)), prior_factor=factor, origin=origin)
+
+    @property
+    def model_error(self) -> tuple[float, ...]:
+        """Standard deviation per axis, metres, and radians for poses."""
+        return tuple(float(d) for d in np.sqrt(self.variances))
+
+    @property
+    def prior_scale(self) -> float:
+        """Factor of the prior's standard deviations."""
+        return float(np.sqrt(self.prior_factor))
+
+    def held(self, options: FitOptions) -> FitOptions:
+        """Options of a fit that takes these values instead of estimating them."""
+        error = self.model_error
+        return replace(
+            options, model_error=error[0] if len(error) == 1 else (error[0], error[1]), prior_scale=self.prior_scale
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

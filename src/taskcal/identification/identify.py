@@ -191,8 +191,8 @@ def _conclude(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOpt
         outliers=outliers,
         left_out=(),
         ids=campaign.ids,
-        model_error=tuple(float(d) for d in np.sqrt(outcome.hyper.variances)),
-        prior_scale=float(np.sqrt(outcome.hyper.prior_factor)) if has_prior else None,
+        model_error=outcome.hyper.model_error,
+        prior_scale=outcome.hyper.prior_scale if has_prior else None,
         log_evidence=fit.log_evidence if has_prior else None,
         field=None,
         iterations=fit.solution.iterations,
@@ -207,7 +207,7 @@ def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign, has_prior: bool)
     """What is unusual about a fit, in words."""
     out: list[str] = []
     layout, unknowns = outcome.layout, len(fit.solution.z)
-    scale = float(np.sqrt(outcome.hyper.prior_factor))
+    scale = outcome.hyper.prior_scale
     if has_prior and len(outcome.estimated) and scale > WIDE_SCALE:
         out.append(
             f"the robot deviates {scale:.0f} times as much as its tolerances say: check the joints' order, signs and zero "

@@ -1,0 +1,71 @@
+"""What a study simulates: one frozen value."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal, TypedDict, Unpack
+
+from taskcal.arguments import with_choices
+from taskcal.errors import UnknownName
+from taskcal.measurement.tracker import TrackerNoise
+
+PlanKind = Literal["planned", "random", "grid"]
+PLANS: tuple[PlanKind, ...] = ("planned", "random", "grid")
+MODELS = ("all", "selected", "published", "published-damped")
+
+
+class StudyChoices(TypedDict, total=False):
+    """`StudyOptions` by keywords: all of them at once, some of them, or some that replace those of a whole."""
+
+    options: "StudyOptions | None"
+    robots: int
+    counts: Iterable[int]
+    plans: Iterable[PlanKind]
+    models: Iterable[str]
+    seed: int
+    noise: TrackerNoise | None
+    model_error: float | None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StudyOptions:
+    """Options of a study; `dataclasses.replace` gives others.
+
+    Raises:
+        UnknownName: a plan or a model that does not exist.
+    """
+
+    robots: int = 200
+    """How many true robots."""
+    counts: tuple[int, ...] = (30, 60)
+    """Numbers of measured poses."""
+    plans: tuple[PlanKind, ...] = ("planned", "random")
+    """``planned`` by `plan`, ``random`` or ``grid`` in the task's own workspace."""
+    models: tuple[str, ...] = ("all",)
+    """``all`` parameters, those ``selected`` for the task, the ``published`` ones, or ``published-damped`` without prior."""
+    seed: int = 0
+    """Of everything."""
+    noise: TrackerNoise | None = None
+    """The tracker's; None for the default."""
+    model_error: float | None = None
+    """Standard deviation per axis of what no parameter explains, metres, which every robot has at every pose; None for that of
+    the robot's file, or of a typical robot (`model_error_of`)."""
+
+    def __post_init__(self) -> None:
+        for kind in self.plans:
+            if kind not in PLANS:
+                raise UnknownName("plan", kind, PLANS)
+        for name in self.models:
+            if name not in MODELS:
+                raise UnknownName("model", name, MODELS)
+
+    @classmethod
+    def of(cls, **choices: Unpack[StudyChoices]) -> "StudyOptions":
+        """Options by keywords, those not named as in ``options``, or as by default.
+
+        Raises:
+            TypeError: an option that does not exist; the message names all.
+        """
+        for name in ("counts", "plans", "models"):
+            if name in choices:
+                choices[name] = tuple(choices[name])
+        return with_choices(choices.pop("options", None) or cls(), choices, "a study")
