@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
-from taskcal.adaptation.candidates import find_measurable, make_experiment
+from taskcal.adaptation.candidates import find_measurable
 from taskcal.adaptation.expected_error import design
+from taskcal.adaptation.experiment import make_experiment
+from taskcal.adaptation.hyperparameters import assumed_hyperparameters
+from taskcal.adaptation.plan_prior import PlanPrior
 from taskcal.demo.reference import reference_task
 from taskcal.estimation.experiment_design import Candidates, choose
 from taskcal.task.task import reach_task
@@ -15,7 +18,8 @@ def candidates(model, request) -> Candidates:
     count = 400 if request.config.getoption("benchmark_disable") else 10_000
     task = reference_task()
     found = find_measurable(model, task, None, count, 0)
-    return make_experiment(model, reach_task(model, task, 200), found, None).candidates(found)
+    prior = PlanPrior(hyper=assumed_hyperparameters(model, 0.0))
+    return make_experiment(model, reach_task(model, task, 200), found, prior).candidates(found)
 
 
 def one_greedy_step_by_inverses(candidates: Candidates) -> int:

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from taskcal.adaptation.selection import Scales, select
+from taskcal.adaptation.selection import select
 from taskcal.analysis.identifiability import identifiability
 from taskcal.analysis.sensitivity import sensitivity
 from taskcal.demo.reference import reference_task
+from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
 from taskcal.measurement.virtual_cell import simulate
@@ -40,7 +41,7 @@ def test_stated_uncertainty_holds_with_effects(model):
 
 
 def test_effects_compete_in_a_selection(model):
-    found = select(model, TASK, count=60, scales=Scales(model_error=(2e-5,), prior_scale=1.0))
+    found = select(model, TASK, count=60, hyperparameters=Hyperparameters.of_deviations((2e-5,)))
     assert len(found.ladder) == len(model) + 1
     assert {*found.kept, *found.dropped} == set(model.names)
     assert {*found.kept} & {*model.effect_names}

@@ -5,13 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.adaptation import plan as planning
-from taskcal.adaptation.candidates import enlarge, find_measurable, keep_measurable, make_experiment
+from taskcal.adaptation.candidates import enlarge, find_measurable, keep_measurable
 from taskcal.adaptation.expected_error import design
+from taskcal.adaptation.experiment import make_experiment
 from taskcal.adaptation.plan import Plan, plan
+from taskcal.adaptation.plan_options import PlanOptions
+from taskcal.adaptation.plan_prior import PlanPrior
+from taskcal.adaptation.refinement import refine
 from taskcal.demo.reference import reference_task
 from taskcal.errors import CampaignError, ReachError
 from taskcal.geometry import se3
+from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.identify import identify
 from taskcal.kinematics.clearance import Box, beam_is_free, clear_of_boxes, clear_of_itself, place_links
 from taskcal.measurement.station import Reflector, Station
@@ -298,13 +302,14 @@ def test_a_model_error_spreads_the_poses_over_the_task(model, listed, pool):
         ),
         None,
     )
-    smooth = make_experiment(model, goal, found, None, model_error=1e-4, smooth=True)
+    prior = PlanPrior(hyper=Hyperparameters.of_deviations((1e-4,)))
+    smooth = make_experiment(model, goal, found, prior, smooth=True)
     sharp, broad = (plan(model, listed, 20, candidates=pool, model_error=e).q for e in (0.0, 1e-4))
     seen = np.ones((20, 1), dtype=bool)
     assert smooth.error(broad, seen) < smooth.error(sharp, seen)
     # the field's covariance with itself is what was asked for, at any pose
     at = found.q[rng.permutation(len(found.q))[:30]]
-    columns, white = smooth.field.columns(at)
+    columns, white = smooth.linear.field.columns(at)
     variance = (columns**2).sum(axis=2) + white[:, None]
     np.testing.assert_allclose(variance, 1e-8, rtol=1e-3)
 
@@ -315,6 +320,26 @@ def test_the_accuracy_says_how_many_poses_are_needed(model, listed, pool):
     assert made.by_count[made.enough - 1] <= 5e-5 < made.by_count[made.enough - 2]
     assert replace(made, accuracy=1e-9).enough is None
     assert replace(made, accuracy=None).enough is None
+
+
+def test_the_poses_needed_are_those_that_bring_a_single_pose_within_the_accuracy(small):
+    """Model error included: a plan judged by its geometry alone promised an accuracy that no single pose has."""
+    deviation = 5e-5
+    for n in (4, 7, 11):
+        accuracy = float(np.hypot(small.by_count[n - 1], np.sqrt(3.0) * deviation)) * (1 + 1e-9)
+        made = replace(small, accuracy=accuracy, model_error=deviation)
+        assert made.enough == 1 + int(np.argmax(small.by_count <= small.by_count[n - 1]))
+        assert made.to_json()["poses_needed_without_model_error"] <= made.enough
+    hopeless = replace(small, accuracy=8e-5, model_error=deviation)
+    assert hopeless.geometry_allowance == 0.0
+    assert hopeless.enough is None
+
+
+def test_an_option_that_a_plan_does_not_have_is_refused_by_name(model):
+    with pytest.raises(TypeError, match=r"no option 'candidate' of a plan; there are seed, station, .*progress"):
+        plan(model, TASK, 12, candidate=400)
+    chosen = PlanOptions.of(options=PlanOptions(seed=3, refine=0), refine=1)
+    assert (chosen.seed, chosen.refine) == (3, 1)
 
 
 def test_a_list_of_poses_is_planned_for_too(model):
@@ -353,10 +378,11 @@ def test_refinement_keeps_what_the_station_sees(model):
     links = place_links(model, made.q)
     seen = station.visible(model.poses(made.q), links)
     np.testing.assert_array_equal(seen, made.visible)
+    prior = PlanPrior(hyper=Hyperparameters.of_deviations((0.0,)))
     experiment = make_experiment(
-        model, reach_task(model, TASK, 50), find_measurable(model, TASK, station, 200, 0), station
+        model, reach_task(model, TASK, 50), find_measurable(model, TASK, station, 200, 0), prior, station=station
     )
-    q, visible = planning._refine(model, experiment, TASK, station, made.q, made.visible, scale=0.3, seed=0)
+    q, visible = refine(model, experiment, TASK, station, made.q, made.visible, scale=0.3, seed=0)
     np.testing.assert_array_equal(station.visible(model.poses(q), place_links(model, q)), visible)
     assert visible.any(axis=1).all()
     assert experiment.error(q, visible) < experiment.error(made.q, made.visible)
@@ -365,13 +391,13 @@ def test_refinement_keeps_what_the_station_sees(model):
 
 def test_refined_poses_stay_in_the_room_that_measuring_may_take():
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
-    made = planning.plan(model, TASK, 20, candidates=400, refine=3)
+    made = plan(model, TASK, 20, candidates=400, refine=3)
     assert enlarge(TASK, model).workspace.contains(model.poses(made.q)).all()
 
 
 def test_what_a_count_gives_agrees_with_the_plan_where_there_is_a_model_error():
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
-    made = planning.plan(model, TASK, 20, candidates=400, refine=0, model_error=5e-5)
+    made = plan(model, TASK, 20, candidates=400, refine=0, model_error=5e-5)
     assert made.by_count[-1] == pytest.approx(made.expected, rel=0.3)
 
 

@@ -8,6 +8,9 @@ import pytest
 from taskcal.adaptation.selection import SUFFICIENT, select
 from taskcal.demo.reference import reference_task
 from taskcal.errors import CampaignError, ReachError
+from taskcal.geometry import se3
+from taskcal.identification.hyperparameters import Hyperparameters
+from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -17,6 +20,13 @@ from taskcal.task.task import Task, reach_task
 @pytest.fixture(scope="module")
 def model():
     return ErrorModel(load_robot("abb-irb6660-205-1.9"))
+
+
+@pytest.fixture(scope="module")
+def listed(model) -> Task:
+    """The task as a list of poses whose joints are known."""
+    reached = reach_task(model, reference_task(np.radians(20.0)), 30)
+    return Task(name="listed", poses=reached.T, joints=reached.q)
 
 
 def test_the_chosen_model_is_the_smallest_that_suffices(model):
@@ -109,3 +119,22 @@ def test_too_few_rows_for_the_folds_are_refused(model):
     campaign, _ = simulate(model, reach_task(model, reference_task(), 12).q, rng=np.random.default_rng(0))
     with pytest.raises(CampaignError, match=r"12 rows are too few for cross-validation in 7 folds; measure more"):
         select(model, reference_task(), campaign, folds=7)
+
+
+def test_the_former_name_of_the_hyperparameters_still_works_and_warns(model, listed):
+    known = Hyperparameters.of_deviations((1e-4,), 2.0)
+    with pytest.warns(DeprecationWarning, match="scales is called hyperparameters"):
+        former = select(model, listed, scales=known)
+    assert former.to_json() == select(model, listed, hyperparameters=known).to_json()
+    assert former.model_error == pytest.approx(1e-4)
+
+
+def test_a_campaign_of_poses_states_its_model_error_in_milliradians_too(model, listed):
+    campaign, _ = simulate(model, listed.joints[:16], rng=np.random.default_rng(2), pose=True)
+    off = se3.exp(1e-3 * np.random.default_rng(3).normal(size=(16, 3)))
+    campaign = replace(campaign, rotations=off @ campaign.rotations)
+    chosen = select(model, listed, campaign, folds=2)
+    found = identify(model, campaign).model_error
+    assert chosen.to_json()["model_error_mrad"] == pytest.approx(found[1] * 1e3)
+    assert found[1] > 1e-4
+    assert "model_error_mrad" not in select(model, listed).to_json()

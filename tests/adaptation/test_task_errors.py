@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import taskcal as tc
-from taskcal.adaptation.selection import assume_design
+from taskcal.adaptation.selection import design_for
 from taskcal.adaptation.task_errors import TaskCurves, TaskMaps, map_task
 
 MODEL = tc.ErrorModel(tc.load_robot("abb-irb6660-205-1.9"))
@@ -13,7 +13,7 @@ TASK = tc.demo.reference_task()
 
 @pytest.fixture(scope="module")
 def design():
-    return assume_design(MODEL, tc.reach_task(MODEL, TASK), TASK, None, 0, None)[0]
+    return design_for(MODEL, tc.reach_task(MODEL, TASK), TASK)[0]
 
 
 def test_identifying_nothing_is_as_before_and_everything_is_better(design) -> None:

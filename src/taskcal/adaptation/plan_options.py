@@ -15,6 +15,7 @@ from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration
 from taskcal.measurement.station import Station
 from taskcal.measurement.tracker import TrackerNoise
+from taskcal.short_repr import short_repr
 
 CANDIDATES = 10_000
 
@@ -37,6 +38,7 @@ class PlanChoices(TypedDict, total=False):
     progress: Callable[[str], None]
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlanOptions:
     """Options of a plan; `dataclasses.replace` gives others.

@@ -9,7 +9,7 @@ explains. On real robots it is alike at neighbouring poses.
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
@@ -76,26 +76,42 @@ class Study:
         return pd.DataFrame(list(self.rows))
 
     def summary(self) -> list[dict[str, Any]]:
-        """Quantiles over the robots of the rms error, for each plan, count and model, in the order asked for."""
-        groups: dict[tuple[str, int, str], list[float]] = {}
-        single: dict[tuple[str, int, str], list[float]] = {}
+        """Quantiles over the robots of the rms error, for each plan, count and model, in the order asked for.
+
+        Where the task states an accuracy, ``share_accurate`` is the share of robots that meet it at single poses.
+        """
+        groups: dict[tuple[str, int, str], list[Mapping[str, Any]]] = {}
         for row in self.rows:
-            key = (row["plan"], row["count"], row["model"])
-            groups.setdefault(key, []).append(row["rms_mm"])
-            single.setdefault(key, []).append(row["rms_with_model_error_mm"])
+            groups.setdefault((row["plan"], row["count"], row["model"]), []).append(row)
         return [
-            {
-                "plan": kind,
-                "count": count,
-                "model": model,
-                "median_mm": float(np.median(values)),
-                "p05_mm": float(np.percentile(values, 5)),
-                "p95_mm": float(np.percentile(values, 95)),
-                "rms_mm": float(np.sqrt(np.mean(np.square(values)))),
-                "rms_with_model_error_mm": float(np.sqrt(np.mean(np.square(single[kind, count, model])))),
-            }
-            for (kind, count, model), values in groups.items()
+            {"plan": kind, "count": count, "model": model, **self._quantiles(rows)}
+            for (kind, count, model), rows in groups.items()
         ]
+
+    def _quantiles(self, rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+        """Of the robots of one plan, count and model."""
+        geometry = np.array([row["rms_mm"] for row in rows])
+        single = np.array([row["rms_with_model_error_mm"] for row in rows])
+        accurate = {} if self.accuracy is None else {"share_accurate": float(np.mean(single <= self.accuracy * 1e3))}
+        return {
+            "median_mm": float(np.median(geometry)),
+            "p05_mm": float(np.percentile(geometry, 5)),
+            "p95_mm": float(np.percentile(geometry, 95)),
+            "rms_mm": float(np.sqrt(np.mean(np.square(geometry)))),
+            "rms_with_model_error_mm": float(np.sqrt(np.mean(np.square(single)))),
+            **accurate,
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """Machine-readable, in millimetres."""
+        return {
+            "robots": self.robots,
+            "seed": self.seed,
+            "accuracy_mm": None if self.accuracy is None else self.accuracy * 1e3,
+            "model_error_mm": self.model_error * 1e3,
+            "model_error_origin": self.model_error_origin,
+            "summary": self.summary(),
+        }
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -65,7 +65,10 @@ class StudyOptions:
         Raises:
             TypeError: an option that does not exist; the message names all.
         """
-        for name in ("counts", "plans", "models"):
-            if name in choices:
-                choices[name] = tuple(choices[name])
+        if "counts" in choices:
+            choices["counts"] = tuple(choices["counts"])
+        if "plans" in choices:
+            choices["plans"] = tuple(choices["plans"])
+        if "models" in choices:
+            choices["models"] = tuple(choices["models"])
         return with_choices(choices.pop("options", None) or cls(), choices, "a study")

@@ -6,6 +6,7 @@ from taskcal.identification.explanation import Explanation as Explanation
 from taskcal.identification.explanation import Stage as Stage
 from taskcal.identification.field import ResidualField as ResidualField
 from taskcal.identification.fit_options import FitOptions as FitOptions
+from taskcal.identification.hyperparameters import Hyperparameters as Hyperparameters
 from taskcal.identification.outlier import Outlier as Outlier
 from taskcal.identification.residual_analysis import ResidualAnalysis as ResidualAnalysis
 from taskcal.identification.residual_analysis import analyse_residuals as analyse_residuals

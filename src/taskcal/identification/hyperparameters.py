@@ -33,6 +33,11 @@ class Hyperparameters:
     origin: str = "what the campaign shows"
     """Where the model error comes from, in words."""
 
+    def __repr__(self) -> str:
+        error = self.model_error
+        rotation = "" if len(error) == 1 else f" and {error[1] * 1e3:.3g} mrad"
+        return f"Hyperparameters(model error {error[0] * 1e3:.3g} mm{rotation}, prior × {self.prior_scale:.2g}: {self.origin})"
+
     @classmethod
     def of_deviations(
         cls, model_error: Sequence[float], prior_scale: float | None = None, origin: str = "as given"

@@ -9,5 +9,6 @@ from taskcal.measurement.registration import Registration as Registration
 from taskcal.measurement.registration_file import load_registration as load_registration
 from taskcal.measurement.registration_file import save_registration as save_registration
 from taskcal.measurement.station import Reflector as Reflector
+from taskcal.measurement.virtual_cell import SimulationOptions as SimulationOptions
 from taskcal.measurement.virtual_cell import Truth as Truth
 from taskcal.measurement.virtual_cell import draw_defects as draw_defects

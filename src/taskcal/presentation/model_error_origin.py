@@ -12,9 +12,10 @@ def model_error_origin(calibration: Calibration) -> str:
     return f"what geometry {'and effects leave' if calibration.model.effects else 'leaves'} unexplained"
 
 
-def state_model_error(millimetres: float, origin: str) -> str:
+def state_model_error(millimetres: float, origin: str, milliradians: float | None = None) -> str:
     """The model error that a plan, a study or a choice of parameters rests on, and where it comes from."""
-    return f"{millimetres:.3g} mm per axis at every pose: {origin}"
+    rotation = "" if milliradians is None else f" and {milliradians:.3g} mrad"
+    return f"{millimetres:.3g} mm{rotation} per axis at every pose: {origin}"
 
 
 def prior_scale_origin(calibration: Calibration) -> str:

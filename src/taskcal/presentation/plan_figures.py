@@ -50,8 +50,8 @@ def draw_by_count(made: Plan) -> go.Figure:
         )
     start = "calibration as it is" if made.extends else "nominal robot, frames found"
     levels = [(made.before, start, GREY, "dot")]
-    if made.accuracy is not None:
-        levels.append((made.accuracy, "accuracy that the task needs", INK, "dash"))
+    if made.geometry_allowance:
+        levels.append((made.geometry_allowance, "accuracy that the task needs, less the model error", INK, "dash"))
     for value, name, colour, dash in levels:
         figure.add_scatter(
             x=[0, count * 1.03],

@@ -82,14 +82,13 @@ def _numbers(made: Plan) -> tuple[tuple[str, str, str], ...]:
         if made.extends
         else (f"{made.before * 1e3:.3f}", "mm", "expected of the nominal robot, frames found from the same poses"),
     ]
-    if made.accuracy is not None:
+    if made.accuracy is not None and made.geometry_allowance is not None:
         enough = made.enough
-        if enough is None and made.expected <= made.accuracy:
+        if enough is None and made.expected <= made.geometry_allowance:
             enough = len(made.q)
-        reached = f"poses are enough for the task's {made.accuracy * 1e3:g} mm"
-        items.append(
-            (str(enough), "", reached) if enough else ("none", "", f"of these sizes reaches {made.accuracy * 1e3:g} mm")
-        )
+        reached = f"poses are enough for the task's {made.accuracy * 1e3:g} mm, with the model error"
+        missed = f"of these sizes reaches {made.accuracy * 1e3:g} mm with the model error"
+        items.append((str(enough), "", reached) if enough else ("none", "", missed))
     return tuple(items)
 
 

@@ -60,7 +60,11 @@ def test_a_plan_is_better_than_random_poses_and_can_be_driven(
     assert 0.0 < result["expected_error_mm"] < 0.7 * result["random_expected_error_mm"]
     assert result["expected_error_mm"] < result["before_mm"]
     assert (result["count"], len(result["by_count_mm"]), result["criterion"]) == (12, 12, "task")
-    assert result["by_count_mm"][result["poses_needed"] - 1] <= 0.1 < result["by_count_mm"][result["poses_needed"] - 2]
+    allowed = result["geometry_allowance_mm"]
+    assert allowed**2 + 3.0 * result["model_error_mm"] ** 2 == pytest.approx(0.1**2)
+    enough = result["poses_needed"]
+    assert result["by_count_mm"][enough - 1] <= allowed < result["by_count_mm"][enough - 2]
+    assert result["poses_needed_without_model_error"] <= enough
     table = read_csv(tmp_path / "plan.csv")
     assert table.header == ("id", "J1_deg", "J2_deg", "J3_deg", "J4_deg", "J5_deg", "J6_deg")
     q = np.radians(np.stack([table.numbers(name) for name in table.header[1:]], axis=1))

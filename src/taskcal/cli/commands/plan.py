@@ -189,18 +189,23 @@ def _check(made: "Plan", count: int) -> None:
             f"only {made.candidates} candidate poses can be measured, {count} were asked for ({lost or 'none fell away'}); "
             "give more --candidates, or ask for fewer poses"
         )
-    if made.accuracy is not None and _poses_for(made) > made.candidates > 0:
+    # where the model error alone takes the accuracy, the poses are worth measuring all the same: it may turn out smaller
+    wanted = made.geometry_allowance or made.accuracy
+    if wanted is not None and len(made.q) * (made.expected / wanted) ** 2 > made.candidates > 0:
         raise ReachError(
-            f"the task's accuracy of {made.accuracy * 1e3:g} mm is out of reach: {count} poses are expected to leave "
-            f"{made.expected * 1e3:.4f} mm rms, and not even all {made.candidates} that can be measured would do; state an "
-            "accuracy that can be had, or leave it out of the task"
+            f"the task's accuracy of {(made.accuracy or wanted) * 1e3:g} mm is out of reach: {count} poses are expected to leave "
+            f"{made.expected * 1e3:.4f} mm rms{_allowed(made)}, and not even all {made.candidates} that can be measured would do; "
+            "state an accuracy that can be had, or leave it out of the task"
         )
 
 
-def _poses_for(made: "Plan") -> float:
-    """Poses that the accuracy needs at least, if the error falls with the root of their number."""
-    assert made.accuracy is not None
-    return len(made.q) * (made.expected / made.accuracy) ** 2
+def _allowed(made: "Plan") -> str:
+    """How much of the accuracy the model error of a single pose takes, in words."""
+    if not made.geometry_allowance or not made.model_error:
+        return ""
+    return (
+        f", the model error of {made.model_error * 1e3:.3g} mm per axis allows {made.geometry_allowance * 1e3:.4f} mm"
+    )
 
 
 def _seen(made: "Plan", station: "Station | None") -> dict[str, Any]:
@@ -264,12 +269,20 @@ def _show(result: Mapping[str, Any], task: "Task") -> None:
 
 
 def _accuracy(result: Mapping[str, Any]) -> str:
-    wanted = result["accuracy_mm"]
+    wanted, allowed = result["accuracy_mm"], result["geometry_allowance_mm"]
     if wanted is None:
         return "the task states none"
+    if not allowed:
+        alone = 3.0**0.5 * result["model_error_mm"]
+        return (
+            f"the {wanted:g} mm of the task are not met by any number of poses: the model error alone leaves {alone:.4f} mm "
+            "(rms in space); what identifies it, effects above all, is worth more than poses"
+        )
     if result["poses_needed"] is not None:
-        return f"the {wanted:g} mm of the task are met by the first {result['poses_needed']} chosen"
-    if result["expected_error_mm"] <= wanted:
-        return f"the {wanted:g} mm of the task are met by the whole plan"
-    poses = result["count"] * (result["expected_error_mm"] / wanted) ** 2
-    return f"the {wanted:g} mm of the task are not met; some {poses:.0f} poses would be needed"
+        return (
+            f"the {wanted:g} mm of the task are met by the first {result['poses_needed']} chosen, with the model error"
+        )
+    if result["expected_error_mm"] <= allowed:
+        return f"the {wanted:g} mm of the task are met by the whole plan, with the model error"
+    poses = result["count"] * (result["expected_error_mm"] / allowed) ** 2
+    return f"the {wanted:g} mm of the task are not met; some {poses:.0f} poses would be needed, with the model error"

@@ -77,20 +77,21 @@ def command(
             raise typer.BadParameter(f"the {option[2:]} says how large it is", param_hint=f"{option} / --model-error")
     read = [robot, calibration, *files_of_task(task), campaign]
     outputs = check_outputs("select", [("--report", report)], read, force=force)
-    from taskcal.adaptation.selection import Scales, select
+    from taskcal.adaptation.hyperparameters import known_hyperparameters
+    from taskcal.adaptation.selection import select
     from taskcal.identification.calibration_file import load_calibration
     from taskcal.measurement.reader import read_campaign
     from taskcal.task.task import load_task
 
     known = None if calibration is None else load_calibration(calibration)
     model = model_of(robot, known, effects)
-    asked, scales = load_task(task), None if known is None else Scales.of(known)
+    asked, hyper = load_task(task), None if known is None else known_hyperparameters(known)
     measured = None if campaign is None else read_campaign(campaign, model.robot)
     announce_compilation()
     if measured is not None:
         note(f"cross-validating {len(model) + 1} sizes of the model on {len(measured)} rows")
     wanted = None if accuracy is None else accuracy * 1e-3
-    found = select(model, asked, measured, wanted, seed=seed, scales=scales, model_error=stated)
+    found = select(model, asked, measured, wanted, seed=seed, hyperparameters=hyper, model_error=stated)
     result = found.to_json()
     if report is not None:
         with working("maps over the task"):
@@ -152,7 +153,10 @@ def _show(model: Any, result: Mapping[str, Any]) -> None:
     facts = [
         ("kept", f"{chosen}: {', '.join(result['kept'])}"),
         ("why", result["why"]),
-        ("model error", state_model_error(result["model_error_mm"], result["model_error_origin"])),
+        (
+            "model error",
+            state_model_error(result["model_error_mm"], result["model_error_origin"], result.get("model_error_mrad")),
+        ),
         ("nominal robot", f"{result['before_mm']:.4f} mm expected, with the frames fitted"),
     ]
     facts += [

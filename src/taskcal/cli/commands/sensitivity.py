@@ -132,15 +132,16 @@ def _page(
     poses = f"{len(found.matrix)} poses of a campaign"
     maps = None
     if task is not None:
-        from taskcal.adaptation.selection import assume_design
+        from taskcal.adaptation.selection import design_for
+        from taskcal.adaptation.selection_options import SelectionOptions
         from taskcal.adaptation.task_errors import map_task
         from taskcal.presentation.model_error_origin import state_model_error
         from taskcal.task.task import load_task, reach_task
 
         asked = load_task(task)
         poses = f"{len(found.matrix)} poses of {asked.name}"
-        made, scales = assume_design(model, reach_task(model, asked, seed=seed), asked, None, seed, None)
-        poses += f", model error {state_model_error(scales.model_error[0] * 1e3, scales.origin)}"
+        made, hyper = design_for(model, reach_task(model, asked, seed=seed), asked, options=SelectionOptions(seed=seed))
+        poses += f", model error {state_model_error(hyper.model_error[0] * 1e3, hyper.origin)}"
         maps = map_task(model, asked, made, seed=seed)
     return sensitivity_html(found, elimination, maps, poses=poses, version=package_version())
 

@@ -22,7 +22,8 @@ from taskcal.cli.output import announce_compilation, note, show_facts, show_tabl
 from taskcal.cli.outputs import check_outputs, count_as_written, files_of_task
 
 if TYPE_CHECKING:
-    from taskcal.adaptation.study import PlanKind, Study
+    from taskcal.adaptation.study import Study
+    from taskcal.adaptation.study_options import PlanKind
 
 ENGINES = ("loky", "threading", "sequential")
 
@@ -83,7 +84,8 @@ def command(
         force=force,
         updated=("--resume",),
     )
-    from taskcal.adaptation.study import MODELS, PLANS, study
+    from taskcal.adaptation.study import study
+    from taskcal.adaptation.study_options import MODELS, PLANS
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import load_task
@@ -122,7 +124,7 @@ def command(
 
         contents[report] = study_html(model, asked, made, version=package_version())
     outputs.write(contents)
-    result = _result(model.robot.name, asked.accuracy, made, output, report)
+    result = _result(model.robot.name, made, output, report)
     if as_json:
         write_json(result)
     else:
@@ -178,30 +180,9 @@ def _progress(total: int) -> Generator[Callable[[int, int], None], None, None]:
         yield advance
 
 
-def _result(
-    robot: str, accuracy: float | None, made: "Study", output: Path | None, report: Path | None
-) -> dict[str, Any]:
-    lines = made.summary()
-    if accuracy is not None:
-        limit = accuracy * 1e3
-        for line in lines:
-            mine = [
-                row["rms_with_model_error_mm"]
-                for row in made.rows
-                if (row["plan"], row["count"], row["model"]) == (line["plan"], line["count"], line["model"])
-            ]
-            line["share_accurate"] = sum(value <= limit for value in mine) / len(mine)
+def _result(robot: str, made: "Study", output: Path | None, report: Path | None) -> dict[str, Any]:
     files = {name: path for name, path in (("rows", output), ("report", report)) if path is not None}
-    return {
-        "robot": robot,
-        "robots": made.robots,
-        "seed": made.seed,
-        "accuracy_mm": None if accuracy is None else accuracy * 1e3,
-        "model_error_mm": made.model_error * 1e3,
-        "model_error_origin": made.model_error_origin,
-        "summary": lines,
-        **files,
-    }
+    return {"robot": robot, **made.to_json(), **files}
 
 
 def _show(result: Mapping[str, Any], task: str) -> None:
