@@ -123,7 +123,7 @@ def test_too_few_rows_for_the_folds_are_refused(model):
 
 def test_the_former_name_of_the_hyperparameters_still_works_and_warns(model, listed):
     known = Hyperparameters.of_deviations((1e-4,), 2.0)
-    with pytest.warns(DeprecationWarning, match="scales is called hyperparameters"):
+    with pytest.warns(DeprecationWarning, match="'scales' is called 'hyperparameters'"):
         former = select(model, listed, scales=known)
     assert former.to_json() == select(model, listed, hyperparameters=known).to_json()
     assert former.model_error == pytest.approx(1e-4)

@@ -14,7 +14,7 @@ from taskcal.adaptation.hyperparameters import assumed_hyperparameters, known_hy
 from taskcal.adaptation.selection_options import SelectionChoices, SelectionOptions
 from taskcal.analysis.elimination_table import describe_combination, published_kept
 from taskcal.analysis.identifiability import Identifiability, identifiability
-from taskcal.arguments import expect_kinds
+from taskcal.arguments import expect_kinds, renamed_arguments
 from taskcal.errors import CampaignError, shortened
 from taskcal.estimation.blas import single_threaded
 from taskcal.estimation.scaled import pseudo_invert_scaled
@@ -105,6 +105,7 @@ class Selection:
         }
 
 
+@renamed_arguments(scales="hyperparameters")
 @single_threaded
 def select(
     model: ErrorModel,

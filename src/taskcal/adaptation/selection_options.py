@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from typing import TypedDict, Unpack
-from warnings import warn
 
 from taskcal.arguments import with_choices
 from taskcal.identification.hyperparameters import Hyperparameters
@@ -18,7 +17,6 @@ class SelectionChoices(TypedDict, total=False):
     folds: int
     noise: TrackerNoise | None
     hyperparameters: Hyperparameters | None
-    scales: Hyperparameters | None
     model_error: float | None
 
 
@@ -47,11 +45,4 @@ class SelectionOptions:
         Raises:
             TypeError: an option that does not exist; the message names all.
         """
-        if "scales" in choices:
-            warn(
-                "the option scales is called hyperparameters now; the old name goes with the next release",
-                DeprecationWarning,
-                stacklevel=4,
-            )
-            choices["hyperparameters"] = choices.pop("scales")
         return with_choices(choices.pop("options", None) or cls(), choices, "a selection")
