@@ -35,7 +35,7 @@ def test_the_expected_error_is_the_mean_over_simulated_robots(cell, dropped):
     for seed in range(200):
         campaign, truth = simulate(model, measured.q, rng=np.random.default_rng(seed))
         keep = [model.names[i] for i in kept]
-        found = identify(model, campaign, keep=keep, model_error=0.0, prior_scale=1.0)
+        found = identify(model, campaign, keep=keep, model_error=0.0, prior_scale=1.0, gross_errors="keep")
         squares.append(np.sum((found.predict(unseen.q) - truth.points(unseen.q)) ** 2, axis=2).mean())
     mean, standard_error = np.mean(squares), np.std(squares) / np.sqrt(len(squares))
     assert abs(mean - made.expected_error(kept) ** 2) < 4.0 * standard_error

@@ -58,7 +58,7 @@ def test_every_robot_plan_count_and_model_has_its_row(rows):
     assert len({row["rms_mm"] for row in rows}) == len(rows)  # every robot is another, and measured anew
 
 
-@pytest.mark.parametrize(("engine", "workers"), [("threading", 1), ("threading", 2), ("loky", 2), ("loky", 1)])
+@pytest.mark.parametrize(("engine", "workers"), [("threading", 2), ("loky", 2)])
 def test_engine_and_workers_do_not_change_the_rows(model, task, rows, engine, workers):
     assert study(model, task, robots=4, engine=engine, workers=workers, **CASES).rows == rows
 
@@ -192,7 +192,7 @@ def test_the_selected_model_is_as_good_as_the_full_one_and_the_undamped_publishe
     for seed in range(60):
         campaign, truth = simulate(model, measured, rng=np.random.default_rng(seed))
         for name, options in fits.items():
-            found = identify(model, campaign, **options)
+            found = identify(model, campaign, gross_errors="keep", **options)
             squares[name].append([np.mean(((found.predict(q) - truth.points(q)) ** 2).sum(axis=2)) for q in new])
     rms = {name: np.sqrt(np.mean(each, axis=0)) for name, each in squares.items()}
     worse = {name: np.mean(np.array(each) > np.array(squares["all"]), axis=0) for name, each in squares.items()}

@@ -26,7 +26,8 @@ def test_a_correction_below_its_uncertainty_is_uncertain(correction, uncertain):
 
 
 @pytest.mark.parametrize(
-    ("source", "words"), zip(SOURCES, ("measure more poses", "--effects auto", "the tool", "the part"), strict=True)
+    ("source", "words"),
+    list(zip(SOURCES, ("measure more poses", "--effects auto", "the tool", "the part"), strict=True)),
 )
 def test_the_remedy_is_for_the_largest_share(source, words):
     found = budget_of(np.ones(1), np.ones(1), variances(*(200 if name == source else 100 for name in SOURCES)))
