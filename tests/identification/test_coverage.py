@@ -14,7 +14,6 @@ from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
 
-
 MANY = pytest.param(1000, marks=pytest.mark.long)
 
 
