@@ -40,14 +40,17 @@ def _check_first_calls(function: Any = None, *, typechecker: Any) -> Any:
     code = function.__code__
     if _counted[code] >= CALLS:
         return function
-    checked: Callable[..., Any] = _check_each_call(function, typechecker=typechecker)
+    checked: Callable[..., Any] | None = None
 
     @wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
+        nonlocal checked
         __tracebackhide__ = True
         if _counted[code] >= CALLS:
             return function(*args, **kwargs)
         _counted[code] += 1
+        if checked is None:  # not sooner, for most functions of the package are not called in a few tests
+            checked = _check_each_call(function, typechecker=typechecker)
         return checked(*args, **kwargs)
 
     return call
