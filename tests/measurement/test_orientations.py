@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taskcal.measurement.registration import orientations
+from taskcal.measurement.registration_start import orientations
 
 
 def test_the_search_starts_from_48_different_rotations():

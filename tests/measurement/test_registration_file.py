@@ -32,7 +32,7 @@ def saved(model, tmp_path):
 def test_a_registration_comes_back_to_the_last_digit(model, saved):
     path, registration, campaign = saved
     found = load_registration(path, model, campaign)
-    for name in ("T_tracker_base", "T_tool_target", "unlocated"):
+    for name in ("T_tracker_base", "T_tool_target", "unobservable"):
         np.testing.assert_array_equal(getattr(found, name), getattr(registration, name))
     assert found.rms == registration.rms
 

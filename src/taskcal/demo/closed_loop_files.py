@@ -6,7 +6,7 @@ from pathlib import Path
 from taskcal.correction.cell_file import cell_text
 from taskcal.demo.closed_loop import ClosedLoop, LoopRun
 from taskcal.demo.closed_loop_report import closed_loop_html
-from taskcal.identification.calibration import package_version
+from taskcal.identification.provenance import package_version
 
 NAMES = {
     "program": "Milling.mod",

@@ -9,7 +9,7 @@ with κ + γ the crank's lever and θ + ρ the rocker's.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -73,9 +73,31 @@ class Closure:
     """∂θ/∂(α, κ)."""
 
 
+class _Loop(NamedTuple):
+    """The numbers of a `FourBar` as the compiled closure takes them."""
+
+    L1: float
+    L2: float
+    L3: float
+    d: float
+    gamma: float
+    rho: float
+    assembly: float
+
+
+class _ClosureArrays(NamedTuple):
+    """The arrays of a `Closure`, which the compiled closure fills."""
+
+    angle: Float[np.ndarray, " n"]
+    by_length: Float[np.ndarray, "n 4"]
+    by_angle: Float[np.ndarray, "n 2"]
+
+
 @compiled
-def _close(arm_angle, crank_angle, L1, L2, L3, d, gamma, rho, assembly, angle, by_length, by_angle):
+def _close(arm_angle, crank_angle, loop, out):
     """Return the first pose that does not close, or −1."""
+    L1, L2, L3, d, gamma, rho, assembly = loop
+    angle, by_length, by_angle = out
     for i in range(arm_angle.shape[0]):
         a, k = arm_angle[i], crank_angle[i] + gamma
         ca, sa, ck, sk = np.cos(a), np.sin(a), np.cos(k), np.sin(k)
@@ -109,10 +131,9 @@ def close_four_bar(bar: FourBar, arm_angle: Float[np.ndarray, " n"], crank_angle
     n = len(arm_angle)
     out = Closure(angle=np.empty(n), by_length=np.empty((n, 4)), by_angle=np.empty((n, 2)))
     arm_angle, crank_angle = np.ascontiguousarray(arm_angle), np.ascontiguousarray(crank_angle)
-    fails = _close(
-        arm_angle, crank_angle, bar.crank, bar.rod, bar.rocker, bar.arm, bar.crank_angle, bar.rocker_angle,
-        float(bar.assembly), out.angle, out.by_length, out.by_angle,
-    )  # fmt: skip
+    lengths = float(bar.crank), float(bar.rod), float(bar.rocker), float(bar.arm)
+    loop = _Loop(*lengths, float(bar.crank_angle), float(bar.rocker_angle), float(bar.assembly))
+    fails = _close(arm_angle, crank_angle, loop, _ClosureArrays(out.angle, out.by_length, out.by_angle))
     if fails >= 0:
         raise ClosureError(fails, f"{bar.describe(arm_angle[fails], crank_angle[fails])}; {REMEDY}")
     return out

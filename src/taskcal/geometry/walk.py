@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import ClosureError
 from taskcal.geometry.chain import ERROR_FRAME, FIXED, REVOLUTE, Chain
-from taskcal.geometry.compiled import compiled, part
+from taskcal.geometry.compiled import compiled, inlined, part
 
 CHUNK = 8192
 """Poses a thread takes at a time; fewer are walked in the calling thread."""
@@ -106,6 +106,16 @@ def allocate_axes(joints, frames):
     return Axes(np.zeros((joints, 3, 3)), np.zeros((frames, 7, 3)))
 
 
+@inlined
+def _row_product(a, b, g, M):
+    """The row (a, b, g) times the rotation in M."""
+    return (
+        a * M[0, 0] + b * M[1, 0] + g * M[2, 0],
+        a * M[0, 1] + b * M[1, 1] + g * M[2, 1],
+        a * M[0, 2] + b * M[1, 2] + g * M[2, 2],
+    )
+
+
 @part
 def walk_pose(steps, s, error_frames, axes, T):
     """Walk one pose: fill the axes and origins of joints and error frames, and the pose T (3, 4) of the end."""
@@ -142,18 +152,9 @@ def walk_pose(steps, s, error_frames, axes, T):
                 M = e_rotation[i]
             else:
                 M = fixed[i]
-            a, b, g = r00, r01, r02
-            r00 = a * M[0, 0] + b * M[1, 0] + g * M[2, 0]
-            r01 = a * M[0, 1] + b * M[1, 1] + g * M[2, 1]
-            r02 = a * M[0, 2] + b * M[1, 2] + g * M[2, 2]
-            a, b, g = r10, r11, r12
-            r10 = a * M[0, 0] + b * M[1, 0] + g * M[2, 0]
-            r11 = a * M[0, 1] + b * M[1, 1] + g * M[2, 1]
-            r12 = a * M[0, 2] + b * M[1, 2] + g * M[2, 2]
-            a, b, g = r20, r21, r22
-            r20 = a * M[0, 0] + b * M[1, 0] + g * M[2, 0]
-            r21 = a * M[0, 1] + b * M[1, 1] + g * M[2, 1]
-            r22 = a * M[0, 2] + b * M[1, 2] + g * M[2, 2]
+            r00, r01, r02 = _row_product(r00, r01, r02, M)
+            r10, r11, r12 = _row_product(r10, r11, r12, M)
+            r20, r21, r22 = _row_product(r20, r21, r22, M)
         else:
             joint = axes.joints[i]
             joint[1, 0], joint[1, 1], joint[1, 2] = r02, r12, r22

@@ -1,11 +1,9 @@
 """A Calibration: what was identified, how well, and what the robot does with it."""
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from datetime import UTC, datetime
-from functools import cache, cached_property
-from importlib.metadata import PackageNotFoundError, version
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,57 +16,15 @@ from taskcal.geometry import se3, walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
 from taskcal.geometry.covariance_propagation import propagate
 from taskcal.geometry.observations import Observations
+from taskcal.identification.calibration_content import describe_calibration
 from taskcal.identification.field import ResidualField
 from taskcal.identification.outlier import LeftOut, Outlier
 from taskcal.identification.problem import FrameLayout
+from taskcal.identification.provenance import Provenance
 from taskcal.measurement.campaign import Campaign
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.load import Load
-
-FORMAT = "taskcal-calibration"
-FORMAT_VERSION = 3
-"""Version 1 held estimate and covariance of the parameters that were estimated, and of no others; versions 1 and 2 counted
-the rows of outliers among those fitted, and named no line."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Provenance:
-    """Where a calibration comes from."""
-
-    robot: str
-    robot_digest: str
-    campaign: str
-    """File of the campaign."""
-    campaign_digest: str
-    rows: int
-    version: str
-    created: str
-    options: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    """Of the identification: parameters kept, prior, loss, noise, and what was given instead of estimated."""
-
-    @classmethod
-    def of(cls, model: ErrorModel, campaign: Campaign, options: Mapping[str, Any]) -> "Provenance":
-        """Provenance of a fit made now with these options."""
-        return cls(
-            robot=model.robot.name,
-            robot_digest=model.robot.digest,
-            campaign=campaign.source,
-            campaign_digest=campaign.digest,
-            rows=len(campaign),
-            version=package_version(),
-            created=datetime.now(UTC).isoformat(timespec="seconds"),
-            options=options,
-        )
-
-
-@cache
-def package_version() -> str:
-    """Version of the installed package."""
-    try:
-        return version("taskcal")
-    except PackageNotFoundError:
-        return "unknown"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -268,11 +224,11 @@ class Calibration:
 
     def _sides(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n targets b b"]:
         """Covariance of the targets where each joint may have come from either side, with even chance."""
-        middle = self.predict_tool(q)[:, None] @ self.T_tool_target
+        middle = self.target_poses(q)
         out = np.zeros((*middle.shape[:2], 6, 6))
         for j in range(q.shape[1]):
             side = Conditions(approach=np.broadcast_to(np.eye(q.shape[1])[j], q.shape))
-            ends = self.predict_tool(q, side)[:, None] @ self.T_tool_target
+            ends = self.target_poses(q, side)
             moved = ends[..., :3, 3] - middle[..., :3, 3]
             turned = se3.log(ends[..., :3, :3] @ np.swapaxes(middle[..., :3, :3], -1, -2))
             both = np.concatenate([moved, turned], axis=-1)
@@ -357,47 +313,4 @@ class Calibration:
 
     def to_json(self) -> dict[str, Any]:
         """The content of the file."""
-        registration = self.layout.registration
-        return {
-            "format": FORMAT,
-            "format_version": FORMAT_VERSION,
-            "provenance": asdict(self.provenance),
-            "robot": dict(self.model.robot.description),
-            "lengths_only": self.model.lengths_only,
-            "units": "metres and radians",
-            "effects": [effect.to_json() for effect in self.model.effects],
-            "kept": list(self.kept),
-            "targets": list(self.targets),
-            "pose": self.layout.pose,
-            "fixed_frames": self.layout.fixed_frames,
-            "registration": {
-                "T_tracker_base": registration.T_tracker_base.tolist(),
-                "T_tool_target": registration.T_tool_target.tolist(),
-                "rms": registration.rms,
-                "unlocated": registration.unobservable.tolist(),
-            },
-            "names": list(self.all_names),
-            "estimate": self.z.tolist(),
-            "covariance": self.z_covariance.tolist(),
-            "T_tracker_base": self.T_tracker_base.tolist(),
-            "T_tool_target": self.T_tool_target.tolist(),
-            "model_error": list(self.model_error),
-            "prior_scale": self.prior_scale,
-            "log_evidence": self.log_evidence,
-            "field": None if self.field is None else self.field.to_json(),
-            "ids": list(self.ids),
-            "residuals": _without_nan(self.residuals),
-            "studentised": _without_nan(self.studentised),
-            "outliers": [asdict(outlier) for outlier in self.outliers],
-            "left_out": [asdict(row) for row in self.left_out],
-            "iterations": self.iterations,
-            "rounds": self.rounds,
-            "reason": self.reason,
-            "remarks": list(self.remarks),
-        }
-
-
-def _without_nan(array: np.ndarray) -> list[Any]:
-    out = array.astype(object)
-    out[np.isnan(array)] = None
-    return out.tolist()
+        return describe_calibration(self)

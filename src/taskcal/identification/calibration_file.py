@@ -11,16 +11,18 @@ from pydantic import Field, ValidationError
 
 from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.geometry.described_arrays import array_of, of_shape, rigid
-from taskcal.identification.calibration import FORMAT, FORMAT_VERSION, Calibration, Provenance
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.calibration_content import FORMAT, FORMAT_VERSION
 from taskcal.identification.considered import spread_out
 from taskcal.identification.field import ResidualField
 from taskcal.identification.outlier import LeftOut, Outlier
 from taskcal.identification.problem import FrameLayout
+from taskcal.identification.provenance import Provenance
 from taskcal.measurement.registration_file import RegistrationSection
 from taskcal.robot.effects import Effect, effect_from
-from taskcal.robot.effects.registry import current_parameter
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
+from taskcal.robot.parameter import current_parameter
 from taskcal.text_file import read_json
 from taskcal.toml_file import Finite, NotNegative, Section, explain
 

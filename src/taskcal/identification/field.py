@@ -23,6 +23,7 @@ from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.spatial import KDTree
 
 from taskcal.errors import CampaignError
+from taskcal.estimation.squared_exponential import squared_exponential
 from taskcal.short_repr import short_repr
 
 MIN_FIELD_ROWS, MAX_SEARCHED_ROWS, MAX_FIELD_ROWS = 20, 500, 10_000
@@ -111,8 +112,8 @@ class ResidualField:
         apart = near - at[:, None]  # from the pose, where the subtraction below loses nothing
         square = (apart**2).sum(axis=2)
         inner = square[:, :, None] + square[:, None] - 2.0 * apart @ np.swapaxes(apart, 1, 2)
-        K = np.exp(-0.5 * np.maximum(inner, 0.0)) * root[:, :, None] * root[:, None] + self._ratio * np.eye(NEIGHBOURS)
-        k = np.exp(-0.5 * distance**2) * root
+        K = squared_exponential(inner) * root[:, :, None] * root[:, None] + self._ratio * np.eye(NEIGHBOURS)
+        k = squared_exponential(distance**2) * root
         return np.einsum("nk,nk->n", k, np.linalg.solve(K, k[:, :, None])[:, :, 0])
 
     def to_json(self) -> dict[str, Any]:
@@ -144,7 +145,7 @@ _ARRAYS = ("q", "weights", "lengths", "deviation", "noise")
 def _correlation(a: Float[np.ndarray, "n joints"], b: Float[np.ndarray, "k joints"]) -> Float[np.ndarray, "n k"]:
     """Between joint positions in units of their length scales."""
     square = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2.0 * a @ b.T
-    return np.exp(-0.5 * np.maximum(square, 0.0))
+    return squared_exponential(square)
 
 
 def _in_batches(function: Callable[[np.ndarray], np.ndarray], at: Float[np.ndarray, "n joints"]) -> np.ndarray:
@@ -176,9 +177,9 @@ def learn_field(
     scale = np.maximum(q.std(axis=0), 1e-3)
     size = np.sqrt((residual**2).mean(axis=0))
     shape: Any = RBF(np.full(q.shape[1], 2.0), (0.05, 100.0))  # pyright: ignore[reportArgumentType]
-    kernel: Any = ConstantKernel(0.5, (1e-4, 1e2)) * shape + WhiteKernel(0.5, (1e-4, 1e1))
+    prior_kernel: Any = ConstantKernel(0.5, (1e-4, 1e2)) * shape + WhiteKernel(0.5, (1e-4, 1e1))
     rows = np.sort(np.random.default_rng(seed).permutation(len(q))[:MAX_SEARCHED_ROWS])
-    process = GaussianProcessRegressor(kernel, alpha=1e-10, normalize_y=False, random_state=seed)
+    process = GaussianProcessRegressor(prior_kernel, alpha=1e-10, normalize_y=False, random_state=seed)
     with warnings.catch_warnings():
         # a length at its upper bound is a joint without influence, which is an answer
         warnings.simplefilter("ignore", ConvergenceWarning)

@@ -10,13 +10,14 @@ from taskcal.arguments import expect_kinds
 from taskcal.errors import FitError
 from taskcal.estimation.blas import single_threaded
 from taskcal.identification.belief import belief_of
-from taskcal.identification.calibration import Calibration, Provenance
+from taskcal.identification.calibration import Calibration
 from taskcal.identification.considered import Outcome, consider, fitted_alone, fitted_whole
 from taskcal.identification.fit_options import FitChoices, FitOptions
 from taskcal.identification.gross_errors import fit_right_rows
 from taskcal.identification.hyperparameters import MAX_ROUNDS, Fitted, fit_with_hyperparameters
 from taskcal.identification.outlier import studentise
 from taskcal.identification.problem import FrameLayout, Problem, observe
+from taskcal.identification.provenance import Provenance
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.consensus import find_consensus
 from taskcal.measurement.plausibility import check_plausible, check_targets

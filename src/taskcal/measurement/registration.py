@@ -1,25 +1,28 @@
 """Where the tracker and the targets are, from raw measurements and the nominal robot alone."""
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.spatial.transform import Rotation
 
 from taskcal.arguments import expect_kinds, warn_renamed
 from taskcal.errors import CampaignError, ClosureError
 from taskcal.estimation.blas import single_threaded
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.registration_refinement import place, placing_jacobian, refine, rms_length
+from taskcal.measurement.registration_start import (
+    alternate,
+    closed_form,
+    closed_form_rotations,
+    orientations,
+    target_rotation,
+)
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 
 PLAUSIBLE_SHARE = 0.02
 """Nominal residual, as a share of the robot's reach, beyond which joints and points do not belong together."""
-
-OFFSET_PULL = 1e-9
-"""Weight of a target's offset from the tool point against one measured point."""
 
 LOCATED_WITHIN = 0.02
 """A direction of the target offsets is determined if its standard deviation is below this, metres."""
@@ -151,8 +154,8 @@ def _register_points(T: np.ndarray, campaign: Campaign, reach: float) -> Registr
     Z, (t, offsets), rms = _search(R, p, y, target, count, reach)
     unobservable = _unobservable(Z, R, target, count, rms)
     if unobservable.any():
-        t, offsets, residual = _place(Z, R, p, y, target, count, held=unobservable)
-        rms = _rms(residual)
+        t, offsets, residual = place(Z, R, p, y, target, count, held=unobservable)
+        rms = rms_length(residual)
     return Registration(
         T_tracker_base=se3.pose(Z, t),
         T_tool_target=se3.pose(np.broadcast_to(np.eye(3), (count, 3, 3)), offsets),
@@ -176,7 +179,7 @@ def place_targets(model: ErrorModel, campaign: Campaign, T_tracker_base: Float[n
     return Registration(
         T_tracker_base=T_tracker_base,
         T_tool_target=se3.pose(np.broadcast_to(np.eye(3), (count, 3, 3)), offsets),
-        rms=_rms(residual),
+        rms=rms_length(residual),
         unobservable=np.zeros((3 * count, 3 * count)),
     )
 
@@ -199,18 +202,21 @@ def register_closely(
     if len(np.unique(target)) < count:
         raise CampaignError(f"{named_file(campaign)}a target is not seen in any of these rows")
     if campaign.rotations is None:
-        Z = _refine(_closed_form(R, p, y, target, count) if start is None else start, R, p, y, target, count)[0]
+        Z = refine(closed_form(R, p, y, target, count) if start is None else start, R, p, y, target, count)[0]
         X = np.broadcast_to(np.eye(3), (count, 3, 3))
     else:
         Y = campaign.rotations[campaign.valid[:, 0]]
-        Z, X = _closed_form_rotations(R, Y) if start is None else _alternate(start, R, Y, rounds=3)
+        Z, X = closed_form_rotations(R, Y) if start is None else alternate(start, R, Y, rounds=3)
         X = X[None]
-    t, offsets, residual = _place(Z, R, p, y, target, count)
-    unobservable = _unobservable(Z, R, target, count, _rms(residual))
+    t, offsets, residual = place(Z, R, p, y, target, count)
+    unobservable = _unobservable(Z, R, target, count, rms_length(residual))
     if unobservable.any():
-        t, offsets, residual = _place(Z, R, p, y, target, count, held=unobservable)
+        t, offsets, residual = place(Z, R, p, y, target, count, held=unobservable)
     return Registration(
-        T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(X, offsets), rms=_rms(residual), unobservable=unobservable
+        T_tracker_base=se3.pose(Z, t),
+        T_tool_target=se3.pose(X, offsets),
+        rms=rms_length(residual),
+        unobservable=unobservable,
     )
 
 
@@ -218,10 +224,10 @@ def _search(
     R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray, count: int, reach: float
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], float]:
     """From the closed form, and from many orientations if that ends where no robot would be."""
-    best = _refine(_closed_form(R, p, y, target, count), R, p, y, target, count)
+    best = refine(closed_form(R, p, y, target, count), R, p, y, target, count)
     if best[2] > PLAUSIBLE_SHARE * reach:
         for Z in orientations():
-            candidate = _refine(Z, R, p, y, target, count)
+            candidate = refine(Z, R, p, y, target, count)
             if candidate[2] < best[2] * (1.0 - 1e-9):
                 best = candidate
     return best
@@ -236,7 +242,7 @@ def _unobservable(Z: np.ndarray, R: np.ndarray, target: np.ndarray, count: int, 
     confirmed = _confirmed(R)
     if len(np.unique(target[confirmed])) == count:
         R, target = R[confirmed], target[confirmed]
-    A = _placing(Z, R, target, count).reshape(3 * len(R), -1)
+    A = placing_jacobian(Z, R, target, count).reshape(3 * len(R), -1)
     H = A.T @ A
     # information of the offsets alone, the translation eliminated
     values, vectors = np.linalg.eigh(H[3:, 3:] - H[3:, :3] @ np.linalg.solve(H[:3, :3], H[:3, 3:]))
@@ -252,100 +258,6 @@ def _confirmed(R: Float[np.ndarray, "n 3 3"]) -> Bool[np.ndarray, " n"]:
     return turned <= np.partition(turned, len(R) - few - 1)[max(len(R) - few - 1, 0)] + 1e-12
 
 
-def _closed_form(R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray, count: int) -> np.ndarray:
-    """Rotation from base to tracker."""
-    n = len(y)
-    A = np.zeros((n, 3, 9 + 3 + 3 * count))
-    centred = y - y.mean(axis=0)
-    for i in range(3):
-        A[:, i, 3 * i : 3 * i + 3] = centred
-        A[:, i, 9 + i] = 1.0
-    for t in range(count):
-        A[target == t, :, 12 + 3 * t : 15 + 3 * t] = -R[target == t]
-    # columns that hardly matter (flat clouds, one orientation) are left at zero rather than blown up
-    solution = np.linalg.lstsq(A.reshape(3 * n, -1), p.reshape(-1), rcond=1e-6)[0]
-    return se3.nearest_rotation(solution[:9].reshape(3, 3)).T
-
-
-def _place(
-    Z: np.ndarray,
-    R: np.ndarray,
-    p: np.ndarray,
-    y: np.ndarray,
-    target: np.ndarray,
-    count: int,
-    held: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Translation and target offsets for a rotation Z, and the residuals: y = Z·(p + R·o) + t is linear in both.
-
-    Along the directions of the projector `held` the offsets stay zero.
-    """
-    A = _placing(Z, R, target, count)
-    b = y - p @ Z.T
-    flat = A.reshape(3 * len(y), -1)
-    H = flat.T @ flat
-    # in one orientation only the sum of translation and offset is seen: a slight pull leaves the target at the tool point
-    H[range(3, len(H)), range(3, len(H))] += OFFSET_PULL
-    if held is not None:
-        H[3:, 3:] += 1e12 * held
-    solution = np.linalg.solve(H, flat.T @ b.reshape(-1))
-    residual = b - (A @ solution)
-    return solution[:3], solution[3:].reshape(count, 3), residual
-
-
-def _placing(Z: np.ndarray, R: np.ndarray, target: np.ndarray, count: int) -> np.ndarray:
-    """Derivative of the points with respect to translation and offsets."""
-    A = np.zeros((len(R), 3, 3 + 3 * count))
-    A[:, :, :3] = np.eye(3)
-    for t in range(count):
-        A[target == t, :, 3 + 3 * t : 6 + 3 * t] = Z @ R[target == t]
-    return A
-
-
-def _rms(residual: np.ndarray) -> float:
-    return float(np.sqrt((residual**2).sum(axis=1).mean()))
-
-
-def _refine(
-    Z: np.ndarray, R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray, count: int
-) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], float]:
-    """Damped Gauss–Newton on rotation, translation and offsets together; the best point met."""
-    n = len(y)
-    t, offsets, residual = _place(Z, R, p, y, target, count)
-    damping = 1e-6
-    for _ in range(40):
-        arm = (p + (R @ offsets[target][:, :, None])[:, :, 0]) @ Z.T
-        A = np.zeros((n, 3, 6 + 3 * count))
-        A[:, 0, 1], A[:, 0, 2] = arm[:, 2], -arm[:, 1]
-        A[:, 1, 0], A[:, 1, 2] = -arm[:, 2], arm[:, 0]
-        A[:, 2, 0], A[:, 2, 1] = arm[:, 1], -arm[:, 0]
-        A[:, :, 3:6] = np.eye(3)
-        for k in range(count):
-            A[target == k, :, 6 + 3 * k : 9 + 3 * k] = Z @ R[target == k]
-        A = A.reshape(3 * n, -1)
-        H, g = A.T @ A, A.T @ residual.reshape(-1)
-        step = np.linalg.lstsq(H + damping * np.diag(np.diag(H)), g, rcond=1e-12)[0]
-        turned = se3.exp(step[:3]) @ Z
-        trial = _place(turned, R, p, y, target, count)
-        if (trial[2] ** 2).sum() > (residual**2).sum():
-            damping = max(damping * 10.0, 1e-3)
-            if damping > 1e3:
-                break
-            continue
-        gain = 1.0 - (trial[2] ** 2).sum() / max((residual**2).sum(), 1e-300)
-        Z, (t, offsets, residual), damping = turned, trial, damping / 10.0
-        if np.linalg.norm(step[:3]) < 1e-9 or gain < 1e-12:
-            break
-    return Z, (t, offsets), _rms(residual)
-
-
-def orientations() -> list[np.ndarray]:
-    """The 24 rotations of a cube, and the same turned by 45° about a skew axis."""
-    proper = list(Rotation.create_group("O").as_matrix().round())
-    skew = se3.exp(np.array([0.5, 0.4, 0.45]))
-    return proper + [skew @ R for R in proper]
-
-
 def _register_poses(T: np.ndarray, campaign: Campaign, reach: float) -> Registration:
     assert campaign.rotations is not None
     seen = campaign.valid[:, 0]
@@ -354,19 +266,19 @@ def _register_poses(T: np.ndarray, campaign: Campaign, reach: float) -> Registra
     by_points = _search(R, p, y, target, 1, reach)[0]
 
     def cost(ZX: tuple[np.ndarray, np.ndarray]) -> float:
-        return reach**2 * _rotation_cost(ZX, R, Y) + float((_place(ZX[0], R, p, y, target, 1)[2] ** 2).sum())
+        return reach**2 * _rotation_cost(ZX, R, Y) + float((place(ZX[0], R, p, y, target, 1)[2] ** 2).sum())
 
-    starts = [_closed_form_rotations(R, Y), _alternate(by_points, R, Y), (by_points, _target_rotation(by_points, R, Y))]
+    starts = [closed_form_rotations(R, Y), alternate(by_points, R, Y), (by_points, target_rotation(by_points, R, Y))]
     best = min(starts, key=cost)
     if cost(best) > len(y) * (PLAUSIBLE_SHARE * reach) ** 2:
-        best = min([best, *(_alternate(Z, R, Y) for Z in orientations())], key=cost)
+        best = min([best, *(alternate(Z, R, Y) for Z in orientations())], key=cost)
     Z, X = best
-    t, offsets, residual = _place(Z, R, p, y, target, 1)
-    rms = _rms(residual)
+    t, offsets, residual = place(Z, R, p, y, target, 1)
+    rms = rms_length(residual)
     unobservable = _unobservable(Z, R, target, 1, rms)
     if unobservable.any():
-        t, offsets, residual = _place(Z, R, p, y, target, 1, held=unobservable)
-        rms = _rms(residual)
+        t, offsets, residual = place(Z, R, p, y, target, 1, held=unobservable)
+        rms = rms_length(residual)
     return Registration(
         T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(X[None], offsets), rms=rms, unobservable=unobservable
     )
@@ -375,33 +287,3 @@ def _register_poses(T: np.ndarray, campaign: Campaign, reach: float) -> Registra
 def _rotation_cost(ZX: tuple[np.ndarray, np.ndarray], R: np.ndarray, Y: np.ndarray) -> float:
     Z, X = ZX
     return float(((Z @ R @ X - Y) ** 2).sum())
-
-
-def _closed_form_rotations(R: np.ndarray, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Z and X of Z·R·X = Y: with vec(Z) and vec(Xᵀ) as unknowns Z·R = Y·Xᵀ is linear and homogeneous."""
-    n = len(R)
-    A = np.zeros((n, 9, 18))
-    for i, j in itertools.product(range(3), repeat=2):
-        # (Z R)_ij = Σ_k Z_ik R_kj and (Y Xᵀ)_ij = Σ_k Y_ik Xᵀ_kj
-        A[:, 3 * i + j, 3 * i : 3 * i + 3] = R[:, :, j]
-        for k in range(3):
-            A[:, 3 * i + j, 9 + 3 * k + j] -= Y[:, i, k]
-    A = A.reshape(9 * n, 18)
-    null = np.linalg.eigh(A.T @ A)[1][:, 0]
-    Z, Xt = null[:9].reshape(3, 3), null[9:].reshape(3, 3)
-    if np.linalg.det(Z) < 0:
-        Z, Xt = -Z, -Xt
-    return _alternate(se3.nearest_rotation(Z), R, Y, rounds=10)
-
-
-def _alternate(Z: np.ndarray, R: np.ndarray, Y: np.ndarray, rounds: int = 30) -> tuple[np.ndarray, np.ndarray]:
-    """Each of Z and X in turn from the other, as the rotation nearest to the mean."""
-    X = np.eye(3)
-    for _ in range(rounds):
-        X = _target_rotation(Z, R, Y)
-        Z = se3.nearest_rotation((Y @ np.swapaxes(R @ X, 1, 2)).mean(axis=0))
-    return Z, X
-
-
-def _target_rotation(Z: np.ndarray, R: np.ndarray, Y: np.ndarray) -> np.ndarray:
-    return se3.nearest_rotation((np.swapaxes(Z @ R, 1, 2) @ Y).mean(axis=0))

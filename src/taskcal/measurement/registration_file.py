@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
@@ -74,14 +74,19 @@ def registration_text(registration: Registration, model: ErrorModel, campaign: C
         "units": "metres and radians",
         "pose": campaign.rotations is not None,
         "targets": list(campaign.targets),
-        "registration": {
-            "T_tracker_base": registration.T_tracker_base.tolist(),
-            "T_tool_target": registration.T_tool_target.tolist(),
-            "rms": registration.rms,
-            "unlocated": registration.unobservable.tolist(),
-        },
+        "registration": describe_registration(registration),
     }
     return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def describe_registration(registration: Registration) -> dict[str, Any]:
+    """What `RegistrationSection` reads, in this file and in a calibration's."""
+    return {
+        "T_tracker_base": registration.T_tracker_base.tolist(),
+        "T_tool_target": registration.T_tool_target.tolist(),
+        "rms": registration.rms,
+        "unlocated": registration.unobservable.tolist(),  # as files of earlier releases name it
+    }
 
 
 def save_registration(path: str | Path, registration: Registration, model: ErrorModel, campaign: Campaign) -> None:

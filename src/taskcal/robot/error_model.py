@@ -13,11 +13,10 @@ from taskcal.geometry import walk
 from taskcal.geometry.chain import Chain, Step
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Effect, LinearTerm
-from taskcal.robot.effects.registry import current_parameter
 from taskcal.robot.error_frames import defect_steps, length_steps
 from taskcal.robot.joint_side import JointTerm, Shift
 from taskcal.robot.load import Load
-from taskcal.robot.parameter import Parameter
+from taskcal.robot.parameter import Parameter, current_parameter, overrides_of, parameters_of
 from taskcal.robot.robot import Robot
 
 Prepared = tuple[Float[np.ndarray, "_ _"] | None, ...]
@@ -93,21 +92,8 @@ class ErrorModel:
         twice = {name for name in names if names.count(name) > 1}
         if twice:
             raise TaskcalError(f"two effects have a parameter '{min(twice)}'; add each effect once")
-        tolerances = robot.tolerances
-        overrides = {name if name in names else current_parameter(name): t for name, t in tolerances.overrides.items()}
-        default = {"m": tolerances.translation, "rad": tolerances.rotation}
-        self.parameters = tuple(
-            Parameter(
-                name=name,
-                unit=unit,
-                tolerance=overrides.get(
-                    name, tolerances.length if name.startswith("loop.") else stated.get(name) or default[unit]
-                ),
-                symbol=robot.symbols.get(name, ""),
-            )
-            for name, unit in zip(names, units, strict=True)
-        )
-        unknown = set(overrides) - set(names)
+        self.parameters = parameters_of(robot, names, units, stated)
+        unknown = set(overrides_of(robot, names)) - set(names)
         if unknown and not lengths_only:
             raise UnknownName("parameter", min(unknown), names, f"(a tolerance of {robot.name})")
 

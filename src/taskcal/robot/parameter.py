@@ -1,6 +1,12 @@
 """A parameter of an error model, and the unit in which people see it; inside, values are SI."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+from taskcal.robot.robot import Robot
+
+FORMER_PARAMETERS = {"overrun": "overshoot", "growth": "expansion"}
+"""Last parts of parameter names in earlier releases, and now."""
 
 
 @dataclass(frozen=True)
@@ -51,3 +57,41 @@ class Parameter:
     def shown(self) -> ShownUnit:
         """The unit in which people see it."""
         return ShownUnit.of(self.unit)
+
+
+def parameters_of(
+    robot: Robot, names: Sequence[str], units: Sequence[str], stated: Mapping[str, float]
+) -> tuple[Parameter, ...]:
+    """Parameters with the tolerances and symbols of a robot.
+
+    Args:
+        robot: the robot; a tolerance that its file states for a parameter counts more than any other.
+        names: of the parameters.
+        units: of the parameters.
+        stated: tolerances of those that effects bring, by name.
+    """
+    tolerances, overrides = robot.tolerances, overrides_of(robot, names)
+    default = {"m": tolerances.translation, "rad": tolerances.rotation}
+    return tuple(
+        Parameter(
+            name=name,
+            unit=unit,
+            tolerance=overrides.get(
+                name, tolerances.length if name.startswith("loop.") else stated.get(name) or default[unit]
+            ),
+            symbol=robot.symbols.get(name, ""),
+        )
+        for name, unit in zip(names, units, strict=True)
+    )
+
+
+def overrides_of(robot: Robot, names: Sequence[str]) -> dict[str, float]:
+    """Tolerances that a robot's file states for single parameters, by their present names."""
+    overrides = robot.tolerances.overrides
+    return {name if name in names else current_parameter(name): tolerance for name, tolerance in overrides.items()}
+
+
+def current_parameter(name: str) -> str:
+    """What a parameter is called now that a file of an earlier release names; its name as it is where it has not changed."""
+    frame, dot, last = name.rpartition(".")
+    return f"{frame}{dot}{FORMER_PARAMETERS.get(last, last)}" if dot else name

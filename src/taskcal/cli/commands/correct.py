@@ -160,7 +160,7 @@ def command(
         contents.update(found.contents(output))
     written = tuple(contents)
     if report is not None:
-        from taskcal.identification.calibration import package_version
+        from taskcal.identification.provenance import package_version
         from taskcal.presentation.correction_report import correction_html
 
         contents[report] = correction_html(found, known, version=package_version())

@@ -59,7 +59,7 @@ def demo(
     from taskcal.demo.procedure_report import procedure_html
     from taskcal.demo.reference import ROBOT
     from taskcal.errors import FileError
-    from taskcal.identification.calibration import package_version
+    from taskcal.identification.provenance import package_version
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
 

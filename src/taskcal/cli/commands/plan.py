@@ -217,7 +217,7 @@ def _seen(made: "Plan", station: "Station | None") -> dict[str, Any]:
 
 
 def _page(model: "ErrorModel", task: "Task", made: "Plan", seed: int) -> str:
-    from taskcal.identification.calibration import package_version
+    from taskcal.identification.provenance import package_version
     from taskcal.presentation.plan_report import plan_html
 
     return plan_html(model, task, made, seed=seed, version=package_version())

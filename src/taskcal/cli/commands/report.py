@@ -46,8 +46,8 @@ def command(
     read = [calibration, *files_of_task(task), campaign]
     outputs = check_outputs("report", [("--output", output)], read, force=force)
     from taskcal.adaptation.task_uncertainty import uncertainty_over
-    from taskcal.identification.calibration import package_version
     from taskcal.identification.calibration_file import load_calibration
+    from taskcal.identification.provenance import package_version
     from taskcal.presentation.calibration_report import calibration_html
     from taskcal.task.task import load_task
 

@@ -113,7 +113,7 @@ def _page(
 ) -> str:
     from taskcal.adaptation.task_errors import map_task
     from taskcal.analysis.sensitivity import sensitivity
-    from taskcal.identification.calibration import package_version
+    from taskcal.identification.provenance import package_version
     from taskcal.presentation.selection_report import selection_html
     from taskcal.task.task import reach_task
 

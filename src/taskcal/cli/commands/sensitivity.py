@@ -126,7 +126,7 @@ def command(
 def _page(
     model: "ErrorModel", found: "Sensitivity", elimination: "EliminationTable", task: Path | None, seed: int
 ) -> str:
-    from taskcal.identification.calibration import package_version
+    from taskcal.identification.provenance import package_version
     from taskcal.presentation.sensitivity_report import sensitivity_html
 
     poses = f"{len(found.matrix)} poses of a campaign"

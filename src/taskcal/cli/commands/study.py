@@ -119,7 +119,7 @@ def command(
     if output is not None:
         contents[output] = made.to_frame().to_csv(index=False)
     if report is not None:
-        from taskcal.identification.calibration import package_version
+        from taskcal.identification.provenance import package_version
         from taskcal.presentation.study_report import study_html
 
         contents[report] = study_html(model, asked, made, version=package_version())

@@ -20,15 +20,6 @@ FORMER_KEYS = {"overrun": "overshoot"}
 FORMER_KINDS = {"Overrun": "Overshoot"}
 """Of files that earlier releases wrote."""
 
-FORMER_PARAMETERS = {"overrun": "overshoot", "growth": "expansion"}
-"""Last parts of parameter names in earlier releases, and now."""
-
-
-def current_parameter(name: str) -> str:
-    """What a parameter is called now that a file of an earlier release names; its name as it is where it has not changed."""
-    frame, dot, last = name.rpartition(".")
-    return f"{frame}{dot}{FORMER_PARAMETERS.get(last, last)}" if dot else name
-
 
 def register(kind: type["Effect"]) -> None:
     """Take an effect up among those that compete, are read from files, and are named on the command line.

@@ -1,0 +1,58 @@
+"""What a calibration file holds: numbers, names and texts of a calibration, as JSON has them."""
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taskcal.measurement.registration_file import describe_registration
+
+if TYPE_CHECKING:
+    from taskcal.identification.calibration import Calibration
+
+FORMAT = "taskcal-calibration"
+FORMAT_VERSION = 3
+"""Version 1 held estimate and covariance of the parameters that were estimated, and of no others; versions 1 and 2 counted
+the rows of outliers among those fitted, and named no line."""
+
+
+def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
+    """The content of a calibration's file."""
+    return {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "provenance": asdict(calibration.provenance),
+        "robot": dict(calibration.model.robot.description),
+        "lengths_only": calibration.model.lengths_only,
+        "units": "metres and radians",
+        "effects": [effect.to_json() for effect in calibration.model.effects],
+        "kept": list(calibration.kept),
+        "targets": list(calibration.targets),
+        "pose": calibration.layout.pose,
+        "fixed_frames": calibration.layout.fixed_frames,
+        "registration": describe_registration(calibration.layout.registration),
+        "names": list(calibration.all_names),
+        "estimate": calibration.z.tolist(),
+        "covariance": calibration.z_covariance.tolist(),
+        "T_tracker_base": calibration.T_tracker_base.tolist(),
+        "T_tool_target": calibration.T_tool_target.tolist(),
+        "model_error": list(calibration.model_error),
+        "prior_scale": calibration.prior_scale,
+        "log_evidence": calibration.log_evidence,
+        "field": None if calibration.field is None else calibration.field.to_json(),
+        "ids": list(calibration.ids),
+        "residuals": _without_nan(calibration.residuals),
+        "studentised": _without_nan(calibration.studentised),
+        "outliers": [asdict(outlier) for outlier in calibration.outliers],
+        "left_out": [asdict(row) for row in calibration.left_out],
+        "iterations": calibration.iterations,
+        "rounds": calibration.rounds,
+        "reason": calibration.reason,
+        "remarks": list(calibration.remarks),
+    }
+
+
+def _without_nan(array: np.ndarray) -> list[Any]:
+    out = array.astype(object)
+    out[np.isnan(array)] = None
+    return out.tolist()
