@@ -2,14 +2,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from taskcal.demo.reference import reference_task
 from taskcal.errors import CampaignError, ReachError
-from taskcal.measurement import registration
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.plausibility import _few_wrong_rows, check_plausible
 from taskcal.measurement.registration import check_rows, register
@@ -239,75 +237,6 @@ def test_positions_in_metres_are_recognised(rng):
     campaign, _ = measure(rng, model, industrial_positions(rng, 30), sigma=1e-4)
     with pytest.raises(CampaignError, match="the positions may be in metres"):
         register(model, replace(campaign, points=campaign.points / 1000.0))
-
-
-def cloud(rng, n=40, count=2, noise=0.0):
-    """Rotations and positions of a tool, the points measured, their targets, and the truth Z, t, offsets."""
-    R = Rotation.random(n * count, random_state=rng).as_matrix()
-    p, target = rng.normal(size=(n * count, 3)), np.repeat(np.arange(count), n)
-    Z, t, offsets = Rotation.random(random_state=rng).as_matrix(), rng.normal(size=3), 0.2 * rng.normal(size=(count, 3))
-    y = (p + np.einsum("nij,nj->ni", R, offsets[target])) @ Z.T + t + noise * rng.normal(size=p.shape)
-    return R, p, y, target, (Z, t, offsets)
-
-
-@settings(max_examples=20)
-@given(generators, st.integers(1, 3))
-def test_the_closed_form_alone_is_exact_without_noise(rng, count):
-    R, p, y, target, (Z, t, offsets) = cloud(rng, count=count)
-    found = registration._closed_form(R, p, y, target, count)
-    assert angle(found, Z) < 1e-7
-    placed = registration._place(found, R, p, y, target, count)
-    np.testing.assert_allclose(placed[0], t, atol=1e-6)
-    np.testing.assert_allclose(placed[1], offsets, atol=1e-6)
-
-
-@settings(max_examples=20)
-@given(generators, st.floats(0.01, 0.5))
-def test_the_refinement_alone_ends_at_the_least_squares_of_scipy(rng, away):
-    R, p, y, target, (Z, _, _) = cloud(rng, noise=1e-3)
-    start = Rotation.from_rotvec(away * np.array([0.6, -0.8, 0.0])).as_matrix() @ Z
-    found, (t, offsets), rms = registration._refine(start, R, p, y, target, 2)
-
-    def residuals(z):
-        turned = Rotation.from_rotvec(z[:3]).as_matrix() @ Z
-        local = p + np.einsum("nij,nj->ni", R, z[6:].reshape(2, 3)[target])
-        return (y - local @ turned.T - z[3:6]).reshape(-1)
-
-    best = scipy.optimize.least_squares(residuals, np.zeros(12), xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    assert angle(found, Rotation.from_rotvec(best.x[:3]).as_matrix() @ Z) < 1e-7
-    np.testing.assert_allclose(t, best.x[3:6], atol=1e-7)
-    np.testing.assert_allclose(offsets, best.x[6:].reshape(2, 3), atol=1e-7)
-    assert rms == pytest.approx(np.sqrt(2.0 * best.cost / len(y)), rel=1e-9)
-
-
-@settings(max_examples=20)
-@given(generators, st.floats(0.0, 0.5))
-def test_the_alternation_alone_finds_both_rotations_from_near_by(rng, away):
-    R = Rotation.random(30, random_state=rng).as_matrix()
-    Z, X = Rotation.random(2, random_state=rng).as_matrix()
-    start = Rotation.from_rotvec(away * np.array([0.0, 0.6, 0.8])).as_matrix() @ Z
-    found = registration._alternate(start, R, Z @ R @ X, rounds=200)
-    assert angle(found[0], Z) < 1e-6
-    assert angle(found[1], X) < 1e-6
-    # with noise each is the best there is for the other, as Procrustes' problem says
-    Y = Z @ R @ X @ Rotation.from_rotvec(1e-3 * rng.normal(size=(30, 3))).as_matrix()
-    own_Z, own_X = registration._alternate(Z, R, Y, rounds=200)
-    best_Z, _ = Rotation.align_vectors(np.swapaxes(Y, 1, 2).reshape(-1, 3), np.swapaxes(R @ own_X, 1, 2).reshape(-1, 3))
-    best_X, _ = Rotation.align_vectors(
-        np.swapaxes(np.swapaxes(own_Z @ R, 1, 2) @ Y, 1, 2).reshape(-1, 3), np.tile(np.eye(3), (30, 1))
-    )
-    assert angle(own_Z, best_Z.as_matrix()) < 1e-6
-    assert angle(own_X, best_X.as_matrix()) < 1e-6
-
-
-@settings(max_examples=20)
-@given(generators)
-def test_the_closed_form_of_rotations_alone_is_exact_without_noise(rng):
-    R = Rotation.random(20, random_state=rng).as_matrix()
-    Z, X = Rotation.random(2, random_state=rng).as_matrix()
-    found = registration._closed_form_rotations(R, Z @ R @ X)
-    assert angle(found[0], Z) < 1e-6
-    assert angle(found[1], X) < 1e-6
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.estimation.squared_exponential import squared_exponential
+
 LANDMARKS, FIELD_LENGTH = 40, 2.0
 """A smooth model error has so many landmarks, and varies over so many standard deviations of each joint's positions."""
 
@@ -50,4 +52,4 @@ class SmoothField:
 
 
 def _correlation(a: Float[np.ndarray, "n joints"], b: Float[np.ndarray, "k joints"]) -> Float[np.ndarray, "n k"]:
-    return np.exp(-0.5 * ((a[:, None] - b[None]) ** 2).sum(axis=2))
+    return squared_exponential(((a[:, None] - b[None]) ** 2).sum(axis=2))
