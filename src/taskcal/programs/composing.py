@@ -1,4 +1,4 @@
-"""Writing a fresh robot program in the language of a file's suffix."""
+"""Writing a new robot program in the language of a file's suffix."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -53,9 +53,9 @@ class Language:
     """How its files end; letter case does not matter."""
     read: Callable[[tuple[Source, ...], Surroundings], Program]
     compose: Callable[[Composition], Source] | None
-    """Writes a fresh program; None where that cannot be done."""
+    """Writes a new program; None where that cannot be done."""
     composed: tuple[str, ...] = ()
-    """Suffixes of files that can be written afresh."""
+    """Suffixes of files that a new program can be written to."""
     declares_frames: bool
     """Whether a program says its own tools and frames."""
 
@@ -144,7 +144,7 @@ LANGUAGES = (
 """All of them, in the order in which messages name them."""
 
 COMPOSED = tuple(suffix for language in LANGUAGES for suffix in language.composed)
-"""Suffixes of files that can be written afresh."""
+"""Suffixes of files that a new program can be written to."""
 
 
 def language_of(path: Path) -> Language:

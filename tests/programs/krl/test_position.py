@@ -7,17 +7,9 @@ from scipy.spatial.transform import Rotation
 
 from taskcal.programs.krl.lexer import lines_of_words
 from taskcal.programs.krl.parser import parse_operand
-from taskcal.programs.krl.position import (
-    Unresolved,
-    angles,
-    axes,
-    check_external,
-    edits_for,
-    pose,
-    pose_values,
-    rotation,
-)
+from taskcal.programs.krl.position import angles, axes, check_external, edits_for, pose, pose_values, rotation
 from taskcal.programs.krl.syntax import Aggregate
+from taskcal.programs.unresolved import Unresolved
 
 degrees = st.floats(-360.0, 360.0)
 

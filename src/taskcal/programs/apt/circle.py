@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.geometry import se3
-from taskcal.programs.apt.statement import Statement, Token, numbers
+from taskcal.programs.apt.lexer import Token
+from taskcal.programs.apt.syntax import Statement, numbers
 
 _AGREE = 1e-5
 """How far the numbers of one arc may disagree, metres: files round to a few digits."""
@@ -118,7 +119,7 @@ def read_arc(
         return "the arc's direction, start and end do not lie on one circle"
     sweep = float(np.arctan2(last @ tangent, last @ spoke / radius) % (2.0 * np.pi))
     if min(sweep, 2.0 * np.pi - sweep) * radius < _AGREE:
-        return "a full circle has no way that three points tell; write it as two arcs"
+        return "a full circle is not told by three points; write it as two arcs"
     passes = tokens.second[0] < tokens.second[1]
     if passes != (sweep > np.pi) and abs(sweep - np.pi) * radius > _AGREE:
         return "the arc ends at another meeting with its line than the one stated"

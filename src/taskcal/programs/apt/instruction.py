@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.programs.apt.circle import CircleTokens
-from taskcal.programs.apt.statement import Token
+from taskcal.programs.apt.lexer import Token
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -7,9 +7,9 @@ import numpy as np
 
 from taskcal.errors import FileError
 from taskcal.programs.apt.instruction import Instruction
-from taskcal.programs.apt.reader import Reader, Reading
-from taskcal.programs.apt.rewriting import rewritten
-from taskcal.programs.apt.statement import statements
+from taskcal.programs.apt.parser import parse
+from taskcal.programs.apt.resolve import Reading, Resolver
+from taskcal.programs.apt.rewrite import rewrite
 from taskcal.programs.program import Frame, Program, Waypoint
 from taskcal.programs.source import Source
 from taskcal.programs.spinning import spun_alike
@@ -34,7 +34,7 @@ class AptProgram(Program):
         Raises:
             TaskcalError: a motion is to become one to joint positions, which APT does not know.
         """
-        return rewritten(self.sources, self.moves, self.instructions, waypoints)
+        return rewrite(self.sources, self.moves, self.instructions, waypoints)
 
     def reread(self, sources: tuple[Source, ...]) -> "AptProgram":
         """The program of other texts of the same files, with this one's spins along the way; see `Program.reread`."""
@@ -62,9 +62,9 @@ def read_apt(
     for number, source in enumerate(sources):
         if "\0" in source.text:
             raise FileError(source.path, "is a binary file; export it as APT source")
-        reader = Reader(reading=reading, source=source, number=number)
-        for statement in statements(source.text):
-            reader.read(statement)
+        resolver = Resolver(reading=reading, source=source, number=number)
+        for statement in parse(source.text):
+            resolver.read(statement)
     return AptProgram(
         sources=tuple(sources),
         moves=tuple(reading.moves),

@@ -11,7 +11,7 @@ HARMLESS = frozenset(_NO_MOTION.split())
 
 _GO = "CIRCLE MOVARC ARCSLP TLON TLLFT TLRGT GO GOFWD GOBACK GOLFT GORGT GOUP GODOWN GOHOME RETRCT POCKET PROFIL CALL"
 UNREAD_MOTIONS = frozenset(_GO.split())
-"""Motions whose way is not written as numbers, or not in a form that is certain."""
+"""Motions whose path is not written as numbers, or not in a form that is certain."""
 
 BLOCKING = {
     "ORIGIN": "ORIGIN moves the coordinates",
@@ -35,7 +35,7 @@ BLOCKING = {
 CLEARING = {"TERMAC": "MACRO", "LOOPND": "LOOPST"}
 """Words that end what others began."""
 
-NIL = {"NOMORE", "OFF"}
+ENDING = {"NOMORE", "OFF"}
 """Arguments that end what their word began."""
 
 INCH = 0.0254

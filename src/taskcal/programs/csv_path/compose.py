@@ -1,4 +1,4 @@
-"""A fresh path in CSV of given motions."""
+"""A new path in CSV of given motions."""
 
 import csv
 import io
@@ -18,7 +18,7 @@ from taskcal.tabular.column_groups import POSITION, QUATERNION
 
 
 def compose_csv_path(name: str, robot: Robot, moves: Sequence[Move], *, notes: Sequence[str] = ()) -> Source:
-    """A path of its own, ``name.csv``, a row for each motion and for the point on the way of each arc.
+    """A path of its own, ``name.csv``, a row for each motion and for the via point of each arc.
 
     Args:
         name: of the file.

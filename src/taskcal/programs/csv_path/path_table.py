@@ -7,8 +7,8 @@ from jaxtyping import Float
 
 from taskcal.errors import FileError
 from taskcal.geometry import se3
-from taskcal.programs.csv_path.cells import Row, locate_rows
 from taskcal.programs.csv_path.columns import Columns, columns_of
+from taskcal.programs.csv_path.lexer import Row, locate_rows
 from taskcal.programs.program import MoveKind
 from taskcal.programs.source import Place, Source
 from taskcal.programs.tool_axis import with_axis

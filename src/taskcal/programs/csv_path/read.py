@@ -7,13 +7,12 @@ import numpy as np
 
 from taskcal.errors import FileError
 from taskcal.programs.csv_path.path_table import PathTable, read_path_table
-from taskcal.programs.csv_path.rewrite import Written, rewritten
-from taskcal.programs.program import Diagnostic, Frame, Move, Program, Target, Waypoint
+from taskcal.programs.csv_path.resolve import resolve_move, unknown_frame
+from taskcal.programs.csv_path.rewrite import Written, rewrite
+from taskcal.programs.program import Diagnostic, Frame, Move, Program, Waypoint
 from taskcal.programs.source import Edit, Source
 from taskcal.programs.spinning import spun_alike
 from taskcal.robot.robot import Robot
-
-_YES, _NO = ("1", "yes", "true"), ("", "0", "no", "false")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -36,7 +35,7 @@ class CsvProgram(Program):
         edits: list[list[Edit]] = [[] for _ in self.path_tables]
         for number, path in waypoints.items():
             s, written = self.written[number]
-            edits[s] += rewritten(self.path_tables[s], written, path)
+            edits[s] += rewrite(self.path_tables[s], written, path)
         return tuple(path_table.source.edited(e) for path_table, e in zip(self.path_tables, edits, strict=True))
 
     def reread(self, sources: tuple[Source, ...]) -> "CsvProgram":
@@ -77,12 +76,12 @@ def read_csv_path(
                     raise path_table.error("a via point must be followed by the end of its arc", row)
                 via = row
                 continue
-            strangers = _strangers(path_table, row, own, part)
-            if strangers:
-                diagnostics.append(Diagnostic(place=path_table.place(row), text=strangers))
+            unknown = unknown_frame(path_table, row, own, part)
+            if unknown:
+                diagnostics.append(Diagnostic(place=path_table.place(row), text=unknown))
                 before = None
             else:
-                moves.append(_move(path_table, row, via, own, part, before))
+                moves.append(resolve_move(path_table, row, via, own, part, before))
                 written.append((s, Written(row=row, via=via)))
                 before = len(moves) - 1
             via = None
@@ -96,51 +95,3 @@ def read_csv_path(
         tool=tool,
         part=part,
     )
-
-
-def _strangers(path_table: PathTable, row: int, tool: Frame, part: Frame) -> str:
-    """Why a row's tool or frame is not known; empty where both are."""
-    for meaning, frame in (("tool", tool), ("frame", part)):
-        name = path_table.word(row, meaning)
-        if name and name != frame.name:
-            return f"{meaning} '{name}' is not known; only '{frame.name}' was given, so the motion stays as it is"
-    return ""
-
-
-def _move(path_table: PathTable, row: int, via: int | None, tool: Frame, part: Frame, before: int | None) -> Move:
-    kind = path_table.kind(row)
-    if (kind == "circular") != (via is not None):
-        message = "a row 'via' with the via point must stand before the end of an arc, and 'circular' at its end"
-        raise path_table.error(message, row, "move")
-    return Move(
-        kind=kind,
-        end=_target(path_table, row),
-        via=None if via is None else _target(path_table, via),
-        tool=tool,
-        part=part,
-        part_in_hand=False,
-        speed=None if np.isnan(path_table.speed[row]) else float(path_table.speed[row]),
-        stops=_stops(path_table, row),
-        follows=before,
-        routine=path_table.source.path.stem,
-        place=path_table.place(row),
-    )
-
-
-def _target(path_table: PathTable, row: int) -> Target:
-    posed = not np.isnan(path_table.T[row]).any()
-    return Target(
-        name=path_table.word(row, "name") or path_table.word(row, "id"),
-        T=path_table.T[row] if posed else None,
-        q=None if posed else path_table.q[row],
-        posture=None,
-        place=path_table.place(row),
-        free_spin=posed and path_table.columns.only_axis,
-    )
-
-
-def _stops(path_table: PathTable, row: int) -> bool:
-    word = path_table.word(row, "stop").lower()
-    if word not in _YES + _NO:
-        raise path_table.error(f"'{word}' is neither yes nor no", row, path_table.columns.words["stop"])
-    return word in _YES

@@ -26,7 +26,7 @@ class Written:
     """Of the via point, of an arc."""
 
 
-def rewritten(path_table: PathTable, written: Written, path: Sequence[Waypoint]) -> list[Edit]:
+def rewrite(path_table: PathTable, written: Written, path: Sequence[Waypoint]) -> list[Edit]:
     """Edits that give one motion its waypoints: a row for each, and one more for the via point of an arc."""
     first = written.row if written.via is None else written.via
     ahead = "".join(

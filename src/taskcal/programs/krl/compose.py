@@ -1,4 +1,4 @@
-"""A fresh KRL program of given motions."""
+"""A new KRL program of given motions."""
 
 import re
 from collections.abc import Iterator, Sequence

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
-from taskcal.programs.krl.position import Unresolved
 from taskcal.programs.krl.syntax import (
     Aggregate,
     Assignment,
@@ -16,6 +15,7 @@ from taskcal.programs.krl.syntax import (
     Statement,
 )
 from taskcal.programs.source import Place, Source
+from taskcal.programs.unresolved import Unresolved
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

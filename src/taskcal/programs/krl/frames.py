@@ -11,9 +11,10 @@ from taskcal.geometry import se3
 from taskcal.programs.krl.data import Data
 from taskcal.programs.krl.lexer import Word
 from taskcal.programs.krl.parser import parse_operand
-from taskcal.programs.krl.position import Unresolved, pose
+from taskcal.programs.krl.position import pose
 from taskcal.programs.krl.syntax import Aggregate, Assignment, Call, Operand
 from taskcal.programs.program import Frame
+from taskcal.programs.unresolved import Unresolved
 
 Table = Literal["tool", "base", "null", "own"]
 """Where a frame comes from: TOOL_DATA, BASE_DATA, the zero frame, or the program's own."""

@@ -10,6 +10,7 @@ from taskcal.geometry import se3
 from taskcal.programs.krl.syntax import Aggregate
 from taskcal.programs.numeral import renumbered
 from taskcal.programs.source import Edit
+from taskcal.programs.unresolved import Unresolved
 
 POSE = ("X", "Y", "Z", "A", "B", "C")
 AXES = ("A1", "A2", "A3", "A4", "A5", "A6")
@@ -20,10 +21,6 @@ DECIMALS = {**dict.fromkeys("XYZ", 5), **dict.fromkeys("ABC", 6), **dict.fromkey
 
 LOCKED = 1e-7
 """Cosine of B below which A and C turn about the same axis."""
-
-
-class Unresolved(Exception):
-    """The text alone does not tell where a motion goes; the message says why."""
 
 
 def rotation(A: float, B: float, C: float) -> Float[np.ndarray, "3 3"]:

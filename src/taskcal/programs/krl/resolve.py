@@ -9,12 +9,13 @@ from jaxtyping import Float
 from taskcal.programs.krl.data import Datum, File
 from taskcal.programs.krl.frames import NULL, Frames, State, merged
 from taskcal.programs.krl.parser import BLOCKS
-from taskcal.programs.krl.position import Unresolved, axes, check_external, has_axes, has_pose, pose, whole
+from taskcal.programs.krl.position import axes, check_external, has_axes, has_pose, pose, whole
 from taskcal.programs.krl.rewrite import Site, Written
 from taskcal.programs.krl.routines import Routine, altered_by
 from taskcal.programs.krl.status import ACCURATE_BIT, Status
 from taskcal.programs.krl.syntax import Aggregate, Assignment, Call, Control, Motion, Operand, Reference, Statement
 from taskcal.programs.program import Move, MoveKind, Target
+from taskcal.programs.unresolved import Unresolved
 
 KINDS: dict[str, MoveKind] = {
     "PTP": "joint", "SPTP": "joint", "LIN": "linear", "SLIN": "linear", "CIRC": "circular", "SCIRC": "circular",

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from taskcal.programs.fresh_names import FreshNames
 from taskcal.programs.krl.data import Datum, File
 from taskcal.programs.krl.lexer import lines_of_words
 from taskcal.programs.krl.position import EXTERNAL, axis_values, edits_for, has_axes, has_pose, pose_values, whole
@@ -181,7 +182,7 @@ class _Rewriting:
             return
         needed = {use.datum.name for use in self.uses.values()}
         mentions = _mentions(self.files, needed)
-        names = _Names(self.files)
+        names = FreshNames((name for _, name, _ in _all_names(self.files)), longest=LONGEST_NAME)
         for uses in by_datum.values():
             datum = uses[0].datum
             rewritten = {(w.file.number, w.operand.start) for use in uses for w in use.points}
@@ -202,10 +203,10 @@ class _Rewriting:
                     ):
                         self._edit(written.file, Edit(start=operand.start, end=operand.end, text=name))
 
-    def _copied(self, use: _Use, names: "_Names") -> str:
+    def _copied(self, use: _Use, names: FreshNames) -> str:
         """Put a copy of a variable with other numbers behind its line."""
         datum, source = use.datum, use.datum.file.source
-        name = names.fresh(_name(datum))
+        name = names.like(_name(datum))
         start = source.text.rfind("\n", 0, datum.start) + 1
         end = source.text.find("\n", datum.start) + 1
         renamed = Edit(start=datum.start, end=datum.start + len(_name(datum)), text=name)
@@ -242,24 +243,3 @@ def _all_names(files: tuple[File, ...]) -> Iterator[tuple[File, str, int]]:
             for word in words:
                 if word.kind == "name":
                     yield file, word.upper, word.start
-
-
-class _Names:
-    """Names that are not taken."""
-
-    def __init__(self, files: tuple[File, ...]):
-        self._files = files
-        self._taken = set[str]()
-
-    def fresh(self, name: str) -> str:
-        """A name like another one, but of nothing else."""
-        if not self._taken:
-            self._taken = {taken for _, taken, _ in _all_names(self._files)}
-        number = 2
-        while True:
-            suffix = f"_{number}"
-            candidate = name[: LONGEST_NAME - len(suffix)] + suffix
-            if candidate.upper() not in self._taken:
-                self._taken.add(candidate.upper())
-                return candidate
-            number += 1

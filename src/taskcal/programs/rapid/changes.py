@@ -4,8 +4,9 @@ from collections.abc import Callable, Iterator, Sequence
 
 from taskcal.programs.rapid.expressions import RESERVED
 from taskcal.programs.rapid.lexer import Token
-from taskcal.programs.rapid.names import Scope, Unresolved
+from taskcal.programs.rapid.names import Scope
 from taskcal.programs.rapid.predefined import CHANGING, FUNCTIONS, MOTIONLESS, MOVES
+from taskcal.programs.unresolved import Unresolved
 
 MayChange = Callable[[str, str], bool]
 """Whether an instruction or a function, by its key, may change data of a type that it is given."""

@@ -1,4 +1,4 @@
-"""A fresh RAPID module of given motions."""
+"""A new RAPID module of given motions."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import TaskcalError
+from taskcal.programs.fresh_names import FreshNames
 from taskcal.programs.program import Frame, Move, Target
 from taskcal.programs.rapid.configuration import Configuration
 from taskcal.programs.rapid.expressions import RESERVED
@@ -41,17 +42,12 @@ class _Declarations:
 
     lines: list[str] = field(default_factory=list[str])
     names: dict[tuple[object, ...], str] = field(default_factory=dict[tuple[object, ...], str])
-    taken: set[str] = field(default_factory=lambda: {*RESERVED, *DATA})
+    fresh: FreshNames
 
-    def name(self, key: tuple[object, ...], storage: str, wish: str, value: str) -> str:
+    def name(self, key: tuple[object, ...], storage: str, wanted: str, value: str) -> str:
         """The name of data, which are declared when they are first needed."""
         if key not in self.names:
-            name, k = wish, 1
-            while name.lower() in self.taken:
-                k += 1
-                name = f"{wish[: LONGEST_NAME - len(f'_{k}')]}_{k}"
-            self.taken.add(name.lower())
-            self.names[key] = name
+            name = self.names[key] = self.fresh.nearest(wanted)
             self.lines.extend(_broken(f"  {storage} {name}:={value};"))
         return self.names[key]
 
@@ -90,14 +86,14 @@ def compose_rapid(
         )
     if len(robot.joints) != JOINTS or any(robot.prismatic):
         raise TaskcalError(f"{robot.name} is not a robot of six turning axes, which RAPID's targets describe")
-    declared = _Declarations()
-    declared.taken.update({name.lower(), f"{name}{RUN}".lower()})
+    fresh = FreshNames((name, f"{name}{RUN}"), longest=LONGEST_NAME, usual=LONGEST_NAME, reserved=RESERVED | set(DATA))
+    declared = _Declarations(fresh=fresh)
     body: list[str] = []
     for i, move in enumerate(moves):
         if notes:
             body += _comment(notes[i])
         at = None if q is None else q[i]
-        # the posture at the point on the way is that of the end, unless it says its own
+        # the posture at the via point is that of the end, unless it says its own
         points = [_point(move.via, _posture_at(move.via, at), i, robot, declared)] if move.via is not None else []
         points.append(_point(move.end, at, i, robot, declared))
         stop = "fine" if move.stops else zone

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 
-from taskcal.programs.rapid.names import Context, Scope, Unresolved
+from taskcal.programs.rapid.names import Context, Scope
 from taskcal.programs.rapid.predefined import FUNCTIONS, MOTIONLESS, MOVES, MOVING
 from taskcal.programs.rapid.syntax import (
     Aggregate,
@@ -20,6 +20,7 @@ from taskcal.programs.rapid.syntax import (
     Statement,
     Unparsed,
 )
+from taskcal.programs.unresolved import Unresolved
 
 Before = frozenset[int | None]
 """Numbers of the motions that may have been the last one, None for any; empty where control does not come."""

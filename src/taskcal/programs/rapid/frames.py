@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from taskcal.geometry import se3
 from taskcal.programs.program import Frame
-from taskcal.programs.rapid.names import Unresolved
 from taskcal.programs.rapid.predefined import Value
+from taskcal.programs.unresolved import Unresolved
 
 FARTHEST_MM = 1e6
 """No coordinate of a robot's cell is larger; the controller's 9E9 stands for none."""

@@ -7,10 +7,7 @@ from taskcal.programs.rapid.lexer import Token
 from taskcal.programs.rapid.predefined import DATA, TYPES, Value
 from taskcal.programs.rapid.syntax import Declaration, Module, Routine
 from taskcal.programs.source import Source
-
-
-class Unresolved(Exception):
-    """A value that the text does not give; the message says why, for the user."""
+from taskcal.programs.unresolved import Unresolved
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -2,17 +2,11 @@
 
 from collections.abc import Callable
 
-from taskcal.programs.rapid.expressions import ExpressionParser, NotUnderstood
+from taskcal.programs.rapid.expressions import NotUnderstood
 from taskcal.programs.rapid.lexer import Token, tokenize
+from taskcal.programs.rapid.statements import HANDLERS, ROUTINE_END, STORAGE, StatementParser
 from taskcal.programs.rapid.syntax import (
-    Assignment,
-    Branches,
     Declaration,
-    Expression,
-    Instruction,
-    Label,
-    Leave,
-    Loop,
     Module,
     Parameter,
     Problem,
@@ -22,16 +16,6 @@ from taskcal.programs.rapid.syntax import (
     Unparsed,
 )
 
-_STORAGE = ("const", "pers", "var")
-_ROUTINE_END = {"proc": "endproc", "func": "endfunc", "trap": "endtrap"}
-_HANDLERS = ("error", "undo", "backward")
-_INNER_ENDS = ("endif", "elseif", "else", "endfor", "endwhile", "endtest", "case", "default")
-_ROUTINE_ENDS = (*_ROUTINE_END.values(), "endmodule", "module", "proc", "func", "trap")
-_BLOCK_ENDS = frozenset((*_INNER_ENDS, *_HANDLERS, *_ROUTINE_ENDS, "record", "endrecord"))
-"""Words that a statement cannot begin with: a block ends before them, whether they close it or were meant for another."""
-
-_LEAVING = ("return", "goto", "raise", "retry", "trynext", "exit")
-
 
 def parse(text: str) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:
     """The modules of a file, and what could not be understood."""
@@ -40,16 +24,8 @@ def parse(text: str) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:
     return modules, tuple(parser.problems)
 
 
-class _Parser(ExpressionParser):
-    def __init__(self, tokens: list[Token]):
-        super().__init__(tokens)
-        self.problems: list[Problem] = []
-
-    def note(self, position: int, text: str) -> Problem:
-        self.problems.append(Problem(position=position, text=text))
-        return self.problems[-1]
-
-    # files and modules
+class _Parser(StatementParser):
+    """Modules, and what they declare."""
 
     def modules(self) -> tuple[Module, ...]:
         found: list[Module] = []
@@ -77,9 +53,9 @@ class _Parser(ExpressionParser):
         while self.next.kind != "end" and self.next.key not in ("module", "endmodule"):
             first = self.at
             try:
-                match self._after_scope():
+                match self.after_scope():
                     case "const" | "pers" | "var":
-                        declarations.append(self._declaration())
+                        declarations.append(self.declaration())
                     case "proc" | "func" | "trap":
                         routines.append(self._routine())
                     case "record":
@@ -91,8 +67,8 @@ class _Parser(ExpressionParser):
             except NotUnderstood as problem:
                 self.depth = 0
                 noted = self.note(problem.position, problem.text)
-                self._recover(first, ("proc", "func", "trap", "record", "local", *_STORAGE, "module", "endmodule"))
-                unparsed.append(self._unparsed(first, noted))
+                self.recover(first, ("proc", "func", "trap", "record", "local", *STORAGE, "module", "endmodule"))
+                unparsed.append(self.unparsed(first, noted))
         if not self.skip("endmodule"):
             self.note(self.end, f"ENDMODULE of the module '{name.text}' is missing")
         return Module(
@@ -107,42 +83,11 @@ class _Parser(ExpressionParser):
             self.note(problem.position, problem.text)
             return Token("name", "", "", problem.position)
 
-    def _after_scope(self) -> str:
-        """Key of the word behind LOCAL or TASK."""
-        return self.tokens[self.at + 1].key if self.next.key in ("local", "task") else self.next.key
-
-    def _recover(self, first: int, stops: tuple[str, ...]) -> None:
-        """Go on behind the next semicolon, or before a word that begins or ends something."""
-        self.at = max(self.at, first + 1)
-        while self.next.kind != "end" and self.next.key not in stops:
-            if self.take().key == ";":
-                return
-
-    def _unparsed(self, first: int, problem: Problem) -> Unparsed:
-        """The text since its first word, which is not understood."""
-        tokens = tuple(self.tokens[first : self.at])
-        return Unparsed(start=tokens[0].start, end=self.end, tokens=tokens, problem=problem)
-
     def _to_semicolon(self) -> None:
         while self.next.kind != "end" and self.take().key != ";":
             pass
 
     # declarations
-
-    def _declaration(self) -> Declaration:
-        start = self.next.start
-        local = self.skip("local")
-        self.skip("task")
-        storage = self.take().key
-        type_, name = self.name(), self.name()
-        array = self.next.key == "{"
-        if array:
-            self.selected(name)
-        value = self.expression() if self.skip(":=") else None
-        self.expect(";")
-        return Declaration(
-            start=start, end=self.end, storage=storage, local=local, type=type_, name=name, array=array, value=value
-        )
 
     def _record(self) -> Record:
         self.skip("local")
@@ -166,15 +111,15 @@ class _Parser(ExpressionParser):
         name = self.name()
         parameters = self._parameters() if self.skip("(") else ()
         declarations: list[Declaration] = []
-        body = self._body(declarations)
+        body = self.body(declarations)
         handlers: list[tuple[Statement, ...]] = []
-        while self.next.key in _HANDLERS:
+        while self.next.key in HANDLERS:
             self.take()
             if self.skip("("):
                 self.arguments(")")
                 self.expect(")")
-            handlers.append(self._body(declarations))
-        closing = _ROUTINE_END[kind]
+            handlers.append(self.body(declarations))
+        closing = ROUTINE_END[kind]
         if not self.skip(closing):
             self.note(self.next.start, f"{closing.upper()} of '{name.text}' is missing")
         return Routine(
@@ -196,198 +141,3 @@ class _Parser(ExpressionParser):
                     self.take()
             found.append(Parameter(name=name, type=type_.key, optional=optional, changed=changed))
         return tuple(found)
-
-    # statements
-
-    def _body(self, declarations: list[Declaration]) -> tuple[Statement, ...]:
-        """Statements up to a handler or the end of the routine; an ENDIF or the like on the way closes nothing."""
-        found = [*self._block(declarations)]
-        while self.next.key in _INNER_ENDS:
-            stray = self.take()
-            noted = self.note(stray.start, f"'{stray.text}' closes nothing")
-            found += [self._unparsed(self.at - 1, noted), *self._block(declarations)]
-        return tuple(found)
-
-    def _block(self, declarations: list[Declaration]) -> tuple[Statement, ...]:
-        found: list[Statement] = []
-        while self.next.kind != "end" and self.next.key not in _BLOCK_ENDS:
-            if self.skip(";"):
-                continue
-            first = self.at
-            depth = self.depth
-            try:
-                if self.next.key in ("local", "task", *_STORAGE):
-                    if self._after_scope() not in _STORAGE:
-                        break
-                    declarations.append(self._declaration())
-                else:
-                    found.append(self._statement(declarations))
-            except NotUnderstood as problem:
-                self.depth = depth
-                noted = self.note(problem.position, problem.text)
-                self._recover(first, _ROUTINE_ENDS)
-                found.append(self._unparsed(first, noted))
-        return tuple(found)
-
-    def _statement(self, declarations: list[Declaration]) -> Statement:
-        match self.next.key:
-            case "if":
-                return self._if(declarations)
-            case "test":
-                return self._test(declarations)
-            case "for":
-                return self._for(declarations)
-            case "while":
-                return self._while(declarations)
-            case key if key in _LEAVING:
-                return self._leave()
-            case "connect":
-                return self._connect()
-            case "%":
-                return self._late_bound()
-            case "<":
-                return self._placeholder()
-            case _:
-                return self._simple()
-
-    def _simple(self) -> Statement:
-        """An instruction, an assignment or a label."""
-        name = self.name()
-        start = name.start
-        if self.skip(":"):
-            return Label(start=start, end=self.end)
-        if self.next.key in (".", "{", ":="):
-            target = self.selected(name)
-            self.expect(":=")
-            value = self.expression()
-            self.expect(";")
-            return Assignment(start=start, end=self.end, target=target, value=value)
-        arguments = self.arguments(";")
-        self.expect(";")
-        return Instruction(start=start, end=self.end, name=name, arguments=arguments)
-
-    def _leave(self) -> Leave:
-        keyword = self.take()
-        value = None if self.next.key == ";" else self.expression()
-        self.expect(";")
-        return Leave(start=keyword.start, end=self.end, keyword=keyword.key, value=value)
-
-    def _connect(self) -> Statement:
-        """CONNECT gives an interrupt its trap: an instruction without arguments that matter here."""
-        name = self.take()
-        self.selected(self.name())
-        self.expect("with")
-        self.name()
-        self.expect(";")
-        return Instruction(start=name.start, end=self.end, name=name, arguments=())
-
-    def _late_bound(self) -> Statement:
-        """``%"name"% arguments;`` calls a procedure whose name is known only at run time."""
-        name = self.take()
-        self.expression()
-        self.expect("%")
-        arguments = self.arguments(";")
-        self.expect(";")
-        return Instruction(start=name.start, end=self.end, name=name, arguments=arguments)
-
-    def _placeholder(self) -> Statement:
-        """``<SMT>`` and the like, where a statement is still to be written."""
-        first = self.at
-        self.take()
-        name = self.name()
-        self.expect(">")
-        return self._unparsed(
-            first, Problem(position=name.start, text=f"'<{name.text}>' stands for what is still to be written")
-        )
-
-    def _if(self, declarations: list[Declaration]) -> Statement:
-        start = self.take().start
-        conditions: list[Expression] = [self.expression()]
-        if not self.skip("then"):
-            return self._compact_if(start, conditions[0], declarations)
-        self.enter()
-        branches = [self._block(declarations)]
-        otherwise = False
-        while True:
-            if self.skip("elseif"):
-                conditions.append(self.expression())
-                self.expect("then")
-            elif self.skip("else"):
-                otherwise = True
-            else:
-                break
-            branches.append(self._block(declarations))
-        self._close("endif", start)
-        return Branches(
-            start=start, end=self.end, conditions=tuple(conditions), branches=tuple(branches), exhaustive=otherwise
-        )
-
-    def _compact_if(self, start: int, condition: Expression, declarations: list[Declaration]) -> Statement:
-        self.enter()
-        inner = self._statement(declarations)
-        self.depth -= 1
-        if isinstance(inner, Instruction):
-            inner = Instruction(
-                start=inner.start, end=inner.end, name=inner.name, arguments=inner.arguments, compact=True
-            )
-        return Branches(start=start, end=self.end, conditions=(condition,), branches=((inner,),), exhaustive=False)
-
-    def _test(self, declarations: list[Declaration]) -> Statement:
-        start = self.take().start
-        conditions: list[Expression] = [self.expression()]
-        self.enter()
-        branches: list[tuple[Statement, ...]] = []
-        otherwise = False
-        while True:
-            if self.skip("case"):
-                conditions.append(self.expression())
-                while self.skip(","):
-                    conditions.append(self.expression())
-                self.expect(":")
-            elif self.skip("default"):
-                self.expect(":")
-                otherwise = True
-            else:
-                break
-            branches.append(self._block(declarations))
-        self._close("endtest", start)
-        return Branches(
-            start=start, end=self.end, conditions=tuple(conditions), branches=tuple(branches), exhaustive=otherwise
-        )
-
-    def _for(self, declarations: list[Declaration]) -> Statement:
-        start = self.take().start
-        counter = self.name()
-        self.expect("from")
-        conditions = [self.expression()]
-        self.expect("to")
-        conditions.append(self.expression())
-        if self.skip("step"):
-            conditions.append(self.expression())
-        self.expect("do")
-        return self._loop(start, counter, conditions, "endfor", declarations)
-
-    def _while(self, declarations: list[Declaration]) -> Statement:
-        start = self.take().start
-        condition = self.expression()
-        self.expect("do")
-        return self._loop(start, None, [condition], "endwhile", declarations)
-
-    def _loop(
-        self,
-        start: int,
-        counter: Token | None,
-        conditions: list[Expression],
-        closing: str,
-        declarations: list[Declaration],
-    ) -> Loop:
-        self.enter()
-        body = self._block(declarations)
-        self._close(closing, start)
-        return Loop(start=start, end=self.end, counter=counter, conditions=tuple(conditions), body=body)
-
-    def _close(self, keyword: str, start: int) -> None:
-        """Read the word that closes a block."""
-        self.depth -= 1
-        if not self.skip(keyword):
-            self.note(start, f"{keyword.upper()} is missing for what begins here")

@@ -30,29 +30,30 @@ TYPES: Mapping[str, tuple[tuple[str, str], ...]] = {
 }  # fmt: skip
 """Components of the records, each with its type, in order."""
 
-_NIL: Value = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-_NIL_LOAD: Value = (0.001, (0.0, 0.0, 0.001), (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
+_IDENTITY: Value = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+_ZERO_LOAD: Value = (0.001, (0.0, 0.0, 0.001), (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
 _SPEEDS = (
     5, 10, 20, 30, 40, 50, 60, 80, 100, 150, 200, 300, 400, 500, 600, 800, 1000, 1500, 2000, 2500, 3000, 4000, 5000,
     6000, 7000,
 )  # fmt: skip
 # size of the path zone, zones of the reorientation in mm and degrees
 _ZONES = (
-    (0, 0.3, 0.03), (1, 1, 0.1), (5, 8, 0.8), (10, 15, 1.5), (15, 23, 2.3), (20, 30, 3.0), (30, 45, 4.5), (40, 60, 6.0),
-    (50, 75, 7.5), (60, 90, 9.0), (80, 120, 12.0), (100, 150, 15.0), (150, 225, 23.0), (200, 300, 30.0),
+    (0.0, 0.3, 0.03), (1.0, 1.0, 0.1), (5.0, 8.0, 0.8), (10.0, 15.0, 1.5), (15.0, 23.0, 2.3), (20.0, 30.0, 3.0),
+    (30.0, 45.0, 4.5), (40.0, 60.0, 6.0), (50.0, 75.0, 7.5), (60.0, 90.0, 9.0), (80.0, 120.0, 12.0), (100.0, 150.0, 15.0),
+    (150.0, 225.0, 23.0), (200.0, 300.0, 30.0),
 )  # fmt: skip
 
 
 def _zone(fine: bool, size: float, wide: float, angle: float) -> Value:
-    return (fine, float(size), float(wide), float(wide), float(angle), float(wide), float(angle))
+    return (fine, size, wide, wide, angle, wide, angle)
 
 
 DATA: Mapping[str, tuple[str, Value]] = {
-    "tool0": ("tooldata", (True, _NIL, _NIL_LOAD)),
-    "wobj0": ("wobjdata", (False, True, "", _NIL, _NIL)),
+    "tool0": ("tooldata", (True, _IDENTITY, _ZERO_LOAD)),
+    "wobj0": ("wobjdata", (False, True, "", _IDENTITY, _IDENTITY)),
     **{f"v{v}": ("speeddata", (float(v), 500.0, 5000.0, 1000.0)) for v in _SPEEDS},
-    **{f"z{size}": ("zonedata", _zone(False, 0.3 if size == 0 else size, w, a)) for size, w, a in _ZONES},
-    "fine": ("zonedata", _zone(True, 0, 0, 0)),
+    **{f"z{size:g}": ("zonedata", _zone(False, size or 0.3, w, a)) for size, w, a in _ZONES},
+    "fine": ("zonedata", _zone(True, 0.0, 0.0, 0.0)),
     "pi": ("num", 3.141592653589793),
 }
 """Type and value of data that the system declares."""

@@ -8,7 +8,7 @@ from taskcal.errors import FileError
 from taskcal.programs.program import Diagnostic, Program, Waypoint
 from taskcal.programs.rapid.flow import follow_routine, gets_target, is_motion, nested
 from taskcal.programs.rapid.lexer import Token
-from taskcal.programs.rapid.names import Context, File, Scope, Symbol, Unresolved, contexts
+from taskcal.programs.rapid.names import Context, File, Scope, Symbol, contexts
 from taskcal.programs.rapid.parser import parse
 from taskcal.programs.rapid.predefined import MOTIONLESS, MOVES, MOVING, SHIFTING, TURNING
 from taskcal.programs.rapid.resolve import KINDS, Motion, Settings, resolve
@@ -17,6 +17,7 @@ from taskcal.programs.rapid.syntax import Branches, Instruction, Loop, Module, P
 from taskcal.programs.rapid.uses import Use, assigned, uses
 from taskcal.programs.rapid.values import Values
 from taskcal.programs.source import Source
+from taskcal.programs.unresolved import Unresolved
 from taskcal.robot.robot import Robot
 
 

@@ -6,11 +6,12 @@ from dataclasses import dataclass, field
 
 from taskcal.programs.program import Move, MoveKind
 from taskcal.programs.rapid.frames import Frames, frames_of
-from taskcal.programs.rapid.names import File, Scope, Unresolved
+from taskcal.programs.rapid.names import File, Scope
 from taskcal.programs.rapid.predefined import DATA, Value
 from taskcal.programs.rapid.syntax import Argument, Call, Expression, Instruction, Reference
 from taskcal.programs.rapid.target_argument import TargetArgument, resolve_target
 from taskcal.programs.rapid.values import Values
+from taskcal.programs.unresolved import Unresolved
 
 KINDS: Mapping[str, MoveKind] = {"movej": "joint", "movel": "linear", "movec": "circular", "moveabsj": "axes"}
 """The motions that are resolved, by the keys of their names."""

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from taskcal.errors import TaskcalError
+from taskcal.programs.fresh_names import FreshNames
 from taskcal.programs.program import MoveKind, Waypoint
 from taskcal.programs.rapid.expressions import RESERVED
 from taskcal.programs.rapid.lexer import tokenize
@@ -168,7 +169,8 @@ def _write_targets(
                 _edit_numbers(want, edits)
             else:
                 _replace_argument(want, meant_text(want.target, want.texts), edits)
-    fresh = _FreshNames(sources)
+    words = (token.key for source in sources for token in tokenize(source.text) if token.kind == "name")
+    fresh = FreshNames(words, longest=LONGEST_NAME, usual=SAFE_NAME, reserved=RESERVED | set(DATA))
     for (symbol, path), group in declared.items():
         _write_declared(group, _other_uses(uses.get(symbol, ()), path, group), fresh, edits)
 
@@ -195,7 +197,7 @@ def _other_uses(uses: Iterable[Use], path: tuple[int, ...], group: Iterable[_Wan
     return any(use.overlaps(path) and not is_own(use) for use in uses)
 
 
-def _write_declared(group: Sequence[_Want], others: bool, fresh: "_FreshNames", edits: _Edits) -> None:
+def _write_declared(group: Sequence[_Want], others: bool, fresh: FreshNames, edits: _Edits) -> None:
     """Write the numbers of a declared target.
 
     The declaration takes those of most motions where nothing else reads it. Other motions, and those that shift it by Offs or
@@ -229,13 +231,13 @@ def _clone_text(want: _Want) -> str:
     return "".join([*parts, text[at : target.literal.end]])
 
 
-def _clone(want: _Want, value: str, fresh: "_FreshNames", edits: _Edits) -> str:
+def _clone(want: _Want, value: str, fresh: FreshNames, edits: _Edits) -> str:
     """Declare a clone of a target behind it, and say its name."""
     origin = want.target.origin
     if origin is None or origin.symbol.declaration is None or origin.symbol.file is None:
         raise ValueError("only a declared target can be cloned")
     declaration, source = origin.symbol.declaration, origin.symbol.file.source
-    name = fresh.like(origin.symbol)
+    name = fresh.like(origin.symbol.name)
     text = source.text
     storage = text[declaration.start : declaration.type.start]
     type_ = declaration.type.text if declaration.type.key == want.target.type else want.target.type
@@ -258,27 +260,3 @@ def _behind(declaration: Declaration, source: Source) -> tuple[int, str]:
     if rest and not rest.startswith("!"):
         return declaration.end, " "
     return end, f"{source.newline}{source.indent(declaration.start)}"
-
-
-class _FreshNames:
-    """Names that no file uses."""
-
-    def __init__(self, sources: Sequence[Source]):
-        self.sources = sources
-        self.taken: set[str] = set()
-        self.longest = SAFE_NAME
-
-    def like(self, symbol: Symbol) -> str:
-        """A name that begins like that of a symbol."""
-        if not self.taken:
-            words = {token.key for source in self.sources for token in tokenize(source.text) if token.kind == "name"}
-            self.taken = words | RESERVED | set(DATA)
-            self.longest = min(LONGEST_NAME, max(SAFE_NAME, *map(len, words)))
-        k = 2
-        while True:
-            ending = f"_{k}"
-            name = f"{symbol.name[: self.longest - len(ending)]}{ending}"
-            if name.lower() not in self.taken:
-                self.taken.add(name.lower())
-                return name
-            k += 1

@@ -11,10 +11,11 @@ from taskcal.geometry import se3
 from taskcal.programs.program import Target
 from taskcal.programs.rapid.configuration import Configuration
 from taskcal.programs.rapid.frames import numbers, parts, pose_of, position, quaternion
-from taskcal.programs.rapid.names import File, Scope, Unresolved
+from taskcal.programs.rapid.names import File, Scope
 from taskcal.programs.rapid.predefined import Value
 from taskcal.programs.rapid.syntax import Aggregate, Argument, Call, Expression, Number, Reference
 from taskcal.programs.rapid.values import Origin, Values
+from taskcal.programs.unresolved import Unresolved
 
 TargetType = Literal["robtarget", "jointtarget"]
 

@@ -10,7 +10,7 @@ from taskcal.programs.rapid.changes import (
     names_in_unparsed_text,
     type_of,
 )
-from taskcal.programs.rapid.names import Context, File, Scope, Symbol, Unresolved
+from taskcal.programs.rapid.names import Context, File, Scope, Symbol
 from taskcal.programs.rapid.syntax import (
     Aggregate,
     Argument,
@@ -30,6 +30,7 @@ from taskcal.programs.rapid.syntax import (
     Unparsed,
 )
 from taskcal.programs.rapid.values import Values
+from taskcal.programs.unresolved import Unresolved
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from taskcal.programs.rapid.names import Scope, Symbol, Unresolved
+from taskcal.programs.rapid.names import Scope, Symbol
 from taskcal.programs.rapid.predefined import Value
 from taskcal.programs.rapid.syntax import (
     Aggregate,
@@ -16,6 +16,7 @@ from taskcal.programs.rapid.syntax import (
     Text,
     Truth,
 )
+from taskcal.programs.unresolved import Unresolved
 
 CHAIN = 100
 """Values that lead to others through more steps than this probably lead to themselves."""

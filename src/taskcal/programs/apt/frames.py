@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.programs.apt.statement import Statement, numbers
+from taskcal.programs.apt.syntax import Statement, numbers
 
 SAME_FRAME = 1e-5
 """Entries of two statements of one frame differ by less; lengths in the program's unit."""

@@ -6,10 +6,11 @@ import numpy as np
 
 from taskcal.geometry import se3
 from taskcal.programs.apt.circle import circle_tokens, read_arc
+from taskcal.programs.apt.frames import StatedFrames
 from taskcal.programs.apt.instruction import Instruction
-from taskcal.programs.apt.stated_frame import StatedFrames
-from taskcal.programs.apt.statement import Statement, Token
-from taskcal.programs.apt.words import BLOCKING, CLEARING, FEEDS, HARMLESS, NIL, UNITS, UNREAD_MOTIONS
+from taskcal.programs.apt.lexer import Token
+from taskcal.programs.apt.syntax import Statement
+from taskcal.programs.apt.words import BLOCKING, CLEARING, ENDING, FEEDS, HARMLESS, UNITS, UNREAD_MOTIONS
 from taskcal.programs.program import Diagnostic, Frame, Move, MoveKind, Target
 from taskcal.programs.source import Place, Source
 from taskcal.programs.tool_axis import with_axis
@@ -34,7 +35,7 @@ class Reading:
 
 
 @dataclass(kw_only=True)
-class Reader:
+class Resolver:
     """What the statements of one file have set so far."""
 
     reading: Reading
@@ -142,8 +143,8 @@ class Reader:
         if relative and begin is None:
             self.unresolved(statement, "GODLTA counts from a place that is not known")
             return
-        given = np.array(values)
-        step = self.unit * (given[:3] if len(given) > 1 else given[0] * self.axis)
+        stated = np.array(values)
+        step = self.unit * (stated[:3] if len(stated) > 1 else stated[0] * self.axis)
         end = step if begin is None or not relative else begin + step
         if statement.word == "FROM":
             self.position, self.previous = end, None
@@ -164,9 +165,9 @@ class Reader:
         if statement.word == "FROM":
             self.position = self.previous = None
         else:
-            self._refuse(statement, why)
+            self._reject(statement, why)
 
-    def _refuse(self, statement: Statement, why: str) -> None:
+    def _reject(self, statement: Statement, why: str) -> None:
         """A motion whose numbers could be corrected if it were known what they count from."""
         place = self.place(statement)
         self.reading.diagnostics.append(
@@ -318,8 +319,8 @@ class Reader:
     def _block(self, statement: Statement) -> None:
         word = CLEARING.get(statement.word, statement.word)
         values = statement.numbers or ()
-        at_nil = word in ("ORIGIN", "TRANS") and len(values) == 3 and not any(values)
-        ended = statement.word in CLEARING or at_nil or not NIL.isdisjoint(statement.words)
+        at_zero = word in ("ORIGIN", "TRANS") and len(values) == 3 and not any(values)
+        ended = statement.word in CLEARING or at_zero or not ENDING.isdisjoint(statement.words)
         if ended and word not in ("COPY", "INDEX", "JUMPTO", "IF"):
             self.blocked.pop(word, None)
         elif word == "COPY":

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from taskcal.errors import TaskcalError
 from taskcal.programs.apt.circle import arc_through
 from taskcal.programs.apt.instruction import Instruction
-from taskcal.programs.apt.statement import Token
+from taskcal.programs.apt.lexer import Token
 from taskcal.programs.numeral import numeral, renumbered
 from taskcal.programs.program import Move, Waypoint
 from taskcal.programs.source import Edit, Place, Source
@@ -17,11 +17,11 @@ from taskcal.programs.source import Edit, Place, Source
 MM, INCHES, AXIS = 5, 6, 7
 """Decimals written of lengths and of directions."""
 
-_SAME = 1e-9
+_SAME_POINT_M = 1e-9
 """Points nearer to each other than this are one, metres."""
 
 
-def rewritten(
+def rewrite(
     sources: Sequence[Source],
     moves: Sequence[Move],
     instructions: Sequence[Instruction],
@@ -41,22 +41,22 @@ def rewritten(
     edits: list[list[Edit]] = [[] for _ in sources]
     for number, move in enumerate(moves):
         instruction = instructions[number]
-        begin = _begin(move, instruction, waypoints)
+        start = _start(move, instruction, waypoints)
         path = waypoints.get(number)
         if path is None:
             leans = instruction.relative or instruction.circle is not None
-            if not leans or _same(begin, instruction.begin):
+            if not leans or _same_point(start, instruction.begin):
                 continue
             path = (_waypoint(move),)
         writing = _Writing(source=sources[instruction.source], instruction=instruction, move=move)
-        edits[instruction.source] += writing.edits(begin, path)
+        edits[instruction.source] += writing.edits(start, path)
     return tuple(source.edited(e) for source, e in zip(sources, edits, strict=True))
 
 
-def _begin(
+def _start(
     move: Move, instruction: Instruction, waypoints: Mapping[int, tuple[Waypoint, ...]]
 ) -> Float[np.ndarray, " 3"] | None:
-    """Where a motion begins in the rewritten program."""
+    """Where a motion starts in the rewritten program."""
     if move.follows is None or move.follows not in waypoints:
         return instruction.begin
     T = waypoints[move.follows][-1].T
@@ -70,8 +70,8 @@ def _waypoint(move: Move) -> Waypoint:
     return Waypoint(kind=move.kind, q=nowhere, T=move.end.T, via=via)
 
 
-def _same(a: Float[np.ndarray, " 3"] | None, b: Float[np.ndarray, " 3"] | None) -> bool:
-    return a is b or (a is not None and b is not None and bool(np.abs(a - b).max() < _SAME))
+def _same_point(a: Float[np.ndarray, " 3"] | None, b: Float[np.ndarray, " 3"] | None) -> bool:
+    return a is b or (a is not None and b is not None and bool(np.abs(a - b).max() < _SAME_POINT_M))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -139,7 +139,7 @@ class _Writing:
         assert waypoint.T is not None
         was = self.move.end.T
         if own.relative:
-            kept = _same(begin, own.begin) and bool(np.abs(end - was[:3, 3]).max() < _SAME)
+            kept = _same_point(begin, own.begin) and bool(np.abs(end - was[:3, 3]).max() < _SAME_POINT_M)
             return [] if kept else [Edit(start=own.body, end=own.end, text=self._point(waypoint))]
         out = [
             self._edit(token, was[a, 3] / own.unit, end[a] / own.unit, self.decimals)
@@ -160,7 +160,7 @@ class _Writing:
         if begin is None or via is None or via.T is None:
             raise TaskcalError(f"{self.place}: the arc begins or passes at a place that is not known")
         was = self.move.via.T[:3, 3], self.move.end.T[:3, 3]
-        if _same(begin, own.begin) and _same(via.T[:3, 3], was[0]) and _same(end, was[1]):
+        if _same_point(begin, own.begin) and _same_point(via.T[:3, 3], was[0]) and _same_point(end, was[1]):
             return []
         arc = arc_through(begin, via.T[:3, 3], end)
         if isinstance(arc, str):
