@@ -71,7 +71,7 @@ class ErrorModel:
             )
         added = [_term(effect, robot) for effect in self.effects]
         self.effect_names = tuple(name for term in added for name in term.names)
-        self.terms = (*_terms(robot), *added)
+        self.terms = (*(() if robot.four_bar is None else (robot.four_bar,)), *added)
         steps, slots = length_steps(robot) if lengths_only else defect_steps(robot)
         for effect in self.effects:
             steps = effect.extend(robot, steps)
@@ -346,8 +346,3 @@ def _term(effect: Effect, robot: Robot) -> LinearTerm:
             f'the effect {type(effect).__name__} depends on conditions; say which in its class, such as needs = ("temperature",)'
         )
     return term
-
-
-def _terms(robot: Robot) -> tuple[JointTerm, ...]:
-    """Joint-side effects that the robot's structure brings."""
-    return () if robot.four_bar is None else (robot.four_bar,)

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Backlash, Overshoot, Settling, effect_from
@@ -53,36 +52,7 @@ def test_where_only_the_controller_counts_joints_together_a_drive_moves_its_own_
     np.testing.assert_allclose(reached, model.poses(q + turned), atol=1e-14)
 
 
-def test_a_rest_of_the_move_is_in_proportion_to_it():
-    model = ErrorModel(load_robot("abb-irb6660-205-1.9")) + Settling()
-    rng = np.random.default_rng(2)
-    q, move = rng.uniform(-0.3, 0.3, (10, 6)), rng.normal(size=(10, 6))
-    x = np.zeros(len(model))
-    x[-6:] = rng.normal(scale=1e-4, size=6)
-    np.testing.assert_allclose(model.poses(q, x, Conditions(move=move)), model.poses(q + move * x[-6:]), atol=1e-6)
-    np.testing.assert_array_equal(model.poses(q, x, Conditions(approach=np.sign(move))), model.poses(q))
-
-
-def test_a_joint_overshoots_by_its_share_of_the_farthest_move_however_far_that_is():
-    model = ErrorModel(load_robot("abb-irb6660-205-1.9")) + Overshoot()
-    rng = np.random.default_rng(2)
-    q = rng.uniform(-0.3, 0.3, (3, 6))
-    move = np.array([[0.5, -1.0, 0.0, 0.25, 0.0, 0.0], [0.0, 0.0, 0.2, 0.0, -0.1, 0.2], [0.0] * 6])
-    pace = np.array([[0.5, -1.0, 0.0, 0.25, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0, -0.5, 1.0], [0.0] * 6])
-    x = np.zeros(len(model))
-    x[-6:] = rng.normal(scale=1e-4, size=6)
-    there = model.poses(q, x, Conditions(move=move))
-    np.testing.assert_allclose(there, model.poses(q + pace * x[-6:]), atol=1e-6)
-    np.testing.assert_allclose(model.poses(q, x, Conditions(move=2.0 * move)), there, atol=1e-14)
-    np.testing.assert_array_equal(model.poses(q, x, Conditions(approach=np.sign(move))), model.poses(q))
-
-
 def test_backlash_survives_its_description():
     assert effect_from(Overshoot(joints=("J2",)).to_json()) == Overshoot(joints=("J2",))
     assert effect_from(Settling(joints=("J1",)).to_json()) == Settling(joints=("J1",))
     assert effect_from(Backlash(joints=("J1", "J4")).to_json()) == Backlash(joints=("J1", "J4"))
-
-
-def test_conditions_that_are_no_numbers_are_refused():
-    with pytest.raises(TaskcalError, match="approach of pose 1 is not a number"):
-        Conditions(approach=np.array([[1.0, 0.0], [np.nan, 1.0]]))

@@ -1,0 +1,27 @@
+"""BLAS on one thread, and the caller's setting afterwards."""
+
+import pytest
+from threadpoolctl import ThreadpoolController
+
+from taskcal.estimation.blas import single_threaded
+
+
+def threads() -> set[int]:
+    return {library["num_threads"] for library in ThreadpoolController().select(user_api="blas").info()}
+
+
+def test_a_function_runs_on_one_thread_and_the_callers_setting_comes_back():
+    @single_threaded
+    def inside(fail: bool) -> set[int]:
+        if fail:
+            raise KeyError("stop")
+        return threads()
+
+    with ThreadpoolController().limit(limits=2, user_api="blas"):
+        before = threads()
+        assert inside(fail=False) == {1}
+        assert threads() == before
+        with pytest.raises(KeyError, match="stop"):
+            inside(fail=True)
+        assert threads() == before
+    assert inside.__name__ == "inside"

@@ -1,0 +1,75 @@
+"""What is believed before the fit: prior precision and covariance, and fits with and without them."""
+
+import numpy as np
+import pytest
+
+from taskcal.estimation.prior import GaussianPrior
+from taskcal.identification.belief import belief_of
+from taskcal.identification.identify import identify
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.file import robot_from
+from tests.laws.campaigns import measure
+from tests.laws.robots import industrial, industrial_positions
+
+
+def arm(seed, tolerance_mm=0.5):
+    rng = np.random.default_rng(seed)
+    tolerance = {"translation_mm": tolerance_mm, "rotation_mrad": tolerance_mm}
+    return rng, ErrorModel(robot_from({**industrial(rng), "tolerance": tolerance}))
+
+
+def defects(rng, model, factor=1.0):
+    return factor * rng.normal(size=len(model)) * model.tolerances
+
+
+def true_points(model, truth, q):
+    return (truth.T_tracker_base @ model.poses(q, truth.x)[:, None] @ truth.T_tool_target)[..., :3, 3]
+
+
+@pytest.mark.parametrize(
+    "keep", [None, ["J2", "J3", "J4", "J5"], ["J1.tz", "J1.rz", "J2", "tool"]], ids=["all", "redundant", "mixed"]
+)
+@pytest.mark.parametrize("seed", range(3))
+def test_without_a_prior_redundant_parameters_do_not_run_away(keep, seed):
+    rng, model = arm(seed)
+    x = defects(rng, model)
+    if keep is not None:
+        x[np.setdiff1d(np.arange(len(model)), model.indices(keep))] = 0.0
+    campaign, truth = measure(rng, model, industrial_positions(rng, 60), x, sigma=2e-5, uncertainty=2e-5)
+    calibration = identify(model, campaign, keep=keep, prior=None)
+    assert np.abs(calibration.estimate).max() < 5.0 * np.abs(x).max()
+    q = industrial_positions(rng, 200)
+    error = np.linalg.norm(calibration.predict(q) - true_points(model, truth, q), axis=-1)
+    assert error.mean() < 5e-5
+    assert calibration.prior_scale is None
+
+
+@pytest.mark.parametrize("factor", [0.3, 1.0, 4.0])
+def test_the_priors_scale_is_that_of_the_defects(factor):
+    rng, model = arm(9)
+    campaign, _ = measure(
+        rng, model, industrial_positions(rng, 150), defects(rng, model, factor), sigma=1e-5, targets=3
+    )
+    assert identify(model, campaign).prior_scale == pytest.approx(factor, rel=0.5)
+
+
+def test_a_prior_of_another_size_is_refused():
+    rng, model = arm(0)
+    campaign, _ = measure(rng, model, industrial_positions(rng, 40))
+    with pytest.raises(ValueError, match="the prior has 3 parameters, 6 are kept"):
+        identify(model, campaign, keep=["J3"], prior=GaussianPrior.of_deviations(np.ones(3)))
+
+
+@pytest.mark.parametrize("kind", [{}, {"targets": 3}, {"pose": True}], ids=["a target", "three targets", "poses"])
+@pytest.mark.parametrize("factor", [0.25, 1.0, 9.0])
+def test_a_beliefs_precision_is_the_inverse_of_its_covariance_and_a_factor_scales_the_parameters_alone(kind, factor):
+    rng, model = arm(4)
+    campaign, _ = measure(rng, model, industrial_positions(rng, 30), **kind)
+    layout = identify(model, campaign).layout
+    belief = belief_of(layout, "tolerances")
+    C = belief.covariance(factor)
+    np.testing.assert_allclose(belief.precision(factor) @ C, np.eye(len(C)), atol=1e-9)
+    p = len(model)
+    np.testing.assert_allclose(np.diag(C)[:p], factor * model.tolerances**2, rtol=1e-12)
+    np.testing.assert_array_equal(C[p:, p:], belief.covariance(1.0)[p:, p:])
+    assert not belief_of(layout, None).precision(factor)[:p].any()
