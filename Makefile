@@ -25,8 +25,8 @@ demo: $(VENV)/.runtime  ## run the demonstration (runtime dependencies only)
 test: $(VENV)/.test  ## run the tests
 	$(BIN)/python -m pytest --numprocesses auto
 
-test-quick: $(VENV)/.test  ## run most tests on few examples, for a look while working
-	$(BIN)/python -m pytest --numprocesses auto --hypothesis-profile quick -m 'not (slow or long or realdata)'
+test-quick: $(VENV)/.test  ## run some tests of every file on few examples, for a look while working
+	$(BIN)/python -m pytest --numprocesses auto --hypothesis-profile quick -m quick
 
 test-long: $(VENV)/.test  ## run the experiments that take minutes each
 	$(BIN)/python -m pytest --numprocesses auto -m long

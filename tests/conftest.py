@@ -6,6 +6,7 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", 
     os.environ[_variable] = "1"  # for the libraries and processes that are yet to start
 
 import tempfile
+from collections import defaultdict
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -77,6 +78,23 @@ settings.register_profile(
 settings.register_profile("quick", settings.get_profile("ci"), max_examples=5)
 settings.register_profile("thorough", settings.get_profile("ci"), derandomize=False, max_examples=1000)
 settings.load_profile("ci")
+
+FEW = 3
+"""Functions of a file whose first cases make the quick choice."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark as `quick` the first case of the first functions of every file, but for slow ones and measured robots."""
+    chosen: dict[Path, set[str]] = defaultdict(set)
+    for item in items:
+        if any(item.get_closest_marker(name) for name in ("slow", "long", "realdata")):
+            continue
+        function = item.nodeid.partition("[")[0]
+        if function not in chosen[item.path] and len(chosen[item.path]) < FEW:
+            chosen[item.path].add(function)
+            item.add_marker("quick")
+
 
 DATA = Path(os.environ.get("TASKCAL_DATA") or Path(__file__).parents[1] / "../shared/data").resolve()
 

@@ -89,6 +89,7 @@ def test_all_candidates_find_what_is_true_over_a_task_and_nothing_else(true, few
     assert right >= 19
 
 
+@pytest.mark.slow
 def test_a_coupled_wrist_with_a_long_tool_is_found():
     description = load_robot("abb-irb120").description
     long = robot_from({**description, "tool": [{"tx_mm": 200.0}, {"ty_mm": 80.0}, {"tz_mm": 150.0}]})
