@@ -10,8 +10,9 @@ from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.programs.program import Frame, Move, Target
 from taskcal.programs.source import Place
+from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import Compliance
+from taskcal.robot.effects import Backlash, Compliance
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
 
@@ -34,6 +35,16 @@ def calibration(robot, measured):
     """A robot with defects and drives that yield, identified from three reflectors."""
     model = ErrorModel(robot) + Compliance()
     campaign, _ = simulate(model, measured, rng=np.random.default_rng(4), targets=REFLECTORS)
+    return identify(model, campaign)
+
+
+@pytest.fixture(scope="session")
+def lost_motion(robot, measured):
+    """A robot with defects and lost motion, identified from three reflectors and the order of the poses."""
+    model = ErrorModel(robot) + Backlash(tolerance=5e-5)
+    conditions = conditions_in_order(robot, measured)
+    rng = np.random.default_rng(5)
+    campaign, _ = simulate(model, measured, rng=rng, targets=REFLECTORS, conditions=conditions)
     return identify(model, campaign)
 
 

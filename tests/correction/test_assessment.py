@@ -14,7 +14,7 @@ def test_a_way_whose_start_is_not_known_is_assessed_at_its_end_only(robot, make_
     moves = make_moves([middle @ se3.translation(0.05 * k, 0.0, 0.0) for k in range(3)])
     trajectory = simulate_controller(robot, moves)
     placed = Placed(
-        tool_in_base=ErrorModel(robot).poses,
+        tool_in_base=lambda q, move, share: ErrorModel(robot).poses(q),
         placements=(Placement(T_tool_grasped=np.eye(4), T_base_fixed=np.eye(4), part_in_hand=False),),
         number=np.zeros(3, dtype=np.int64),
     )

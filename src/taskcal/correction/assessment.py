@@ -75,7 +75,7 @@ def assess(
     original, along, q, at_target = original[assessable], along[assessable], q[assessable], at_target[assessable]
     # the start of a segment is not known where only its end is assessed
     T = np.where(at_target[:, None, None], wanted.end[original], wanted.at(original, along))
-    true = placed.tool_in_part(original, q)
+    true = placed.tool_in_part(original, along, q)
     error = true[:, :3, 3] - T[:, :3, 3]
     between = np.flatnonzero(~at_target)
     tangent = wanted.direction(original[between], along[between])

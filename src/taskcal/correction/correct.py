@@ -14,6 +14,7 @@ from taskcal.correction.controller_trajectory import ControllerTrajectory, simul
 from taskcal.correction.correction import Bounds, Correction
 from taskcal.correction.correction_problem import CorrectionProblem
 from taskcal.correction.diagnostics import diagnose, diagnose_unused_frames
+from taskcal.correction.drive_directions import DriveDirections, drive_directions, uses_directions
 from taskcal.correction.error_budget import SOURCES, budget_of
 from taskcal.correction.frame_calibration import FrameCalibration, calibrate_frames
 from taskcal.correction.joint_motion import joint_motion
@@ -76,8 +77,15 @@ def correct(
     moves = program.moves
     trajectory = simulate_controller(robot, moves)
     frames, number = _frames(calibration, moves, cell)
+    directions = drive_directions(robot, moves, trajectory) if uses_directions(calibration.model) else None
+
+    def tool_in_base(
+        q: Float[np.ndarray, "k joints"], move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]
+    ) -> Float[np.ndarray, "k 4 4"]:
+        return calibration.tool_in_base(q, None if directions is None else directions.at(move, share))
+
     placed = Placed(
-        tool_in_base=calibration.tool_in_base,
+        tool_in_base=tool_in_base,
         placements=tuple(frame.placement for frame in frames),
         number=number,
     )
@@ -91,6 +99,7 @@ def correct(
             placed=placed,
             wanted=wanted,
             trajectory=trajectory,
+            directions=directions,
             tolerance=bounds.tolerance,
         )
     )
@@ -105,7 +114,7 @@ def correct(
     motion = joint_motion(robot, rewritten.program.moves, new_trajectory)
     before = assess(placed, wanted, trajectory)
     after = assess(placed, wanted, new_trajectory, rewritten.origin)
-    variances = _variances(frames, number, trajectory)
+    variances = _variances(frames, number, trajectory, directions)
     written = np.isin(np.arange(len(moves)), list(waypoints))
     return Correction(
         program=program,
@@ -205,14 +214,18 @@ def wanted_segments(trajectory: ControllerTrajectory, placed: Placed, moves: Seq
 
 
 def _variances(
-    frames: Sequence[FrameCalibration], number: Int[np.ndarray, " m"], trajectory: ControllerTrajectory
+    frames: Sequence[FrameCalibration],
+    number: Int[np.ndarray, " m"],
+    trajectory: ControllerTrajectory,
+    directions: DriveDirections | None,
 ) -> Float[np.ndarray, "m sources"]:
     """Mean square of the error in space that the calibration must expect at every target, by source, metres²."""
     variances = np.full((len(number), len(SOURCES)), np.nan)
     ended = np.isfinite(trajectory.end[:, 0])
     for k, frame in enumerate(frames):
         rows = np.flatnonzero(ended & (number == k))
-        variances[rows] = frame.variances(trajectory.end[rows])
+        conditions = None if directions is None else directions.at(rows, np.ones(len(rows)))
+        variances[rows] = frame.variances(trajectory.end[rows], conditions)
     return variances
 
 

@@ -8,11 +8,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.correction.controller_trajectory import ControllerTrajectory
+from taskcal.correction.drive_directions import DriveDirections
 from taskcal.correction.fixed_frame import nominal_flange
 from taskcal.correction.placement import Placed
 from taskcal.correction.segments import Segments
 from taskcal.identification.calibration import Calibration
 from taskcal.programs.program import Move
+from taskcal.robot.conditions import Conditions
 from taskcal.robot.robot import Robot
 
 
@@ -28,6 +30,8 @@ class CorrectionProblem:
     wanted: Segments
     trajectory: ControllerTrajectory
     """Of the program as it was given, on the nominal robot."""
+    directions: DriveDirections | None
+    """Of the drives, where the calibration depends on them."""
     tolerance: float
     """Of the true tool's distance from its path between nodes, metres."""
 
@@ -49,6 +53,10 @@ class CorrectionProblem:
         order = np.argsort(place, kind="stable")
         at = move + np.clip(share, 2e-9, 1.0 - 2e-9)
         return np.stack([np.interp(at, place[order], column[order]) for column in q.T], axis=1)
+
+    def conditions(self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]) -> Conditions | None:
+        """Under which the robot is there, at shares of the lengths of some motions."""
+        return None if self.directions is None else self.directions.at(move, share)
 
     def controller_poses(
         self, move: Int[np.ndarray, " k"], q: Float[np.ndarray, "k joints"]

@@ -11,6 +11,8 @@ from taskcal.correction.rigid_motion import fit_points, rigid_twists
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
+from taskcal.robot.approach import conditions_in_order
+from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
@@ -82,7 +84,8 @@ def _touched(
     if T_controller is None:
         raise TaskcalError(f"the cell does not say where the controller has '{measured.touched_with}', which touched")
     tool = grasped_frame(calibration, toucher, T_controller)
-    true = calibration.tool_in_base(q) @ tool.T_tool_grasped
+    conditions = Conditions(approach=conditions_in_order(robot, q).approach)
+    true = calibration.tool_in_base(q, conditions) @ tool.T_tool_grasped
     nominal = nominal_flange(robot, q) @ T_controller
     M, _ = fit_points(nominal[:, :3, 3], true[:, :3, 3])
     in_tracker = calibration.T_tracker_base @ true
@@ -91,7 +94,7 @@ def _touched(
         T_base_fixed=M @ controller,
         statement=f"part '{measured.name}' where the robot touched it with '{measured.touched_with}'",
         follows_base=False,
-        twist=_fitted_twist(points, tool.twists(q)[:, :3]),
+        twist=_fitted_twist(points, tool.twists(q, conditions)[:, :3]),
         covariance=_touch_covariance(calibration, measured, q, in_tracker, tool.covariance),
     )
 

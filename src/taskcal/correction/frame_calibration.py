@@ -17,6 +17,7 @@ from taskcal.correction.placement import Placement
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.programs.program import Move
+from taskcal.robot.conditions import Conditions
 
 CHUNK_POSES = 4096
 """Poses whose derivatives are held at once; those of 10⁵ would take 300 MB."""
@@ -45,13 +46,19 @@ class FrameCalibration:
             part_in_hand=self.part_in_hand,
         )
 
-    def covariance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3 3"]:
+    def covariance(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+    ) -> Float[np.ndarray, "n 3 3"]:
         """Covariance of where the grasped frame's origin is against the fixed frame, in the fixed frame's axes, metres².
 
         The model error of a single new pose is not in it.
+
+        Args:
+            q: joint positions, radians.
+            conditions: how the poses are reached, for effects that depend on it.
         """
         calibration = self.calibration
-        J = self.grasped.twists(q)[:, :3]
+        J = self.grasped.twists(q, conditions)[:, :3]
         if self.fixed.follows_base:
             J = J.copy()
             J[:, :, columns_of(calibration, "base.")] = 0.0
@@ -79,27 +86,36 @@ class FrameCalibration:
         """
         return np.sqrt(self.variances(q).sum(axis=1))
 
-    def variances(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n sources"]:
+    def variances(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+    ) -> Float[np.ndarray, "n sources"]:
         """The square of the uncertainty by where it comes from, in the order of `SOURCES`, metres².
 
         Of the geometry is what the calibration does not know of its own targets in the tracker's frame; of the tool, what
         comes to that for what is held; of the part, what comes to that for what stands still. What falls, because both are
         in error alike, is counted as nothing.
+
+        Args:
+            q: joint positions, radians.
+            conditions: how the poses are reached, for effects that depend on it.
         """
         geometry, held, total = (np.zeros(len(q)) for _ in range(3))
         for part in _chunks(len(q)):
-            spread = self.calibration.predict_covariance(q[part], model_error=False)[..., :3, :3]
+            there = None if conditions is None else conditions.take(part)
+            spread = self.calibration.predict_covariance(q[part], there, model_error=False)[..., :3, :3]
             geometry[part] = _total(spread).mean(axis=1)
-            held[part] = _total(self._grasped_covariance(q[part]))
-            total[part] = _total(self.covariance(q[part]))
+            held[part] = _total(self._grasped_covariance(q[part], there))
+            total[part] = _total(self.covariance(q[part], there))
         parts = np.stack([geometry, held - geometry, total - held], axis=1)
         parts = np.maximum(parts, 0.0)
         parts *= (total / np.maximum(parts.sum(axis=1), 1e-300))[:, None]
         return np.stack([parts[:, 0], self._model_variance(q), parts[:, 1], parts[:, 2]], axis=1)
 
-    def _grasped_covariance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3 3"]:
+    def _grasped_covariance(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None
+    ) -> Float[np.ndarray, "n 3 3"]:
         """Of what is held, in the tracker's frame, metres²."""
-        J = self.grasped.twists(q)[:, :3]
+        J = self.grasped.twists(q, conditions)[:, :3]
         R = (self.calibration.predict_tool(q) @ self.grasped.T_tool_grasped)[:, :3, :3]
         known = J @ self.calibration.z_covariance @ np.swapaxes(J, 1, 2)
         return known + R @ self.grasped.covariance @ np.swapaxes(R, 1, 2)

@@ -14,6 +14,7 @@ from taskcal.correction.rigid_motion import fit_points, rigid_twists
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3, walk
 from taskcal.identification.calibration import Calibration
+from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_frames import COMPONENTS
 
 SAME_TOOL = 1e-6
@@ -22,8 +23,9 @@ SAME_TOOL = 1e-6
 MAX_MISFIT_M = 5e-4
 """Reflectors that fit worse than this, metres, are not where they are said to be."""
 
-Twists = Callable[[np.ndarray], np.ndarray]
-"""From joint positions (n, joints) to derivatives (n, 6, z) of a frame's pose by the estimate, at its origin in tracker axes."""
+Twists = Callable[[np.ndarray, Conditions | None], np.ndarray]
+"""From joint positions (n, joints), and how they are reached, to derivatives (n, 6, z) of a frame's pose by the estimate, at its
+origin in tracker axes."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,7 +63,7 @@ def grasped_frame(calibration: Calibration, measured: Measured, controller: Floa
         return GraspedFrame(
             T_tool_grasped=calibration.T_tool_target[0] @ measured.in_target,
             statement=f"tool '{name}' by the measured poses of '{calibration.targets[0]}'",
-            twists=lambda q: _target_twists(calibration, measured, q),
+            twists=lambda q, conditions: _target_twists(calibration, measured, q, conditions),
             covariance=measured.uncertainty**2 * np.eye(3),
         )
     if measured.in_flange is None and np.abs(controller - robot.T_flange_tool).max() < SAME_TOOL:
@@ -77,7 +79,7 @@ def grasped_frame(calibration: Calibration, measured: Measured, controller: Floa
     return GraspedFrame(
         T_tool_grasped=T_tool_grasped,
         statement=f"tool '{name}' {stated}",
-        twists=lambda q: _flange_twists(calibration, T_tool_grasped, q),
+        twists=lambda q, conditions: _flange_twists(calibration, T_tool_grasped, q, conditions),
         covariance=measured.uncertainty**2 * np.eye(3),
     )
 
@@ -111,7 +113,7 @@ def _by_reflectors(calibration: Calibration, measured: Measured) -> GraspedFrame
     return GraspedFrame(
         T_tool_grasped=T,
         statement=f"tool '{measured.name}' by its reflectors {', '.join(seen)}",
-        twists=lambda q: _reflector_twists(calibration, rows, T, q),
+        twists=lambda q, conditions: _reflector_twists(calibration, rows, T, q, conditions),
         covariance=_fitted_covariance(own, measured.uncertainty),
     )
 
@@ -129,19 +131,26 @@ def columns_of(calibration: Calibration, prefix: str) -> list[int]:
 
 
 def _flange_twists(
-    calibration: Calibration, T_tool_grasped: Float[np.ndarray, "4 4"], q: Float[np.ndarray, "n joints"]
+    calibration: Calibration,
+    T_tool_grasped: Float[np.ndarray, "4 4"],
+    q: Float[np.ndarray, "n joints"],
+    conditions: Conditions | None,
 ) -> Float[np.ndarray, "n 6 z"]:
     """Of a frame fixed to the flange, which the errors of the robot's own tool do not move."""
-    J = calibration.tool_jacobian(q)
+    J = calibration.tool_jacobian(q, conditions)
     J[:, :, columns_of(calibration, "tool.")] = 0.0
     return se3.carry(J, calibration.predict_tool(q)[:, :3, :3] @ T_tool_grasped[:3, 3])
 
 
 def _reflector_twists(
-    calibration: Calibration, rows: list[int], T: Float[np.ndarray, "4 4"], q: Float[np.ndarray, "n joints"]
+    calibration: Calibration,
+    rows: list[int],
+    T: Float[np.ndarray, "4 4"],
+    q: Float[np.ndarray, "n joints"],
+    conditions: Conditions | None,
 ) -> Float[np.ndarray, "n 6 z"]:
     """Of a frame that is known by its reflectors."""
-    J, tool = calibration.tool_jacobian(q), calibration.predict_tool(q)
+    J, tool = calibration.tool_jacobian(q, conditions), calibration.predict_tool(q)
     arms = [tool[:, :3, :3] @ calibration.T_tool_target[k, :3, 3] for k in rows]
     moved: list[np.ndarray] = []
     for k, arm in zip(rows, arms, strict=True):
@@ -155,10 +164,10 @@ def _reflector_twists(
 
 
 def _target_twists(
-    calibration: Calibration, measured: Measured, q: Float[np.ndarray, "n joints"]
+    calibration: Calibration, measured: Measured, q: Float[np.ndarray, "n joints"], conditions: Conditions | None
 ) -> Float[np.ndarray, "n 6 z"]:
     """Of a frame that is known in the measured target's."""
-    at = calibration.layout.walked(q, calibration.z)
+    at = calibration.layout.walked(q, calibration.z, calibration.model.prepare(q, conditions))
     J = walk.columns(at.chain, at.s, at.e, at.layout, at.factor, angular=True)
     target = calibration.predict_tool(q) @ calibration.T_tool_target[0]
     offset = np.zeros(3) if measured.in_target is None else measured.in_target[:3, 3]

@@ -8,6 +8,10 @@ from jaxtyping import Float, Int
 
 from taskcal.geometry import se3
 
+PosesAlong = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""From joint positions (n, joints), each in a motion (n) at a share of its length (n), to poses (n, 4, 4) of the robot's own
+tool in its base."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Placement:
@@ -35,15 +39,16 @@ class Placement:
 class Placed:
     """The motions of a program on a robot, with where their tools and parts are."""
 
-    tool_in_base: Callable[[np.ndarray], np.ndarray]
-    """From joint positions (n, joints) to poses (n, 4, 4) of the robot's own tool in its base."""
+    tool_in_base: PosesAlong
     placements: tuple[Placement, ...]
     number: Int[np.ndarray, " m"]
     """Number of every motion's placement."""
 
-    def tool_in_part(self, move: Int[np.ndarray, " k"], q: Float[np.ndarray, "k joints"]) -> Float[np.ndarray, "k 4 4"]:
-        """Poses of the program's tool in its part, for joint positions in some motions."""
-        B = self.tool_in_base(q)
+    def tool_in_part(
+        self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"], q: Float[np.ndarray, "k joints"]
+    ) -> Float[np.ndarray, "k 4 4"]:
+        """Poses of the program's tool in its part, for joint positions in some motions at shares of their lengths."""
+        B = self.tool_in_base(q, move, share)
         out = np.empty_like(B)
         for rows, placement in self._rows(move):
             out[rows] = placement.tool_in_part(B[rows])

@@ -88,12 +88,13 @@ def _nodes(problem: CorrectionProblem, rows: Int[np.ndarray, " r"], pieces: Int[
     for k in np.flatnonzero(via & ~on_arc):  # where an arc begins is not known: its points are corrected one by one
         T[k] = _pose(problem.moves[int(move[k])].via)
     seeds = problem.seeds(move, share)
-    solution = solve_calibrated(problem.calibration, problem.placed.robot_tool(move, T), seeds)
+    conditions = problem.conditions(move, share)
+    solution = solve_calibrated(problem.calibration, problem.placed.robot_tool(move, T), seeds, conditions)
     met, lost = np.flatnonzero(solution.reached), np.flatnonzero(~solution.reached)
     stated = T.copy()
     stated[met] = problem.controller_poses(move[met], solution.q[met])
     # no joints to take the controller's pose from: moved by as much as the true tool is off at the nominal joints
-    stated[lost, :3, 3] += T[lost, :3, 3] - problem.placed.tool_in_part(move[lost], seeds[lost])[:, :3, 3]
+    stated[lost, :3, 3] += T[lost, :3, 3] - problem.placed.tool_in_part(move[lost], share[lost], seeds[lost])[:, :3, 3]
     return Nodes(move=move, share=share, q=solution.q, reached=solution.reached, wanted=T, T=stated)
 
 
@@ -143,7 +144,7 @@ def _deviations(
         solution = solve_near(model, flange @ own_tool, q0 + within * (nodes.q[end] - q0))
         share = (piece + within) / pieces[move]
         wanted = problem.wanted.at(move, share)
-        error = problem.placed.tool_in_part(move, solution.q)[:, :3, 3] - wanted[:, :3, 3]
+        error = problem.placed.tool_in_part(move, share, solution.q)[:, :3, 3] - wanted[:, :3, 3]
         tangent = problem.wanted.direction(move, share)
         error -= (error * tangent).sum(axis=1, keepdims=True) * tangent
         size = np.where(solution.reached, np.linalg.norm(error, axis=1), np.inf)

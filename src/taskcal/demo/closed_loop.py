@@ -162,7 +162,7 @@ def run_closed_loop(
     correction = correct(calibration, loop.program, cell=cell)
     touched = with_part_frames(loop.milling, _touched_frames(loop, trajectory, true, placements, rng))
     placed = Placed(
-        tool_in_base=true.milled,
+        tool_in_base=lambda q, move, share: true.milled(q),
         placements=tuple(placements.values()),
         number=np.array([list(placements).index((m.tool.name, m.part.name)) for m in moves], dtype=np.int64),
     )

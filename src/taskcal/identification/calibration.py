@@ -278,9 +278,17 @@ class Calibration:
         J = self.tool_jacobian(q)
         return J @ self.z_covariance @ np.swapaxes(J, 1, 2)
 
-    def tool_jacobian(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 6 z"]:
-        """Derivative of the tool's pose by the entries of z: rows vx vy vz wx wy wz at the tool point, in tracker axes."""
-        at = self.layout.walked(np.asarray(q, dtype=float), self.z)
+    def tool_jacobian(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+    ) -> Float[np.ndarray, "n 6 z"]:
+        """Derivative of the tool's pose by the entries of z: rows vx vy vz wx wy wz at the tool point, in tracker axes.
+
+        Args:
+            q: joint positions, radians.
+            conditions: how the poses are reached, for effects that depend on it; as in the middle by default.
+        """
+        q = np.asarray(q, dtype=float)
+        at = self.layout.walked(q, self.z, self.model.prepare(q, conditions))
         chain, e, layout = at.chain, at.e, at.layout
         if self.layout.pose:  # stop at the tool: leave out the steps from the tool to the measured pose
             chain = Chain.of([Fixed(self.layout.registration.T_tracker_base), ErrorFrame(), *self.model.steps])
