@@ -53,6 +53,7 @@ from . import demo as demo
 from . import effects as effects
 from . import errors as errors
 from . import estimation as estimation
+from . import export as export
 from . import geometry as geometry
 from . import identification as identification
 from . import kinematics as kinematics

@@ -13,6 +13,7 @@ from typer.core import TyperGroup
 from taskcal.cli.commands import (
     correct,
     doctor,
+    export,
     identify,
     performance,
     plan,
@@ -35,7 +36,7 @@ from taskcal.errors import TaskcalError, shortened
 
 ORDER = (
     "demo", "robots", "sensitivity", "select", "plan", "study", "simulate", "register", "identify", "validate", "performance",
-    "correct", "report", "doctor", "warm",
+    "correct", "export", "report", "doctor", "warm",
 )  # fmt: skip
 """The user's road, and then what keeps the installation in order."""
 
@@ -144,6 +145,7 @@ app.command("identify", cls=NamesEffects)(identify.command)
 app.command("validate")(validate.command)
 app.command("performance")(performance.command)
 app.command("correct")(correct.command)
+app.command("export")(export.command)
 app.command("report")(report.command)
 app.command("warm")(warm.command)
 app.command("doctor")(doctor.command)

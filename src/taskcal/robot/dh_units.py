@@ -18,6 +18,9 @@ metres has 0.5 to 10."""
 LONGEST_LINK_MM = 1e5
 """Millimetres: 100 m, the travel of the longest gantries."""
 
+NEARLY_PARALLEL_DEG = 0.3
+"""Between axes that were built parallel, and calibrated: their common normal, and with it a and d, may be anywhere."""
+
 TWO_PI = 2.0 * np.pi
 
 USUAL_ANGLES_RAD = np.radians([30.0, 45.0, 60.0, 90.0, 120.0, 135.0, 150.0, 180.0, 270.0, 360.0])
@@ -49,7 +52,8 @@ def _lengths(columns: ColumnGroups) -> None:
     values = columns.side_by_side(LENGTHS)
     row, k = _largest(values)
     longest = abs(values[row, k])
-    if longest > LONGEST_LINK_MM:
+    twist = np.abs(columns.numbers("alpha_deg"))
+    if longest > LONGEST_LINK_MM and not np.any((twist > 0.0) & (twist < NEARLY_PARALLEL_DEG)):
         raise columns.error(
             f"{values[row, k]:g} mm is longer than any link of a robot; it is probably in micrometres: give millimetres",
             row,

@@ -1,0 +1,155 @@
+"""``taskcal export``: a calibrated robot for other programs, or what a controller alone can hold of it."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from taskcal.cli.options import CountOption, ForceOption, JsonOption, SeedOption
+from taskcal.cli.output import announce_compilation, note, plain, show_facts, show_table, tell, write_json
+from taskcal.cli.outputs import check_outputs, files_of_task
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from taskcal.export.controller_offsets import ControllerOffsets
+    from taskcal.export.export import Export
+    from taskcal.identification.calibration import Calibration
+
+
+class Form(StrEnum):
+    """What is written."""
+
+    urdf = "urdf"
+    ur_yaml = "ur-yaml"
+    dh = "dh"
+    mdh = "mdh"
+    offsets = "offsets"
+
+
+def command(
+    calibration: Annotated[
+        Path, typer.Argument(metavar="CAL.json", readable=False, help="Calibration written by taskcal identify.")
+    ],
+    form: Annotated[
+        Form,
+        typer.Option(
+            "--form",
+            case_sensitive=False,
+            help="urdf: links and joints, absolute; ur-yaml: kinematics of Universal Robots' driver; dh, mdh: a table; offsets: "
+            "joint zeros, tool and base alone, with the error that they leave.",
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", readable=False, help="File to write; offsets may do without."),
+    ] = None,
+    task: Annotated[
+        Path | None,
+        typer.Option(
+            "--task",
+            "-t",
+            metavar="TASK.toml",
+            readable=False,
+            help="Where offsets are to serve, and losses are measured; all over the joints' ranges by default.",
+        ),
+    ] = None,
+    count: CountOption = 200,
+    seed: SeedOption = 0,
+    accept_loss: Annotated[
+        bool, typer.Option("--accept-loss", help="Write the file although its form cannot hold all of the calibration.")
+    ] = False,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Write a calibrated robot as URDF, YAML or table, or fit what a controller can hold."""
+    if output is None and form is not Form.offsets:
+        raise typer.BadParameter(f"name the file to write as {form.value}", param_hint="--output")
+    outputs = check_outputs("export", [("--output", output)], [calibration, *files_of_task(task)], force=force)
+    from taskcal.cli.task_poses import read_and_reach
+    from taskcal.identification.calibration_file import load_calibration
+    from taskcal.robot.error_model import ErrorModel
+
+    known = load_calibration(calibration)
+    announce_compilation()
+    poses = None if task is None else read_and_reach(ErrorModel(known.model.robot), task, count, seed)
+    q = None if poses is None else poses.q
+    if form is Form.offsets:
+        from taskcal.export.controller_offsets import fit_offsets
+
+        offsets = fit_offsets(known, q, None if poses is None else poses.weights)
+        result: dict[str, Any] = {"robot": known.model.robot.name, "form": form.value, **offsets.to_json()}
+        if output is not None:
+            import json
+
+            outputs.write({output: json.dumps(plain(result), indent=1, allow_nan=False) + "\n"})
+        if as_json:
+            write_json(result)
+        else:
+            _show_offsets(known.model.robot.name, offsets, task)
+        return
+    made = _exported(known, form, q, accept_loss=accept_loss)
+    assert output is not None, "checked above"
+    outputs.write({output: made.text})
+    _say(made, known, form, output, as_json=as_json)
+
+
+def _exported(calibration: "Calibration", form: Form, q: "np.ndarray | None", *, accept_loss: bool) -> "Export":
+    from taskcal.export.dh_form import export_dh
+    from taskcal.export.ur_form import export_ur_yaml
+    from taskcal.export.urdf_form import export_urdf
+
+    if form is Form.urdf:
+        return export_urdf(calibration, q, accept_loss=accept_loss)
+    if form is Form.ur_yaml:
+        return export_ur_yaml(calibration, q, accept_loss=accept_loss)
+    return export_dh(calibration, "dh" if form is Form.dh else "mdh", q, accept_loss=accept_loss)
+
+
+def _say(made: "Export", calibration: "Calibration", form: Form, output: Path, *, as_json: bool) -> None:
+    from taskcal.export.export import placed
+
+    for remark in made.remarks:
+        note(remark)
+    if made.loss.reasons:
+        note(f"lost by the form: {made.loss.rms * 1e3:.4f} mm (rms), {', '.join(made.loss.reasons)}")
+    if as_json:
+        frames = {name: placed(T) for name, T in made.frames.items()}
+        name = calibration.model.robot.name
+        write_json({"robot": name, "form": form.value, "file": output, "loss": made.loss.to_json(), "frames": frames})
+        return
+    tell(f"wrote {output}: {calibration.model.robot.name} as {form.value}")
+    for name, T in made.frames.items():
+        tell(f"{name}: {_place(T)}")
+
+
+def _place(T: "np.ndarray") -> str:
+    from taskcal.export.export import placed
+
+    place = placed(T)
+    x, y, z = place["position_mm"]
+    a, b, c = place["rpy_deg"]
+    return f"x {x:.4f} y {y:.4f} z {z:.4f} mm, turned by {a:.5f}° {b:.5f}° {c:.5f}° about fixed x, y, z"
+
+
+def _show_offsets(robot: str, offsets: "ControllerOffsets", task: Path | None) -> None:
+    result = offsets.to_json()
+    facts = [
+        (name.rpartition("_")[0], f"{value:+.5f} {name.rpartition('_')[2]}")
+        for name, value in result["joint_offsets"].items()
+    ]
+    facts += [("tool in the flange", _place(offsets.tool_in_flange)), ("base", _place(offsets.base))]
+    tell(f"{robot}: what its controller may hold; add each joint's offset to what it reads")
+    show_facts(facts)
+    rows = [
+        (label, *(f"{result[key][column]:.4f}" for column in ("left_rms_mm", "left_max_mm", "expected_rms_mm")))
+        for label, key in (
+            ("tool and base", "tool_and_base"),
+            ("joint zeros, tool and base", "zeros_tool_and_base"),
+            ("whole model, programs corrected", "program_correction"),
+        )
+    ]
+    over = "the joints' ranges" if task is None else str(task)
+    header = ("the controller is told", "left, rms mm", "largest mm", "with uncertainty, rms mm")
+    show_table(f"Error of the tool point over {over} ({offsets.poses} poses)", header, rows)

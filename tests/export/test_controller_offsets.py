@@ -1,0 +1,68 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.export.calibrated_chain import spread_poses
+from taskcal.export.controller_offsets import fit_offsets
+from taskcal.identification.calibration import Calibration
+from taskcal.robot.error_model import ErrorModel
+from tests.laws.calibrations import calibrated
+
+
+@pytest.fixture(scope="module")
+def calibration() -> Calibration:
+    return calibrated("fanuc-r2000ic-165f")
+
+
+def test_zeros_of_joints_are_found_and_leave_nothing(calibration):
+    """A robot whose only defects are zeros is what a controller can hold: coupled joints too."""
+    robot = calibration.model.robot
+    wrong = np.array([0.0, 0.004, -0.003, 0.002, -0.005, 0.0])
+    names = [*(f"{name}.rz" for name in robot.joint_names)]
+    z = np.zeros_like(calibration.z)
+    z[[calibration.all_names.index(name) for name in names]] = robot.joint_map.matrix @ wrong
+    found = fit_offsets(replace(calibration, z=z))
+    np.testing.assert_allclose(found.joints[1:5], wrong[1:5], atol=1e-9)
+    assert found.with_zeros.maximum < 1e-9
+    assert found.without_zeros.rms > 1e-3
+
+
+def test_each_thing_more_that_it_may_hold_leaves_less(calibration):
+    found = fit_offsets(calibration)
+    nominal = ErrorModel(calibration.model.robot)
+    q = spread_poses(calibration)
+    off = np.linalg.norm((nominal.poses(q) - calibration.tool_in_base(q))[:, :3, 3], axis=1)
+    assert np.sqrt(np.mean(off**2)) > found.without_zeros.rms > found.with_zeros.rms > 10.0 * found.uncertainty
+    assert found.with_zeros.maximum >= found.with_zeros.rms
+
+
+def test_what_is_stated_is_what_was_fitted(calibration):
+    found = fit_offsets(calibration)
+    q = spread_poses(calibration)
+    T = found.base @ ErrorModel(calibration.model.robot).poses(q + found.joints) @ found.tool
+    off = np.linalg.norm((T - calibration.tool_in_base(q))[:, :3, 3], axis=1)
+    assert np.sqrt(np.mean(off**2)) == pytest.approx(found.with_zeros.rms, rel=1e-9)
+
+
+def test_no_other_offsets_are_better(calibration):
+    found = fit_offsets(calibration)
+    q = spread_poses(calibration)
+    nominal, goal = ErrorModel(calibration.model.robot), calibration.tool_in_base(q)
+
+    def cost(joints):
+        T = found.base @ nominal.poses(q + joints) @ found.tool
+        turn = 0.1**2 * np.sum((T[:, :3, :3] - goal[:, :3, :3]) ** 2, axis=(1, 2)) / 2.0
+        return float(np.mean(np.sum((T - goal)[:, :3, 3] ** 2, axis=1) + turn))
+
+    least = cost(found.joints)
+    for j in range(6):
+        for step in (-1e-4, 1e-4):
+            assert cost(found.joints + step * np.eye(6)[j]) > least
+
+
+def test_over_fewer_poses_less_is_left(calibration):
+    q = spread_poses(calibration)
+    near = q[:1] + np.random.default_rng(0).uniform(-0.1, 0.1, (50, 6))
+    assert fit_offsets(calibration, near).with_zeros.rms < 0.3 * fit_offsets(calibration, q).with_zeros.rms
+    assert fit_offsets(calibration, near).poses == 50

@@ -1,0 +1,140 @@
+"""What is exported predicts what the calibration predicts, or is refused with the size of what would be lost."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.errors import TaskcalError
+from taskcal.export.calibrated_chain import spread_poses
+from taskcal.export.dh_form import export_dh
+from taskcal.export.ur_form import LINKS, export_ur_yaml
+from taskcal.export.urdf_form import export_urdf
+from taskcal.geometry import se3
+from taskcal.identification.calibration import Calibration
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.dh_table import read_dh_table
+from taskcal.robot.effects import Harmonics
+from taskcal.robot.error_model import ErrorModel
+from tests.laws.calibrations import calibrated
+from tests.laws.urdfs import Referee
+
+NAMES = ("ur5", "fanuc-r2000ic-165f", "kuka-kr16-2", "barrett-wam")
+"""Standard and modified tables, coupled and reversed axes, seven joints."""
+
+
+@pytest.fixture(scope="module")
+def calibrations() -> dict[str, Calibration]:
+    return {name: calibrated(name) for name in NAMES}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_urdf_predicts_the_same_here_and_in_pinocchio(name, calibrations, tmp_path):
+    calibration = calibrations[name]
+    path = tmp_path / "robot.urdf"
+    path.write_text(export_urdf(calibration).text, encoding="utf-8")
+    robot = load_robot(path)
+    assert robot.joint_names == calibration.model.robot.joint_names
+    np.testing.assert_allclose(robot.limits, calibration.model.robot.limits, rtol=1e-12)
+    q = spread_poses(calibration, 20)
+    expected = calibration.tool_in_base(q)
+    np.testing.assert_allclose(ErrorModel(robot).poses(q), expected, atol=1e-10)
+    referee = Referee(path)
+    for row, T in zip(q, expected, strict=True):
+        values = dict(zip(robot.joint_names, row, strict=True))
+        np.testing.assert_allclose(referee.pose(values, "tool0"), T, rtol=0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize("convention", ["dh", "mdh"])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_table_with_its_base_and_tool_predicts_the_same(name, convention, calibrations, tmp_path):
+    calibration = calibrations[name]
+    made = export_dh(calibration, convention)
+    path = tmp_path / "table.csv"
+    path.write_text(made.text, encoding="utf-8")
+    q = spread_poses(calibration, 20)
+    T = made.frames["base"] @ ErrorModel(read_dh_table(path, convention)).poses(q) @ made.frames["tool"]
+    # a thousandth of a nanometre in millimetres with twelve digits, at 500 m from the axes
+    np.testing.assert_allclose(T[:, :3, 3], calibration.tool_in_base(q)[:, :3, 3], atol=1e-9)
+    assert np.linalg.norm(made.frames["base"][:3, 3]) < 0.01
+
+
+def test_a_nominal_robot_is_its_own_table():
+    calibration = calibrated("ur5")
+    nominal = replace(calibration, z=np.zeros_like(calibration.z))
+    made = export_dh(nominal, "dh")
+    rows = [line.split(",") for line in made.text.splitlines() if line[0] == "J"]
+    alpha, a, d = (np.array([float(row[k]) for row in rows]) for k in (1, 2, 3))
+    np.testing.assert_allclose(alpha, [90, 0, 0, 90, -90, 0], atol=1e-9)
+    np.testing.assert_allclose(a, [0, -425, -392.25, 0, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(d, [89.159, 0, 0, 109.15, 94.65, 82.3], atol=1e-9)
+    np.testing.assert_allclose(made.frames["tool"], np.eye(4), atol=1e-12)
+
+
+def places(text: str) -> dict[str, np.ndarray]:
+    """Links of a kinematics file, each in the one before."""
+    out, link = {}, ""
+    for line in text.splitlines()[1:-1]:
+        key, _, value = line.strip().partition(": ")
+        if not value:
+            link = key.rstrip(":")
+            out[link] = {}
+        else:
+            out[link][key] = float(value)
+    turn = lambda p: se3.rotation("z", p["yaw"]) @ se3.rotation("y", p["pitch"]) @ se3.rotation("x", p["roll"])  # noqa: E731
+    return {link: se3.translation(p["x"], p["y"], p["z"]) @ turn(p) for link, p in out.items()}
+
+
+def test_urs_yaml_predicts_the_same_with_its_tool(calibrations):
+    calibration = calibrations["ur5"]
+    made = export_ur_yaml(calibration)
+    at = places(made.text)
+    assert tuple(at) == LINKS
+    for q in spread_poses(calibration, 10):
+        T = np.eye(4)
+        for link, angle in zip(LINKS, q, strict=True):
+            T = T @ at[link] @ se3.rotation("z", float(angle))
+        np.testing.assert_allclose(T @ made.frames["tool"], calibration.tool_in_base(q[None])[0], atol=1e-12)
+
+
+@pytest.mark.realdata
+def test_urs_yaml_of_a_nominal_robot_has_the_places_of_universal_robots(data_folder):
+    """Origins of the joints of the UR5 in Universal_Robots_ROS2_Description, which come from such a file."""
+    calibration = calibrated("ur5")
+    nominal = replace(calibration, z=np.zeros_like(calibration.z))
+    joints = Referee(data_folder / "urdf" / "ur5_yaml_calibration.urdf").tree.joints
+    names = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+    for place, name in zip(places(export_ur_yaml(nominal).text).values(), names, strict=True):
+        np.testing.assert_allclose(place, joints[f"{name}_joint"].origin, atol=1e-8)
+
+
+def test_what_no_form_holds_is_refused_with_its_size():
+    calibration = calibrated("ur5", Harmonics())
+    with pytest.raises(
+        TaskcalError, match=r"a URDF cannot hold .*harmonics.*: 0\.\d+ mm \(rms\) and 0\.\d+ mm \(largest\)"
+    ):
+        export_urdf(calibration)
+    made = export_urdf(calibration, accept_loss=True)
+    assert 1e-6 < made.loss.rms < made.loss.maximum < 5e-3
+    q = spread_poses(calibration)
+    with pytest.raises(TaskcalError, match=r"a table cannot hold .*harmonics"):
+        export_dh(calibration, "dh", q)
+
+
+def test_a_robot_that_is_no_ur_has_no_such_yaml(calibrations):
+    with pytest.raises(TaskcalError, match=r"fanuc-r2000ic-165f is not built like a UR"):
+        export_ur_yaml(calibrations["fanuc-r2000ic-165f"])
+
+
+def test_axes_too_near_to_parallel_for_a_table_are_refused_with_what_that_costs(calibrations):
+    calibration = calibrations["ur5"]
+    z = calibration.z.copy()
+    wanted = [calibration.all_names.index(f"J{j}.{c}") for j in (2, 3) for c in ("rx", "ry")]
+    z[wanted] = 0.0
+    z[wanted[1]] = 1e-7
+    nearly = replace(calibration, z=z)
+    with pytest.raises(
+        TaskcalError, match=r"a table cannot hold axes .*° from parallel, whose common normal is beyond 1000 m"
+    ):
+        export_dh(nearly, "dh")
+    assert export_dh(nearly, "dh", accept_loss=True).loss.maximum < 1e-6
