@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from taskcal.errors import FileError
+from taskcal.identification.calibration_file import load_calibration
+from taskcal.identification.identify import identify
 from taskcal.measurement.registration import register
 from taskcal.measurement.registration_file import load_registration, save_registration
 from taskcal.measurement.virtual_cell import simulate
@@ -35,6 +37,25 @@ def test_a_registration_comes_back_to_the_last_digit(model, saved):
     for name in ("T_tracker_base", "T_tool_target", "unobservable"):
         np.testing.assert_array_equal(getattr(found, name), getattr(registration, name))
     assert found.rms == registration.rms
+    assert (registration.method, registration.file) == ("poses", "")
+    assert (found.method, found.file) == ("poses", "reg.json")
+
+
+def test_a_calibration_says_how_its_registration_was_found(model, saved, tmp_path):
+    path, registration, campaign = saved
+    save_registration(path, replace(registration, method="circles"), model, campaign)
+    known = load_registration(path, model, campaign)
+    identify(model, campaign, registration=known, keep=[]).save(tmp_path / "cal.json")
+    again = load_calibration(tmp_path / "cal.json").layout.registration
+    assert (again.method, again.file) == ("circles", "reg.json")
+
+
+def test_a_file_from_before_methods_were_written_is_of_poses(model, saved):
+    path, _, campaign = saved
+    content = json.loads(path.read_text())
+    del content["registration"]["method"], content["registration"]["file"]
+    path.write_text(json.dumps(content))
+    assert load_registration(path, model, campaign).method == "poses"
 
 
 def test_another_robot_is_refused(saved):

@@ -1,6 +1,7 @@
 """What had another name in the release before is still understood, and says what it is called now."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -97,3 +98,19 @@ def test_a_calibration_file_of_an_earlier_release_is_read(effect, tmp_path: Path
     np.testing.assert_array_equal(read.z, fit.z)
     data = json.loads(former)
     assert any(name.endswith((".overrun", ".growth")) for name in data["names"])
+
+
+def test_a_campaign_takes_single_conditions_as_it_once_did() -> None:
+    campaign = drawn(ErrorModel(ROBOT), 6)
+    shared = {name: getattr(campaign, name) for name in ("ids", "q", "targets", "points")}
+    warm, move = np.arange(6.0), np.ones((6, 6))
+    with pytest.warns(
+        DeprecationWarning, match=r"'temperature' is called 'conditions=Conditions\(temperature=…\)' now"
+    ):
+        made = Campaign(**shared, temperature=warm, move=move)  # pyright: ignore
+    assert made.conditions.temperature is warm
+    assert made.move is move
+    with pytest.warns(DeprecationWarning, match="'time' is called"):
+        assert replace(made, time=warm).conditions.temperature is warm  # pyright: ignore
+    with pytest.raises(TypeError, match="temperatur"):
+        Campaign(**shared, temperatur=warm)  # pyright: ignore

@@ -12,6 +12,7 @@ from taskcal.cli.robot_sheet import placement
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.registration import Registration
 from taskcal.presentation.model_error_origin import model_error_origin, prior_scale_origin
 from taskcal.presentation.seen import seen_parameters
 from taskcal.presentation.unlocated import describe_unlocated
@@ -51,6 +52,7 @@ def report(
         "parameters": _parameters(calibration),
         "correlations": _correlations(calibration),
         "tracker_frame": placement(calibration.T_tracker_base),
+        "registration": _registered(calibration.layout.registration),
         "targets": {
             name: {**placement(T), "located": not unlocated, "unlocated": unlocated or None}
             for name, T, unlocated in zip(
@@ -86,6 +88,10 @@ def report(
         "iterations": calibration.iterations,
         "rounds": calibration.rounds,
     }
+
+
+def _registered(registration: Registration) -> dict[str, str | None]:
+    return {"method": registration.method, "file": registration.file or None}
 
 
 def _parameters(calibration: Calibration) -> list[dict[str, Any]]:
@@ -177,7 +183,7 @@ def _facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("model error", f"{result['model_error_mm']:.4f} mm{rotation} per axis (1σ), {result['model_error_origin']}"),
         ("prior scale", "no prior" if scale is None else f"{scale:.3g} times the tolerances{held}"),
         ("largest correlations", "; ".join(pairs)),
-        ("tracker frame", f"base at {_point(result['tracker_frame'])}"),
+        ("tracker frame", f"base at {_point(result['tracker_frame'])}{_found_from(result['registration'])}"),
     ]
     for name, target in result["targets"].items():
         unsure = f"; {target['unlocated']}" if target["unlocated"] else ""
@@ -190,6 +196,13 @@ def _facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         )
     facts += [("ended", ended), ("calibration", f"wrote {result['calibration']}")]
     return facts
+
+
+def _found_from(registration: Mapping[str, str | None]) -> str:
+    """Where the fit's start of tracker frame and targets comes from, unless it is all poses as ever."""
+    file = f"{registration['file']}, " if registration["file"] else ""
+    from_circles = registration["method"] == "circles"
+    return f"; registered from {file}{'circles' if from_circles else 'poses'}" if file or from_circles else ""
 
 
 def _value(parameter: Mapping[str, Any], kind: str) -> float:

@@ -9,7 +9,7 @@ It leans on the sweeps alone, where `register` uses every pose and the fit refin
 fixed, as published.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -84,7 +84,8 @@ def register_from_circles(model: ErrorModel, campaign: Campaign) -> Registration
     """
     circles = find_circles(model, campaign)
     Z = _turn_base(circles, model)
-    return place_targets(model, campaign, se3.pose(Z, _place_base(circles, Z, len(campaign.targets), model)))
+    base = se3.pose(Z, _place_base(circles, Z, len(campaign.targets), model))
+    return replace(place_targets(model, campaign, base), method="circles")
 
 
 def find_circles(model: ErrorModel, campaign: Campaign) -> tuple[AxisCircle, ...]:

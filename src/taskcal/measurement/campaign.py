@@ -1,9 +1,10 @@
 """A measuring campaign: joint positions, and where the targets were seen."""
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, wraps
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -253,4 +254,19 @@ class Campaign:
         return replace(self, targets=tuple(names), points=self.points[:, chosen], uncertainty=uncertainty)
 
 
-Campaign.__init__ = renamed_arguments(nests="reference_points")(Campaign.__init__)
+def _with_conditions(init: Callable[..., None]) -> Callable[..., None]:
+    """Let a campaign be made with single conditions, as it once was: ``temperature=`` for ``conditions=``."""
+
+    @wraps(init)
+    def initialise(self: Campaign, **given: Any) -> None:
+        single = {name: given.pop(name) for name in _QUANTITIES if name in given}
+        if single:
+            for name in single:
+                warn_renamed(f"the argument '{name}'", f"conditions=Conditions({name}=…)")
+            given["conditions"] = replace(given.get("conditions", Conditions()), **single)
+        init(self, **given)
+
+    return initialise
+
+
+Campaign.__init__ = _with_conditions(renamed_arguments(nests="reference_points")(Campaign.__init__))

@@ -1,6 +1,7 @@
 """Where the tracker and the targets are, from raw measurements and the nominal robot alone."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -20,6 +21,8 @@ from taskcal.measurement.registration_start import (
 )
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
+
+Method = Literal["poses", "circles"]
 
 PLAUSIBLE_SHARE = 0.02
 """Nominal residual, as a share of the robot's reach, beyond which joints and points do not belong together."""
@@ -46,6 +49,10 @@ class Registration:
     unobservable: Float[np.ndarray, "offsets offsets"]
     """Projector onto the directions of all target offsets together, in the tool frame, that the poses do not determine:
     zero in general; in one orientation a common shift of all targets. Along them the targets stay at the tool point."""
+    method: Method = "poses"
+    """Found from all ``poses``, or from the ``circles`` of axes that turned alone."""
+    file: str = ""
+    """The file it was read from, if it was."""
 
     @property
     def unlocated(self) -> Float[np.ndarray, "offsets offsets"]:

@@ -1,6 +1,7 @@
 """The file of a registration, which the fit starts from or holds."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -10,7 +11,7 @@ from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.files import write_whole
 from taskcal.geometry.described_arrays import array_of, rigid
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import Registration
+from taskcal.measurement.registration import Method, Registration
 from taskcal.robot.error_model import ErrorModel
 from taskcal.text_file import read_json
 from taskcal.toml_file import Finite, NotNegative, Section, explain
@@ -23,6 +24,8 @@ Matrix = list[list[Finite]]
 class RegistrationSection(Section):
     """Tracker frame and targets, in metres."""
 
+    method: Method = "poses"
+    file: str = ""
     T_tracker_base: Matrix
     T_tool_target: list[Matrix]
     rms: NotNegative
@@ -39,6 +42,8 @@ class RegistrationSection(Section):
             T_tracker_base=rigid(base, array_of(base, self.T_tracker_base, (4, 4))),
             T_tool_target=rigid(tool, array_of(tool, self.T_tool_target, (targets, 4, 4))),
             rms=self.rms,
+            method=self.method,
+            file=self.file,
             unobservable=array_of("registration, unlocated", self.unlocated, (3 * targets, 3 * targets)),
         )
 
@@ -82,6 +87,8 @@ def registration_text(registration: Registration, model: ErrorModel, campaign: C
 def describe_registration(registration: Registration) -> dict[str, Any]:
     """What `RegistrationSection` reads, in this file and in a calibration's."""
     return {
+        "method": registration.method,
+        "file": registration.file,
         "T_tracker_base": registration.T_tracker_base.tolist(),
         "T_tool_target": registration.T_tool_target.tolist(),
         "rms": registration.rms,
@@ -130,7 +137,7 @@ def load_registration(path: str | Path, model: ErrorModel, campaign: Campaign) -
     except TaskcalError as error:
         raise FileError(path, f"is inconsistent: {error}; it may have been edited: register again") from error
     _check_belongs(path, content, model, campaign)
-    return registration
+    return replace(registration, file=path.name)
 
 
 def _check_belongs(path: Path, content: RegistrationFile, model: ErrorModel, campaign: Campaign) -> None:

@@ -144,3 +144,15 @@ def test_a_file_that_is_not_there(run: Run, tmp_path: Path) -> None:
     ended = run("performance", tmp_path / "none.csv", "--json")
     assert (ended.status, ended.out) == (1, "")
     assert "none.csv: cannot be read" in ended.err
+
+
+def test_rotations_keep_their_former_keys_beside_the_present_ones(run: Run, tmp_path: Path) -> None:
+    half = np.radians(0.5) / 2.0
+    quaternion = f"{np.sin(half)},0,0,{np.cos(half)}"
+    rows = [f"P1,left,{cycle},0,0,0,0,0,0,1,0,0,0,{quaternion}" for cycle in range(3)]
+    command = "command_x_mm,command_y_mm,command_z_mm,command_qx,command_qy,command_qz,command_qw"
+    (tmp_path / "p.csv").write_text("\n".join([f"pose,direction,cycle,{command},x_mm,y_mm,z_mm,qx,qy,qz,qw", *rows]))
+    (pose,) = run("performance", tmp_path / "p.csv", "--json").json["poses"]
+    assert pose["AP_rx_deg"] == pytest.approx(0.5)
+    assert [pose[f"AP_{new}_deg"] for new in ("rx", "ry", "rz")] == [pose[f"AP_{old}_deg"] for old in "abc"]
+    assert [pose[f"RP_{new}_deg"] for new in ("rx", "ry", "rz")] == [pose[f"RP_{old}_deg"] for old in "abc"]

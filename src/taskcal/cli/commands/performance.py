@@ -1,5 +1,6 @@
 """``taskcal performance``: accuracy and repeatability of measured poses and paths, after ISO 9283."""
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,6 +12,11 @@ from taskcal.cli.output import note, show_table, write_json
 
 POSE_CYCLES, PATH_CYCLES = 30, 10
 """How many cycles the standard asks for (ISO 9283:1998, 6.9)."""
+
+
+ROTATION = re.compile(r"(\w+)_r([xyz])_deg")
+FORMER_AXES = {"x": "a", "y": "b", "z": "c"}
+"""Letters that the rotations about the axes were called by, which are the standard's for its Euler angles."""
 
 
 def command(
@@ -45,14 +51,14 @@ def command(
             raise typer.BadParameter("a path has no poses with distances; leave one out", param_hint="--distance")
         result = _of_path(measured, commanded)
         if as_json:
-            write_json(result)
+            write_json(_with_former_keys(result))
         else:
             _show(f"Path of {measured}", [result])
         return
     pairs = None if distance is None else [_pair(text) for text in distance]
     results = _of_poses(measured, pairs)
     if as_json:
-        write_json(results)
+        write_json({of: [_with_former_keys(line) for line in lines] for of, lines in results.items()})
         return
     for key, title in (("poses", "Poses"), ("directions", "Directions of approach"), ("distances", "Distances")):
         if results[key]:
@@ -113,6 +119,13 @@ def _show(title: str, results: Sequence[Mapping[str, Any]]) -> None:
     columns = [key for key in dict.fromkeys(key for result in results for key in result) if key != "left_out"]
     rows = [[_text(result[key]) if key in result else "" for key in columns] for result in results]
     show_table(title, [key.replace("_mm", " mm").replace("_deg", " °") for key in columns], rows)
+
+
+def _with_former_keys(result: Mapping[str, Any]) -> dict[str, Any]:
+    """Rotations by their former names too, which go with the next release: AP_a_deg beside AP_rx_deg."""
+    rotations = {key: ROTATION.fullmatch(key) for key in result}
+    former = {f"{found[1]}_{FORMER_AXES[found[2]]}_deg": result[key] for key, found in rotations.items() if found}
+    return {**result, **former}
 
 
 def _text(value: float | int | str) -> str:
