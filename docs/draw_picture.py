@@ -11,13 +11,17 @@ from pathlib import Path
 
 import plotly.graph_objects as go
 
-from taskcal.demo.closed_loop import largest_errors, prepare_closed_loop, run_closed_loops
-from taskcal.demo.closed_loop_report import draw_closed_loop
-from taskcal.demo.prediction_figures import draw_error_over_angle
-from taskcal.demo.procedure import ONE, run_procedure
-from taskcal.demo.reference import ROBOT
-from taskcal.robot.catalogue import load_robot
-from taskcal.robot.error_model import ErrorModel
+from taskcal import ErrorModel, load_robot
+from taskcal.demo import (
+    ONE,
+    ROBOT,
+    draw_closed_loop,
+    draw_error_over_angle,
+    largest_errors,
+    prepare_closed_loop,
+    run_closed_loops,
+    run_procedure,
+)
 
 STATIC = Path(__file__).parent / "_static"
 WIDTH, HEIGHT = 1000, 440

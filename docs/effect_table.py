@@ -6,7 +6,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from taskcal.robot.effects import ways_to_write
+from taskcal.effects import ways_to_write
 
 
 def rows() -> list[tuple[str, str]]:

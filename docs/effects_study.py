@@ -11,19 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from taskcal.demo.elastic_robot import GEARS, elastic_model
-from taskcal.demo.model_trial import try_models
-from taskcal.demo.reference import ROBOT, reference_task
-from taskcal.estimation.blas import single_threaded
-from taskcal.identification.calibration import Calibration
-from taskcal.identification.effect_selection import explain
-from taskcal.identification.identify import identify
-from taskcal.measurement.campaign import Campaign
-from taskcal.robot.catalogue import load_robot
-from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects import PERIODIC, candidates
-from taskcal.robot.error_model import ErrorModel
-from taskcal.task.task import reach_task
+from taskcal import Calibration, Campaign, Conditions, ErrorModel, explain, identify, load_robot, reach_task
+from taskcal.demo import GEARS, ROBOT, elastic_model, reference_task, try_models
+from taskcal.effects import PERIODIC, candidates
+from taskcal.estimation import single_threaded
 
 MEASURED, NEW = 60, 100
 AS_GOOD = 1.25

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -55,6 +56,16 @@ class ToldApart:
     def lost(self) -> tuple[Direction, ...]:
         """Directions that are independent exactly and not told apart, the weakest first."""
         return self.directions[: len(self.directions) - self.count]
+
+    def to_json(self) -> dict[str, Any]:
+        """Machine-readable; coefficients in units of the tolerances."""
+        return {
+            "count": self.count,
+            "rank": len(self.directions),
+            "directions": [
+                {"coefficients": d.leading, "information": d.information, "left": d.left} for d in self.directions
+            ],
+        }
 
     def __repr__(self) -> str:
         weakest = f"; weakest: {shortened(', '.join(self.directions[0].leading), 80)}" if self.directions else ""

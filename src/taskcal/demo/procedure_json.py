@@ -9,10 +9,7 @@ from taskcal.demo.tool_point_errors import Errors
 
 def procedure_json(procedure: Procedure) -> dict[str, Any]:
     """Machine-readable, in millimetres and micrometres."""
-    mechanism, elimination = procedure.mechanism, procedure.elimination
-    off, turned = frame_error(procedure.registration.T_tracker_base, procedure.truth.T_tracker_base)
-    scaled = {label: found.maximum(scaled=True) * 1e6 for label, found in procedure.sensitivities.items()}
-    covered = {(p.campaign, p.model, p.where): p.share_inside(0.95) for p in procedure.predictions}
+    mechanism = procedure.mechanism
     return {
         "robot": procedure.model.robot.name,
         "seed": procedure.seed,
@@ -23,17 +20,7 @@ def procedure_json(procedure: Procedure) -> dict[str, Any]:
             "mobility": mechanism.mobility,
             "overconstraint": mechanism.overconstraint,
         },
-        "parameters": [
-            {
-                "name": row.name,
-                "symbol": row.symbol,
-                "published": row.published,
-                "repeats": row.repeats,
-                "eliminated": row.eliminated,
-                "largest_influence_um": {label: values[:, i] for label, values in scaled.items()},
-            }
-            for i, row in enumerate(elimination.rows)
-        ],
+        "parameters": _parameters(procedure),
         "elimination": {
             label: {
                 "rank": found.rank,
@@ -42,36 +29,61 @@ def procedure_json(procedure: Procedure) -> dict[str, Any]:
                 "dependent": found.dependent,
                 "condition_number": found.condition_number,
             }
-            for label, found in elimination.eliminations.items()
+            for label, found in procedure.elimination.eliminations.items()
         },
-        "registration": {
-            "poses": len(procedure.sweeps),
-            "circles": [
-                {
-                    "axis": procedure.model.robot.joint_names[circle.axis],
-                    "rows": len(circle.rows),
-                    "radius_mm": circle.radius * 1e3,
-                    "residual_mm": circle.residual * 1e3,
-                }
-                for circle in procedure.circles
-            ],
-            "frame_error_mm": off * 1e3,
-            "frame_error_mrad": turned * 1e3,
-        },
-        "fits": [
-            {
-                "campaign": fit.campaign,
-                "model": fit.model,
-                "parameters": fit.parameters,
-                "residual": _errors(fit.residual),
-                "inside": _errors(fit.inside),
-                "outside": _errors(fit.outside),
-                "inside_95": covered[fit.campaign, fit.model, INSIDE],
-                "outside_95": covered[fit.campaign, fit.model, OUTSIDE],
-            }
-            for fit in procedure.fits
-        ],
+        "registration": _registration(procedure),
+        "fits": _fits(procedure),
     }
+
+
+def _parameters(procedure: Procedure) -> list[dict[str, Any]]:
+    scaled = {label: found.maximum(scaled=True) * 1e6 for label, found in procedure.sensitivities.items()}
+    return [
+        {
+            "name": row.name,
+            "symbol": row.symbol,
+            "published": row.published,
+            "repeats": row.repeats,
+            "eliminated": row.eliminated,
+            "largest_influence_um": {label: values[:, i] for label, values in scaled.items()},
+        }
+        for i, row in enumerate(procedure.elimination.rows)
+    ]
+
+
+def _registration(procedure: Procedure) -> dict[str, Any]:
+    off, turned = frame_error(procedure.registration.T_tracker_base, procedure.truth.T_tracker_base)
+    return {
+        "poses": len(procedure.sweeps),
+        "circles": [
+            {
+                "axis": procedure.model.robot.joint_names[circle.axis],
+                "rows": len(circle.rows),
+                "radius_mm": circle.radius * 1e3,
+                "residual_mm": circle.residual * 1e3,
+            }
+            for circle in procedure.circles
+        ],
+        "frame_error_mm": off * 1e3,
+        "frame_error_mrad": turned * 1e3,
+    }
+
+
+def _fits(procedure: Procedure) -> list[dict[str, Any]]:
+    covered = {(p.campaign, p.model, p.where): p.share_inside(0.95) for p in procedure.predictions}
+    return [
+        {
+            "campaign": fit.campaign,
+            "model": fit.model,
+            "parameters": fit.parameters,
+            "residual": _errors(fit.residual),
+            "inside": _errors(fit.inside),
+            "outside": _errors(fit.outside),
+            "inside_95": covered[fit.campaign, fit.model, INSIDE],
+            "outside_95": covered[fit.campaign, fit.model, OUTSIDE],
+        }
+        for fit in procedure.fits
+    ]
 
 
 def _errors(errors: Errors) -> dict[str, float]:

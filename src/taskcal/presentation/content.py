@@ -43,6 +43,11 @@ class Table:
             folded=folded,
         )
 
+    @property
+    def rows(self) -> tuple[tuple[str, ...], ...]:
+        """Those of all groups, without the headings."""
+        return tuple(row for _, rows in self.groups for row in rows)
+
     def __len__(self) -> int:
         return sum(len(rows) for _, rows in self.groups)
 

@@ -17,7 +17,7 @@ from taskcal.task.task import Task
 def selection_html(
     model: ErrorModel,
     task: Task,
-    found: Selection,
+    selection: Selection,
     effects: Sensitivity,
     maps: TaskMaps | TaskCurves,
     *,
@@ -30,67 +30,17 @@ def selection_html(
     Args:
         model: the complete model.
         task: what the choice is for.
-        found: the choice.
+        selection: the choice.
         effects: sensitivity over the task's poses.
         maps: errors over the task, with the chosen parameters identified.
         accuracy: that was asked for, metres.
         measured: which poses are measured, in words.
         version: of the package, for the footer.
     """
-    chosen = next(nested for nested in found.ladder if nested.size == len(found.kept))
-    labels = {p.name: p.label for p in model.parameters}
-    crossed = chosen.cross_validated is not None
     sections = [
-        Section(
-            title="How many parameters",
-            blocks=(
-                Numbers(
-                    (
-                        (f"{len(found.kept)} of {len(model)}", "", "parameters are enough"),
-                        (f"{chosen.expected * 1e3:.4f}", "mm", "expected with them over the task, rms in space"),
-                        (f"{found.ladder[0].expected * 1e3:.4f}", "mm", "expected with all of them"),
-                        (f"{found.before * 1e3:.3f}", "mm", "expected of the nominal robot, frames found"),
-                    )
-                ),
-                Points(
-                    (
-                        f"Chosen is {found.why}.",
-                        f"Model error: {state_model_error(found.model_error * 1e3, found.model_error_origin)}.",
-                        *(
-                            f"The {REFERENCES[name][0]} has {size} parameters and is expected to leave {error * 1e3:.4f} mm."
-                            for name, (size, error) in found.references.items()
-                        ),
-                    )
-                ),
-                Chart(
-                    title="Expected task error against the number of parameters",
-                    figure=draw_ladder(found, accuracy),
-                    note="From right to left the parameter goes that is missed least over the task. Logarithmic scale."
-                    + (
-                        " The cross-validated error is on measured points that were left out, their noise included, and a mean; "
-                        "the expected one is that of the prediction over the task, and root mean square."
-                        if crossed
-                        else ""
-                    ),
-                ),
-            ),
-        ),
-        Section(
-            title="Which, and why not the others",
-            blocks=(
-                Text((f"Kept: {', '.join(labels[name] for name in found.kept) or 'none, the frames alone'}.",)),
-                Table.of_rows(
-                    f"The {len(found.dropped)} dropped parameters, in the order in which they went",
-                    ("parameter", "why"),
-                    [(labels[name], reason) for name, reason in found.dropped.items()],
-                    text_columns=(0, 1),
-                    folded=True,
-                ),
-                Chart(title="Effect of every parameter on the tool point", figure=draw_effects(effects), note=_EFFECTS),
-                tabulate_effects(effects),
-            ),
-        ),
-        task_section(model, maps, f"the {len(found.kept)} chosen parameters", measured),
+        _how_many(model, selection, accuracy),
+        _which(model, selection, effects),
+        task_section(model, maps, f"the {len(selection.kept)} chosen parameters", measured),
     ]
     robot = model.robot.title or model.robot.name
     return report_html(
@@ -100,6 +50,70 @@ def selection_html(
         footer=f"Taskcal {version}; robot {model.robot.name}; measured: {measured}.",
     )
 
+
+def _how_many(model: ErrorModel, selection: Selection, accuracy: float | None) -> Section:
+    """The error over the number of parameters, and the number that was chosen."""
+    chosen = next(nested for nested in selection.ladder if nested.size == len(selection.kept))
+    rotation = selection.model_error_rotation
+    error = state_model_error(
+        selection.model_error * 1e3, selection.model_error_origin, None if rotation is None else rotation * 1e3
+    )
+    return Section(
+        title="How many parameters",
+        blocks=(
+            Numbers(
+                (
+                    (f"{len(selection.kept)} of {len(model)}", "", "parameters are enough"),
+                    (f"{chosen.expected * 1e3:.4f}", "mm", "expected with them over the task, rms in space"),
+                    (f"{selection.ladder[0].expected * 1e3:.4f}", "mm", "expected with all of them"),
+                    (f"{selection.before * 1e3:.3f}", "mm", "expected of the nominal robot, frames found"),
+                )
+            ),
+            Points(
+                (
+                    f"Chosen is {selection.why}.",
+                    f"Model error: {error}.",
+                    *(
+                        f"The {REFERENCES[name][0]} has {size} parameters and is expected to leave {left * 1e3:.4f} mm."
+                        for name, (size, left) in selection.references.items()
+                    ),
+                )
+            ),
+            Chart(
+                title="Expected task error against the number of parameters",
+                figure=draw_ladder(selection, accuracy),
+                note=_LADDER + (_CROSSED if chosen.cross_validated is not None else ""),
+            ),
+        ),
+    )
+
+
+def _which(model: ErrorModel, selection: Selection, effects: Sensitivity) -> Section:
+    """The parameters that were kept, and why the others were not."""
+    labels = {p.name: p.label for p in model.parameters}
+    return Section(
+        title="Which, and why not the others",
+        blocks=(
+            Text((f"Kept: {', '.join(labels[name] for name in selection.kept) or 'none, the frames alone'}.",)),
+            Table.of_rows(
+                f"The {len(selection.dropped)} dropped parameters, in the order in which they went",
+                ("parameter", "why"),
+                [(labels[name], reason) for name, reason in selection.dropped.items()],
+                text_columns=(0, 1),
+                folded=True,
+            ),
+            Chart(title="Effect of every parameter on the tool point", figure=draw_effects(effects), note=_EFFECTS),
+            tabulate_effects(effects),
+        ),
+    )
+
+
+_LADDER = "From right to left the parameter goes that is missed least over the task. Logarithmic scale."
+
+_CROSSED = (
+    " The cross-validated error is on measured points that were left out, their noise included, and a mean; the expected one "
+    "is that of the prediction over the task, and root mean square."
+)
 
 _EFFECTS = (
     "Over the task's poses, along the robot's base axes and in space. What acts much is not always needed: a parameter "

@@ -28,20 +28,10 @@ from taskcal.cli.output import (
 from taskcal.cli.outputs import check_outputs, files_of_task
 
 if TYPE_CHECKING:
-    import numpy as np
-    from jaxtyping import Float
-
     from taskcal.analysis.elimination_table import EliminationTable
-    from taskcal.analysis.identifiability import Identifiability
+    from taskcal.analysis.measuring_noise import MeasuringNoise
     from taskcal.analysis.sensitivity import Sensitivity
-    from taskcal.measurement.campaign import Campaign
-    from taskcal.robot.error_model import ErrorModel
-
-WEAKEST = 5
-"""Directions that are shown of those that the poses see."""
-
-TERMS = 5
-"""Parameters that are named of each."""
+    from taskcal.analysis.told_apart import ToldApart
 
 
 class Order(StrEnum):
@@ -82,6 +72,7 @@ def command(
     named, read = [("--output", output), ("--report", report)], [robot, *files_of_task(task), campaign]
     outputs = check_outputs("sensitivity", named, read, force=force)
     from taskcal.analysis.elimination_table import tabulate_elimination
+    from taskcal.analysis.measuring_noise import measuring_noise
     from taskcal.analysis.sensitivity import sensitivity
     from taskcal.cli.task_poses import read_and_reach
     from taskcal.measurement.reader import read_campaign
@@ -101,8 +92,9 @@ def command(
         q, unreachable = poses.q, float(poses.unreachable.mean())
     found, elimination = sensitivity(model, q), tabulate_elimination(model, {"poses": q})
     result = _result(found, elimination, unreachable)
-    noise = _noise(model, q, measured, stated)
-    result["told_apart"] = _told_apart(elimination.eliminations["poses"], noise)
+    noise = measuring_noise(model, q, measured, stated)
+    told_apart = elimination.eliminations["poses"].told_apart(noise=noise.total)
+    result["told_apart"] = {**told_apart.to_json(), **noise.to_json()}
     if sort is Order.influence:
         result["parameters"].sort(key=lambda p: -p["tolerance_scaled_um"]["space"])
     contents: dict[Path, str | bytes] = {}
@@ -111,25 +103,29 @@ def command(
         contents[output] = frame.to_csv(index=False)
     if report is not None:
         with working("maps over the task"):
-            contents[report] = _page(model, found, elimination, task, seed)
+            contents[report] = _page(found, elimination, (told_apart, noise), task, seed)
         result["report"] = report
     outputs.write(contents)
     if as_json:
         write_json(result)
         return
-    _show(result)
+    _show(result, told_apart, noise)
     for written in (output, report):
         if written is not None:
             tell(f"wrote {written}")
 
 
 def _page(
-    model: "ErrorModel", found: "Sensitivity", elimination: "EliminationTable", task: Path | None, seed: int
+    found: "Sensitivity",
+    elimination: "EliminationTable",
+    apart: "tuple[ToldApart, MeasuringNoise]",
+    task: Path | None,
+    seed: int,
 ) -> str:
     from taskcal.identification.provenance import package_version
     from taskcal.presentation.sensitivity_report import sensitivity_html
 
-    poses = f"{len(found.matrix)} poses of a campaign"
+    model, poses = found.model, f"{len(found.matrix)} poses of a campaign"
     maps = None
     if task is not None:
         from taskcal.adaptation.selection import design_for
@@ -143,44 +139,8 @@ def _page(
         made, hyper = design_for(model, reach_task(model, asked, seed=seed), asked, options=SelectionOptions(seed=seed))
         poses += f", model error {state_model_error(hyper.model_error[0] * 1e3, hyper.origin)}"
         maps = map_task(model, asked, made, seed=seed)
-    return sensitivity_html(found, elimination, maps, poses=poses, version=package_version())
-
-
-def _noise(
-    model: "ErrorModel", q: "Float[np.ndarray, 'n joints']", campaign: "Campaign | None", stated: float | None
-) -> dict[str, Any]:
-    """Tracker's noise and model error per axis, millimetres: the campaign's own, or of a tracker four metres away."""
-    import numpy as np
-
-    from taskcal.geometry import se3
-    from taskcal.measurement.tracker import TrackerNoise
-    from taskcal.measurement.virtual_cell import TRACKER_POSE
-    from taskcal.robot.model_error import model_error_of
-
-    if campaign is None:
-        covariance = TrackerNoise().covariance(se3.apply(TRACKER_POSE, model.poses(q)[:, :3, 3]))
-    else:
-        covariance = campaign.covariances()[campaign.valid][:, :3, :3]
-    tracker = float(np.sqrt(np.trace(covariance, axis1=-2, axis2=-1).mean() / 3.0))
-    error = model_error_of(model.robot, stated)
-    return {
-        "noise_mm": float(np.hypot(tracker, error.position)) * 1e3,
-        "tracker_mm": tracker * 1e3,
-        "model_error_mm": error.position * 1e3,
-        "model_error_origin": error.source,
-    }
-
-
-def _told_apart(elimination: "Identifiability", noise: Mapping[str, Any]) -> dict[str, Any]:
-    told = elimination.told_apart(noise=noise["noise_mm"] * 1e-3)
-    return {
-        "count": told.count,
-        "rank": len(told.directions),
-        **noise,
-        "directions": [
-            {"coefficients": d.leading, "information": d.information, "left": d.left} for d in told.directions
-        ],
-    }
+    told_apart, noise = apart
+    return sensitivity_html(found, elimination, told_apart, noise, maps=maps, poses=poses, version=package_version())
 
 
 def _result(found: "Sensitivity", table: "EliminationTable", unreachable: float) -> dict[str, Any]:
@@ -243,7 +203,9 @@ def _result(found: "Sensitivity", table: "EliminationTable", unreachable: float)
     }
 
 
-def _show(result: Mapping[str, Any]) -> None:
+def _show(result: Mapping[str, Any], told_apart: "ToldApart", noise: "MeasuringNoise") -> None:
+    from taskcal.presentation.told_apart_table import count_told_apart, tabulate_told_apart
+
     found = result["identifiability"]
     fate = dict.fromkeys(found["kept"], "kept") | dict.fromkeys(found["zero"], "zero")
     fate |= dict.fromkeys(found["dependent"], "dependent")
@@ -274,36 +236,16 @@ def _show(result: Mapping[str, Any]) -> None:
         show_table("What these poses cannot tell from other parameters", columns, cells, left=range(5))
     indices = "  ".join(f"{name} {value:.4g}" for name, value in found["observability"].items())
     eliminated = f"{len(found['zero'])} without effect, {len(found['dependent'])} dependent, {len(found['kept'])} kept"
-    told = result["told_apart"]
-    _show_weakest(result)
+    symbols = {p["name"]: p["symbol"] or p["name"] for p in result["parameters"]}
+    weakest = tabulate_told_apart(told_apart, symbols)
+    show_table(weakest.title, weakest.header, weakest.rows, left=weakest.text_columns)
     facts = [
         ("rank", f"{found['rank']} of {len(result['parameters'])} ({eliminated}); gap {found['gap']:.2g}"),
-        ("told apart", f"{told['count']} of {told['rank']}: less than half of the tolerances' variance would be left"),
-        (
-            "noise",
-            f"{told['noise_mm']:.3g} mm per axis at every pose: tracker {told['tracker_mm']:.2g} mm, model error "
-            f"{told['model_error_mm']:.3g} mm ({told['model_error_origin']})",
-        ),
+        ("told apart", count_told_apart(told_apart)),
+        ("noise", noise.describe()),
         ("condition number", f"{found['condition_number']:.4g} (kept columns, unit length)"),
         ("observability", f"{indices} (kept, in units of tolerance)"),
     ]
     if result["published"]:
         facts.append(("published", f"{len(result['published']['kept'])} kept: {result['published']['source']}"))
     show_facts(facts)
-
-
-def _show_weakest(result: Mapping[str, Any]) -> None:
-    from taskcal.analysis.elimination_table import describe_combination
-
-    label = {p["name"]: p["symbol"] or p["name"] for p in result["parameters"]}
-    rows: list[tuple[str, ...]] = []
-    for direction in result["told_apart"]["directions"][:WEAKEST]:
-        terms = list(direction["coefficients"].items())
-        said = describe_combination(dict(terms[:TERMS]), label) + (" …" if len(terms) > TERMS else "")
-        rows.append((said, f"{direction['left']:.3f}", "yes" if direction["information"] > 1.0 else "no"))
-    show_table(
-        "Directions that such a measurement says least of, in units of the tolerances",
-        ("direction", "σ left", "told apart"),
-        rows,
-        left=(0, 2),
-    )
