@@ -1,5 +1,7 @@
 """Maps, ladders, plans and studies show the numbers they are given."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -99,6 +101,10 @@ def test_a_plan_is_drawn_in_millimetres() -> None:
     assert traces["random poses"].y[0] == pytest.approx(0.03)
     assert traces["random poses"].error_y.array[0] == pytest.approx(0.01)
     assert traces["accuracy that the task needs"].y[0] == pytest.approx(0.05)
+    with_error = {trace.name: trace for trace in draw_by_count(replace(made, model_error=4e-5 / 3.0**0.5)).data}
+    assert with_error["accuracy that the task needs, less the model error"].y[0] == pytest.approx(0.03)
+    hopeless = draw_by_count(replace(made, model_error=5e-5))
+    assert not [trace.name for trace in hopeless.data if trace.name.startswith("accuracy")]
 
 
 @pytest.mark.parametrize("shape", ["box", "cylinder"])
@@ -117,7 +123,10 @@ def test_a_study_has_a_box_for_every_model() -> None:
         {"robot": r, "plan": plan, "count": 10, "model": model, "rms_mm": 0.1 + r, "max_mm": 1.0}
         for r in range(3) for plan in ("planned", "grid") for model in ("all", "selected")
     )  # fmt: skip
-    figure = draw_study(Study(rows=rows, robots=3, seed=0), accuracy=1e-4)
+    figure = draw_study(Study(rows=rows, robots=3, seed=0, accuracy=1e-4))
     assert [trace.name for trace in figure.data] == ["all", "selected"]
     assert len(figure.data[0].y) == 6
     assert figure.layout.annotations[0].y == pytest.approx(-1.0)
+    off = draw_study(Study(rows=rows, robots=3, seed=0, accuracy=5e-4, model_error=4e-4 / 3.0**0.5))
+    assert off.layout.annotations[0].y == pytest.approx(np.log10(0.3))
+    assert not draw_study(Study(rows=rows, robots=3, seed=0, accuracy=4e-4, model_error=4e-4)).layout.annotations

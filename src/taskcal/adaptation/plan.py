@@ -10,6 +10,7 @@ from taskcal.adaptation.candidates import Measurable, find_measurable, keep_meas
 from taskcal.adaptation.comparison_plans import even_plan_error, random_plan_errors
 from taskcal.adaptation.expected_error import design
 from taskcal.adaptation.experiment import Experiment, make_experiment
+from taskcal.adaptation.geometry_allowance import allow_geometry
 from taskcal.adaptation.hyperparameters import assumed_hyperparameters
 from taskcal.adaptation.plan_options import PlanChoices, PlanOptions
 from taskcal.adaptation.plan_prior import PlanPrior, prior_from_calibration, prior_from_campaign
@@ -78,9 +79,7 @@ class Plan:
 
         None if no accuracy is stated; zero if the model error alone takes all of it.
         """
-        if self.accuracy is None:
-            return None
-        return float(np.sqrt(max(self.accuracy**2 - 3.0 * self.model_error**2, 0.0)))
+        return allow_geometry(self.accuracy, self.model_error)
 
     @property
     def enough(self) -> int | None:

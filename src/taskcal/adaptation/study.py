@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.adaptation.candidates import measuring_task
+from taskcal.adaptation.geometry_allowance import allow_geometry
 from taskcal.adaptation.plan import plan
 from taskcal.adaptation.selection import select
 from taskcal.adaptation.study_options import StudyChoices, StudyOptions
@@ -68,6 +69,14 @@ class Study:
             f"Study({self.robots} robots, {len(plans)} plans, {len({row['count'] for row in self.rows})} numbers of poses, "
             f"{len(models)} models: {len(self.rows)} rows, seed {self.seed})"
         )
+
+    @property
+    def geometry_allowance(self) -> float | None:
+        """What the accuracy leaves to the identified geometry, beside the model error of a single pose, metres.
+
+        None if no accuracy is stated; zero if the model error alone takes all of it.
+        """
+        return allow_geometry(self.accuracy, self.model_error)
 
     def to_frame(self) -> "pd.DataFrame":
         """All rows."""

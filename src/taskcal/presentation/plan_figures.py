@@ -51,7 +51,8 @@ def draw_by_count(made: Plan) -> go.Figure:
     start = "calibration as it is" if made.extends else "nominal robot, frames found"
     levels = [(made.before, start, GREY, "dot")]
     if made.geometry_allowance:
-        levels.append((made.geometry_allowance, "accuracy that the task needs, less the model error", INK, "dash"))
+        less = ", less the model error" if made.model_error else ""
+        levels.append((made.geometry_allowance, f"accuracy that the task needs{less}", INK, "dash"))
     for value, name, colour, dash in levels:
         figure.add_scatter(
             x=[0, count * 1.03],

@@ -7,24 +7,22 @@ from taskcal.adaptation.study import Study
 from taskcal.presentation.theme import GREY, SERIES, styled
 
 
-def draw_study(made: Study, accuracy: float | None = None) -> go.Figure:
-    """A box of rms errors over all robots for every plan, number of poses and model.
+def draw_study(study: Study) -> go.Figure:
+    """A box of rms errors of the geometry over all robots for every plan, number of poses and model.
 
-    Args:
-        made: the study.
-        accuracy: that the task needs, metres.
+    A line shows what the accuracy that the task needs leaves to the geometry, beside the model error of a single pose.
     """
     figure = go.Figure()
-    models = list(dict.fromkeys(row["model"] for row in made.rows))
+    models = list(dict.fromkeys(row["model"] for row in study.rows))
     for k, model in enumerate(models):
-        mine = [row for row in made.rows if row["model"] == model]
+        of_model = [row for row in study.rows if row["model"] == model]
         figure.add_box(
-            x=[[f"{row['count']} poses" for row in mine], [row["plan"] for row in mine]],
-            y=[row["rms_mm"] for row in mine],
+            x=[[f"{row['count']} poses" for row in of_model], [row["plan"] for row in of_model]],
+            y=[row["rms_mm"] for row in of_model],
             name=model,
             marker={"color": SERIES[(k + 1) % len(SERIES)], "size": 4},
             line={"width": 1.5},
-            boxpoints="all" if made.robots <= 40 else "outliers",
+            boxpoints="all" if study.robots <= 40 else "outliers",
             jitter=0.4,
             hovertemplate="%{y:.4f} mm<extra>" + model + "</extra>",
         )
@@ -32,14 +30,15 @@ def draw_study(made: Study, accuracy: float | None = None) -> go.Figure:
     figure.update_layout(boxmode="group")
     figure.update_xaxes(showgrid=False)
     figure.update_yaxes(title_text="true task error (mm, rms)", type="log", dtick="D2")
-    if accuracy is not None:
-        figure.add_hline(y=accuracy * 1e3, line={"color": GREY, "dash": "dash", "width": 1.5})
+    if study.geometry_allowance:
+        allowed = study.geometry_allowance * 1e3
+        figure.add_hline(y=allowed, line={"color": GREY, "dash": "dash", "width": 1.5})
         figure.add_annotation(
-            text="accuracy that the task needs",
+            text=f"accuracy that the task needs{', less the model error' if study.model_error else ''}",
             xref="paper",
             x=1.0,
             xanchor="right",
-            y=float(np.log10(accuracy * 1e3)),  # annotations of a logarithmic axis are placed by the logarithm
+            y=float(np.log10(allowed)),  # annotations of a logarithmic axis are placed by the logarithm
             yanchor="bottom",
             showarrow=False,
             font={"size": 13, "color": GREY},

@@ -128,7 +128,7 @@ def command(
     if as_json:
         write_json(result)
     else:
-        _show(result, asked.name)
+        _show(made, result, asked.name)
 
 
 def _numbers(text: str) -> list[int]:
@@ -185,25 +185,12 @@ def _result(robot: str, made: "Study", output: Path | None, report: Path | None)
     return {"robot": robot, **made.to_json(), **files}
 
 
-def _show(result: Mapping[str, Any], task: str) -> None:
+def _show(study: "Study", result: Mapping[str, Any], task: str) -> None:
     from taskcal.presentation.model_error_origin import state_model_error
+    from taskcal.presentation.study_table import tabulate_study
 
-    accurate = result["accuracy_mm"] is not None
-    rows = [
-        (
-            line["plan"],
-            str(line["count"]),
-            line["model"],
-            *(f"{line[key]:.4f}" for key in ("median_mm", "p05_mm", "p95_mm", "rms_mm", "rms_with_model_error_mm")),
-            *([f"{line['share_accurate']:.0%}"] if accurate else []),
-        )
-        for line in result["summary"]
-    ]
-    header = ("plan", "poses", "model", "median", "5 % below", "95 % below", "rms", "at a pose")
-    if accurate:
-        header = (*header, f"within {result['accuracy_mm']:g} mm")
-    title = f"True error of the identified geometry over '{task}', {result['robots']} virtual robots: rms in space, mm"
-    show_table(title, header, rows, left=(0, 2))
+    table = tabulate_study(study, task)
+    show_table(table.title, table.header, table.rows, left=table.text_columns)
     facts = [("robots", f"{result['robots']} {result['robot']} drawn from the tolerances, seed {result['seed']}")]
     facts.append(("model error", state_model_error(result["model_error_mm"], result["model_error_origin"])))
     facts.append(
