@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
-from taskcal.kinematics.spin import STRIDE, choose_spin
+from taskcal.kinematics.spin import GUIDE_STRIDE, choose_spin
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
@@ -44,7 +44,7 @@ def check(model: ErrorModel, T: np.ndarray, spun, tip: np.ndarray | None = None)
     np.testing.assert_allclose(spun.T[:, :3, 2:], T[:, :3, 2:], atol=1e-12)
     assert model.robot.inside_limits(spun.q).all()
     shift = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1)
-    near = shift < 0.5 * STRIDE
+    near = shift < 0.5 * GUIDE_STRIDE
     assert np.abs(np.diff(spun.q, axis=0))[near].max(initial=0.0) < 0.7
 
 

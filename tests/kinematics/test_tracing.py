@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from taskcal.demo.reference import reference_task
-from taskcal.kinematics.inverse import JUMP, conditioning, find_posture, solve_near
-from taskcal.kinematics.tracing import STEEPEST, STRIDE, Outcome, Traced, rejections, retrace, trace
+from taskcal.kinematics.inverse import JUMP_RAD, conditioning, find_posture, solve_near
+from taskcal.kinematics.tracing import MAX_STEEPNESS, STRIDE, Outcome, Traced, rejections, retrace, trace
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, Harmonics
 from taskcal.robot.error_model import ErrorModel
@@ -27,8 +27,8 @@ def assert_continuous(traced: Traced, T: np.ndarray) -> None:
     """What `Traced` says of its reached poses, each of which follows a reached one."""
     both = traced.reached[1:] & traced.reached[:-1]
     change, moved = np.abs(np.diff(traced.q, axis=0)).max(axis=1)[both], motion(T)[both]
-    assert np.all((change <= STEEPEST * moved + 2e-6) | (moved > STRIDE))
-    assert np.all((change <= JUMP + 1e-9) | (moved > STRIDE))
+    assert np.all((change <= MAX_STEEPNESS * moved + 2e-6) | (moved > STRIDE))
+    assert np.all((change <= JUMP_RAD + 1e-9) | (moved > STRIDE))
 
 
 def assert_met(T: np.ndarray, expected: np.ndarray) -> None:
@@ -193,7 +193,7 @@ def test_with_seeds_on_two_branches_the_step_between_them_is_solved_anew():
     far[1] = model.poses(q[-1:] + 0.3 * np.eye(6)[:1])[0]
     kept = retrace(model, far, ends)
     assert kept.reached.all()  # the tool moves far: what joins the seeds is the caller's
-    assert np.abs(np.diff(kept.q, axis=0)).max() > JUMP
+    assert np.abs(np.diff(kept.q, axis=0)).max() > JUMP_RAD
 
 
 def test_seeds_that_change_branch_where_a_limit_ends_the_first_are_refused_there():
@@ -220,7 +220,7 @@ def test_far_apart_a_seed_that_leads_elsewhere_is_replaced_by_the_straight_way()
     near[1] += [0.0, 0.0, 0.0, 2.0, -1.5, 0.0]
     elsewhere = solve_near(model, model.poses(q), near)
     assert elsewhere.reached.all()  # with the wrist turned over
-    assert np.abs(elsewhere.q - near).max() > JUMP
+    assert np.abs(elsewhere.q - near).max() > JUMP_RAD
     assert np.abs(elsewhere.q - q).max() > 3.0
     traced = retrace(model, model.poses(q), near)
     assert traced.reached.all()
@@ -236,7 +236,7 @@ def test_where_both_ways_never_agree_one_pose_is_refused_and_a_new_stretch_begin
     near = q.copy()
     near[50:] += [0.0, 0.0, 0.0, np.pi, 0.0, -np.pi]
     near[50:, 4] *= -1.0
-    monkeypatch.setattr("taskcal.kinematics.tracing.REPAIRED", 10)
+    monkeypatch.setattr("taskcal.kinematics.tracing.MAX_REPAIRED", 10)
     traced = retrace(model, model.poses(q), near)
     assert np.flatnonzero(~traced.reached).tolist() == [59]
     assert traced.outcome[59] == Outcome.BRANCH_LOST

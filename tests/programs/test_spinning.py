@@ -13,7 +13,7 @@ from taskcal.kinematics.tracing import trace
 from taskcal.programs.apt.read import read_apt
 from taskcal.programs.program import Frame
 from taskcal.programs.source import Source
-from taskcal.programs.spinning import spun_alike, with_spins
+from taskcal.programs.spinning import with_spins, with_spins_of
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 
@@ -55,12 +55,12 @@ def test_every_run_of_motions_can_be_followed_by_the_robots_joints():
 @pytest.mark.slow
 def test_spins_are_those_of_the_other_program_where_points_were_added():
     spun = with_spins(program(circle(41)), ROBOT)
-    again = spun_alike(program(circle(81)), spun)
+    again = with_spins_of(program(circle(81)), spun)
     np.testing.assert_allclose(
         [move.end.T for move in again.moves[::2]], [move.end.T for move in spun.moves], atol=2e-3
     )
     with pytest.raises(TaskcalError, match=r"path\.apt has 2 runs of motions instead of 1"):
-        spun_alike(program(circle(41) + "GOHOME\n" + circle(41)), spun)
+        with_spins_of(program(circle(41) + "GOHOME\n" + circle(41)), spun)
 
 
 @pytest.mark.slow

@@ -78,31 +78,20 @@ def correct(
     trajectory = simulate_controller(robot, moves)
     frames, number = _frames(calibration, moves, cell)
     directions = drive_directions(robot, moves, trajectory) if uses_directions(calibration.model) else None
-
-    def tool_in_base(
-        q: Float[np.ndarray, "k joints"], move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]
-    ) -> Float[np.ndarray, "k 4 4"]:
-        return calibration.tool_in_base(q, None if directions is None else directions.at(move, share))
-
-    placed = Placed(
-        tool_in_base=tool_in_base,
-        placements=tuple(frame.placement for frame in frames),
-        number=number,
-    )
+    placed = _placed(calibration, frames, number, directions)
     wanted = wanted_segments(trajectory, placed, moves)
     progress("the joints of the calibrated robot")
-    subdivision = subdivide(
-        CorrectionProblem(
-            robot=robot,
-            moves=moves,
-            calibration=calibration,
-            placed=placed,
-            wanted=wanted,
-            trajectory=trajectory,
-            directions=directions,
-            tolerance=bounds.tolerance,
-        )
+    problem = CorrectionProblem(
+        robot=robot,
+        moves=moves,
+        calibration=calibration,
+        placed=placed,
+        wanted=wanted,
+        trajectory=trajectory,
+        directions=directions,
+        tolerance=bounds.tolerance,
     )
+    subdivision = subdivide(problem)
     changes = target_changes(robot, subdivision, trajectory)
     kept = {i for i, move in enumerate(moves) if keep_joints and move.kind == "axes"}
     rejected = trajectory.rejected | find_rejections(robot, subdivision, changes, bounds)
@@ -112,8 +101,7 @@ def correct(
     rewritten = _rewrite(program, robot, waypoints, trajectory, into)
     new_trajectory = simulate_controller(robot, rewritten.program.moves)
     motion = joint_motion(robot, rewritten.program.moves, new_trajectory)
-    before = assess(placed, wanted, trajectory)
-    after = assess(placed, wanted, new_trajectory, rewritten.origin)
+    before, after = assess(placed, wanted, trajectory), assess(placed, wanted, new_trajectory, rewritten.origin)
     variances = _variances(frames, number, trajectory, directions)
     written = np.isin(np.arange(len(moves)), list(waypoints))
     return Correction(
@@ -197,6 +185,23 @@ def _frames(
             frames.append(calibrate_frames(calibration, move, cell))
         own.append(numbers[key])
     return frames, np.array(own, dtype=np.int64)
+
+
+def _placed(
+    calibration: Calibration,
+    frames: Sequence[FrameCalibration],
+    number: Int[np.ndarray, " m"],
+    directions: DriveDirections | None,
+) -> Placed:
+    """The motions on the robot as calibrated, each drive coming from its side where the model tells one from the other."""
+
+    def tool_in_base(
+        q: Float[np.ndarray, "k joints"], move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]
+    ) -> Float[np.ndarray, "k 4 4"]:
+        return calibration.tool_in_base(q, None if directions is None else directions.at(move, share))
+
+    placements = tuple(frame.placement for frame in frames)
+    return Placed(tool_in_base=tool_in_base, placements=placements, number=number)
 
 
 def wanted_segments(trajectory: ControllerTrajectory, placed: Placed, moves: Sequence[Move]) -> Segments:

@@ -7,8 +7,9 @@ import numpy as np
 from taskcal.correction.cell import Cell
 from taskcal.correction.controller_trajectory import ControllerTrajectory
 from taskcal.correction.correction import Bounds
-from taskcal.correction.joint_motion import SINGULAR, TURN_SPEED, JointMotion
+from taskcal.correction.joint_motion import TURN_SPEED, JointMotion
 from taskcal.correction.subdivision import Subdivision
+from taskcal.kinematics.tracing import NEARLY_SINGULAR
 from taskcal.programs.program import Diagnostic, Program
 from taskcal.programs.source import Place
 
@@ -47,7 +48,7 @@ def diagnose(
     for i in np.flatnonzero(np.isfinite(subdivision.deviation) & (subdivision.deviation > bounds.tolerance)):
         text = f"leaves its path by {subdivision.deviation[i] * 1e3:.3f} mm between corrected targets, however finely it is divided"
         out.append(Diagnostic(place=moves[int(i)].place, text=text))
-    if motion.nearest_singular is not None and motion.conditioning < SINGULAR:
+    if motion.nearest_singular is not None and motion.conditioning < NEARLY_SINGULAR:
         out.append(
             Diagnostic(
                 place=moves[origin[motion.nearest_singular][0]].place,

@@ -63,19 +63,23 @@ class FrameCalibration:
             J = J.copy()
             J[:, :, columns_of(calibration, "base.")] = 0.0
         elif self.fixed.twist is not None:
-            T = calibration.predict_tool(q) @ self.grasped.T_tool_grasped
+            T = self._grasped_poses(q)
             twist = np.broadcast_to(self.fixed.twist, (len(q), *self.fixed.twist.shape))
             J = J - se3.carry(twist, T[:, :3, 3])[:, :3]
         R = (calibration.T_tracker_base @ self.fixed.T_base_fixed)[:3, :3]
         J = R.T @ J
-        known = J @ calibration.z_covariance @ np.swapaxes(J, 1, 2)
-        R_fixed_grasped = R.T @ (calibration.predict_tool(q) @ self.grasped.T_tool_grasped)[:, :3, :3]
-        held = R_fixed_grasped @ self.grasped.covariance @ np.swapaxes(R_fixed_grasped, 1, 2)
-        return known + held + R.T @ self._fixed_covariance(q) @ R
+        by_estimate = J @ calibration.z_covariance @ np.swapaxes(J, 1, 2)
+        R_fixed_grasped = R.T @ self._grasped_poses(q)[:, :3, :3]
+        grasped = R_fixed_grasped @ self.grasped.covariance @ np.swapaxes(R_fixed_grasped, 1, 2)
+        return by_estimate + grasped + R.T @ self._fixed_covariance(q) @ R
+
+    def _grasped_poses(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
+        """Poses of the grasped frame in the tracker's."""
+        return self.calibration.predict_tool(q) @ self.grasped.T_tool_grasped
 
     def _fixed_covariance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3 3"]:
         """Of what stands still, at the grasped frame's origin, by how it was measured; tracker axes, metres²."""
-        at = (self.calibration.predict_tool(q) @ self.grasped.T_tool_grasped)[:, :3, 3]
+        at = self._grasped_poses(q)[:, :3, 3]
         arm = se3.carry(np.broadcast_to(np.eye(6), (len(q), 6, 6)), at)[:, :3]
         return arm @ self.fixed.covariance @ np.swapaxes(arm, 1, 2)
 
@@ -99,14 +103,14 @@ class FrameCalibration:
             q: joint positions, radians.
             conditions: how the poses are reached, for effects that depend on it.
         """
-        geometry, held, total = (np.zeros(len(q)) for _ in range(3))
+        geometry, grasped, total = (np.zeros(len(q)) for _ in range(3))
         for part in _chunks(len(q)):
             there = None if conditions is None else conditions.take(part)
-            spread = self.calibration.predict_covariance(q[part], there, model_error=False)[..., :3, :3]
-            geometry[part] = _total(spread).mean(axis=1)
-            held[part] = _total(self._grasped_covariance(q[part], there))
+            covariance = self.calibration.predict_covariance(q[part], there, model_error=False)[..., :3, :3]
+            geometry[part] = _total(covariance).mean(axis=1)
+            grasped[part] = _total(self._grasped_covariance(q[part], there))
             total[part] = _total(self.covariance(q[part], there))
-        parts = np.stack([geometry, held - geometry, total - held], axis=1)
+        parts = np.stack([geometry, grasped - geometry, total - grasped], axis=1)
         parts = np.maximum(parts, 0.0)
         parts *= (total / np.maximum(parts.sum(axis=1), 1e-300))[:, None]
         return np.stack([parts[:, 0], self._model_variance(q), parts[:, 1], parts[:, 2]], axis=1)
@@ -116,9 +120,9 @@ class FrameCalibration:
     ) -> Float[np.ndarray, "n 3 3"]:
         """Of what is held, in the tracker's frame, metres²."""
         J = self.grasped.twists(q, conditions)[:, :3]
-        R = (self.calibration.predict_tool(q) @ self.grasped.T_tool_grasped)[:, :3, :3]
-        known = J @ self.calibration.z_covariance @ np.swapaxes(J, 1, 2)
-        return known + R @ self.grasped.covariance @ np.swapaxes(R, 1, 2)
+        R = self._grasped_poses(q)[:, :3, :3]
+        by_estimate = J @ self.calibration.z_covariance @ np.swapaxes(J, 1, 2)
+        return by_estimate + R @ self.grasped.covariance @ np.swapaxes(R, 1, 2)
 
     def _model_variance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
         if self.calibration.field is None:

@@ -151,15 +151,14 @@ def _reflector_twists(
 ) -> Float[np.ndarray, "n 6 z"]:
     """Of a frame that is known by its reflectors."""
     J, tool = calibration.tool_jacobian(q, conditions), calibration.predict_tool(q)
-    arms = [tool[:, :3, :3] @ calibration.T_tool_target[k, :3, 3] for k in rows]
+    points = calibration.target_poses(q)[:, rows, :3, 3]
     moved: list[np.ndarray] = []
-    for k, arm in zip(rows, arms, strict=True):
+    for k, arm in zip(rows, np.moveaxis(points - tool[:, None, :3, 3], 1, 0), strict=True):
         point = se3.carry(J, arm)[:, :3]
         columns = calibration.layout.point_columns[k]
         if columns[0] >= 0:
             point[:, :, columns] = tool[:, :3, :3]
         moved.append(point)
-    points = tool[:, None, :3, 3] + np.stack(arms, axis=1)
     return rigid_twists(points, np.stack(moved, axis=1), (tool @ T)[:, :3, 3])
 
 
@@ -169,6 +168,6 @@ def _target_twists(
     """Of a frame that is known in the measured target's."""
     at = calibration.layout.walked(q, calibration.z, calibration.model.prepare(q, conditions))
     J = walk.columns(at.chain, at.s, at.e, at.layout, at.factor, angular=True)
-    target = calibration.predict_tool(q) @ calibration.T_tool_target[0]
+    target = calibration.target_poses(q)[:, 0]
     offset = np.zeros(3) if measured.in_target is None else measured.in_target[:3, 3]
     return se3.carry(J, target[:, :3, :3] @ offset)

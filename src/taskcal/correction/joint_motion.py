@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.correction.controller_trajectory import ControllerTrajectory
+from taskcal.kinematics.inverse import conditioning
 from taskcal.programs.program import Move
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -16,15 +17,9 @@ from taskcal.short_repr import short_repr
 MIN_STEP_S = 1e-9
 """Samples nearer together in time than this are one, seconds."""
 
-RADIANS_PER_METRE = 2.0
-"""Radians that count as much as a metre where translations and rotations of the tool are compared."""
-
 TURN_SPEED = float(np.radians(500.0))
 """Reorientation speed where a program states none, radians per second: that of all of ABB's predefined speeddata
 (Technical reference manual, RAPID, data type speeddata)."""
-
-SINGULAR = 0.02
-"""Nearer to a singular posture than this share, small corrections take large joint motions."""
 
 
 @short_repr
@@ -101,9 +96,7 @@ def joint_motion(robot: Robot, moves: Sequence[Move], trajectory: ControllerTraj
         return JointMotion(
             robot=robot, speed=speed, acceleration=acceleration, conditioning=np.inf, nearest_singular=None
         )
-    J = ErrorModel(robot).joint_jacobian(q) * np.repeat([RADIANS_PER_METRE, 1.0], 3)[:, None]
-    s = np.linalg.svd(J, compute_uv=False)
-    ratio = s[:, min(5, s.shape[1] - 1)] / s[:, 0]
+    ratio = conditioning(ErrorModel(robot), q)
     nearest = int(np.argmin(ratio))
     return JointMotion(
         robot=robot,

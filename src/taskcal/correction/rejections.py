@@ -4,14 +4,14 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.correction.correction import Bounds
-from taskcal.correction.joint_motion import SINGULAR
 from taskcal.correction.subdivision import Subdivision
 from taskcal.correction.target_changes import TargetChanges
 from taskcal.kinematics.inverse import closes, conditioning
+from taskcal.kinematics.tracing import NEARLY_SINGULAR
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
-NEARLY_SINGULAR = 0.1
+SWINGING_RATIO = 0.1
 """Ratio of the Jacobian's singular values under which a large motion of the joints is put down to a singular posture."""
 
 
@@ -54,7 +54,7 @@ def find_rejections(
 
 def _why_joints_swing(robot: Robot, q: Float[np.ndarray, " joints"]) -> str:
     """What to add where a joint moves far for a small correction."""
-    if conditioning(ErrorModel(robot), q[None])[0] > NEARLY_SINGULAR:
+    if conditioning(ErrorModel(robot), q[None])[0] > SWINGING_RATIO:
         return ""
     return "; near a singular posture a small correction swings the joints"
 
@@ -65,6 +65,6 @@ def _why_unreached(robot: Robot, q: Float[np.ndarray, " joints"]) -> str:
     if outside:
         return f"the calibrated robot reaches it outside its limits only: {outside[0][1]}"
     model = ErrorModel(robot)
-    if not closes(model, q[None])[0] or conditioning(model, q[None])[0] > SINGULAR:
+    if not closes(model, q[None])[0] or conditioning(model, q[None])[0] > NEARLY_SINGULAR:
         return "is out of the calibrated robot's reach in this posture"
     return "lies at a singular posture, where the calibrated robot does not reach it"

@@ -88,7 +88,7 @@ def segment_distance(
 def clear_of_itself(links: Links) -> Bool[np.ndarray, " n"]:
     """Whether no two links meet that are not neighbours.
 
-    Links are neighbours if the way between them along the chain is shorter than their radii together: these overlap in
+    Links are neighbours if the length between them along the chain is shorter than their radii together: these overlap in
     every posture.
     """
     n, count = links.start.shape[:2]
@@ -140,8 +140,8 @@ def _meets_box(
     a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"], size: Float[np.ndarray, " 3"]
 ) -> Bool[np.ndarray, " n"]:
     """Whether a segment meets a box about the origin, by slabs."""
-    way = np.where(np.abs(b - a) < 1e-12, 1e-12, b - a)
-    first, second = (-0.5 * size - a) / way, (0.5 * size - a) / way
+    along = np.where(np.abs(b - a) < 1e-12, 1e-12, b - a)
+    first, second = (-0.5 * size - a) / along, (0.5 * size - a) / along
     enter = np.minimum(first, second).max(axis=1)
     leave = np.maximum(first, second).min(axis=1)
     return (enter <= leave) & (leave >= 0.0) & (enter <= 1.0)

@@ -16,16 +16,16 @@ from taskcal.short_repr import short_repr
 
 Spin = Literal["fixed", "free"]
 
-POSITION, ROTATION = 1e-9, 1e-9
+POSITION_TOLERANCE_M, ROTATION_TOLERANCE_RAD = 1e-9, 1e-9
 """A pose is reached within these, metres and radians."""
 
-MARGIN = 0.1
+STEP_MARGIN = 0.1
 """Share of them at which the steps end."""
 
 SAME_POSTURE_RAD = 1e-6
 """Postures nearer to each other than this are one, radians."""
 
-JUMP = np.pi / 3
+JUMP_RAD = np.pi / 3
 """Within a short step of the tool, a joint that turns farther has left its branch."""
 
 
@@ -79,7 +79,7 @@ class NewtonEnd:
     @property
     def met(self) -> Bool[np.ndarray, " n"]:
         """Whether the pose is met, limits aside."""
-        return (self.off[:, 0] < POSITION) & (self.off[:, 1] < ROTATION)
+        return (self.off[:, 0] < POSITION_TOLERANCE_M) & (self.off[:, 1] < ROTATION_TOLERANCE_RAD)
 
 
 def newton_steps(
@@ -95,10 +95,10 @@ def newton_steps(
     """Newton steps from the seeds, each pose until it is met with a margin; arguments as of `solve_near`."""
     free = spin == "free"
     frame = np.eye(4) if tip is None else np.ascontiguousarray(tip, dtype=float)
-    found = NewtonEnd(q=np.array(seed, dtype=float), off=np.full((len(seed), 2), np.inf))
+    end = NewtonEnd(q=np.array(seed, dtype=float), off=np.full((len(seed), 2), np.inf))
 
     def solve(rows: slice) -> None:
-        q, off, goal = found.q[rows], found.off[rows], T[rows]
+        q, off, goal = end.q[rows], end.off[rows], T[rows]
         active = np.arange(len(q))
         for k in range(iterations + 1):
             closing = closes(model, q[active], x)
@@ -107,15 +107,15 @@ def newton_steps(
             if not len(active):
                 break
             at = model.walk(q[active], x)
-            made = step_towards(Goal(goal[active], frame, free), model.chain, at.s, at.e, _slope(model, at))
-            off[active] = made.off
-            far = (made.off > MARGIN * np.array([POSITION, ROTATION])).any(axis=1)
+            step = step_towards(Goal(goal[active], frame, free), model.chain, at.s, at.e, _slope(model, at))
+            off[active] = step.off
+            far = (step.off > STEP_MARGIN * np.array([POSITION_TOLERANCE_M, ROTATION_TOLERANCE_RAD])).any(axis=1)
             active = active[far]
             if k < iterations:
-                q[active] += made.step[far]
+                q[active] += step.step[far]
 
     in_chunks(solve, len(seed))
-    return found
+    return end
 
 
 def conditioning(
@@ -158,11 +158,11 @@ def closes(
     model: ErrorModel, q: Float[np.ndarray, "n joints"], x: Float[np.ndarray, " p"] | None = None
 ) -> Bool[np.ndarray, " n"]:
     """Whether the closed loops of a robot assemble at each pose."""
-    drive = model.robot.four_bar
-    if drive is None:
+    four_bar = model.robot.four_bar
+    if four_bar is None:
         return np.ones(len(q), dtype=bool)
-    lengths = np.zeros(3) if x is None or model.lengths_only else x[model.indices(drive.names)]
-    return drive.closes(q, lengths)
+    lengths = np.zeros(3) if x is None or model.lengths_only else x[model.indices(four_bar.names)]
+    return four_bar.closes(q, lengths)
 
 
 def find_posture(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " joints"]:
@@ -186,14 +186,14 @@ def find_postures(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.nd
     seeds = qmc.scale(qmc.Sobol(len(limits), rng=0).random(256), limits[:, 0], limits[:, 1])
     seeds = np.concatenate([limits.mean(axis=1)[None], seeds])
     closing = closes(model, seeds, None)
-    found = solve_near(model, np.broadcast_to(T, (int(closing.sum()), 4, 4)), seeds[closing], iterations=60)
-    if not found.reached.any():
+    solution = solve_near(model, np.broadcast_to(T, (int(closing.sum()), 4, 4)), seeds[closing], iterations=60)
+    if not solution.reached.any():
         x, y, z = T[:3, 3] * 1e3
         raise ReachError(
             f"{model.robot.name} does not reach the tool pose at x {x:.0f}, y {y:.0f}, z {z:.0f} mm with this orientation inside "
             "its limits; move the workspace, turn the tool, or widen the limits in the robot file"
         )
-    q = found.q[found.reached]
+    q = solution.q[solution.reached]
     q = q[np.argsort(-posture_margin(model, q), kind="stable")]
     different: list[np.ndarray] = []
     for posture in q:
@@ -220,14 +220,14 @@ def follow(
     tip: Float[np.ndarray, "4 4"] | None = None,
     spin: Spin = "fixed",
 ) -> Reached:
-    """Solve poses on the branch of a starting posture, each along a straight way from it in small steps.
+    """Solve poses on the branch of a starting posture, each along a straight path from it in small steps.
 
     Args:
         model: the model.
         T: tool poses in the base.
         start: posture that the branch is taken from, radians.
         x: parameter values; the nominal robot by default.
-        steps: how many steps the way is cut into.
+        steps: how many steps the path is divided into.
         tip: pose, in the tool, of the frame that shall be at T; the tool itself by default.
         spin: ``free`` where that frame may turn about its own z axis.
     """
@@ -239,10 +239,10 @@ def follow(
         share = k / steps
         R = se3.exp(share * turn) @ home[:3, :3]
         p = home[:3, 3] + share * (T[:, :3, 3] - home[:3, 3])
-        # on the way two Newton steps keep up; only the end must be exact
+        # in between, two Newton steps keep up; only the end must be exact
         ahead = newton_steps(model, se3.pose(R, p), q, x, iterations=2, tip=tip, spin=spin).q
-        stayed &= np.abs(ahead - q).max(axis=1) < JUMP
+        stayed &= np.abs(ahead - q).max(axis=1) < JUMP_RAD
         q = ahead
-    found = solve_near(model, T, q, x, tip=tip, spin=spin)
-    stayed &= np.abs(found.q - q).max(axis=1) < JUMP
-    return Reached(q=found.q, reached=found.reached & stayed)
+    end = solve_near(model, T, q, x, tip=tip, spin=spin)
+    stayed &= np.abs(end.q - q).max(axis=1) < JUMP_RAD
+    return Reached(q=end.q, reached=end.reached & stayed)

@@ -1,6 +1,6 @@
 """The rotation of a tool about its own axis along a path, where a path leaves it open, as spindles and torches do.
 
-Postures are followed along the path for a grid of angles; the way through them that costs least is found by dynamic
+Postures are followed along the path for a grid of angles; the sequence of them that costs least is found by dynamic
 programming (Viterbi 1967), as redundancy is resolved along paths since Nakamura and Hanafusa (1987).
 """
 
@@ -12,21 +12,21 @@ from jaxtyping import Float, Int
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.geometry.pose_step import RADIANS_PER_METRE
-from taskcal.kinematics.inverse import JUMP, SAME_POSTURE_RAD, find_postures, posture_margin, solve_near
+from taskcal.kinematics.inverse import JUMP_RAD, SAME_POSTURE_RAD, find_postures, posture_margin, solve_near
 from taskcal.kinematics.tracing import rejections, trace
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 
-ANGLES = 24
+GRID_ANGLES = 24
 """Spins tried, a whole turn of them."""
 
 SOUGHT = 4
 """At each so many of them postures are sought all over the joint ranges; the others' are followed from there."""
 
-STRIDE = 0.15
+GUIDE_STRIDE = 0.15
 """Between guide poses the tool moves not farther than this, radians and half metres."""
 
-COMFORT = 0.1
+COMFORTABLE_MARGIN = 0.1
 """A constant spin will do where no posture comes nearer than this to limits and singular postures; see `posture_margin`."""
 
 SMOOTHINGS = 6
@@ -48,15 +48,15 @@ class Spun:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _States:
-    """Postures at one guide pose, each with the best way that leads to it."""
+    """Postures at one guide pose, each with the best sequence that leads to it."""
 
     q: Float[np.ndarray, "m joints"]
     turn: Int[np.ndarray, " m"]
     """Spin in steps of the grid, not wrapped."""
     cost: Float[np.ndarray, " m"]
-    """Of the way to it."""
+    """Of the postures that lead to it."""
     tightest: Float[np.ndarray, " m"]
-    """Least posture margin on the way to it."""
+    """Least posture margin of those."""
     before: Int[np.ndarray, " m"]
     """Which state at the guide pose before it comes from."""
 
@@ -78,12 +78,12 @@ class _Guide:
     x: Float[np.ndarray, " p"] | None
     tip: Float[np.ndarray, "4 4"]
     T: Float[np.ndarray, "k 4 4"]
-    way: Float[np.ndarray, " k"]
+    travel: Float[np.ndarray, " k"]
     """How far the tool has moved, radians and half metres."""
 
     def at(self, k: int, turn: Int[np.ndarray, " m"]) -> Float[np.ndarray, "m 4 4"]:
         """Guide pose k with spins in steps of the grid."""
-        return self.T[k] @ about_z(turn * (2.0 * np.pi / ANGLES))
+        return self.T[k] @ about_z(turn * (2.0 * np.pi / GRID_ANGLES))
 
 
 def choose_spin(
@@ -113,17 +113,17 @@ def choose_spin(
     """
     tip = np.eye(4) if tip is None else tip
     carried = carried_along(T)
-    way = tool_way(carried)
-    guide = _guide(model, x, tip, carried, way)
+    travel = tool_travel(carried)
+    guide = _guide(model, x, tip, carried, travel)
     layers = [_first(guide)]
     held = _search(guide, layers[0], steps=(0,))
-    if len(held) == len(guide.way) and held[-1].tightest.max() >= COMFORT:
-        best = int(np.argmin(np.where(held[-1].tightest >= COMFORT, held[-1].cost, np.inf)))
+    if len(held) == len(guide.travel) and held[-1].tightest.max() >= COMFORTABLE_MARGIN:
+        best = int(np.argmin(np.where(held[-1].tightest >= COMFORTABLE_MARGIN, held[-1].cost, np.inf)))
         layers = held
     else:
         layers = _search(guide, layers[0], steps=(0, -1, 1))
-        if len(layers) < len(guide.way):
-            row = int(np.searchsorted(way, guide.way[len(layers)]))
+        if len(layers) < len(guide.travel):
+            row = int(np.searchsorted(travel, guide.travel[len(layers)]))
             x_, y, z = T[row, :3, 3] * 1e3
             raise ReachError(
                 f"{model.robot.name} cannot follow the path beyond pose {row} (x {x_:.0f}, y {y:.0f}, z {z:.0f} mm): no rotation "
@@ -131,7 +131,7 @@ def choose_spin(
             )
         best = int(np.argmin(layers[-1].cost))
     turns, start = _traced_back(layers, best)
-    return _followed(guide, carried, way, turns, start)
+    return _followed(guide, carried, travel, turns, start)
 
 
 def about_z(angle: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 4 4"]:
@@ -168,7 +168,7 @@ def carried_along(T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
     return out
 
 
-def tool_way(T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, " n"]:
+def tool_travel(T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, " n"]:
     """How far the tool has moved at each pose, radians and half metres, its spin aside."""
     shift = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1)
     tilt = 2.0 * np.arcsin(np.minimum(0.5 * np.linalg.norm(np.diff(T[:, :3, 2], axis=0), axis=1), 1.0))
@@ -180,16 +180,16 @@ def _guide(
     x: Float[np.ndarray, " p"] | None,
     tip: Float[np.ndarray, "4 4"],
     carried: Float[np.ndarray, "n 4 4"],
-    way: Float[np.ndarray, " n"],
+    travel: Float[np.ndarray, " n"],
 ) -> _Guide:
-    at = np.linspace(0.0, way[-1], int(np.ceil(way[-1] / STRIDE)) + 1)
-    between = np.stack([np.interp(at, way, column) for column in carried[:, :3].reshape(len(way), 12).T], axis=1)
+    at = np.linspace(0.0, travel[-1], int(np.ceil(travel[-1] / GUIDE_STRIDE)) + 1)
+    between = np.stack([np.interp(at, travel, column) for column in carried[:, :3].reshape(len(travel), 12).T], axis=1)
     parts = between.reshape(-1, 3, 4)
     z = parts[:, :, 2] / np.linalg.norm(parts[:, :, 2], axis=1, keepdims=True)
     y = np.cross(z, parts[:, :, 0])
     y /= np.linalg.norm(y, axis=1, keepdims=True)
     return _Guide(
-        model=model, x=x, tip=tip, T=se3.pose(np.stack([np.cross(y, z), y, z], axis=2), parts[:, :, 3]), way=at
+        model=model, x=x, tip=tip, T=se3.pose(np.stack([np.cross(y, z), y, z], axis=2), parts[:, :, 3]), travel=at
     )
 
 
@@ -197,7 +197,7 @@ def _first(guide: _Guide) -> _States:
     """All postures at the first pose, for every spin of the grid."""
     found: list[np.ndarray] = []
     turns: list[int] = []
-    for turn in range(0, ANGLES, SOUGHT):
+    for turn in range(0, GRID_ANGLES, SOUGHT):
         goal = guide.at(0, np.array([turn]))
         try:
             postures = find_postures(guide.model, (goal @ se3.inverse(guide.tip))[0])
@@ -226,7 +226,7 @@ def _solved(guide: _Guide, seed: Float[np.ndarray, "m joints"], turn: Int[np.nda
     states = _States(
         q=q,
         turn=turn[solved.reached],
-        cost=STRIDE / np.maximum(margin, 1e-9),
+        cost=GUIDE_STRIDE / np.maximum(margin, 1e-9),
         tightest=margin,
         before=np.zeros(len(q), dtype=np.int64),
     )
@@ -236,14 +236,14 @@ def _solved(guide: _Guide, seed: Float[np.ndarray, "m joints"], turn: Int[np.nda
 def _search(guide: _Guide, first: _States, steps: tuple[int, ...]) -> list[_States]:
     """Follow all postures along the guide, each with the spins that `steps` of the grid lead to; as far as any gets."""
     layers = [first]
-    for k in range(1, len(guide.way)):
-        last, ds = layers[-1], guide.way[k] - guide.way[k - 1]
+    for k in range(1, len(guide.travel)):
+        last, ds = layers[-1], guide.travel[k] - guide.travel[k - 1]
         source = np.repeat(np.arange(len(last.q)), len(steps))
         turn = last.turn[source] + np.tile(steps, len(last.q))
         seed = last.q[source]
         solved = solve_near(guide.model, guide.at(k, turn), seed, guide.x, tip=guide.tip)
         change = solved.q - seed
-        good = np.flatnonzero(solved.reached & (np.abs(change).max(axis=1) < JUMP))
+        good = np.flatnonzero(solved.reached & (np.abs(change).max(axis=1) < JUMP_RAD))
         if not len(good):
             break
         q, margin = solved.q[good], posture_margin(guide.model, solved.q[good])
@@ -260,26 +260,26 @@ def _search(guide: _Guide, first: _States, steps: tuple[int, ...]) -> list[_Stat
 
 def _cheapest(states: _States) -> Int[np.ndarray, " k"]:
     """Of states that are one posture with one spin, the one that costs least."""
-    alike = np.column_stack([np.round(states.q / (100.0 * SAME_POSTURE_RAD)), states.turn % ANGLES])
+    alike = np.column_stack([np.round(states.q / (100.0 * SAME_POSTURE_RAD)), states.turn % GRID_ANGLES])
     order = np.argsort(states.cost, kind="stable")
     _, first = np.unique(alike[order], axis=0, return_index=True)
     return np.sort(order[first])
 
 
 def _traced_back(layers: list[_States], best: int) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " joints"]]:
-    """Spin at every guide pose along the way to a state, radians, and the posture it begins with."""
+    """Spin at every guide pose that leads to a state, radians, and the posture it begins with."""
     turns = np.empty(len(layers))
     for k in range(len(layers) - 1, -1, -1):
         turns[k] = layers[k].turn[best]
         if k:
             best = int(layers[k].before[best])
-    return turns * (2.0 * np.pi / ANGLES), layers[0].q[best]
+    return turns * (2.0 * np.pi / GRID_ANGLES), layers[0].q[best]
 
 
 def _followed(
     guide: _Guide,
     carried: Float[np.ndarray, "n 4 4"],
-    way: Float[np.ndarray, " n"],
+    travel: Float[np.ndarray, " n"],
     turns: Float[np.ndarray, " k"],
     start: Float[np.ndarray, " joints"],
 ) -> Spun:
@@ -289,7 +289,7 @@ def _followed(
         smooth[1:-1] = (smooth[:-2] + 2.0 * smooth[1:-1] + smooth[2:]) / 4.0
     reason = ""
     for angles in (smooth, turns) if np.ptp(turns) else (turns,):
-        spin = np.interp(way, guide.way, angles)
+        spin = np.interp(travel, guide.travel, angles)
         T = carried @ about_z(spin)
         traced = trace(guide.model, T, start, guide.x, tip=guide.tip)
         if traced.reached.all():

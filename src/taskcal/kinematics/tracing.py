@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.geometry import se3
 from taskcal.geometry.pose_step import RADIANS_PER_METRE
-from taskcal.kinematics.inverse import JUMP, NewtonEnd, Spin, conditioning, follow, newton_steps
+from taskcal.kinematics.inverse import JUMP_RAD, NewtonEnd, Spin, conditioning, follow, newton_steps
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
@@ -16,20 +16,20 @@ STRIDE = 0.2
 """The posture is followed from pose to pose where the tool has moved as far as this, radians and half metres; between
 them, poses are solved all at once."""
 
-SWING = 0.3
+MAX_SWING_RAD = 0.3
 """Where a joint moves farther than this from stride to stride, radians, the posture is followed in shorter ones."""
 
-REPAIRED = 256
+MAX_REPAIRED = 256
 """Poses that are solved one after another, at most, before a new stretch begins."""
 
-AHEAD = 64
+STRIDES_AHEAD = 64
 """Strides among which a branch that has ended is looked for again at a time."""
 
-STEEPEST = 100.0
+MAX_STEEPNESS = 100.0
 """Radians (half metres) that a joint may move for each that the tool does; more is a jump. About an axis of the wrist it
 is reached half a degree from the singular posture."""
 
-ROUNDING = 1e-6
+JOINT_ROUNDING = 1e-6
 """What a joint may move besides, radians or metres."""
 
 NEARLY_SINGULAR = 0.02
@@ -54,7 +54,7 @@ class Outcome(IntEnum):
 class Traced:
     """Postures along a path.
 
-    From one reached pose to the next no joint moves farther than `STEEPEST` times the tool's motion, nor than `JUMP` where
+    From one reached pose to the next no joint moves farther than `MAX_STEEPNESS` times the tool's motion, nor than `JUMP_RAD` where
     the tool moves by less than `STRIDE`. After a refused pose a new stretch may begin.
     """
 
@@ -112,7 +112,7 @@ def trace(
     Args:
         model: the model.
         T: tool poses in the base, in the order of the path; between poses far apart the tool is taken to move straight.
-        start: posture to begin with, radians; the way from it to the first pose is taken straight too.
+        start: posture to begin with, radians; the path from it to the first pose is taken straight too.
         x: parameter values; the nominal robot by default.
         tip: pose, in the tool, of the frame that shall be at T; the tool itself by default.
         spin: ``free`` where that frame may turn about its own z axis.
@@ -147,7 +147,7 @@ def _judge(path: "_Path", seed: Float[np.ndarray, "n joints"]) -> Traced:
     """Solve all poses from their seeds, and say what became of each."""
     robot = path.model.robot
     end = path.solve(path.T, seed)
-    stayed = np.abs(end.q - seed).max(axis=1, initial=0.0) < JUMP
+    stayed = np.abs(end.q - seed).max(axis=1, initial=0.0) < JUMP_RAD
     end, lost = _link(path, end, end.met & robot.inside_limits(end.q), stayed)
     ratio = conditioning(path.model, end.q, path.x, tip=path.tip, spin=path.spin)
     outcome = np.where(lost, np.where(ratio < NEARLY_SINGULAR, Outcome.SINGULAR, Outcome.BRANCH_LOST), Outcome.REACHED)
@@ -206,7 +206,7 @@ class _Path:
 
 def _allowed(motion: Float[np.ndarray, " n"] | float) -> Float[np.ndarray, " n"] | float:
     """How far a joint may move for a motion of the tool, radians or metres."""
-    return np.minimum(STEEPEST * motion + ROUNDING, JUMP)
+    return np.minimum(MAX_STEEPNESS * motion + JOINT_ROUNDING, JUMP_RAD)
 
 
 def _seeds(path: _Path, start: Float[np.ndarray, " joints"]) -> Float[np.ndarray, "n joints"]:
@@ -220,14 +220,14 @@ def _seeds(path: _Path, start: Float[np.ndarray, " joints"]) -> Float[np.ndarray
     while coming:
         ahead = path.walk(q, at, path.T[coming[-1]])
         if ahead is None:
-            rows = coming[: -AHEAD - 1 : -1]
+            rows = coming[: -STRIDES_AHEAD - 1 : -1]
             found = follow(path.model, path.T[rows], q, path.x, tip=path.tip, spin=path.spin)
             first = int(np.argmax(found.reached)) if found.reached.any() else len(rows)
             del coming[len(coming) - first :]
             if first == len(rows):
                 continue
             ahead = found.q[first]
-        elif 0 <= row < coming[-1] - 1 and np.abs(ahead - q).max() > SWING:
+        elif 0 <= row < coming[-1] - 1 and np.abs(ahead - q).max() > MAX_SWING_RAD:
             coming.append((row + coming[-1]) // 2)
             continue
         row = coming.pop()
@@ -244,7 +244,7 @@ def _link(
 ) -> tuple[NewtonEnd, Bool[np.ndarray, " n"]]:
     """Hold each step between good poses against the tool's motion, or against the seed where the tool moved far.
 
-    Where one is too large, what follows is solved from its predecessor until both ways agree.
+    Where one is too large, what follows is solved from its predecessor until both agree.
 
     Returns:
         the postures, and which of those that meet their pose are refused all the same.
@@ -263,7 +263,7 @@ def _link(
     for k in np.flatnonzero(~holds(slice(None))).tolist():
         if k < done:
             continue
-        for done in range(k, min(k + REPAIRED, len(motion))):
+        for done in range(k, min(k + MAX_REPAIRED, len(motion))):
             if done > k and holds(done):
                 break
             i, j = rows[done], rows[done + 1]

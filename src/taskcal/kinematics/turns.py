@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from taskcal.robot.robot import Robot
 
-TURNS = 4
+MAX_TURNS = 4
 """Whole turns of a joint among which its period is looked for."""
 
 
@@ -22,9 +22,9 @@ def turned(robot: Robot, q: Float[np.ndarray, " joints"]) -> Float[np.ndarray, "
         q: joint positions, radians; they may lie outside the limits.
     """
     choices = [_positions(robot, j, float(q[j])) for j in range(len(q))]
-    found = np.array(list(product(*choices))).reshape(-1, len(q))
-    found = found[robot.inside_limits(found)]
-    return found[np.argsort(np.abs(found - q).sum(axis=1), kind="stable")]
+    postures = np.array(list(product(*choices))).reshape(-1, len(q))
+    postures = postures[robot.inside_limits(postures)]
+    return postures[np.argsort(np.abs(postures - q).sum(axis=1), kind="stable")]
 
 
 def _positions(robot: Robot, j: int, value: float) -> list[float]:
@@ -50,7 +50,7 @@ def _period(robot: Robot, j: int) -> float | None:
     slides = np.array([*robot.prismatic, *driven, *[False] * (len(ratio) - len(robot.prismatic) - len(driven))])
     if ratio[slides].any():
         return None
-    for turns in range(1, TURNS + 1):
+    for turns in range(1, MAX_TURNS + 1):
         if np.allclose(turns * ratio, np.round(turns * ratio), rtol=0.0, atol=1e-9):
             return 2.0 * np.pi * turns
     return None

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from taskcal.errors import ReachError, TaskcalError
 from taskcal.geometry import se3
-from taskcal.kinematics.spin import about_z, carried_along, choose_spin, tool_way
+from taskcal.kinematics.spin import about_z, carried_along, choose_spin, tool_travel
 from taskcal.programs.program import Move, Program
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -38,8 +38,8 @@ def with_spins(program: P, robot: Robot) -> P:
     return replace(program, moves=tuple(moves))
 
 
-def spun_alike(program: P, other: Program) -> P:
-    """The program with the spins of another one that goes the same ways, if not by the same points.
+def with_spins_of(program: P, other: Program) -> P:
+    """The program with the spins of another one that takes the same path, if not by the same points.
 
     Raises:
         TaskcalError: their motions do not follow each other in the same runs.
@@ -48,14 +48,14 @@ def spun_alike(program: P, other: Program) -> P:
     runs, others = _runs(moves), _runs(other.moves)
     if len(runs) != len(others):
         raise TaskcalError(f"{program.sources[0].path} has {len(runs)} runs of motions instead of {len(others)}")
-    for run, alike in zip(runs, others, strict=True):
-        given, T = _poses(other.moves, alike), carried_along(_poses(moves, run))
-        carried = carried_along(given)
-        x = (np.swapaxes(carried[:, :3, :3], 1, 2) @ given[:, :3, :1])[:, :, 0]
+    for run, other_run in zip(runs, others, strict=True):
+        other_T, T = _poses(other.moves, other_run), carried_along(_poses(moves, run))
+        carried = carried_along(other_T)
+        x = (np.swapaxes(carried[:, :3, :3], 1, 2) @ other_T[:, :3, :1])[:, :, 0]
         spin = np.unwrap(np.arctan2(x[:, 1], x[:, 0]))
-        way, known = tool_way(T), tool_way(given)
-        scale = known[-1] / way[-1] if way[-1] > 0.0 else 1.0
-        _place(moves, run, T @ about_z(np.interp(way * scale, known, spin)))
+        travel, other_travel = tool_travel(T), tool_travel(other_T)
+        scale = other_travel[-1] / travel[-1] if travel[-1] > 0.0 else 1.0
+        _place(moves, run, T @ about_z(np.interp(travel * scale, other_travel, spin)))
     return replace(program, moves=tuple(moves))
 
 
@@ -66,8 +66,8 @@ def _runs(moves: Sequence[Move]) -> list[list[int]]:
         if not move.end.free_spin:
             continue
         before = moves[k - 1]
-        alike = move.tool is before.tool and move.part is before.part
-        if runs and runs[-1][-1] == k - 1 and move.follows == k - 1 and alike:
+        same_frames = move.tool is before.tool and move.part is before.part
+        if runs and runs[-1][-1] == k - 1 and move.follows == k - 1 and same_frames:
             runs[-1].append(k)
         else:
             runs.append([k])
@@ -75,7 +75,7 @@ def _runs(moves: Sequence[Move]) -> list[list[int]]:
 
 
 def _poses(moves: Sequence[Move], run: Sequence[int]) -> Float[np.ndarray, "n 4 4"]:
-    """Poses of the points on the way and the ends of some motions, in their order."""
+    """Poses of the via points and the ends of some motions, in their order."""
     targets = [t for k in run for t in (moves[k].via, moves[k].end) if t is not None]
     return np.stack([target.T for target in targets if target.T is not None])
 

@@ -12,7 +12,7 @@ from taskcal.programs.apt.resolve import Reading, Resolver
 from taskcal.programs.apt.rewrite import rewrite
 from taskcal.programs.program import Frame, Program, Waypoint
 from taskcal.programs.source import Source
-from taskcal.programs.spinning import spun_alike
+from taskcal.programs.spinning import with_spins_of
 from taskcal.robot.robot import Robot
 
 
@@ -38,7 +38,7 @@ class AptProgram(Program):
 
     def reread(self, sources: tuple[Source, ...]) -> "AptProgram":
         """The program of other texts of the same files, with this one's spins along the way; see `Program.reread`."""
-        return spun_alike(read_apt(sources, tool=self.tool, part=self.part), self)
+        return with_spins_of(read_apt(sources, tool=self.tool, part=self.part), self)
 
 
 def read_apt(

@@ -11,7 +11,7 @@ from taskcal.programs.csv_path.resolve import resolve_move, unknown_frame
 from taskcal.programs.csv_path.rewrite import Written, rewrite
 from taskcal.programs.program import Diagnostic, Frame, Move, Program, Waypoint
 from taskcal.programs.source import Edit, Source
-from taskcal.programs.spinning import spun_alike
+from taskcal.programs.spinning import with_spins_of
 from taskcal.robot.robot import Robot
 
 
@@ -40,7 +40,7 @@ class CsvProgram(Program):
 
     def reread(self, sources: tuple[Source, ...]) -> "CsvProgram":
         """The program of other texts of the same files, with this one's spins along the way; see `Program.reread`."""
-        return spun_alike(read_csv_path(sources, robot=self.robot, tool=self.tool, part=self.part), self)
+        return with_spins_of(read_csv_path(sources, robot=self.robot, tool=self.tool, part=self.part), self)
 
 
 def read_csv_path(

@@ -21,7 +21,7 @@ from taskcal.geometry.chain import Chain, Fixed, Joint, Step
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
-AXES = 6
+JOINTS = 6
 ACCURATE_BIT = 0b10000
 """Of S, where the controller's own correction was on."""
 
@@ -47,7 +47,7 @@ class Status:
         """
         agrees = np.ones(len(q), dtype=bool)
         if self.T is not None:
-            agrees &= _bits_agree(self.T, -q[:, :AXES])
+            agrees &= _bits_agree(self.T, -q[:, :JOINTS])
         beyond = _beyond(robot, q)
         if self.S is not None and beyond is not None:
             agrees &= _bits_agree(self.S, beyond)
@@ -65,7 +65,7 @@ class Status:
         """
         beyond = _beyond(robot, q[None])
         S = self.S if self.S is None or beyond is None else _with_bits(self.S, beyond[0])
-        T = None if self.T is None else _with_bits(self.T, -q[:AXES])
+        T = None if self.T is None else _with_bits(self.T, -q[:JOINTS])
         return Status(S=S, T=T)
 
 
@@ -119,7 +119,7 @@ class _Geometry:
 @lru_cache(maxsize=8)
 def _geometry(robot: Robot) -> _Geometry | None:
     """The arm's geometry; None unless axes 2 and 3 are parallel and axes 4, 5 and 6 meet in one point."""
-    if len(robot.joints) != AXES or any(robot.prismatic):
+    if len(robot.joints) != JOINTS or any(robot.prismatic):
         return None
     steps: list[Step] = []
     chains: list[Chain] = []
@@ -136,7 +136,7 @@ def _geometry(robot: Robot) -> _Geometry | None:
         elbow_sign=float(np.sign(robot.joint_map.matrix[2, 2])),
     )
     home = np.mean(np.clip(robot.limits, -np.pi, np.pi), axis=1)[None]
-    T = np.stack([geometry.frames(home, joint)[0] for joint in range(AXES)])
+    T = np.stack([geometry.frames(home, joint)[0] for joint in range(JOINTS)])
     centre, distance = _meeting_point(T[3:, :3, 3], T[3:, :3, 2])
     if distance > BORDER or np.linalg.norm(np.cross(T[1, :3, 2], T[2, :3, 2])) > BORDER:
         return None

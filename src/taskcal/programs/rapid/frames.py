@@ -15,7 +15,7 @@ from taskcal.programs.unresolved import Unresolved
 FARTHEST_MM = 1e6
 """No coordinate of a robot's cell is larger; the controller's 9E9 stands for none."""
 
-UNIT = 0.01
+UNIT_TOLERANCE = 0.01
 """A quaternion's length may differ from 1 by this: programmed digits are few."""
 
 
@@ -70,7 +70,7 @@ def quaternion(value: Value, what: str) -> tuple[float, ...]:
     """
     q = numbers(value, 4, f"the orientation of {what}")
     length = math.hypot(*q)
-    if not abs(length - 1.0) <= UNIT:
+    if not abs(length - 1.0) <= UNIT_TOLERANCE:
         raise Unresolved(f"the orientation of {what} is not a unit quaternion: its length is {length:.4g}")
     return tuple(v / length for v in q)
 

@@ -18,8 +18,8 @@ KINDS: Mapping[str, MoveKind] = {"movej": "joint", "movel": "linear", "movec": "
 
 NAMES: Mapping[MoveKind, str] = {"joint": "MoveJ", "linear": "MoveL", "circular": "MoveC", "axes": "MoveAbsJ"}
 
-_KNOWN = frozenset({"conc", "v", "z", "inpos", "wobj", "tload", "noeoffs"})
-_REFUSED = {
+_ACCEPTED_OPTIONS = frozenset({"conc", "v", "z", "inpos", "wobj", "tload", "noeoffs"})
+_REJECTED_OPTIONS = {
     "t": "\\T gives it a time, which a changed way would not keep",
     "id": "\\ID synchronises it with another robot",
     "corr": "\\Corr corrects its path at run time",
@@ -89,9 +89,9 @@ def layout(instruction: Instruction) -> Layout:
     for argument in arguments:
         if not argument.option:
             continue
-        if argument.option in _REFUSED:
-            raise Unresolved(_REFUSED[argument.option])
-        if argument.option not in _KNOWN or argument.conditional or argument.option in options:
+        if argument.option in _REJECTED_OPTIONS:
+            raise Unresolved(_REJECTED_OPTIONS[argument.option])
+        if argument.option not in _ACCEPTED_OPTIONS or argument.conditional or argument.option in options:
             raise Unresolved(f"its option \\{argument.option} is not provided for")
         options[argument.option] = argument
     if len(required) != 4 + circular:
