@@ -38,6 +38,7 @@ RENAMED = {
         "solve_calibrated": "taskcal.correction.solve_calibrated",
         "solve_near": "taskcal.kinematics.solve_near",
     },
+    "taskcal.analysis": {"NearDependence": "taskcal.analysis.Collinearity"},
     "taskcal.effects": {"Overrun": "taskcal.effects.Overshoot"},
     "taskcal.identification": {
         "Remainder": "taskcal.identification.ResidualAnalysis",

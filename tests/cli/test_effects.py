@@ -100,7 +100,7 @@ def test_effects_that_geometry_nearly_repeats_are_named(run: Run, tmp_path: Path
 
 def test_a_campaign_over_the_whole_range_tells_effects_apart(run: Run, campaign: Path, tmp_path: Path) -> None:
     ended = identify(run, campaign, tmp_path / "cal.json", "--effects", "coupling", "--json")
-    assert ended.json["near_dependent"] == []
+    assert ended.json["collinear"] == []
 
 
 def test_motor_harmonics_need_a_gear_ratio(run: Run, campaign: Path, tmp_path: Path) -> None:

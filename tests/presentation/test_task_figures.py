@@ -47,7 +47,7 @@ def test_maps_are_in_micrometres_and_every_view_can_be_chosen(slices: list[Slice
 
 def test_a_map_that_is_nowhere_reached_or_the_same_everywhere_has_a_scale(slices: list[Slice]) -> None:
     nowhere, even = [np.full((3, 4), np.nan)] * 2, [np.full((3, 4), 3e-4)] * 2
-    figure = draw_maps(slices, {"nowhere": nowhere, "even": even}, from_nil=True)
+    figure = draw_maps(slices, {"nowhere": nowhere, "even": even}, from_zero=True)
     assert (figure.layout.coloraxis.cmin, figure.layout.coloraxis.cmax) == (0.0, 1.0)
     assert figure.layout.updatemenus[0].buttons[1].args[1]["coloraxis.cmax"] == pytest.approx(300.0)
 

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taskcal import analysis
+from taskcal.analysis.identifiability import eliminate
 from taskcal.arguments import renamed_arguments
 from taskcal.errors import UnknownName
 from taskcal.identification.calibration_file import load_calibration
@@ -114,3 +116,13 @@ def test_a_campaign_takes_single_conditions_as_it_once_did() -> None:
         assert replace(made, time=warm).conditions.temperature is warm  # pyright: ignore
     with pytest.raises(TypeError, match="temperatur"):
         Campaign(**shared, temperatur=warm)  # pyright: ignore
+
+
+def test_near_dependences_are_collinearities_now() -> None:
+    columns = np.array([[1.0, 1.0, 0.0], [0.0, 1e-3, 1.0]])
+    with pytest.warns(DeprecationWarning, match=r"'collinear' now"):
+        former = eliminate(columns, ("a", "b", "c"), np.ones(3), 1).near(level=0.99)
+    assert [c.name for c in former] == [c.name for c in eliminate(columns, ("a", "b", "c"), np.ones(3), 1).collinear()]
+    assert former
+    with pytest.warns(DeprecationWarning, match=r"taskcal\.analysis\.Collinearity now"):
+        assert analysis.NearDependence is analysis.Collinearity

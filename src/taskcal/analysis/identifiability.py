@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import qr, solve_triangular
 
-from taskcal.analysis.near_dependence import LEVEL, NearDependence, find_near_dependences
+from taskcal.analysis.collinearity import LEVEL, Collinearity, find_collinearities
 from taskcal.analysis.told_apart import ToldApart, find_told_apart
-from taskcal.arguments import expect_kinds
+from taskcal.arguments import expect_kinds, warn_renamed
 from taskcal.errors import shortened
 from taskcal.estimation.information import Observability, observability
 from taskcal.geometry import se3
@@ -91,9 +91,9 @@ class Identifiability:
             columns = columns / np.linalg.norm(columns, axis=0)
         return observability(np.linalg.svd(columns, compute_uv=False), self.poses)
 
-    def near(
+    def collinear(
         self, names: Sequence[str] | None = None, *, against: Sequence[str] | None = None, level: float = LEVEL
-    ) -> tuple[NearDependence, ...]:
+    ) -> tuple[Collinearity, ...]:
         """Parameters that a few others nearly repeat, or repeat exactly, the most repeated first.
 
         Args:
@@ -102,9 +102,14 @@ class Identifiability:
             level: share of a column's squared length that four others at most must explain.
         """
         wanted = self.names if names is None else names
-        return find_near_dependences(
-            self.matrix, self.names, wanted, against=against, level=level, negligible=NEGLIGIBLE
-        )
+        return find_collinearities(self.matrix, self.names, wanted, against=against, level=level, negligible=NEGLIGIBLE)
+
+    def near(
+        self, names: Sequence[str] | None = None, *, against: Sequence[str] | None = None, level: float = LEVEL
+    ) -> tuple[Collinearity, ...]:
+        """Former name of `collinear`."""
+        warn_renamed("Identifiability.near", "collinear", stacklevel=2)
+        return self.collinear(names, against=against, level=level)
 
     def told_apart(self, *, noise: float) -> ToldApart:
         """How many directions a measurement with noise tells apart, and the weakest of those that are independent exactly.

@@ -15,7 +15,7 @@ from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration
 from taskcal.presentation.model_error_origin import model_error_origin, prior_scale_origin
 from taskcal.presentation.seen import seen_parameters
-from taskcal.presentation.unlocated import describe_unlocated
+from taskcal.presentation.unobservable import describe_unobservable
 
 CORRELATIONS = 6
 """How many of the largest correlations are named."""
@@ -58,7 +58,7 @@ def report(
             for name, T, unlocated in zip(
                 calibration.targets,
                 calibration.T_tool_target,
-                describe_unlocated(calibration.layout.registration),
+                describe_unobservable(calibration.layout.registration),
                 strict=True,
             )
         },

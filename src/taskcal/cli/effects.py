@@ -81,7 +81,7 @@ def show_explanation(found: Explanation) -> None:
     show_facts(facts)
 
 
-def near_dependences(found: Explanation) -> list[dict[str, Any]]:
+def collinearities_json(found: Explanation) -> list[dict[str, Any]]:
     """Parameters of effects that geometry nearly repeats, for JSON; an infinite inflation is None."""
     return [
         {

@@ -13,8 +13,8 @@ from typing import Unpack
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.analysis.collinearity import Collinearity
 from taskcal.analysis.identifiability import identifiability
-from taskcal.analysis.near_dependence import NearDependence
 from taskcal.arguments import expect_kinds
 from taskcal.errors import CampaignError, TaskcalError
 from taskcal.estimation.blas import single_threaded
@@ -236,7 +236,7 @@ def _try_field(selection: _Selection, seed: int, trial: _Trial) -> _Selection:
     return replace(selection, calibration=best, stages=(*selection.stages, stage))
 
 
-def _repeated_by_geometry(calibration: Calibration, campaign: Campaign) -> tuple[NearDependence, ...]:
+def _repeated_by_geometry(calibration: Calibration, campaign: Campaign) -> tuple[Collinearity, ...]:
     """Parameters of effects that the fitted geometry, tracker frame and target nearly repeat at the campaign's poses."""
     model = calibration.model
     effects = [name for name in model.effect_names if name in calibration.kept]
@@ -244,7 +244,7 @@ def _repeated_by_geometry(calibration: Calibration, campaign: Campaign) -> tuple
         return ()
     analysis = identifiability(model, campaign.q[campaign.valid.any(axis=1)], frames=True)
     fitted = {*calibration.kept, *(analysis.names[len(model) :] if not calibration.layout.fixed_frames else ())}
-    return analysis.near(effects, against=sorted(fitted - set(effects)))
+    return analysis.collinear(effects, against=sorted(fitted - set(effects)))
 
 
 def with_field(calibration: Calibration, campaign: Campaign, seed: int = 0) -> Calibration:

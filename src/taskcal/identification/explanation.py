@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from taskcal.analysis.near_dependence import NearDependence
+from taskcal.analysis.collinearity import Collinearity
 from taskcal.arguments import warn_renamed
 from taskcal.errors import shortened
 from taskcal.identification.calibration import Calibration
@@ -36,7 +36,7 @@ class Explanation:
     stages: tuple[Stage, ...]
     tracker: float
     """What the tracker's noise alone would leave, metres in space."""
-    collinearities: tuple[NearDependence, ...]
+    collinearities: tuple[Collinearity, ...]
     """Parameters of effects that geometry nearly repeats at the fitted poses, the most repeated first."""
 
     def __repr__(self) -> str:
@@ -44,7 +44,7 @@ class Explanation:
         return f"Explanation({shortened(taken, 150)}: {self.calibration!r})"
 
     @property
-    def alike(self) -> tuple[NearDependence, ...]:
+    def alike(self) -> tuple[Collinearity, ...]:
         """Former name of `collinearities`."""
         warn_renamed("Explanation.alike", "collinearities", stacklevel=2)
         return self.collinearities

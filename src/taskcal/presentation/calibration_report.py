@@ -15,7 +15,7 @@ from taskcal.presentation.remainder_section import remainder_section
 from taskcal.presentation.report import report_html
 from taskcal.presentation.seen import seen_parameters
 from taskcal.presentation.task_figures import draw_bands, draw_maps
-from taskcal.presentation.unlocated import describe_unlocated
+from taskcal.presentation.unobservable import describe_unobservable
 
 
 def calibration_html(
@@ -92,7 +92,7 @@ def _summary(calibration: Calibration, over: Uncertainty | None) -> Section:
         )
     else:
         blocks.append(Text(("No point is too far for chance.",)))
-    told = zip(calibration.targets, describe_unlocated(calibration.layout.registration), strict=True)
+    told = zip(calibration.targets, describe_unobservable(calibration.layout.registration), strict=True)
     unlocated = tuple(f"Target {name}: {sentence}." for name, sentence in told if sentence)
     if unlocated:
         blocks.append(Text(unlocated))

@@ -16,13 +16,13 @@ from taskcal.presentation.theme import AXIS_COLOURS, SERIES, label_panels, style
 COLOURS = "Viridis"
 
 
-def draw_maps(slices: Sequence[Slice], views: Mapping[str, Maps], *, from_nil: bool = False) -> go.Figure:
+def draw_maps(slices: Sequence[Slice], views: Mapping[str, Maps], *, from_zero: bool = False) -> go.Figure:
     """Heat maps over slices of a workspace, a colour scale for each view, the same in all slices.
 
     Args:
         slices: planes through the middle of the workspace.
         views: what to choose from, each with a map in metres for every slice.
-        from_nil: begin the scales at zero instead of the smallest value.
+        from_zero: begin the scales at zero instead of the smallest value.
     """
     figure = make_subplots(
         rows=1,
@@ -31,7 +31,7 @@ def draw_maps(slices: Sequence[Slice], views: Mapping[str, Maps], *, from_nil: b
         subplot_titles=[f"{at.plane[0].upper()}–{at.plane[1].upper()} through the middle" for at in slices],
     )
     drawn = {label: [_micrometres(values) for values in maps] for label, maps in views.items()}
-    ranges = {label: _range(maps, from_nil) for label, maps in drawn.items()}
+    ranges = {label: _range(maps, from_zero) for label, maps in drawn.items()}
     first = next(iter(drawn))
     for col, (at, values) in enumerate(zip(slices, drawn[first], strict=True), start=1):
         figure.add_heatmap(
@@ -74,11 +74,11 @@ def _micrometres(values: Float[np.ndarray, "v u"]) -> Float[np.ndarray, "v u"]:
     return np.round(scaled, max(0, 4 - int(np.ceil(np.log10(max(top, 1e-3))))))
 
 
-def _range(maps: Sequence[np.ndarray], from_nil: bool) -> tuple[float, float]:
+def _range(maps: Sequence[np.ndarray], from_zero: bool) -> tuple[float, float]:
     every = np.concatenate([values[~np.isnan(values)] for values in maps])
     if not len(every):
         return 0.0, 1.0
-    low, high = 0.0 if from_nil else float(every.min()), float(every.max())
+    low, high = 0.0 if from_zero else float(every.min()), float(every.max())
     return (low, high) if high > low else (low, low + 1.0)
 
 

@@ -48,7 +48,7 @@ def task_section(model: ErrorModel, found: TaskMaps | TaskCurves, identified: st
             Chart(
                 title="Effect of a single parameter's tolerance in space",
                 figure=draw_maps(
-                    found.coarse, {labels[name]: found.effects[name] for name in strongest}, from_nil=True
+                    found.coarse, {labels[name]: found.effects[name] for name in strongest}, from_zero=True
                 ),
                 note="Choose the parameter in the list, which begins with the strongest. Each has its own scale of colours.",
             ),

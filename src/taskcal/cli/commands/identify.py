@@ -230,12 +230,13 @@ def command(
     outputs.write({output: calibration.to_text()})
     result: dict[str, Any] = {"calibration": output, **report(calibration, measured, chosen, others), "drift": moved}
     if explanation is not None:
-        from taskcal.cli.effects import near_dependences
+        from taskcal.cli.effects import collinearities_json
 
         result |= {
             "explanation": explanation.to_json(),
             "tracker_mm": explanation.tracker * 1e3,
-            "near_dependent": near_dependences(explanation),
+            "collinear": collinearities_json(explanation),
+            "near_dependent": collinearities_json(explanation),  # former key, until the next release
         }
     if as_json:
         write_json(result)

@@ -97,7 +97,7 @@ def _found(
 
     from taskcal.cli.robot_sheet import placement
     from taskcal.measurement.registration import distances, nominal_poses
-    from taskcal.presentation.unlocated import describe_unlocated
+    from taskcal.presentation.unobservable import describe_unobservable
 
     off = distances(registration, campaign, nominal_poses(model, campaign)) * 1e3
     seen = off[np.isfinite(off)]
@@ -107,7 +107,7 @@ def _found(
         "targets": {
             name: {**placement(T), "unlocated": unlocated or None}
             for name, T, unlocated in zip(
-                campaign.targets, registration.T_tool_target, describe_unlocated(registration), strict=True
+                campaign.targets, registration.T_tool_target, describe_unobservable(registration), strict=True
             )
         },
         "mean_mm": float(seen.mean()),

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from taskcal.analysis.collinearity import find_collinearities
 from taskcal.analysis.identifiability import identifiability
-from taskcal.analysis.near_dependence import find_near_dependences
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, Coupling, Harmonics
 from taskcal.robot.error_model import ErrorModel
@@ -23,7 +23,7 @@ def columns(rng: np.random.Generator, noise: float) -> np.ndarray:
 
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.05])
 def test_a_combination_is_found_with_its_coefficients_and_its_share(noise):
-    (found,) = find_near_dependences(columns(np.random.default_rng(0), noise), NAMES, ["b", "d", "e", "f"])
+    (found,) = find_collinearities(columns(np.random.default_rng(0), noise), NAMES, ["b", "d", "e", "f"])
     assert (found.name, list(found.by)) == ("e", ["a", "c"])
     assert found.by == pytest.approx({"a": 3.0, "c": -20.0})
     assert found.share == pytest.approx(1.0 / (1.0 + noise**2))
@@ -32,15 +32,15 @@ def test_a_combination_is_found_with_its_coefficients_and_its_share(noise):
 
 def test_what_is_left_over_the_level_is_not_near():
     matrix = columns(np.random.default_rng(0), 0.2)
-    assert find_near_dependences(matrix, NAMES, NAMES) == ()
-    assert [found.name for found in find_near_dependences(matrix, NAMES, ["e"], level=0.95)] == ["e"]
-    assert find_near_dependences(columns(np.random.default_rng(0), 0.0), NAMES, ["e"], against=["a", "b"]) == ()
+    assert find_collinearities(matrix, NAMES, NAMES) == ()
+    assert [found.name for found in find_collinearities(matrix, NAMES, ["e"], level=0.95)] == ["e"]
+    assert find_collinearities(columns(np.random.default_rng(0), 0.0), NAMES, ["e"], against=["a", "b"]) == ()
 
 
 def test_inflation_is_that_of_a_regression_on_all_others():
     matrix = np.random.default_rng(1).normal(size=(9, 5))
     matrix[:, 4] = matrix[:, 0] + 0.05 * matrix[:, 4]
-    found = {near.name: near for near in find_near_dependences(matrix, NAMES[:5], NAMES[:5])}
+    found = {near.name: near for near in find_collinearities(matrix, NAMES[:5], NAMES[:5])}
     assert set(found) == {"a", "e"}
     for k in (0, 4):
         others = np.delete(matrix, k, axis=1)
@@ -53,7 +53,7 @@ def test_an_exact_repeat_has_no_finite_inflation_and_leaves_that_of_others_alone
     matrix = np.random.default_rng(2).normal(size=(9, 4))
     matrix[:, 3] = -2.0 * matrix[:, 0]
     matrix[:, 2] = matrix[:, 1] + 0.05 * matrix[:, 2]
-    found = {near.name: near for near in find_near_dependences(matrix, NAMES[:4], NAMES[:4])}
+    found = {near.name: near for near in find_collinearities(matrix, NAMES[:4], NAMES[:4])}
     assert (found["d"].share, found["d"].inflation, found["d"].by) == (
         pytest.approx(1.0),
         np.inf,
@@ -68,12 +68,12 @@ def test_in_a_small_workspace_effects_repeat_offsets_and_over_a_large_one_they_d
     small = identifiability(model, rng.uniform(-0.15, 0.15, (80, 6)), frames=True)
     large = identifiability(model, rng.uniform(-1.5, 1.5, (80, 6)) * [1, 1, 0.6, 1, 1, 1], frames=True)
     geometry = [name for name in small.names if name not in model.effect_names]
-    near = {found.name: found for found in small.near(model.effect_names, against=geometry)}
+    near = {found.name: found for found in small.collinear(model.effect_names, against=geometry)}
     assert near["J1.cos1"].by == pytest.approx({"J1.rz": 1.0}, abs=0.01)
     assert near["J2.sin1"].by == pytest.approx({"J1.ry": -1.0}, abs=0.01)
     assert near["J3.sag_J6"].by.keys() == {"J3.rz"}
     assert all(found.inflation > 100 for found in near.values())
-    assert large.near(model.effect_names, against=geometry) == ()
+    assert large.collinear(model.effect_names, against=geometry) == ()
 
 
 def test_gravity_on_an_upright_arm_is_a_harmonic_of_its_axis_at_any_pose():
@@ -82,5 +82,5 @@ def test_gravity_on_an_upright_arm_is_a_harmonic_of_its_axis_at_any_pose():
     rng = np.random.default_rng(0)
     found = identifiability(model, rng.uniform(-1.5, 1.5, (80, 6)) * [1, 1, 0.6, 1, 1, 1])
     assert found.dependent["J2.sag_J3"] == pytest.approx({"J2.cos1": 0.27})
-    (exact,) = found.near(["J2.sag_J3"])
+    (exact,) = found.collinear(["J2.sag_J3"])
     assert (exact.share, exact.inflation, exact.by) == (pytest.approx(1.0), np.inf, pytest.approx({"J2.cos1": 0.27}))

@@ -1,4 +1,4 @@
-"""Parameters that a few others nearly repeat at some poses: what the data can hardly tell apart."""
+"""Collinearity: parameters that a few others nearly repeat at some poses, which the data can hardly tell apart."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ NULL = 1e-6
 
 @short_repr
 @dataclass(frozen=True, kw_only=True)
-class NearDependence:
+class Collinearity:
     """A parameter that others nearly repeat."""
 
     name: str
@@ -32,7 +32,7 @@ class NearDependence:
     """The named ones, the strongest first: column ≈ Σ c · column, in SI units."""
 
 
-def find_near_dependences(
+def find_collinearities(
     matrix: Float[np.ndarray, "rows p"],
     names: Sequence[str],
     wanted: Sequence[str],
@@ -41,7 +41,7 @@ def find_near_dependences(
     level: float = LEVEL,
     most: int = MOST,
     negligible: float = 1e-9,
-) -> tuple[NearDependence, ...]:
+) -> tuple[Collinearity, ...]:
     """Which of the wanted parameters a few others nearly repeat, the most repeated first.
 
     The few are found by orthogonal matching pursuit (Pati, Rezaiifar and Krishnaprasad 1993); the variance inflation is the
@@ -62,12 +62,12 @@ def find_near_dependences(
     unit, size = matrix[:, alive] / norms[alive], norms[alive]
     inflation = _inflations(unit, negligible)
     allowed = np.array([against is None or label in set(against) for label in labels], dtype=bool)
-    out: list[NearDependence] = []
+    out: list[Collinearity] = []
     for k in (k for k, label in enumerate(labels) if label in set(wanted)):
         chosen, c, share = _pursue(unit, k, allowed, level, most)
         if share >= level:
             by = {labels[j]: float(c[i] * size[k] / size[j]) for i, j in enumerate(chosen)}
-            out.append(NearDependence(name=labels[k], share=share, inflation=float(inflation[k]), by=by))
+            out.append(Collinearity(name=labels[k], share=share, inflation=float(inflation[k]), by=by))
     return tuple(sorted(out, key=lambda found: -found.share))
 
 

@@ -9,7 +9,7 @@ CLEAR = 1e-6
 """Share of a direction that counts as present or absent."""
 
 
-def describe_unlocated(registration: Registration) -> tuple[str, ...]:
+def describe_unobservable(registration: Registration) -> tuple[str, ...]:
     """For each target what the poses do not say of its place, empty where they say all.
 
     In directions that the poses do not determine the target, or what all targets have in common, is held at the tool

@@ -8,7 +8,7 @@ from taskcal.geometry import se3
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.presentation.calibration_report import calibration_html
-from taskcal.presentation.unlocated import describe_unlocated
+from taskcal.presentation.unobservable import describe_unobservable
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
@@ -23,7 +23,7 @@ def fitted(q, targets):
 
 
 def said(calibration):
-    return describe_unlocated(calibration.layout.registration)
+    return describe_unobservable(calibration.layout.registration)
 
 
 def one_orientation():
