@@ -17,6 +17,7 @@ from taskcal.cli.commands import (
     identify,
     performance,
     plan,
+    poses,
     register,
     report,
     robots,
@@ -36,7 +37,7 @@ from taskcal.errors import TaskcalError, shortened
 
 ORDER = (
     "demo", "robots", "sensitivity", "select", "plan", "study", "simulate", "register", "identify", "validate", "performance",
-    "correct", "export", "report", "doctor", "warm",
+    "correct", "poses", "export", "report", "doctor", "warm",
 )  # fmt: skip
 """The user's road, and then what keeps the installation in order."""
 
@@ -145,6 +146,7 @@ app.command("identify", cls=NamesEffects)(identify.command)
 app.command("validate")(validate.command)
 app.command("performance")(performance.command)
 app.command("correct")(correct.command)
+app.command("poses")(poses.command)
 app.command("export")(export.command)
 app.command("report")(report.command)
 app.command("warm")(warm.command)

@@ -16,8 +16,10 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 from taskcal.tabular.column_groups import ColumnGroups
 from taskcal.tabular.csv_form import read_csv
+from taskcal.task.pose_table import read_tool_poses
+from taskcal.task.turn_section import DirectedSection, TurnSection, towards
 from taskcal.task.workspace import Orientation, Workspace
-from taskcal.toml_file import Direction, Finite, HalfTurn, Positive, Quaternion, Section, read_toml
+from taskcal.toml_file import Direction, Finite, HalfTurn, Positive, Section, read_toml
 
 Triple = tuple[Finite, Finite, Finite]
 
@@ -136,19 +138,32 @@ def _in_order(model: ErrorModel, T: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return q, reached
 
 
-class OrientationSection(Section):
+class OrientationSection(DirectedSection):
     """A tool orientation of a task file."""
 
-    quaternion: Quaternion
     cone_deg: HalfTurn = 0.0
     spin: Literal["fixed", "free"] = "fixed"
     spin_deg: HalfTurn | None = None
 
+    @model_validator(mode="after")
+    def _consistent(self) -> "OrientationSection":
+        if not self.stated and self.direction is None:
+            raise ValueError(
+                "says no orientation; give quaternion, rpy_deg, abc_deg (KUKA), wpr_deg (FANUC) or direction"
+            )
+        if self.direction is not None and (
+            self.spin_deg is not None or ("spin" in self.model_fields_set and self.spin == "fixed")
+        ):
+            raise ValueError(
+                "a direction leaves the turn about it free; state the orientation in another way to hold it"
+            )
+        return self
+
     def orientation(self) -> Orientation:
         """The orientation it describes."""
-        spin = 180.0 if self.spin == "free" else self.spin_deg or 0.0
+        spin = 180.0 if self.spin == "free" or self.direction is not None else self.spin_deg or 0.0
         return Orientation(
-            rotation=se3.from_quaternion(np.array(self.quaternion)),
+            rotation=self.rotation(),
             cone=float(np.radians(self.cone_deg)),
             spin=float(np.radians(spin)),
         )
@@ -177,11 +192,10 @@ class WorkspaceSection(Section):
         return self
 
 
-class FrameSection(Section):
-    """A named frame of a task file, by its pose in the robot's base."""
+class FrameSection(TurnSection):
+    """A named frame of a task file, by its pose in the robot's base; not turned where no rotation is stated."""
 
     position_mm: Triple
-    quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
 
 class AccuracySection(Section):
@@ -233,7 +247,7 @@ class TaskFile(Section):
         frame = np.eye(4)
         if section.frame != "base":
             placed = self.frames[section.frame]
-            frame = se3.pose(se3.from_quaternion(np.array(placed.quaternion)), np.array(placed.position_mm) * 1e-3)
+            frame = se3.pose(placed.rotation(), np.array(placed.position_mm) * 1e-3)
         size = section.size_mm or (
             2 * (section.radius_mm or 0.0),
             2 * (section.radius_mm or 0.0),
@@ -244,25 +258,16 @@ class TaskFile(Section):
             shape=section.shape,
             center=np.array(section.center_mm) / 1e3,
             size=np.array(size) / 1e3,
-            turned=_along(np.array(section.axis)) if section.shape == "cylinder" else np.eye(3),
+            turned=towards(np.array(section.axis)) if section.shape == "cylinder" else np.eye(3),
             orientations=tuple(o.orientation() for o in section.orientation),
         )
         return Task(name=self.name, workspace=workspace, accuracy=accuracy)
 
 
-def _along(axis: np.ndarray) -> np.ndarray:
-    """A rotation whose z axis has this direction."""
-    z = axis / np.linalg.norm(axis)
-    x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z], axis=1)
-
-
 def _read_poses(path: Path) -> tuple[Float[np.ndarray, "n 4 4"], Float[np.ndarray, " n"]]:
-    """Poses of a CSV with x_mm y_mm z_mm qx qy qz qw and, optionally, weight."""
+    """Poses of a CSV with x_mm y_mm z_mm, an orientation and, optionally, weight."""
     columns = ColumnGroups(read_csv(path))
-    p = columns.points()
-    quaternions = columns.quaternions(within=1e-2)
+    T = read_tool_poses(columns)
     if not len(columns):
         raise columns.error("has no poses below its header")
     weights = columns.numbers("weight") if "weight" in columns else np.ones(len(columns))
@@ -270,7 +275,7 @@ def _read_poses(path: Path) -> tuple[Float[np.ndarray, "n 4 4"], Float[np.ndarra
         raise columns.error(f"{weights[row]:g} is not a weight; give zero or more", int(row), "weight")
     if not weights.any():
         raise columns.error("all weights are zero; give at least one pose a weight")
-    return se3.pose(se3.from_quaternion(quaternions), p), weights
+    return T, weights
 
 
 def load_task(path: str | Path) -> Task:

@@ -1,0 +1,176 @@
+"""``taskcal poses``: where the tool is at joint positions, and which joints bring it to poses."""
+
+import csv
+import io
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from taskcal.cli.options import CalibrationOption, ForceOption, JsonOption, OptionalRobotOption, check_source
+from taskcal.cli.output import announce_compilation, note, show_table, tell, write_json
+from taskcal.cli.outputs import check_outputs
+from taskcal.errors import ReachError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from taskcal.identification.calibration import Calibration
+    from taskcal.robot.error_model import ErrorModel
+    from taskcal.tabular.column_groups import ColumnGroups
+
+MOST_SHOWN = 30
+"""Rows that a terminal shows; a file holds all."""
+
+
+class Angles(StrEnum):
+    """How orientations are written."""
+
+    quaternion = "quaternion"
+    rpy = "rpy"
+    abc = "abc"
+    wpr = "wpr"
+
+
+def command(
+    table: Annotated[
+        Path,
+        typer.Argument(
+            metavar="TABLE.csv",
+            readable=False,
+            help="Joints (J1_deg …), or tool poses in the base: x_mm y_mm z_mm with qx qy qz qw, roll_deg pitch_deg yaw_deg, a_deg "
+            "b_deg c_deg (KUKA), w_deg p_deg r_deg (FANUC) or a direction i j k.",
+        ),
+    ],
+    robot: OptionalRobotOption = None,
+    calibration: CalibrationOption = None,
+    reverse: Annotated[
+        bool,
+        typer.Option("--reverse", help="Look for joints although the table has some: they say which branch is meant."),
+    ] = False,
+    angles: Annotated[
+        Angles, typer.Option("--angles", case_sensitive=False, help="How orientations are written.")
+    ] = Angles.quaternion,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="OUT.csv", readable=False, help="Write all rows here.")
+    ] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Say where the tool is at joint positions, nominal and calibrated, or which joints bring it to poses."""
+    check_source(robot, calibration)
+    outputs = check_outputs("poses", [("--output", output)], [table, calibration], force=force)
+    from taskcal.cli.model import model_of
+    from taskcal.identification.calibration_file import load_calibration
+    from taskcal.tabular.column_groups import ColumnGroups
+    from taskcal.tabular.csv_form import read_csv
+
+    known = None if calibration is None else load_calibration(calibration)
+    model = model_of(robot, known, None)
+    columns = ColumnGroups(read_csv(table))
+    ids = columns.texts("id") if "id" in columns else [str(row) for row in range(len(columns))]
+    if not len(columns):
+        raise columns.error("has no rows below its header")
+    announce_compilation()
+    if reverse or not columns.joint_columns(model.robot):
+        header, rows = _joints_for(columns, model, known)
+    else:
+        header, rows = _poses_at(columns, model, known, angles)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["id", *header])
+    writer.writerows([name, *(_cell(value) for value in row)] for name, row in zip(ids, rows, strict=True))
+    if output is not None:
+        outputs.write({output: text.getvalue()})
+    if as_json:
+        entries = [{"id": name, **dict(zip(header, row, strict=True))} for name, row in zip(ids, rows, strict=True)]
+        write_json({"robot": model.robot.name, "calibrated": known is not None, "rows": entries})
+        return
+    if output is not None:
+        tell(f"wrote {output}: {len(rows)} rows")
+        return
+    shown = [(name, *(f"{value:.4f}" for value in row)) for name, row in zip(ids[:MOST_SHOWN], rows, strict=False)]
+    show_table(f"{model.robot.name}, tool in the base", ("id", *header), shown)
+    if len(rows) > MOST_SHOWN:
+        note(f"{len(rows) - MOST_SHOWN} more rows; write them all with --output")
+
+
+def _cell(value: float) -> str:
+    return f"{value:.9f}" if value == value else ""
+
+
+def _poses_at(
+    columns: "ColumnGroups", model: "ErrorModel", known: "Calibration | None", angles: Angles
+) -> tuple[list[str], list[list[float]]]:
+    """Poses at joints, and with a calibration how they differ."""
+    import numpy as np
+
+    from taskcal.correction.tool_poses import locate_tool
+
+    q = columns.joints(model.robot)
+    left = [name for name in columns.table.header if not columns.is_used(name) and name.lower() != "id"]
+    if left:
+        note(f"not needed and left alone: {', '.join(left)}")
+    outside = model.robot.outside_limits(q)
+    if outside:
+        row, reason = outside[0]
+        note(f"row {row}: {reason}")
+    if known is None:
+        header, cells = _pose_cells("", model.poses(q), angles)
+        return header, np.stack(cells, axis=1).tolist()
+    at = locate_tool(known, q)
+    header, cells = _pose_cells("nominal_", at.nominal, angles)
+    names, more = _pose_cells("", at.calibrated, angles)
+    moved = at.moved * 1e3
+    header += [*names, "dx_mm", "dy_mm", "dz_mm", "distance_mm", "angle_mrad", "u_mm"]
+    cells += [*more, *moved.T, np.linalg.norm(moved, axis=1), at.turned * 1e3, at.uncertainty * 1e3]
+    return header, np.stack(cells, axis=1).tolist()
+
+
+def _pose_cells(prefix: str, T: "np.ndarray", angles: Angles) -> tuple[list[str], list[Any]]:
+    import numpy as np
+
+    from taskcal.geometry import se3
+    from taskcal.geometry.euler import ANGLES, AngleForm, to_angles
+
+    names, values = [f"{axis}_mm" for axis in "xyz"], [*(T[:, :3, 3] * 1e3).T]
+    if angles is Angles.quaternion:
+        names += ["qx", "qy", "qz", "qw"]
+        values += [*se3.to_quaternion(T[:, :3, :3]).T]
+    else:
+        form: AngleForm = next(form for form in ANGLES if form == angles.value)
+        names += [f"{name}_deg" for name in ANGLES[form]]
+        values += [*np.degrees(to_angles(form, T[:, :3, :3])).T]
+    return [prefix + name for name in names], values
+
+
+def _joints_for(
+    columns: "ColumnGroups", model: "ErrorModel", known: "Calibration | None"
+) -> tuple[list[str], list[list[float]]]:
+    """Joints for poses: nominal, and with a calibration those of the calibrated robot."""
+    import numpy as np
+
+    from taskcal.correction.tool_poses import find_joints
+    from taskcal.task.pose_table import has_poses, read_tool_poses
+
+    robot = model.robot
+    if not has_poses(columns) and "x_mm" not in columns:
+        columns.joints(robot)  # says which columns there must be
+    T = read_tool_poses(columns)
+    seed = columns.joints(robot) if columns.joint_columns(robot) else None
+    found = find_joints(model if known is None else known, T, seed)
+    if not found.reached.any():
+        raise ReachError(
+            f"{robot.name} reaches none of the {len(T)} poses of {columns.table.path} inside its limits; are they of its tool, "
+            "in its base, in millimetres?"
+        )
+    for row in np.flatnonzero(~found.reached)[:3]:
+        note(f"row {row}: the tool does not reach this pose inside the limits; its joints are left empty")
+    scale = np.where(robot.prismatic, 1e3, 180.0 / np.pi)
+    units = ["mm" if slides else "deg" for slides in robot.prismatic]
+    names = [f"{name}_{unit}" for name, unit in zip(robot.joint_names, units, strict=True)]
+    if found.calibrated is None:
+        return names, (found.nominal * scale).tolist()
+    both = np.concatenate([found.calibrated, found.nominal], axis=1) * np.tile(scale, 2)
+    return [*names, *(f"nominal_{name}" for name in names)], both.tolist()

@@ -1,0 +1,70 @@
+import csv
+import io
+
+import numpy as np
+import pytest
+
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from tests.cli.conftest import Run
+from tests.laws.calibrations import calibrated
+
+Q = np.radians([[10.0, -70.0, 80.0, -60.0, -70.0, 15.0], [20.0, -65.0, 75.0, -55.0, -75.0, 25.0]])
+
+
+@pytest.fixture
+def joints(tmp_path):
+    path = tmp_path / "joints.csv"
+    lines = [f"p{i}," + ",".join(repr(v) for v in np.degrees(row).tolist()) for i, row in enumerate(Q)]
+    path.write_text("\n".join(["id,J1_deg,J2_deg,J3_deg,J4_deg,J5_deg,J6_deg", *lines]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_poses_of_the_nominal_robot(run: Run, joints) -> None:
+    ended = run("poses", "--robot", "ur5", joints, "--json")
+    assert ended.status == 0
+    expected = ErrorModel(load_robot("ur5")).poses(Q)
+    for row, T in zip(ended.json["rows"], expected, strict=True):
+        np.testing.assert_allclose([row["x_mm"], row["y_mm"], row["z_mm"]], T[:3, 3] * 1e3, atol=1e-9)
+
+
+def test_poses_come_back_as_joints_in_every_form(run: Run, joints, tmp_path) -> None:
+    for angles in ("quaternion", "rpy", "abc", "WPR"):
+        path = tmp_path / f"{angles}.csv"
+        assert run("poses", "--robot", "ur5", joints, "--angles", angles, "-o", path).status == 0
+        ended = run("poses", "--robot", "ur5", path)
+        assert ended.status == 0
+        back = run("poses", "--robot", "ur5", path, "-o", tmp_path / "back.csv", "--force")
+        assert back.status == 0
+        rows = list(csv.DictReader(io.StringIO((tmp_path / "back.csv").read_text(encoding="utf-8"))))
+        q = np.radians([[float(row[f"J{j}_deg"]) for j in range(1, 7)] for row in rows])
+        model = ErrorModel(load_robot("ur5"))
+        np.testing.assert_allclose(model.poses(q), model.poses(Q), atol=1e-7)
+
+
+def test_a_calibration_says_how_far_off_the_nominal_robot_is(run: Run, joints, tmp_path) -> None:
+    calibration = calibrated("ur5")
+    calibration.save(tmp_path / "cal.json")
+    ended = run("poses", "--calibration", tmp_path / "cal.json", joints, "--json")
+    assert ended.status == 0
+    row = ended.json["rows"][0]
+    moved = [row[f"{axis}_mm"] - row[f"nominal_{axis}_mm"] for axis in "xyz"]
+    np.testing.assert_allclose([row["dx_mm"], row["dy_mm"], row["dz_mm"]], moved, atol=1e-9)
+    assert row["distance_mm"] == pytest.approx(np.linalg.norm(moved))
+    assert row["u_mm"] > 0.0
+
+
+def test_poses_out_of_reach_are_said(run: Run, tmp_path) -> None:
+    path = tmp_path / "far.csv"
+    path.write_text("x_mm,y_mm,z_mm,qx,qy,qz,qw\n9000,0,0,0,0,0,1\n", encoding="utf-8")
+    ended = run("poses", "--robot", "ur5", path)
+    assert (ended.status, ended.out) == (1, "")
+    assert "reaches none of the 1 poses" in ended.err
+
+
+def test_a_table_of_neither_says_what_it_needs(run: Run, tmp_path) -> None:
+    path = tmp_path / "neither.csv"
+    path.write_text("id,foo\n1,2\n", encoding="utf-8")
+    ended = run("poses", "--robot", "ur5", path)
+    assert (ended.status, ended.out) == (1, "")
+    assert "no column for joint J1" in ended.err
