@@ -13,17 +13,19 @@ from types import CodeType
 from typing import Any
 
 import jaxtyping
+from beartype import BeartypeConf, beartype
 
 CALLS = 50
 """Of one function that are checked in one test; more than the examples that Hypothesis draws."""
 
 _counted: Counter[CodeType] = Counter()
 _check_each_call: Any = jaxtyping.jaxtyped
+_check_types = beartype(conf=BeartypeConf(is_pep484_tower=True))  # a whole number does for any number
 
 
 def install_checks(modules: Sequence[str]) -> None:
     """Check the first calls of all functions in modules that are yet to be imported."""
-    jaxtyping.jaxtyped = _check_first_calls  # under this name the import hook decorates every function and class
+    jaxtyping.jaxtyped = _decorator  # under this name the import hook decorates every function and class
     jaxtyping.install_import_hook(modules, "beartype.beartype")
 
 
@@ -32,11 +34,15 @@ def count_anew() -> None:
     _counted.clear()
 
 
-def _check_first_calls(function: Any = None, *, typechecker: Any) -> Any:
-    if function is None:
-        return lambda decorated: _check_first_calls(decorated, typechecker=typechecker)
+def _decorator(*, typechecker: Any) -> Callable[[Any], Any]:
+    """What the import hook asks for, with the name of a type checker in place of its settings."""
+    return check_first_calls
+
+
+def check_first_calls(function: Any) -> Any:
+    """Check the first calls of a function, or every construction of a dataclass."""
     if isclass(function):
-        return _check_each_call(function, typechecker=typechecker)
+        return _check_each_call(function, typechecker=_check_types)
     code = function.__code__
     if _counted[code] >= CALLS:
         return function
@@ -50,7 +56,7 @@ def _check_first_calls(function: Any = None, *, typechecker: Any) -> Any:
             return function(*args, **kwargs)
         _counted[code] += 1
         if checked is None:  # not sooner, for most functions of the package are not called in a few tests
-            checked = _check_each_call(function, typechecker=typechecker)
+            checked = _check_each_call(function, typechecker=_check_types)
         return checked(*args, **kwargs)
 
     return call

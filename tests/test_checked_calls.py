@@ -4,11 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from beartype import beartype
 from jaxtyping import Float, TypeCheckError
 
 from taskcal.geometry import se3
-from tests.checked_calls import CALLS, _check_first_calls, count_anew
+from tests.checked_calls import CALLS, check_first_calls, count_anew
 
 
 def called(times: int) -> tuple[list[bool], Callable[[int], int]]:
@@ -17,7 +16,7 @@ def called(times: int) -> tuple[list[bool], Callable[[int], int]]:
     def double(value: int) -> int:
         return 2 * value
 
-    checked = _check_first_calls(double, typechecker=beartype)
+    checked = check_first_calls(double)
     return [refused(checked) for _ in range(times)], double
 
 
@@ -45,7 +44,7 @@ def test_a_function_within_a_function_is_counted_over_all_that_the_outer_one_mak
     assert called(CALLS)[0] == [True] * CALLS
     again, inner = called(1)
     assert again == [False]
-    assert _check_first_calls(inner, typechecker=beartype) is inner
+    assert check_first_calls(inner) is inner
     count_anew()
     assert called(1)[0] == [True]
 
@@ -55,4 +54,4 @@ def test_results_are_checked_too() -> None:
         return np.zeros((length, 1))
 
     with pytest.raises(TypeCheckError, match="return value"):
-        _check_first_calls(column, typechecker=beartype)(3)
+        check_first_calls(column)(3)
