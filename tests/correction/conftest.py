@@ -4,6 +4,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taskcal.correction.controller_trajectory import simulate_controller
+from taskcal.correction.subdivision import Nodes, Subdivision
 from taskcal.demo.reference import reference_task
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify
@@ -116,5 +118,26 @@ def perturbed():
     def build(calibration, z):
         base, targets = calibration.layout.frames(z)
         return replace(calibration, z=z, T_tracker_base=base, T_tool_target=targets)
+
+    return build
+
+
+@pytest.fixture
+def corrected(robot, make_moves, shifted):
+    """Three motions, each moved, turned and bent by known amounts at its end."""
+
+    def build(shift, turn, joint):
+        trajectory = simulate_controller(robot, make_moves([shifted(20 * k, 0, 0) for k in range(3)]))
+        wanted, m = trajectory.segments.end, 3
+        turned = se3.exp(np.array(turn)[:, None] * [0.0, 0.6, 0.8]) @ wanted[:, :3, :3]
+        nodes = Nodes(
+            move=np.arange(m),
+            share=np.ones(m),
+            q=trajectory.end + np.array(joint)[:, None] * [0.0, 0.5, 0.0, -1.0, 0.0, 0.0],
+            reached=np.ones(m, dtype=bool),
+            wanted=wanted,
+            T=se3.pose(turned, wanted[:, :3, 3] + np.array(shift)[:, None] * [0.0, 1.0, 0.0]),
+        )
+        return trajectory, Subdivision(pieces=np.ones(m, dtype=np.int64), nodes=nodes, deviation=np.zeros(m))
 
     return build

@@ -1,0 +1,77 @@
+"""What the user of a corrected program is told."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.correction.cell import Cell, Measured
+from taskcal.correction.correction import Bounds
+from taskcal.correction.diagnostics import diagnose, diagnose_unused_frames
+from taskcal.correction.joint_motion import JointMotion
+from taskcal.programs.program import Program
+from taskcal.programs.source import Source
+
+
+class Motions(Program):
+    """A program that is nothing but its motions."""
+
+    def rewrite(self, robot, waypoints):
+        raise NotImplementedError
+
+    def reread(self, sources):
+        raise NotImplementedError
+
+
+@pytest.fixture
+def program(make_moves, shifted):
+    moves = tuple(make_moves([shifted(20 * k, 0, 0) for k in range(3)]))
+    source = Source.of(moves[0].place.path, b"")
+    return Motions(sources=(source,), moves=moves, diagnostics=())
+
+
+def calm(robot, **changes):
+    """Joints that hardly move."""
+    still = np.zeros(len(robot.joints))
+    motion = JointMotion(robot=robot, speed=still, acceleration=still, conditioning=0.5, nearest_singular=None)
+    return replace(motion, **changes)
+
+
+def said(program, corrected, motion, deviation=(0.0, 0.0, 0.0), tolerance=2e-5):
+    trajectory, subdivision = corrected([0.0] * 3, [0.0] * 3, [0.0] * 3)
+    subdivision = replace(subdivision, deviation=np.array(deviation))
+    origin = [(i, 0.0, 1.0) for i in range(3)]
+    return diagnose(program, trajectory, trajectory, origin, subdivision, Bounds(tolerance=tolerance), motion)
+
+
+def test_nothing_is_said_where_there_is_nothing_to_say(robot, program, corrected):
+    assert said(program, corrected, calm(robot)) == ()
+
+
+def test_a_motion_that_leaves_its_path_is_named_by_its_line(robot, program, corrected):
+    (diagnostic,) = said(program, corrected, calm(robot), deviation=(0.0, 3e-5, 1e-5))
+    assert diagnostic.place == program.moves[1].place
+    assert "leaves its path by 0.030 mm" in diagnostic.text
+    assert said(program, corrected, calm(robot), deviation=(0.0, 3e-5, 1e-5), tolerance=1e-4) == ()
+
+
+def test_joints_that_would_have_to_be_too_fast_are_named_with_how_much(robot, program, corrected):
+    speed = np.zeros(len(robot.joints))
+    speed[2] = 1.5 * robot.speed_limits[2]
+    (diagnostic,) = said(program, corrected, calm(robot, speed=speed))
+    assert diagnostic.text.startswith(f"{robot.joint_names[2]} would have to turn 1.50 times as fast as it can")
+
+
+def test_a_singular_posture_is_named_by_the_motion_that_passes_it(robot, program, corrected):
+    (diagnostic,) = said(program, corrected, calm(robot, conditioning=0.01, nearest_singular=2))
+    assert diagnostic.place == program.moves[2].place
+    assert "passes near a singular posture (ratio 0.010)" in diagnostic.text
+
+
+def test_tools_and_parts_that_no_motion_has_are_named_with_those_that_it_has(program):
+    cell = Cell(tools={"spindle": Measured(name="spindle"), "spidnle": Measured(name="spidnle")})
+    (diagnostic,) = diagnose_unused_frames(cell, program)
+    assert diagnostic.text == "no motion has the cell's tool 'spidnle'; the program's: spindle"
+    probe = Measured(name="part", touched=np.zeros((3, 6)), touched_with="spidnle")
+    touching = replace(cell, parts={"base": replace(probe, name="base")})
+    assert diagnose_unused_frames(touching, program) == []

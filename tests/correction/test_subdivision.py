@@ -1,0 +1,50 @@
+"""Lines and arcs in pieces: the true tool meets every node, and keeps to the path between them."""
+
+import numpy as np
+import pytest
+
+from taskcal.correction.controller_trajectory import simulate_controller
+from taskcal.correction.correct import wanted_segments
+from taskcal.correction.correction_problem import CorrectionProblem
+from taskcal.correction.placement import Placed, Placement
+from taskcal.correction.subdivision import subdivide
+
+
+@pytest.fixture
+def problem(robot, calibration, make_moves, shifted):
+    def build(tolerance):
+        moves = make_moves([shifted(0, 0, 0), shifted(150, 0, 0), shifted(150, 120, 0)], vias={2: shifted(180, 60, 0)})
+        trajectory = simulate_controller(robot, moves)
+        placed = Placed(
+            tool_in_base=lambda q, move, share: calibration.tool_in_base(q),
+            placements=(Placement(T_tool_grasped=np.eye(4), T_base_fixed=np.eye(4), part_in_hand=False),),
+            number=np.zeros(len(moves), dtype=np.int64),
+        )
+        return CorrectionProblem(
+            robot=robot, moves=moves, calibration=calibration, placed=placed, trajectory=trajectory, directions=None,
+            wanted=wanted_segments(trajectory, placed, moves), tolerance=tolerance,
+        )  # fmt: skip
+
+    return build
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
+def test_nodes_are_met_and_the_path_between_them_is_kept(problem, tolerance):
+    given = problem(tolerance)
+    subdivision = subdivide(given)
+    nodes = subdivision.nodes
+    assert nodes.reached.all()
+    true = given.placed.tool_in_part(nodes.move, nodes.share, nodes.q)
+    np.testing.assert_allclose(true, nodes.wanted, atol=1e-8)
+    # the controller moves to these joints for the poses that are written
+    np.testing.assert_allclose(given.controller_poses(nodes.move, nodes.q), nodes.T, atol=1e-8)
+    assert (subdivision.deviation <= tolerance).all()
+    assert (np.diff(nodes.move + 0.999 * nodes.share) > 0.0).all()
+    per_piece = np.array([1, 1, 2])  # an arc's pieces have a via point each
+    np.testing.assert_array_equal(np.bincount(nodes.move), subdivision.pieces * per_piece)
+
+
+def test_a_tighter_tolerance_takes_more_pieces_and_a_motion_of_all_joints_none(problem):
+    wide, tight = (subdivide(problem(tolerance)).pieces for tolerance in (1e-4, 1e-6))
+    assert wide[0] == tight[0] == 1
+    assert (tight[1:] > wide[1:]).all()
