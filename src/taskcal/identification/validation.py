@@ -35,6 +35,27 @@ class Validation:
             f"{self.p95 * 1e3:.4f} mm, largest {self.maximum * 1e3:.4f} mm{remarks})"
         )
 
+    @classmethod
+    def of_residuals(
+        cls, residual: Float[np.ndarray, "n targets b"], base: Float[np.ndarray, "3 3"], remarks: tuple[str, ...] = ()
+    ) -> "Validation":
+        """Errors from residuals in the tracker's frame.
+
+        Args:
+            residual: measured less predicted, metres (then radians, for poses); NaN for lost beams.
+            base: rotation of the robot's base in the tracker frame.
+            remarks: what a user should look at before believing the result.
+        """
+        rows, targets = np.nonzero(~np.isnan(residual[..., 0]))
+        error, turn = residual[rows, targets, :3], residual[rows, targets, 3:]
+        return cls(
+            errors=np.linalg.norm(error, axis=1),
+            components=error @ base,
+            rotations=np.linalg.norm(turn, axis=1) if turn.shape[1] else None,
+            rows=tuple(int(row) for row in rows),
+            remarks=remarks,
+        )
+
     def __len__(self) -> int:
         return len(self.errors)
 
@@ -110,20 +131,12 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
     residual = calibration.residuals_on(campaign)
     if not campaign.valid.any():
         raise CampaignError("the campaign has no measured point to compare with: every beam was lost")
-    rows, targets = np.nonzero(campaign.valid)
-    error, turn = residual[rows, targets, :3], residual[rows, targets, 3:]
-    rotations = np.linalg.norm(turn, axis=1) if turn.shape[1] else None
-    length, reach = np.linalg.norm(error, axis=1), calibration.model.robot.reach
-    remarks: tuple[str, ...] = ()
-    if np.median(length) > PLAUSIBLE_SHARE * reach:
-        remarks = (
-            f"the campaign is {np.median(length) * 1e3:.0f} mm away from what the calibration predicts: if the tracker or the "
-            "target was moved, refit them (reregister); else it is another robot",
-        )
-    return Validation(
-        errors=length,
-        components=error @ calibration.T_tracker_base[:3, :3],
-        rotations=rotations,
-        rows=tuple(int(row) for row in rows),
-        remarks=remarks,
+    validation = Validation.of_residuals(residual, calibration.T_tracker_base[:3, :3])
+    off = float(np.median(validation.errors))
+    if off <= PLAUSIBLE_SHARE * calibration.model.robot.reach:
+        return validation
+    remark = (
+        f"the campaign is {off * 1e3:.0f} mm away from what the calibration predicts: if the tracker or the target was moved, "
+        "refit them (reregister); else it is another robot"
     )
+    return replace(validation, remarks=(remark,))

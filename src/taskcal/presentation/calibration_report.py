@@ -8,7 +8,10 @@ from jaxtyping import Float
 from taskcal.adaptation.task_uncertainty import Uncertainty
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.residual_analysis import ResidualAnalysis
+from taskcal.identification.validation import Validation
+from taskcal.measurement.registration import Registration
 from taskcal.presentation.content import Block, Chart, Numbers, Section, Table, Text
+from taskcal.presentation.errors_table import tabulate_errors
 from taskcal.presentation.fit_figures import draw_parameters, draw_residuals
 from taskcal.presentation.model_error_origin import model_error_origin, prior_scale_origin
 from taskcal.presentation.remainder_section import remainder_section
@@ -56,6 +59,7 @@ def _summary(calibration: Calibration, over: Uncertainty | None) -> Section:
             "mm",
             f"model error per axis (1σ), {model_error_origin(calibration)}",
         ),
+        *((f"{e * 1e3:.4f}", "mrad", "model error of rotation per axis (1σ)") for e in calibration.model_error[1:]),
         (
             "no prior" if scale is None else f"{scale:.3g}",
             "",
@@ -92,10 +96,10 @@ def _summary(calibration: Calibration, over: Uncertainty | None) -> Section:
         )
     else:
         blocks.append(Text(("No point is too far for chance.",)))
-    told = zip(calibration.targets, describe_unobservable(calibration.layout.registration), strict=True)
-    unlocated = tuple(f"Target {name}: {sentence}." for name, sentence in told if sentence)
-    if unlocated:
-        blocks.append(Text(unlocated))
+    described = zip(calibration.targets, describe_unobservable(calibration.layout.registration), strict=True)
+    unobservable = tuple(f"Target {name}: {sentence}." for name, sentence in described if sentence)
+    if unobservable:
+        blocks.append(Text(unobservable))
     return Section(title="In short", blocks=tuple(blocks))
 
 
@@ -108,20 +112,12 @@ def _lengths(calibration: Calibration) -> Float[np.ndarray, "n targets"]:
 
 
 def _residuals(calibration: Calibration) -> Section:
-    length = _lengths(calibration) * 1e3
-    in_base = np.abs(calibration.residuals[..., :3] @ calibration.T_tracker_base[:3, :3]) * 1e3
-    rows = [
-        (
-            name,
-            str(int(np.sum(~np.isnan(length[:, t])))),
-            f"{np.nanmean(length[:, t]):.4f}",
-            f"{np.sqrt(np.nanmean(length[:, t] ** 2)):.4f}",
-            f"{np.nanmax(length[:, t]):.4f}",
-            *(f"{np.nanmax(in_base[:, t, axis]):.4f}" for axis in range(3)),
-        )
+    base, residuals = calibration.T_tracker_base[:3, :3], calibration.residuals
+    summaries = {
+        name: Validation.of_residuals(residuals[:, [t]], base).summary()
         for t, name in enumerate(calibration.targets)
-        if not np.isnan(length[:, t]).all()
-    ]
+        if not np.isnan(residuals[:, t]).all()
+    }
     first = calibration.targets[0]
     return Section(
         title="Residuals",
@@ -131,11 +127,12 @@ def _residuals(calibration: Calibration) -> Section:
                 figure=draw_residuals({calibration.provenance.campaign or "the campaign": {"fit": calibration}}),
                 note="Pose by pose along the robot's base axes.",
             ),
-            Table.of_rows(
-                "Residuals of the fitted rows (mm)",
-                ("target", "points", "mean", "rms", "max", "max X", "max Y", "max Z"),
-                rows,
-                note="Mean, rms and max in space; residuals of fitted rows are a little too small. Held-out rows are the measure.",
+            tabulate_errors(
+                "Residuals of the fitted rows",
+                summaries,
+                of="target",
+                note="Along the robot's base axes and in space; residuals of fitted rows are a little too small. Held-out rows are "
+                "the measure.",
             ),
         ),
     )
@@ -216,6 +213,7 @@ def _provenance(calibration: Calibration) -> Section:
         ("campaign", source.campaign),
         ("campaign, digest", source.campaign_digest),
         ("rows", str(source.rows)),
+        ("registration", _registered(calibration.layout.registration)),
         ("made", source.created),
         ("by Taskcal", source.version),
         *((str(key), _words(value)) for key, value in source.options.items()),
@@ -228,6 +226,11 @@ def _provenance(calibration: Calibration) -> Section:
         title="Where it comes from",
         blocks=(Table.of_rows("Provenance", ("entry", "value"), rows, text_columns=(0, 1)),),
     )
+
+
+def _registered(registration: Registration) -> str:
+    """Where the fit's start of tracker frame and targets came from."""
+    return f"from {registration.method}{f', {registration.file}' if registration.file else ''}"
 
 
 def _words(value: object) -> str:
