@@ -31,7 +31,7 @@ def test_poses_of_the_ur10(run: Run, data_folder: Path, tmp_path: Path) -> None:
 
 def test_targets_and_nests_of_the_irb120(run: Run, data_folder: Path, tmp_path: Path) -> None:
     campaign, calibration = data_folder / "irb120_faro" / "measurements.csv", tmp_path / "cal.json"
-    chosen = ["--targets", "smr1", "--nests", "base1,base2,base3", "--rows", "0:60", "--json"]
+    chosen = ["--targets", "smr1", "--reference-points", "base1,base2,base3", "--rows", "0:60", "--json"]
     result = run("identify", "--robot", "abb-irb120", campaign, "-o", calibration, *chosen).json
     assert list(result["targets"]) == ["smr1"]
     assert result["held_out"]["mean_mm"] < 0.8

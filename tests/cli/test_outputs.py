@@ -200,10 +200,10 @@ def test_campaign_and_truth_are_written_both_or_not_at_all(run: Run, cell: Path,
 def test_an_interrupt_says_what_was_not_written(
     run: Run, tmp_path: Path, table: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupt(*_: object) -> None:
+    def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("taskcal.robot.dh_table.describe_dh_table", interrupt)
+    monkeypatch.setattr("taskcal.robot.description.describe_robot", interrupt)
     robot = tmp_path / "r.toml"
     ended = run("robots", "import", table, "--convention", "dh", "-o", robot)
     assert (ended.status, ended.out) == (130, "")

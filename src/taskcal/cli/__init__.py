@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from taskcal.cli.command import Command
 from taskcal.cli.commands import (
     correct,
     doctor,
@@ -28,10 +29,9 @@ from taskcal.cli.commands import (
     validate,
     warm,
 )
-from taskcal.cli.effects_help import NamesEffects
 from taskcal.cli.interrupts import prompt
 from taskcal.cli.modules import import_modules
-from taskcal.cli.output import MESSAGE_CHARACTERS, complain, for_terminal, note
+from taskcal.cli.output import MESSAGE_CHARACTERS, error, for_terminal, info
 from taskcal.cli.outputs import begin_account, interrupted
 from taskcal.errors import TaskcalError, shortened
 
@@ -39,15 +39,15 @@ ORDER = (
     "demo", "robots", "sensitivity", "select", "plan", "study", "simulate", "register", "identify", "validate", "performance",
     "correct", "poses", "export", "report", "doctor", "warm",
 )  # fmt: skip
-"""The user's road, and then what keeps the installation in order."""
+"""As the user needs them, from a robot to its report, and then what keeps the installation in order."""
 
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C."""
 
 
-class Road(TyperGroup):
-    """A group that lists its commands in the order of the user's road."""
+class OrderedGroup(TyperGroup):
+    """A group that lists its commands in the order in which the user needs them."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Names of the commands."""
@@ -77,7 +77,7 @@ def _fit_to_show() -> Generator[None, None, None]:
 
 app = typer.Typer(
     name="taskcal",
-    cls=Road,
+    cls=OrderedGroup,
     help="Calibrate a serial robot to the task it has to do, from a laser tracker's file.",
     no_args_is_help=True,
     add_completion=False,
@@ -116,6 +116,7 @@ def options(
 
 @app.command(
     "demo",
+    cls=Command,
     context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
     add_help_option=False,
     help="The whole road on a virtual robot.",
@@ -136,21 +137,21 @@ def run_demo(context: typer.Context) -> None:
 
 
 app.add_typer(robots.app, name="robots")
-app.command("sensitivity")(sensitivity.command)
-app.command("select", cls=NamesEffects)(select.command)
-app.command("plan", cls=NamesEffects)(plan.command)
-app.command("study")(study.command)
-app.command("simulate")(simulate.command)
-app.command("register")(register.command)
-app.command("identify", cls=NamesEffects)(identify.command)
-app.command("validate")(validate.command)
-app.command("performance")(performance.command)
-app.command("correct")(correct.command)
-app.command("poses")(poses.command)
-app.command("export")(export.command)
-app.command("report")(report.command)
-app.command("warm")(warm.command)
-app.command("doctor")(doctor.command)
+app.command("sensitivity", cls=Command)(sensitivity.command)
+app.command("select", cls=Command)(select.command)
+app.command("plan", cls=Command)(plan.command)
+app.command("study", cls=Command)(study.command)
+app.command("simulate", cls=Command)(simulate.command)
+app.command("register", cls=Command)(register.command)
+app.command("identify", cls=Command)(identify.command)
+app.command("validate", cls=Command)(validate.command)
+app.command("performance", cls=Command)(performance.command)
+app.command("correct", cls=Command)(correct.command)
+app.command("poses", cls=Command)(poses.command)
+app.command("export", cls=Command)(export.command)
+app.command("report", cls=Command)(report.command)
+app.command("warm", cls=Command)(warm.command)
+app.command("doctor", cls=Command)(doctor.command)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -168,7 +169,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if sys.stderr is None:  # pyright: ignore  # closed by the caller; Rich and others write to it unasked
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     if sys.stdout is None:  # pyright: ignore
-        complain("standard output is closed, and the result would be lost; send it to a file or to /dev/null")
+        error("standard output is closed, and the result would be lost; send it to a file or to /dev/null")
         return 1
     for stream in (sys.stdout, sys.stderr):
         if reconfigure := getattr(stream, "reconfigure", None):
@@ -184,15 +185,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         _drop_output()
         return status or 1
-    except OSError as error:
+    except OSError as failure:
         _drop_output()
-        complain(f"standard output: {error.strerror or error}")
+        error(f"standard output: {failure.strerror or failure}")
         return status or 1
     return status
 
 
 def _say_interrupted() -> None:
-    note(interrupted())
+    info(interrupted())
 
 
 def _run(arguments: Sequence[str] | None) -> int:
@@ -207,21 +208,21 @@ def _run(arguments: Sequence[str] | None) -> int:
     except BrokenPipeError:
         _drop_output()
         return 1
-    except TaskcalError as error:
-        complain(str(error))
+    except TaskcalError as failure:
+        error(str(failure))
         return 1
-    except OSError as error:
-        where = "standard output: " if not error.filename and _output_is_full() else ""
-        complain(f"{f'{error.filename}: ' if error.filename else where}{error.strerror or error}")
+    except OSError as failure:
+        where = "standard output: " if not failure.filename and _output_is_full() else ""
+        error(f"{f'{failure.filename}: ' if failure.filename else where}{failure.strerror or failure}")
         return 1
-    except Exception as error:
+    except Exception as failure:
         if os.environ.get("TASKCAL_TRACEBACK"):
             raise
-        if isinstance(error, ValueError) and "embedded null" in str(error):
-            complain("a file name has a NUL character (\\x00) in it, which no file can have; correct the name")
+        if isinstance(failure, ValueError) and "embedded null" in str(failure):
+            error("a file name has a NUL character (\\x00) in it, which no file can have; correct the name")
             return 1
-        complain(
-            f"Taskcal itself failed, please report it: {type(error).__name__}: {error} "
+        error(
+            f"Taskcal itself failed, please report it: {type(failure).__name__}: {failure} "
             "(TASKCAL_TRACEBACK=1 in the environment shows where)"
         )
         return 1

@@ -10,7 +10,7 @@ from typing import Any
 import typer
 
 from taskcal.cli.options import split_names
-from taskcal.cli.output import note, show_facts, show_table
+from taskcal.cli.output import info, show_facts, show_table
 from taskcal.errors import TaskcalError
 from taskcal.identification.explanation import Explanation
 from taskcal.measurement.campaign import Campaign
@@ -45,7 +45,7 @@ def _effect(name: str) -> Effect:
     except TaskcalError as error:
         raise typer.BadParameter(f"{error}; or auto, or none", param_hint="--effects") from error
     for warning in given:
-        note(str(warning.message))
+        info(str(warning.message))
     return effect
 
 

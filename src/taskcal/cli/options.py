@@ -1,5 +1,6 @@
 """Options that several commands share, and the lists written in them."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -8,73 +9,58 @@ import typer
 RobotOption = Annotated[
     str, typer.Option("--robot", "-r", metavar="ROBOT", help="Name in the catalogue, or a file (.toml, .urdf, .xacro).")
 ]
-OptionalRobotOption = Annotated[
-    str | None,
-    typer.Option("--robot", "-r", metavar="ROBOT", help="Name in the catalogue, or a file (.toml, .urdf, .xacro)."),
-]
-CalibrationOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--calibration",
-        "-c",
-        metavar="CAL.json",
-        readable=False,
-        help="Instead of --robot: a calibration, with its effects and with what it knows.",
-    ),
-]
 TaskOption = Annotated[Path, typer.Option("--task", "-t", metavar="TASK.toml", readable=False, help="Task file.")]
+CampaignArgument = Annotated[
+    Path, typer.Argument(metavar="CAMPAIGN.csv", readable=False, help="Joints and where the targets were seen.")
+]
+CalibrationArgument = Annotated[
+    Path, typer.Argument(metavar="CAL.json", readable=False, help="Calibration written by taskcal identify.")
+]
 CountOption = Annotated[
     int, typer.Option("--count", "-n", min=1, metavar="N", help="Poses to spread over the task's workspace.")
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, metavar="N", help="Seed of everything random.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON, alone on standard output.")]
-ReportOption = Annotated[
-    Path | None,
-    typer.Option("--report", metavar="REPORT.html", readable=False, help="Write a page with figures here."),
+ForceOption = Annotated[
+    bool, typer.Option("--force", help="Replace files that this command did not write, or that were edited since.")
 ]
 ModelErrorOption = Annotated[
     float | None,
     typer.Option(
-        "--model-error",
+        "--model-error-mm",
         metavar="MM",
         help="What geometry cannot explain (1σ per axis, 0 for nothing); by default as the robot's file states it, or a typical "
         "robot's.",
     ),
 ]
-ForceOption = Annotated[
-    bool, typer.Option("--force", help="Replace files that this command did not write, or that were edited since.")
-]
-TargetsOption = Annotated[
-    str | None,
-    typer.Option("--targets", metavar="NAME,…", help="Targets to use; all that are not reference points by default."),
-]
-ReferencePointsOption = Annotated[
-    str | None,
-    typer.Option(
-        "--points",
-        metavar="NAME,…",
-        help="Fixed points beside the robot; names beginning with 'base' by default.",
-    ),
-]
-RowsOption = Annotated[
-    str | None,
-    typer.Option(
-        "--rows",
-        metavar="A:B|FILE",
-        help="Rows to use, counted from 0: A:B without B, or a file with one number per line.",
-    ),
-]
 
 
-def check_source(robot: str | None, calibration: Path | None) -> None:
-    """See that either a robot is named or a calibration.
+@dataclass(frozen=True, kw_only=True)
+class OutputOptions:
+    """How a command gives its result."""
 
-    Raises:
-        typer.BadParameter: both or none.
-    """
-    if (robot is None) == (calibration is None):
-        said = "give one of them" if robot is None else "give one of them: a calibration contains its robot"
-        raise typer.BadParameter(said, param_hint="--robot / --calibration")
+    force: ForceOption = False
+    as_json: JsonOption = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageOptions:
+    """How a command that can make a page gives its result."""
+
+    report: Annotated[
+        Path | None,
+        typer.Option("--report", metavar="REPORT.html", readable=False, help="Write a page with figures here."),
+    ] = None
+    force: ForceOption = False
+    as_json: JsonOption = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpreadOptions:
+    """How many poses are spread over a task, and how they are drawn."""
+
+    count: CountOption = 60
+    seed: SeedOption = 0
 
 
 def check_model_error(millimetres: float | None) -> float | None:
@@ -86,7 +72,7 @@ def check_model_error(millimetres: float | None) -> float | None:
     if millimetres is None:
         return None
     if not 0 <= millimetres < float("inf"):
-        raise typer.BadParameter(f"{millimetres:g} is not zero or above", param_hint="--model-error")
+        raise typer.BadParameter(f"{millimetres:g} is not zero or above", param_hint="--model-error-mm")
     return millimetres * 1e-3
 
 
@@ -107,6 +93,16 @@ def split_names(text: str | None, option: str) -> list[str] | None:
     if twice:
         raise typer.BadParameter(f"'{twice[0]}' stands twice", param_hint=option)
     return names
+
+
+def check_above_zero(value: float | None, option: str) -> None:
+    """See that a number that was given is above zero.
+
+    Raises:
+        typer.BadParameter: it is not; a number that is not finite is not either.
+    """
+    if value is not None and not 0 < value < float("inf"):
+        raise typer.BadParameter(f"{value:g} is not above zero", param_hint=option)
 
 
 def check_within(value: float | None, least: float, most: float, option: str) -> None:

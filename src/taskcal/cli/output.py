@@ -8,6 +8,7 @@ import shutil
 import sys
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,12 +21,12 @@ MESSAGE_CHARACTERS = 4000
 """Of one message; whatever it repeats of its input is cut."""
 
 
-def complain(message: str) -> None:
+def error(message: str) -> None:
     """An error, on standard error."""
-    note(f"error: {message}")
+    info(f"error: {message}")
 
 
-def note(message: str) -> None:
+def info(message: str) -> None:
     """A message beside the result, on standard error."""
     with suppress(OSError):  # where that is full or closed, the exit status has to do
         print(for_terminal(shortened(message, MESSAGE_CHARACTERS)), file=sys.stderr, flush=True)
@@ -46,18 +47,26 @@ def started_as() -> str:
     name = Path(sys.argv[0]).stem if sys.argv and sys.argv[0] else ""
     if name != "taskcal":
         return "taskcal"
-    found = shutil.which("taskcal")
-    if found is not None and Path(found).exists() and Path(sys.argv[0]).exists() and Path(found).samefile(sys.argv[0]):
+    program = shutil.which("taskcal")
+    if program and Path(program).exists() and Path(sys.argv[0]).exists() and Path(program).samefile(sys.argv[0]):
         return "taskcal"
     return shlex.quote(sys.argv[0])
 
 
-def announce_compilation() -> None:
-    """Say why the first run takes its time, if it will."""
-    from taskcal.geometry.compiled import is_warm
+@cache
+def show_log() -> None:
+    """From now on, what the library reports, such as that it compiles kernels, is said on standard error."""
+    from logging import INFO, Handler, LogRecord, getLogger
 
-    if not is_warm():
-        note("compiling kernels, once: about 6 seconds")
+    class Shown(Handler):
+        """Each record as a message."""
+
+        def emit(self, record: LogRecord) -> None:
+            info(record.getMessage())
+
+    log = getLogger("taskcal")
+    log.setLevel(INFO)
+    log.addHandler(Shown())
 
 
 @contextmanager

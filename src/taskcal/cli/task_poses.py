@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from taskcal.cli.output import note
+from taskcal.cli.output import info
 
 if TYPE_CHECKING:
     from taskcal.robot.error_model import ErrorModel
@@ -17,5 +17,5 @@ def read_and_reach(model: "ErrorModel", path: Path, count: int, seed: int) -> "T
     poses = reach_task(model, load_task(path), count, seed)
     missing = int(poses.unreachable.sum())
     if missing:
-        note(f"{missing} of {len(poses.unreachable)} poses of the task are out of the robot's reach and left out")
+        info(f"{missing} of {len(poses.unreachable)} poses of the task are out of the robot's reach and left out")
     return poses

@@ -80,14 +80,17 @@ class _KernelCache(caching.FunctionCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
-            return super().load_overload(sig, target_context)
+            kept = super().load_overload(sig, target_context)
         except Exception as error:  # whatever unpickling of other bytes may raise
             _say_once(
                 f"{self._cache_path}: a compiled kernel there is damaged ({type(error).__name__}: {error}); compiled afresh"
             )
             with suppress(OSError):
                 self.flush()
-            return None
+            kept = None
+        if kept is None:
+            _announce()
+        return kept
 
     def save_overload(self, sig: Any, data: Any) -> None:
         try:
@@ -97,6 +100,12 @@ class _KernelCache(caching.FunctionCache):
                 f"{self._cache_path}: compiled kernels cannot be kept there ({error}), and every process compiles them anew; "
                 "name a folder that can be written, with room, in NUMBA_CACHE_DIR"
             )
+
+
+@cache
+def _announce() -> None:
+    """Say, before the first kernel of this process that is not kept, why it takes its time."""
+    logging.getLogger("taskcal").info("compiling kernels, once: some seconds")
 
 
 @cache

@@ -54,7 +54,7 @@ def check_targets(registration: Registration, campaign: Campaign, within: float)
         raise CampaignError(
             f"{named_file(campaign)}target '{campaign.targets[far]}' is found {distance[far] * 1e3:.0f} mm from the tool point, "
             f"where at most {within * 1e3:.0f} mm are expected: check the joints of rows in rare orientations, and the tool in the "
-            "robot file; if the target really is so far out, allow it (target_within, --target-within)"
+            "robot file; if the target really is so far out, allow it (target_within, --target-within-mm)"
         )
 
 

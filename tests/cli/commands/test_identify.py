@@ -126,7 +126,7 @@ def test_the_nominal_robot_in_its_registered_frame(run: Run, cell: Path, tmp_pat
 
 def test_options_reach_the_fit(run: Run, cell: Path, tmp_path: Path) -> None:
     options = [
-        "--model-error",
+        "--model-error-mm",
         "0.05",
         "--prior-scale",
         "2",
@@ -226,8 +226,8 @@ def test_an_old_calibration_is_replaced_only_by_a_whole_new_one(run: Run, cell: 
         ["--holdout", "1.5"],
         ["--prior", "none", "--prior-scale", "2"],
         ["--prior", "flat"],
-        ["--model-error", "-1"],
-        ["--model-error", "1e308"],
+        ["--model-error-mm", "-1"],
+        ["--model-error-mm", "1e308"],
         ["--prior-scale", "1e-320"],
         ["--prior-scale", "1e308"],
         ["--mpe-to-sigma", "0"],
@@ -418,7 +418,7 @@ def test_a_figure_that_was_given_is_not_said_to_be_found(run: Run, cell: Path, t
     found = run(*fit, "-o", tmp_path / "found.json").out
     assert "none shows beside the tracker's noise" in found
     assert "as given" not in found
-    given = run(*fit, "-o", tmp_path / "given.json", "--model-error", "0.05", "--prior-scale", "2").out
+    given = run(*fit, "-o", tmp_path / "given.json", "--model-error-mm", "0.05", "--prior-scale", "2").out
     assert "0.0500 mm per axis (1σ), as given" in given
     assert "2 times the tolerances, as given" in given
     nothing = run(*fit, "-o", tmp_path / "nothing.json", "--keep", "none", "--prior", "none").out

@@ -86,7 +86,7 @@ def test_the_same_seed_gives_the_same_plan_and_a_page_changes_nothing(
 
 def test_the_tables_for_people(run: Run, ask: list[object]) -> None:
     assert "0.05 mm per axis at every pose: Gutiérrez et al." in " ".join(run(*ask).out.split())
-    ended = run(*ask, "--model-error", "0")
+    ended = run(*ask, "--model-error-mm", "0")
     assert ended.status == 0
     for part in (
         "0 mm per axis at every pose: as given",
@@ -109,7 +109,7 @@ def test_a_station_says_which_reflectors_are_seen(run: Run, ask: list[object], t
 
 
 def test_a_campaign_is_extended(run: Run, ask: list[object], alone: Alone, cell: Path) -> None:
-    more = run(*ask, "--extend", cell / "one.csv", "--json").json
+    more = run(*ask, "--campaign", cell / "one.csv", "--json").json
     assert more["measured_before"] == 60
     assert more["expected_error_mm"] < alone[0]["expected_error_mm"]
 
@@ -118,7 +118,7 @@ def test_a_calibration_is_planned_on_with_its_effects(
     run: Run, ask: list[object], alone: Alone, cell: Path, tmp_path: Path
 ) -> None:
     cal = tmp_path / "cal.json"
-    effects = ["--effects", "compliance,gain", "--model-error", "0.000001"]
+    effects = ["--effects", "compliance,gain", "--model-error-mm", "0.000001"]
     assert run("identify", "--robot", IRB6660, cell / "one.csv", "-o", cal, *effects).status == 0
     on = ["plan", "--calibration", cal, *ask[3:], "--task", cell / "task.toml"]
     result = run(*on, "--json").json
@@ -140,8 +140,8 @@ def test_either_a_robot_or_a_calibration(run: Run, ask: list[object], cell: Path
     for wrong in (
         [*ask, *cal],
         ["plan", *ask[3:]],
-        ["plan", *cal, *ask[3:], "--extend", cell / "one.csv"],
-        ["plan", *cal, *ask[3:], "--model-error", "0.1"],
+        ["plan", *cal, *ask[3:], "--campaign", cell / "one.csv"],
+        ["plan", *cal, *ask[3:], "--model-error-mm", "0.1"],
     ):
         ended = run(*wrong)
         assert (ended.status, ended.out) == (2, "")
@@ -153,7 +153,7 @@ def test_either_a_robot_or_a_calibration(run: Run, ask: list[object], cell: Path
 
 
 def test_another_criterion_and_a_model_error_in_millimetres(run: Run, ask: list[object], alone: Alone) -> None:
-    result = run(*ask, "--criterion", "D", "--model-error", "0.05", "--json").json
+    result = run(*ask, "--criterion", "D", "--model-error-mm", "0.05", "--json").json
     assert result["criterion"] == "D"
     assert alone[0]["expected_error_mm"] < result["expected_error_mm"] < result["before_mm"]
 
@@ -161,8 +161,8 @@ def test_another_criterion_and_a_model_error_in_millimetres(run: Run, ask: list[
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--extend", "c.csv", "--model-error", "0.1"], "--model-error"),
-        (["--model-error", "nan"], "--model-error"),
+        (["--campaign", "c.csv", "--model-error-mm", "0.1"], "--model-error-mm"),
+        (["--model-error-mm", "nan"], "--model-error-mm"),
         (["--criterion", "Q"], "--criterion"),
         (["--candidates", "0"], "--candidates"),
         (["--count", "0"], "--count"),
@@ -243,14 +243,14 @@ def test_numbers_of_poses_that_cannot_be_had(run: Run, ask: list[object]) -> Non
 
 
 def test_campaigns_that_cannot_be_extended(run: Run, ask: list[object], cell: Path, tmp_path: Path) -> None:
-    poses = run(*ask, "--extend", cell / "poses.csv")
+    poses = run(*ask, "--campaign", cell / "poses.csv")
     assert poses.status == 1
     assert f"{cell / 'poses.csv'}: a plan extends a campaign of points" in poses.err
     (tmp_path / "station.toml").write_text(STATION)
-    other = run(*ask, "--extend", cell / "one.csv", "--station", tmp_path / "station.toml")
+    other = run(*ask, "--campaign", cell / "one.csv", "--station", tmp_path / "station.toml")
     assert other.status == 1
     assert "smr1, smr2; name them alike" in other.err
-    assert run(*ask, "--extend", cell / "nowhere.csv").status == 1
+    assert run(*ask, "--campaign", cell / "nowhere.csv").status == 1
 
 
 def test_effects_are_planned_for_when_asked(run: Run, cell: Path, tmp_path: Path) -> None:

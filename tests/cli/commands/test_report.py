@@ -106,7 +106,7 @@ def test_the_page_of_sensitivity(run: Run, cell: Path, path: Path, tmp_path: Pat
 def test_the_page_of_a_selection(run: Run, cell: Path, path: Path, tmp_path: Path) -> None:
     page = tmp_path / "s.html"
     of_robot = ["select", "--robot", IRB6660, "--report", page]
-    ended = run(*of_robot, "--task", cell / "task.toml", "--accuracy", "0.1", "--json")
+    ended = run(*of_robot, "--task", cell / "task.toml", "--accuracy-mm", "0.1", "--json")
     assert (ended.status, ended.json["report"]) == (0, str(page))
     assert figures(page) == 4
     text = page.read_text(encoding="utf-8")

@@ -19,7 +19,7 @@ def test_the_choice_and_its_reasons(run: Run, cell: Path) -> None:
 
 def test_an_accuracy_in_millimetres_decides(run: Run, cell: Path) -> None:
     task = ["select", "--robot", IRB6660, "--task", cell / "task.toml", "--json"]
-    rough, fine = (run(*task, "--accuracy", mm).json for mm in (0.5, 0.1))
+    rough, fine = (run(*task, "--accuracy-mm", mm).json for mm in (0.5, 0.1))
     assert len(rough["kept"]) < len(fine["kept"])
     size = {nested["size"]: nested["expected_mm"] for nested in fine["ladder"]}
     assert size[len(fine["kept"])] <= 0.1 < size[len(fine["kept"]) - 1]
@@ -57,8 +57,8 @@ def test_a_campaign_cross_validates_every_size(run: Run, cell: Path) -> None:
 
 def test_what_cannot_be_had(run: Run, cell: Path) -> None:
     task = ["select", "--robot", IRB6660, "--task", cell / "task.toml"]
-    assert run(*task, "--accuracy", "0").status == 2
-    ended = run(*task, "--accuracy", "0.0001")
+    assert run(*task, "--accuracy-mm", "0").status == 2
+    ended = run(*task, "--accuracy-mm", "0.0001")
     assert (ended.status, ended.out) == (1, "")
     assert "out of reach" in ended.err
     assert run("select", "--robot", IRB6660, "--task", cell / "nowhere.toml").status == 1

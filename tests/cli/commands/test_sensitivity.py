@@ -75,7 +75,7 @@ def test_a_task_partly_out_of_reach_says_so(run: Run, cell: Path, tmp_path: Path
 def test_what_the_noise_tells_apart_stands_beside_the_exact_rank(run: Run, cell: Path) -> None:
     """The less noise, the more is told apart, up to the rank; the noise is the tracker's and the model error together."""
     asked = ("sensitivity", "--robot", IRB6660, "--task", cell / "task.toml")
-    typical, exact = run(*asked, "--json").json, run(*asked, "--model-error", "0", "--json").json
+    typical, exact = run(*asked, "--json").json, run(*asked, "--model-error-mm", "0", "--json").json
     found, ideal = typical["told_apart"], exact["told_apart"]
     assert found["rank"] == ideal["rank"] == typical["identifiability"]["rank"] == len(found["directions"])
     assert found["count"] < ideal["count"] <= ideal["rank"]
@@ -92,13 +92,13 @@ def test_a_campaign_s_own_uncertainty_is_the_noise_of_what_it_tells_apart(run: R
     head = next(i for i, line in enumerate(lines) if not line.startswith("#"))
     stated = [*lines[:head], lines[head] + ",u_mm", *(line + ",0.5" for line in lines[head + 1 :])]
     (tmp_path / "stated.csv").write_text("\n".join(stated) + "\n")
-    asked = ("sensitivity", "--robot", IRB6660, "--model-error", "0", "--json", "--campaign")
+    asked = ("sensitivity", "--robot", IRB6660, "--model-error-mm", "0", "--json", "--campaign")
     own, modelled = run(*asked, tmp_path / "stated.csv").json, run(*asked, cell / "one.csv").json
     assert own["told_apart"]["noise_mm"] == pytest.approx(0.5)
     assert own["told_apart"]["count"] < modelled["told_apart"]["count"]
 
 
 def test_a_negative_model_error_is_refused(run: Run, cell: Path) -> None:
-    ended = run("sensitivity", "--robot", IRB6660, "--task", cell / "task.toml", "--model-error", "-1")
+    ended = run("sensitivity", "--robot", IRB6660, "--task", cell / "task.toml", "--model-error-mm", "-1")
     assert ended.status == 2
-    assert "--model-error" in ended.err
+    assert "--model-error-mm" in ended.err

@@ -18,7 +18,7 @@ def ask(cell: Path, monkeypatch: pytest.MonkeyPatch) -> list[object]:
 
 def test_more_poses_make_the_task_more_accurate(run: Run, ask: list[object], tmp_path: Path) -> None:
     outputs = ["-o", tmp_path / "rows.csv", "--report", tmp_path / "study.html"]
-    ended = run(*ask, *outputs, "--model-error", "0", "--json")
+    ended = run(*ask, *outputs, "--model-error-mm", "0", "--json")
     assert ended.status == 0
     result = ended.json
     assert [(line["plan"], line["count"]) for line in result["summary"]] == [

@@ -1,31 +1,150 @@
 """``taskcal correct``: a robot program and a calibration in, a corrected program out."""
 
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.options import ForceOption, JsonOption, ReportOption
-from taskcal.cli.output import (
-    announce_compilation,
-    note,
-    show_facts,
-    show_table,
-    tell,
-    working,
-    write_json,
-)
+from taskcal.cli.option_groups import grouped
+from taskcal.cli.options import PageOptions, check_above_zero
+from taskcal.cli.output import info, show_facts, show_table, tell, working, write_json
 from taskcal.cli.outputs import check_outputs
 
 if TYPE_CHECKING:
     from taskcal.correction.cell import Cell
-    from taskcal.correction.correction import Correction
-    from taskcal.programs.program import Frame
+    from taskcal.correction.correction import Bounds, Correction
+    from taskcal.identification.calibration import Calibration
+    from taskcal.programs.program import Frame, Program
 
 SHOWN = 12
 """Targets of the table; the JSON result and the page have all of them."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class DestinationOptions:
+    """Where the corrected program goes.
+
+    Raises:
+        typer.BadParameter: neither a place nor a dry run.
+    """
+
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="OUT",
+            readable=False,
+            help="File to write, or folder: the corrected files keep their names in it. A file of another language (.mod, .src, "
+            ".csv) is written as a new program.",
+        ),
+    ] = None
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the table, write no program.")] = False
+    accept_uncertain: Annotated[
+        bool,
+        typer.Option(
+            "--accept-uncertain", help="Write the program even where the uncertainty is larger than the correction."
+        ),
+    ] = False
+
+    def __post_init__(self) -> None:
+        if self.output is None and not self.dry_run:
+            raise typer.BadParameter("name the file or folder to write, or ask for --dry-run", param_hint="--output")
+
+    def files(self, programs: list[Path]) -> list[Path]:
+        """Files to write: the one named, or those of the same names in a folder."""
+        if self.output is None or self.dry_run:
+            return []
+        if self.output.is_dir():
+            return list(dict.fromkeys(self.output / path.name for path in programs))
+        return [self.output]
+
+    def contents(self, correction: "Correction") -> dict[Path, str | bytes]:
+        """What to write; nothing where it is withheld."""
+        if self.output is None or self.dry_run or self.withholds(correction):
+            return {}
+        return dict(correction.contents(self.output))
+
+    def withholds(self, correction: "Correction") -> bool:
+        """Whether the program is not written for its uncertainty."""
+        return correction.uncertain and not self.accept_uncertain and not self.dry_run
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellOptions:
+    """What was measured around the robot.
+
+    Raises:
+        typer.BadParameter: a name of the cell file, without the file.
+    """
+
+    cell: Annotated[
+        Path | None,
+        typer.Option(
+            "--cell",
+            metavar="CELL.toml",
+            readable=False,
+            help="What was measured of tools and parts; by default all are where the controller has them.",
+        ),
+    ] = None
+    tool: Annotated[
+        str | None,
+        typer.Option("--tool", metavar="NAME", help="Tool of the cell file, for APT and CSV, which name none."),
+    ] = None
+    part: Annotated[
+        str | None,
+        typer.Option("--part", metavar="NAME", help="Part of the cell file, for APT and CSV, which name none."),
+    ] = None
+
+    def __post_init__(self) -> None:
+        for name, option in ((self.tool, "--tool"), (self.part, "--part")):
+            if name is not None and self.cell is None:
+                raise typer.BadParameter(
+                    f"'{name}' is a name of the cell file; give that with --cell", param_hint=option
+                )
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoundsOptions:
+    """How far the correction may go.
+
+    Raises:
+        typer.BadParameter: a bound is not above zero.
+    """
+
+    tolerance_mm: Annotated[
+        float, typer.Option("--tolerance-mm", metavar="MM", help="The true tool keeps to lines and arcs within this.")
+    ] = 0.02
+    max_shift_mm: Annotated[float, typer.Option("--max-shift-mm", metavar="MM", help="No target is moved farther.")] = (
+        5.0
+    )
+    max_turn_deg: Annotated[
+        float, typer.Option("--max-turn-deg", metavar="DEG", help="No target is turned farther.")
+    ] = 1.0
+    max_joint_deg: Annotated[
+        float, typer.Option("--max-joint-deg", metavar="DEG", help="No joint is moved farther at a target.")
+    ] = 5.0
+
+    def __post_init__(self) -> None:
+        for bound in fields(self):
+            check_above_zero(getattr(self, bound.name), f"--{bound.name.replace('_', '-')}")
+
+    def bounds(self) -> "Bounds":
+        """In metres and radians."""
+        from math import radians
+
+        from taskcal.correction.correction import Bounds
+
+        return Bounds(
+            tolerance=self.tolerance_mm * 1e-3,
+            shift=self.max_shift_mm * 1e-3,
+            turn=radians(self.max_turn_deg),
+            joint=radians(self.max_joint_deg),
+        )
+
+
+@grouped
 def command(
     programs: Annotated[
         list[Path],
@@ -37,62 +156,17 @@ def command(
             "--calibration", "-c", metavar="CAL.json", readable=False, help="Calibration written by taskcal identify."
         ),
     ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="OUT",
-            readable=False,
-            help="File to write, or folder: the corrected files keep their names in it. A file of another language (.mod, .src, "
-            ".csv) is written afresh.",
-        ),
-    ] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the table, write no program.")] = False,
-    cell: Annotated[
-        Path | None,
-        typer.Option(
-            "--cell",
-            metavar="CELL.toml",
-            readable=False,
-            help="What was measured of tools and parts; by default all are where the controller has them.",
-        ),
-    ] = None,
-    tool: Annotated[
-        str | None,
-        typer.Option("--tool", metavar="NAME", help="Tool of the cell file, for APT and CSV, which name none."),
-    ] = None,
-    part: Annotated[
-        str | None,
-        typer.Option("--part", metavar="NAME", help="Part of the cell file, for APT and CSV, which name none."),
-    ] = None,
-    tolerance_mm: Annotated[
-        float, typer.Option("--tolerance-mm", metavar="MM", help="The true tool keeps to lines and arcs within this.")
-    ] = 0.02,
-    max_shift_mm: Annotated[
-        float, typer.Option("--max-shift-mm", metavar="MM", help="No target is moved farther.")
-    ] = 5.0,
-    max_turn_deg: Annotated[
-        float, typer.Option("--max-turn-deg", metavar="DEG", help="No target is turned farther.")
-    ] = 1.0,
-    max_joint_deg: Annotated[
-        float, typer.Option("--max-joint-deg", metavar="DEG", help="No joint is moved farther at a target.")
-    ] = 5.0,
+    destination: DestinationOptions,
+    around: CellOptions,
+    limits: BoundsOptions,
     keep_joints: Annotated[
         bool,
         typer.Option(
             "--keep-joints", help="Leave motions to joint positions as they are, such as those to a home position."
         ),
     ] = False,
-    accept_uncertain: Annotated[
-        bool,
-        typer.Option(
-            "--accept-uncertain", help="Write the program even where the uncertainty is larger than the correction."
-        ),
-    ] = False,
-    report: ReportOption = None,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
+    *,
+    page: PageOptions,
 ) -> None:
     """Correct a robot program, so that the true tool goes where the program says.
 
@@ -104,90 +178,73 @@ def command(
     Where the uncertainty is larger than the correction nothing is written, unless asked for with --accept-uncertain;
     the message says what to measure.
     """
-    for option, value in (
-        ("--tolerance-mm", tolerance_mm), ("--max-shift-mm", max_shift_mm), ("--max-turn-deg", max_turn_deg),
-        ("--max-joint-deg", max_joint_deg),
-    ):  # fmt: skip
-        if not 0 < value < float("inf"):
-            raise typer.BadParameter(f"{value:g} is not above zero", param_hint=option)
-    if output is None and not dry_run:
-        raise typer.BadParameter("name the file or folder to write, or ask for --dry-run", param_hint="--output")
-    for name, option in ((tool, "--tool"), (part, "--part")):
-        if name is not None and cell is None:
-            raise typer.BadParameter(f"'{name}' is a name of the cell file; give that with --cell", param_hint=option)
-    inputs = [path for path in (calibration, cell, *programs) if path is not None]
-    targets = [] if output is None or dry_run else _targets(programs, output)
-    named = [("--report", report), *(("--output", path) for path in targets)]
-    outputs = check_outputs("correct", named, inputs, force=force)
-    import numpy as np
-
-    from taskcal.correction.cell import Cell
-    from taskcal.correction.cell_file import load_cell
+    inputs = [path for path in (calibration, around.cell, *programs) if path is not None]
+    named = [("--report", page.report), *(("--output", path) for path in destination.files(programs))]
+    outputs = check_outputs("correct", named, inputs, force=page.force)
     from taskcal.correction.correct import correct
-    from taskcal.correction.correction import Bounds
     from taskcal.identification.calibration_file import load_calibration
-    from taskcal.presentation.correction_tables import state_uncertain
-    from taskcal.programs.reading import read_program
 
-    known = load_calibration(calibration)
-    around = Cell() if cell is None else load_cell(cell)
-    program = read_program(
-        *programs,
-        robot=known.model.robot,
-        tool=_frame(around, tool, "tool"),
-        part=_frame(around, part, "part"),
-    )
-    announce_compilation()
-    bounds = Bounds(
-        tolerance=tolerance_mm * 1e-3,
-        shift=max_shift_mm * 1e-3,
-        turn=float(np.radians(max_turn_deg)),
-        joint=float(np.radians(max_joint_deg)),
-    )
+    calibrated = load_calibration(calibration)
+    cell, program = _read(programs, around, calibrated)
     with working("reading the program") as say:
-        found = correct(
-            known,
+        correction = correct(
+            calibrated,
             program,
-            cell=around,
-            bounds=bounds,
-            into=_afresh(programs[0], output),
+            cell=cell,
+            bounds=limits.bounds(),
+            into=_new_program(programs[0], destination.output),
             keep_joints=keep_joints,
             progress=say,
         )
-    contents: dict[Path, str | bytes] = {}
-    withheld = found.uncertain and not accept_uncertain and not dry_run
-    if output is not None and not dry_run and not withheld:
-        contents.update(found.contents(output))
+    contents = destination.contents(correction)
     written = tuple(contents)
-    if report is not None:
-        from taskcal.identification.provenance import package_version
-        from taskcal.presentation.correction_report import correction_html
-
-        contents[report] = correction_html(found, known, version=package_version())
+    if page.report is not None:
+        contents[page.report] = _page(correction, calibrated)
     outputs.write(contents)
-    if as_json:
-        write_json(_as_json(found, written, report))
+    if page.as_json:
+        write_json(_as_json(correction, written, page.report))
     else:
-        _show(found, written, report)
-    if found.uncertain:
-        note(f"{'error: not written: ' if withheld else ''}{state_uncertain(found)}")
-        if withheld:
-            note("--accept-uncertain writes the program all the same")
-    if withheld or found.rejected or any(diagnostic.rejected for diagnostic in found.diagnostics):
+        _show(correction, written, page.report)
+    withheld = destination.withholds(correction)
+    _say_uncertain(correction, withheld=withheld)
+    if withheld or correction.rejected or any(diagnostic.rejected for diagnostic in correction.diagnostics):
         raise typer.Exit(1)
 
 
-def _targets(programs: list[Path], output: Path) -> list[Path]:
-    """Files that the corrected program goes to: the one named, or those of the same names in a folder."""
-    return list(dict.fromkeys(output / path.name for path in programs)) if output.is_dir() else [output]
+def _read(programs: list[Path], around: CellOptions, calibration: "Calibration") -> "tuple[Cell, Program]":
+    from taskcal.correction.cell import Cell
+    from taskcal.correction.cell_file import load_cell
+    from taskcal.programs.reading import read_program
+
+    cell = Cell() if around.cell is None else load_cell(around.cell)
+    tool, part = _frame(cell, around.tool, "tool"), _frame(cell, around.part, "part")
+    return cell, read_program(*programs, robot=calibration.model.robot, tool=tool, part=part)
 
 
-def _afresh(program: Path, output: Path | None) -> Path | None:
-    """The file to write afresh, where it is named in another language than the program's."""
+def _page(correction: "Correction", calibration: "Calibration") -> str:
+    from taskcal.identification.provenance import package_version
+    from taskcal.presentation.correction_report import correction_html
+
+    return correction_html(correction, calibration, version=package_version())
+
+
+def _say_uncertain(correction: "Correction", *, withheld: bool) -> None:
+    """Say that the uncertainty is larger than the correction, where it is."""
+    if not correction.uncertain:
+        return
+    from taskcal.presentation.correction_tables import state_uncertain
+
+    info(f"{'error: not written: ' if withheld else ''}{state_uncertain(correction)}")
+    if withheld:
+        info("--accept-uncertain writes the program all the same")
+
+
+def _new_program(program: Path, output: Path | None) -> Path | None:
+    """The file to write as a new program, where it is named in another language than the program's."""
     from taskcal.programs.languages import LANGUAGES, language_of
 
-    known = {suffix for language in LANGUAGES for suffix in language.suffixes}
-    if output is None or output.is_dir() or output.suffix.lower() not in known:
+    suffixes = {suffix for language in LANGUAGES for suffix in language.suffixes}
+    if output is None or output.is_dir() or output.suffix.lower() not in suffixes:
         return None
     return None if language_of(output) == language_of(program) else output
 
@@ -215,26 +272,26 @@ def _frame(cell: "Cell", name: str | None, kind: str) -> "Frame | None":
     return Frame(name=measured.name, T=measured.controller)
 
 
-def _as_json(found: "Correction", written: tuple[Path, ...], report: Path | None) -> dict[str, Any]:
-    program = found.program
+def _as_json(correction: "Correction", written: tuple[Path, ...], report: Path | None) -> dict[str, Any]:
+    program = correction.program
     return {
         "program": [source.path for source in program.sources],
         "written": list(written),
         "report": report,
-        **found.summary(),
-        "targets": found.targets(),
+        **correction.summary(),
+        "targets": correction.targets(),
         "refused": [
             {"file": program.moves[i].place.path, "line": program.moves[i].place.line, "reason": reason}
-            for i, reason in sorted(found.rejected.items())
+            for i, reason in sorted(correction.rejected.items())
         ],
         "remarks": [
             {"file": diagnostic.place.path, "line": diagnostic.place.line, "text": diagnostic.text}
-            for diagnostic in found.diagnostics
+            for diagnostic in correction.diagnostics
         ],
     }
 
 
-def _show(found: "Correction", written: tuple[Path, ...], report: Path | None) -> None:
+def _show(correction: "Correction", written: tuple[Path, ...], report: Path | None) -> None:
     from taskcal.presentation.correction_tables import (
         state_expected,
         tabulate_correction,
@@ -242,18 +299,19 @@ def _show(found: "Correction", written: tuple[Path, ...], report: Path | None) -
         tabulate_targets,
     )
 
-    show_facts(state_expected(found))
-    for table in (tabulate_errors(found), tabulate_targets(found, SHOWN)):
+    show_facts(state_expected(correction))
+    for table in (tabulate_errors(correction), tabulate_targets(correction, SHOWN)):
         show_table(table.title, table.header, table.groups[0][1], left=table.text_columns)
         if table.note:
-            note_text = table.note
-            tell(f"{note_text}\n")
-    show_facts(tabulate_correction(found))
-    problems = [f"{found.program.moves[i].place}: left as it was: {why}" for i, why in sorted(found.rejected.items())]
-    problems += [str(diagnostic) for diagnostic in found.diagnostics]
+            tell(f"{table.note}\n")
+    show_facts(tabulate_correction(correction))
+    problems = [
+        f"{correction.program.moves[i].place}: left as it was: {why}" for i, why in sorted(correction.rejected.items())
+    ]
+    problems += [str(diagnostic) for diagnostic in correction.diagnostics]
     for problem in problems:
-        note(problem)
+        info(problem)
     for path in written:
-        note(f"written: {path}")
+        info(f"written: {path}")
     if report is not None:
-        note(f"written: {report}")
+        info(f"written: {report}")

@@ -52,7 +52,7 @@ def demo(
     program corrected, and the way of the true cutter as programmed, with the
     parts touched off, and corrected. --robots N runs fewer of them.
     """
-    from taskcal.cli.output import announce_compilation, console, working, write_json
+    from taskcal.cli.output import console, working, write_json
     from taskcal.demo.procedure import run_procedure
     from taskcal.demo.procedure_files import procedure_contents
     from taskcal.demo.procedure_json import procedure_json
@@ -69,7 +69,6 @@ def demo(
         message = f"no folder can be made here: {error.strerror or error}; name another with --output"
         raise FileError(output, message) from error
     outputs = _outputs(output, full, force)
-    announce_compilation()
     with working("starting") as say:
         model = ErrorModel(load_robot(ROBOT))
         procedure = run_procedure(model, count=count, seed=seed, held_out=HELD_OUT, progress=say)

@@ -1,13 +1,16 @@
 """``taskcal export``: a calibrated robot for other programs, or what a controller alone can hold of it."""
 
+import json
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.options import CountOption, ForceOption, JsonOption, SeedOption
-from taskcal.cli.output import announce_compilation, note, plain, show_facts, show_table, tell, write_json
+from taskcal.cli.option_groups import grouped
+from taskcal.cli.options import CalibrationArgument, CountOption, OutputOptions, SeedOption
+from taskcal.cli.output import info, plain, show_facts, show_table, tell, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
 
 if TYPE_CHECKING:
@@ -28,10 +31,27 @@ class Form(StrEnum):
     offsets = "offsets"
 
 
+@dataclass(frozen=True, kw_only=True)
+class PosesOptions:
+    """Where the robot is to be accurate."""
+
+    task: Annotated[
+        Path | None,
+        typer.Option(
+            "--task",
+            "-t",
+            metavar="TASK.toml",
+            readable=False,
+            help="Where offsets are to serve, and losses are measured; all over the joints' ranges by default.",
+        ),
+    ] = None
+    count: CountOption = 200
+    seed: SeedOption = 0
+
+
+@grouped
 def command(
-    calibration: Annotated[
-        Path, typer.Argument(metavar="CAL.json", readable=False, help="Calibration written by taskcal identify.")
-    ],
+    calibration: CalibrationArgument,
     form: Annotated[
         Form,
         typer.Option(
@@ -45,54 +65,43 @@ def command(
         Path | None,
         typer.Option("--output", "-o", metavar="FILE", readable=False, help="File to write; offsets may do without."),
     ] = None,
-    task: Annotated[
-        Path | None,
-        typer.Option(
-            "--task",
-            "-t",
-            metavar="TASK.toml",
-            readable=False,
-            help="Where offsets are to serve, and losses are measured; all over the joints' ranges by default.",
-        ),
-    ] = None,
-    count: CountOption = 200,
-    seed: SeedOption = 0,
+    *,
+    poses: PosesOptions,
     accept_loss: Annotated[
         bool, typer.Option("--accept-loss", help="Write the file although its form cannot hold all of the calibration.")
     ] = False,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
+    out: OutputOptions,
 ) -> None:
     """Write a calibrated robot as URDF, YAML or table, or fit what a controller can hold."""
     if output is None and form is not Form.offsets:
         raise typer.BadParameter(f"name the file to write as {form.value}", param_hint="--output")
-    outputs = check_outputs("export", [("--output", output)], [calibration, *files_of_task(task)], force=force)
+    inputs = [calibration, *files_of_task(poses.task)]
+    outputs = check_outputs("export", [("--output", output)], inputs, force=out.force)
     from taskcal.cli.task_poses import read_and_reach
     from taskcal.identification.calibration_file import load_calibration
     from taskcal.robot.error_model import ErrorModel
 
-    known = load_calibration(calibration)
-    announce_compilation()
-    poses = None if task is None else read_and_reach(ErrorModel(known.model.robot), task, count, seed)
-    q = None if poses is None else poses.q
+    calibrated = load_calibration(calibration)
+    robot, reached = calibrated.model.robot, None
+    if poses.task is not None:
+        reached = read_and_reach(ErrorModel(robot), poses.task, poses.count, poses.seed)
+    q = None if reached is None else reached.q
     if form is Form.offsets:
         from taskcal.export.controller_offsets import fit_offsets
 
-        offsets = fit_offsets(known, q, None if poses is None else poses.weights)
-        result: dict[str, Any] = {"robot": known.model.robot.name, "form": form.value, **offsets.to_json()}
+        offsets = fit_offsets(calibrated, q, None if reached is None else reached.weights)
+        result: dict[str, Any] = {"robot": robot.name, "form": form.value, **offsets.to_json()}
         if output is not None:
-            import json
-
             outputs.write({output: json.dumps(plain(result), indent=1, allow_nan=False) + "\n"})
-        if as_json:
+        if out.as_json:
             write_json(result)
         else:
-            _show_offsets(known.model.robot.name, offsets, task)
+            _show_offsets(robot.name, offsets, poses.task)
         return
-    made = _exported(known, form, q, accept_loss=accept_loss)
+    export = _exported(calibrated, form, q, accept_loss=accept_loss)
     assert output is not None, "checked above"
-    outputs.write({output: made.text})
-    _say(made, known, form, output, as_json=as_json)
+    outputs.write({output: export.text})
+    _say(export, calibrated, form, output, as_json=out.as_json)
 
 
 def _exported(calibration: "Calibration", form: Form, q: "np.ndarray | None", *, accept_loss: bool) -> "Export":
@@ -107,20 +116,20 @@ def _exported(calibration: "Calibration", form: Form, q: "np.ndarray | None", *,
     return export_dh(calibration, "dh" if form is Form.dh else "mdh", q, accept_loss=accept_loss)
 
 
-def _say(made: "Export", calibration: "Calibration", form: Form, output: Path, *, as_json: bool) -> None:
+def _say(export: "Export", calibration: "Calibration", form: Form, output: Path, *, as_json: bool) -> None:
     from taskcal.export.export import placed
 
-    for remark in made.remarks:
-        note(remark)
-    if made.loss.reasons:
-        note(f"lost by the form: {made.loss.rms * 1e3:.4f} mm (rms), {', '.join(made.loss.reasons)}")
+    for remark in export.remarks:
+        info(remark)
+    if export.loss.reasons:
+        info(f"lost by the form: {export.loss.rms * 1e3:.4f} mm (rms), {', '.join(export.loss.reasons)}")
     if as_json:
-        frames = {name: placed(T) for name, T in made.frames.items()}
+        frames = {name: placed(T) for name, T in export.frames.items()}
         name = calibration.model.robot.name
-        write_json({"robot": name, "form": form.value, "file": output, "loss": made.loss.to_json(), "frames": frames})
+        write_json({"robot": name, "form": form.value, "file": output, "loss": export.loss.to_json(), "frames": frames})
         return
     tell(f"wrote {output}: {calibration.model.robot.name} as {form.value}")
-    for name, T in made.frames.items():
+    for name, T in export.frames.items():
         tell(f"{name}: {_place(T)}")
 
 

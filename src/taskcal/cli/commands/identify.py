@@ -1,132 +1,61 @@
 """``taskcal identify``: a campaign in, a calibration out."""
 
-from enum import StrEnum
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.drift import DriftChoice, DriftOption, compensate
-from taskcal.cli.options import (
-    ForceOption,
-    JsonOption,
-    ReferencePointsOption,
-    RobotOption,
-    RowsOption,
-    SeedOption,
-    TargetsOption,
-    check_within,
-    split_names,
-)
-from taskcal.cli.output import announce_compilation, note, working, write_json
+from taskcal.cli.campaign_options import CampaignOptions, CampaignRead
+from taskcal.cli.fit_options import FitCommandOptions, PriorChoice
+from taskcal.cli.option_groups import grouped
+from taskcal.cli.options import CampaignArgument, OutputOptions, RobotOption, SeedOption
+from taskcal.cli.output import info, working, write_json
 from taskcal.cli.outputs import check_outputs
-from taskcal.cli.registration import Method, RegistrationOption, registration_file, registration_of
 
 if TYPE_CHECKING:
+    from taskcal.identification.calibration import Calibration
+    from taskcal.identification.explanation import Explanation
+    from taskcal.identification.fit_options import FitOptions
     from taskcal.measurement.campaign import Campaign
+    from taskcal.robot.effects import Effect
     from taskcal.robot.error_model import ErrorModel
 
 
-class PriorChoice(StrEnum):
-    """What is known of the parameters beforehand."""
+@dataclass(frozen=True, kw_only=True)
+class HoldoutOptions:
+    """Rows that are held out at random.
 
-    tolerances = "tolerances"
-    none = "none"
+    Raises:
+        typer.BadParameter: the share is not between 0 and 1.
+    """
 
-
-class LossChoice(StrEnum):
-    """How much a large residual counts."""
-
-    squared = "squared"
-    huber = "huber"
-    cauchy = "cauchy"
-
-
-class GrossErrorsChoice(StrEnum):
-    """What becomes of rows that cannot be right."""
-
-    leave_out = "leave out"
-    keep = "keep"
-
-
-class FramesChoice(StrEnum):
-    """What becomes of tracker frame and targets."""
-
-    fit = "fit"
-    fixed = "fixed"
-
-
-def command(
-    campaign: Annotated[
-        Path, typer.Argument(metavar="CAMPAIGN.csv", readable=False, help="Joints and where the targets were seen.")
-    ],
-    robot: RobotOption,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="CAL.json", readable=False, help="Calibration to write.")
-    ],
-    rows: RowsOption = None,
     holdout: Annotated[
         float | None,
         typer.Option("--holdout", metavar="SHARE", help="Hold this share of the rows out, at random, and predict it."),
-    ] = None,
-    seed: SeedOption = 0,
-    targets: TargetsOption = None,
-    reference_points: ReferencePointsOption = None,
-    keep: Annotated[
-        str | None,
-        typer.Option(
-            "--keep",
-            metavar="NAME,…",
-            help="Parameters to fit, by name or symbol, or frames such as J2 or tool; 'published' for the choice of the "
-            "robot's publication, 'none' for tracker frame and targets alone. All by default.",
-        ),
-    ] = None,
-    lengths_only: Annotated[
-        bool,
-        typer.Option(
-            "--lengths-only",
-            help="Fit the nominal lengths of the robot file alone (such as d2 and RL4), not the defects of its frames.",
-        ),
-    ] = False,
-    prior: Annotated[PriorChoice, typer.Option("--prior", help="Prior of the parameters.")] = PriorChoice.tolerances,
-    loss: Annotated[
-        LossChoice, typer.Option("--loss", help="Robust losses give outliers less weight.")
-    ] = LossChoice.squared,
-    frames: Annotated[
-        FramesChoice,
-        typer.Option("--frames", help="Refine tracker frame and targets with the fit, or hold them as registered."),
-    ] = FramesChoice.fit,
-    registration: RegistrationOption = Method.poses.value,
-    model_error: Annotated[
-        float | None,
-        typer.Option("--model-error", metavar="MM", help="What geometry cannot explain (1σ); estimated by default."),
-    ] = None,
-    gross_errors: Annotated[
-        GrossErrorsChoice,
-        typer.Option(
-            "--gross-errors",
-            help="Leave out rows that cannot be right beside all others, up to a tenth of them, and say which; or keep them.",
-        ),
-    ] = GrossErrorsChoice.leave_out,
-    target_within: Annotated[
-        float,
-        typer.Option(
-            "--target-within", metavar="MM", min=0.0, max=1e5, help="How far from the tool point a target may be found."
-        ),
-    ] = 1000.0,
-    prior_scale: Annotated[
-        float | None,
-        typer.Option("--prior-scale", metavar="FACTOR", help="Factor of the tolerances; estimated by default."),
-    ] = None,
-    mpe_to_sigma: Annotated[
-        float | None,
-        typer.Option(
-            "--mpe-to-sigma",
-            metavar="FACTOR",
-            help="1σ of the tracker per maximum permissible error; 0.5 by default, 0.577 for a "
-            "rectangular distribution.",
-        ),
-    ] = None,
+    ] = None
+    seed: SeedOption = 0
+
+    def __post_init__(self) -> None:
+        if self.holdout is not None and not 0 < self.holdout < 1:
+            raise typer.BadParameter(
+                f"{self.holdout:g} is not a share between 0 and 1, such as 0.3", param_hint="--holdout"
+            )
+
+    def divide(self, read: CampaignRead) -> tuple[list[int], list[int]]:
+        """Rows to fit and rows held out; those that were not chosen are held out too."""
+        import numpy as np
+
+        if self.holdout is None:
+            return list(read.rows), sorted(set(range(len(read.whole))) - set(read.rows))
+        fitted, held_out = read.whole.split(self.holdout, np.random.default_rng(self.seed))
+        return [fitted.row_of(i) for i in range(len(fitted))], [held_out.row_of(i) for i in range(len(held_out))]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchOptions:
+    """What may be added to the geometry."""
+
     effects: Annotated[
         str,
         typer.Option(
@@ -135,13 +64,39 @@ def command(
             help="What the joints do beside the geometry: 'auto' takes what the data prove; or add some of those listed below, "
             "unproven. None by default.",
         ),
-    ] = "none",
+    ] = "none"
     field: Annotated[
         bool, typer.Option("--field", help="Learn over the joints what is left, if cross-validation proves it.")
-    ] = False,
-    drift: DriftOption = DriftChoice.follow,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
+    ] = False
+
+    @property
+    def searching(self) -> bool:
+        """Whether anything but the geometry is asked for."""
+        return self.field or self.effects != "none"
+
+    def named(self) -> "list[Effect] | None":
+        """Effects that are named; None where they are to be found.
+
+        Raises:
+            typer.BadParameter: a name that means no effect.
+        """
+        from taskcal.cli.effects import read_effects
+
+        return read_effects(self.effects)
+
+
+@grouped
+def command(
+    campaign: CampaignArgument,
+    robot: RobotOption,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="CAL.json", readable=False, help="Calibration to write.")
+    ],
+    reading: CampaignOptions,
+    holdout: HoldoutOptions,
+    fit: FitCommandOptions,
+    search: SearchOptions,
+    out: OutputOptions,
 ) -> None:
     """Identify a robot's parameters from a campaign, with tracker frame and targets.
 
@@ -149,138 +104,86 @@ def command(
 
     With --effects or --field, every step is cross-validated on the fitted rows, and a table says what it was worth.
     """
-    if rows is not None and holdout is not None:
+    if reading.rows is not None and holdout.holdout is not None:
         raise typer.BadParameter(
             "choose one: rows that --rows leaves out are held out already", param_hint="--rows / --holdout"
         )
-    if holdout is not None and not 0 < holdout < 1:
-        raise typer.BadParameter(f"{holdout:g} is not a share between 0 and 1, such as 0.3", param_hint="--holdout")
-    if prior is PriorChoice.none and prior_scale is not None:
-        raise typer.BadParameter("without a prior there is nothing to scale", param_hint="--prior-scale / --prior")
-    for option, value, least, most in (
-        ("--model-error", model_error, 1e-6, 1e3),
-        ("--prior-scale", prior_scale, 1e-6, 1e6),
-        ("--mpe-to-sigma", mpe_to_sigma, 1e-3, 1e3),
-    ):
-        check_within(value, least, most, option)
-    wanted, fixed, names = (
-        split_names(targets, "--targets"),
-        split_names(reference_points, "--reference-points"),
-        split_names(keep, "--keep"),
-    )
-    if effects == "auto" and prior is PriorChoice.none:
+    if search.effects == "auto" and fit.prior is PriorChoice.none:
         raise typer.BadParameter(
             "effects are found by their evidence, which needs a prior; name them, or leave out --prior none",
             param_hint="--effects / --prior",
         )
-    asked = None
-    if field or effects != "none":
-        from taskcal.cli.effects import read_effects
-
-        asked = read_effects(effects)
-    if lengths_only and names == ["published"]:
-        raise typer.BadParameter(
-            "the published choice is one of defects, not of lengths", param_hint="--lengths-only / --keep"
-        )
-    read = [campaign, robot, rows, registration_file(registration)]
-    outputs = check_outputs("identify", [("--output", output)], read, force=force)
-    from taskcal.cli.calibration_report import report, show
-    from taskcal.estimation.loss import Cauchy, Huber, Squared
-    from taskcal.identification.fit_options import FitOptions
-    from taskcal.identification.identify import identify
-    from taskcal.measurement.reader import read_campaign
-    from taskcal.measurement.tracker import TrackerNoise
+    effects = search.named() if search.searching else []
+    inputs = [campaign, robot, reading.rows, fit.registration_file]
+    outputs = check_outputs("identify", [("--output", output)], inputs, force=out.force)
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
 
-    model = ErrorModel(load_robot(robot), lengths_only=lengths_only)
-    measured = read_campaign(campaign, model.robot, targets=wanted, reference_points=fixed)
-    if mpe_to_sigma is not None and measured.uncertainty is not None:
-        note("--mpe-to-sigma has no effect: the campaign states its own uncertainties (u_mm)")
-    noise = None if mpe_to_sigma is None else TrackerNoise(mpe_to_sigma=mpe_to_sigma)
-    measured, moved = compensate(measured, drift, noise)
-    chosen, others = _divide(measured, rows, holdout, seed, campaign)
-    announce_compilation()
-    options = FitOptions(
-        keep=_kept(model, names),
-        prior=None if prior is PriorChoice.none else "tolerances",
-        loss={LossChoice.squared: Squared, LossChoice.huber: Huber, LossChoice.cauchy: Cauchy}[loss](),
-        noise=noise,
-        registration=registration_of(registration, model, measured.take(chosen)),
-        frames="fixed" if frames is FramesChoice.fixed else "fit",
-        model_error="estimate" if model_error is None else model_error * 1e-3,
-        prior_scale="estimate" if prior_scale is None else prior_scale,
-        gross_errors="keep" if gross_errors is GrossErrorsChoice.keep else "leave out",
-        target_within=target_within * 1e-3,
-    )
-    explanation = None
-    if field or effects != "none":
-        from taskcal.cli.effects import refer_to
-        from taskcal.identification.effect_selection import EffectSearch, select_effects
-
-        asked = refer_to(measured, asked)
-        with working("geometry") as say:
-            search = EffectSearch(effects=asked, field=field, seed=seed)
-            explanation = select_effects(model, measured.take(chosen), search, options=options, progress=say)
+    model = ErrorModel(load_robot(robot), lengths_only=fit.lengths_only)
+    read = reading.read(campaign, model.robot, noise=fit.noise())
+    if fit.mpe_to_sigma is not None and read.whole.uncertainty is not None:
+        info("--mpe-to-sigma has no effect: the campaign states its own uncertainties (u_mm)")
+    fitted, held_out = holdout.divide(read)
+    measured = read.whole.take(fitted)
+    options = fit.options(model, measured)
+    if search.searching:
+        explanation = _explain(model, measured, effects, options, field=search.field, seed=holdout.seed)
         calibration = explanation.calibration
     else:
-        calibration = identify(model, measured.take(chosen), options=options)
-    for remark in calibration.remarks:
-        note(remark)
-    outputs.write({output: calibration.to_text()})
-    result: dict[str, Any] = {"calibration": output, **report(calibration, measured, chosen, others), "drift": moved}
-    if explanation is not None:
-        from taskcal.cli.effects import collinearities_json
+        from taskcal.identification.identify import identify
 
-        result |= {
-            "explanation": explanation.to_json(),
-            "tracker_mm": explanation.tracker * 1e3,
-            "collinear": collinearities_json(explanation),
-            "near_dependent": collinearities_json(explanation),  # former key, until the next release
-        }
-    if as_json:
+        explanation, calibration = None, identify(model, measured, options=options)
+    for remark in calibration.remarks:
+        info(remark)
+    outputs.write({output: calibration.to_text()})
+    result = {"calibration": output, **_report(calibration, read, fitted, held_out), **_explained(explanation)}
+    if out.as_json:
         write_json(result)
     else:
-        show(result)
-        if explanation is not None:
-            from taskcal.cli.effects import show_explanation
-
-            show_explanation(explanation)
+        _show(result, explanation)
 
 
-def _divide(
-    measured: "Campaign", rows: str | None, holdout: float | None, seed: int, source: Path
-) -> tuple[list[int], list[int]]:
-    """Rows to fit and rows held out."""
-    import numpy as np
+def _explain(
+    model: "ErrorModel",
+    measured: "Campaign",
+    effects: "list[Effect] | None",
+    options: "FitOptions",
+    *,
+    field: bool,
+    seed: int,
+) -> "Explanation":
+    from taskcal.cli.effects import refer_to
+    from taskcal.identification.effect_selection import EffectSearch, select_effects
 
-    from taskcal.cli.rows import choose_rows
-
-    everything = range(len(measured))
-    if rows is not None:
-        chosen = choose_rows(rows, len(measured), source)
-        return chosen, sorted(set(everything) - set(chosen))
-    if holdout is not None:
-        fitted, held_out = measured.split(holdout, np.random.default_rng(seed))
-        return [fitted.row_of(i) for i in range(len(fitted))], [held_out.row_of(i) for i in range(len(held_out))]
-    return list(everything), []
+    search = EffectSearch(effects=refer_to(measured, effects), field=field, seed=seed)
+    with working("geometry") as say:
+        return select_effects(model, measured, search, options=options, progress=say)
 
 
-def _kept(model: "ErrorModel", names: list[str] | None) -> tuple[str, ...] | None:
-    """Parameters to fit; ``published`` stands for a publication's choice, ``none`` for the frames alone.
+def _report(calibration: "Calibration", read: CampaignRead, fitted: list[int], held_out: list[int]) -> dict[str, Any]:
+    from taskcal.cli.calibration_report import report
 
-    Raises:
-        TaskcalError: nothing is published of the robot.
-    """
-    if names == ["none"]:
-        return ()
-    if names != ["published"]:
-        return None if names is None else tuple(names)
-    from taskcal.analysis.elimination_table import published_kept
-    from taskcal.errors import TaskcalError
+    return {**report(calibration, read.whole, fitted, held_out), "drift": read.drift}
 
-    if not model.robot.published.source:
-        raise TaskcalError(
-            f"--keep published: the robot file of {model.robot.name} names no publication; name the parameters"
-        )
-    return published_kept(model)
+
+def _explained(explanation: "Explanation | None") -> dict[str, Any]:
+    if explanation is None:
+        return {}
+    from taskcal.cli.effects import collinearities_json
+
+    return {
+        "explanation": explanation.to_json(),
+        "tracker_mm": explanation.tracker * 1e3,
+        "collinear": collinearities_json(explanation),
+        "near_dependent": collinearities_json(explanation),  # former key, until the next release
+    }
+
+
+def _show(result: dict[str, Any], explanation: "Explanation | None") -> None:
+    from taskcal.cli.calibration_report import show
+
+    show(result)
+    if explanation is not None:
+        from taskcal.cli.effects import show_explanation
+
+        show_explanation(explanation)

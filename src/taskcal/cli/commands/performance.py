@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from taskcal.cli.options import JsonOption, split_names
-from taskcal.cli.output import note, show_table, write_json
+from taskcal.cli.output import info, show_table, write_json
 
 POSE_CYCLES, PATH_CYCLES = 30, 10
 """How many cycles the standard asks for (ISO 9283:1998, 6.9)."""
@@ -90,7 +90,7 @@ def _of_path(measured: Path, commanded: Path | None) -> dict[str, Any]:
     _ask_for_cycles("a path", found.cycles, PATH_CYCLES)
     left_out = [cycles.sections[i] for i in found.left_out]
     if left_out:
-        note(f"{len(left_out)} of {len(cycles.sections)} sections are not crossed by every pass and left out")
+        info(f"{len(left_out)} of {len(cycles.sections)} sections are not crossed by every pass and left out")
     return {**found.summary(), "left_out": left_out}
 
 
@@ -110,9 +110,9 @@ def _of_poses(measured: Path, pairs: Sequence[tuple[str, str]] | None) -> dict[s
 
 def _ask_for_cycles(what: str, cycles: int, wanted: int) -> None:
     if cycles == 1:
-        note(f"{what} measured once has an accuracy but no repeatability; ISO 9283 asks for {wanted} cycles")
+        info(f"{what} measured once has an accuracy but no repeatability; ISO 9283 asks for {wanted} cycles")
     elif cycles < wanted:
-        note(f"ISO 9283 asks for {wanted} cycles of {what}; there are {cycles}")
+        info(f"ISO 9283 asks for {wanted} cycles of {what}; there are {cycles}")
 
 
 def _show(title: str, results: Sequence[Mapping[str, Any]]) -> None:

@@ -1,31 +1,25 @@
 """``taskcal plan``: which poses to measure."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.measuring_program import JointSpeedOption, ProgramsOption, SpeedOption, WaitOption, compose_measuring
-from taskcal.cli.model import EffectsOption, model_of
-from taskcal.cli.options import (
-    CalibrationOption,
-    ForceOption,
-    JsonOption,
-    ModelErrorOption,
-    OptionalRobotOption,
-    ReportOption,
-    SeedOption,
-    TaskOption,
-    check_model_error,
-    check_source,
-)
-from taskcal.cli.output import announce_compilation, show_facts, show_table, working, write_json
+from taskcal.cli.campaign_options import MeasuredOptions
+from taskcal.cli.measuring_program import MeasuringOptions
+from taskcal.cli.model_options import ModelOptions
+from taskcal.cli.option_groups import grouped
+from taskcal.cli.options import ModelErrorOption, PageOptions, SeedOption, TaskOption, check_model_error
+from taskcal.cli.output import show_facts, show_table, working, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
 
 if TYPE_CHECKING:
     from taskcal.adaptation.plan import Plan
+    from taskcal.identification.calibration import Calibration
+    from taskcal.measurement.campaign import Campaign
     from taskcal.measurement.station import Station
     from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import Task
@@ -48,16 +42,16 @@ class CriterionChoice(StrEnum):
     O5 = "O5"
 
 
-def command(
-    task: TaskOption,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="PLAN.csv", readable=False, help="Joint positions to measure.")
-    ],
-    robot: OptionalRobotOption = None,
-    calibration: CalibrationOption = None,
-    effects: EffectsOption = None,
-    count: Annotated[int, typer.Option("--count", "-n", min=1, metavar="N", help="Poses to measure.")] = 60,
-    seed: SeedOption = 0,
+@dataclass(frozen=True, kw_only=True)
+class PlanOptions:
+    """How the poses are chosen.
+
+    Raises:
+        typer.BadParameter: the model error is negative or not finite.
+    """
+
+    count: Annotated[int, typer.Option("--count", "-n", min=1, metavar="N", help="Poses to measure.")] = 60
+    seed: SeedOption = 0
     station: Annotated[
         Path | None,
         typer.Option(
@@ -66,116 +60,153 @@ def command(
             readable=False,
             help="Tracker, reflectors and obstacles; without it one reflector at the tool point is always seen.",
         ),
-    ] = None,
+    ] = None
     criterion: Annotated[
         CriterionChoice,
         typer.Option("--criterion", help="The expected error over the task, or one of the classical criteria."),
-    ] = CriterionChoice.task,
-    extend: Annotated[
-        Path | None,
-        typer.Option(
-            "--extend", metavar="CAMPAIGN.csv", readable=False, help="Measured already: choose what to add to it."
-        ),
-    ] = None,
-    candidates: Annotated[
-        int, typer.Option("--candidates", min=1, metavar="N", help="Poses to choose among.")
-    ] = 10_000,
-    model_error: ModelErrorOption = None,
-    program: ProgramsOption = None,
-    wait_s: WaitOption = 3.0,
-    speed_mm_s: SpeedOption = 250.0,
-    speed_percent: JointSpeedOption = 10.0,
-    report: ReportOption = None,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
+    ] = CriterionChoice.task
+    candidates: Annotated[int, typer.Option("--candidates", min=1, metavar="N", help="Poses to choose among.")] = 10_000
+    model_error_mm: ModelErrorOption = None
+
+    def __post_init__(self) -> None:
+        check_model_error(self.model_error_mm)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Setting:
+    """What a plan is chosen from, read."""
+
+    model: "ErrorModel"
+    calibration: "Calibration | None"
+    task: "Task"
+    station: "Station | None"
+    campaign: "Campaign | None"
+
+    @property
+    def measured(self) -> int:
+        """Rows that are there already."""
+        if self.campaign is not None:
+            return len(self.campaign)
+        return 0 if self.calibration is None else len(self.calibration.ids)
+
+
+@grouped
+def command(
+    task: TaskOption,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="PLAN.csv", readable=False, help="Joint positions to measure.")
+    ],
+    of: ModelOptions,
+    measured: MeasuredOptions,
+    choice: PlanOptions,
+    programs: MeasuringOptions,
+    page: PageOptions,
 ) -> None:
     """Choose the poses whose measurement makes a robot accurate over a task.
 
     They are reached, clear of the robot itself and of obstacles, seen by the tracker,
     and stand in the order in which to visit them.
 
-    With --calibration they are chosen for what the calibration still leaves uncertain.
+    With --calibration they are chosen for what the calibration still leaves uncertain, with --campaign for what they
+    add to those that were measured already.
     """
-    check_source(robot, calibration)
-    stated = check_model_error(model_error)
-    if extend is not None and model_error is not None:
-        raise typer.BadParameter("the campaign says how large it is", param_hint="--extend / --model-error")
-    if calibration is not None and extend is not None:
-        raise typer.BadParameter(
-            "the calibration knows its campaign; plan on with one of them", param_hint="--calibration / --extend"
-        )
-    if calibration is not None and model_error is not None:
-        raise typer.BadParameter("the calibration says how large it is", param_hint="--calibration / --model-error")
-    programs = program or []
+    _check_sources(of, measured, choice)
     outputs = check_outputs(
         "plan",
-        [("--output", output), ("--report", report), *(("--program", path) for path in programs)],
-        [robot, calibration, *files_of_task(task), station, extend],
-        force=force,
+        [("--output", output), ("--report", page.report), *(("--program", path) for path in programs.paths)],
+        [of.robot, of.calibration, *files_of_task(task), choice.station, *measured.inputs],
+        force=page.force,
     )
-    import numpy as np
-
-    from taskcal.adaptation.plan import plan
-    from taskcal.errors import CampaignError, FileError
-    from taskcal.identification.calibration_file import load_calibration
-    from taskcal.measurement.reader import read_campaign
-    from taskcal.measurement.station import load_station
     from taskcal.measurement.writer import joints_text
-    from taskcal.task.task import load_task
 
-    known = None if calibration is None else load_calibration(calibration)
-    model = model_of(robot, known, effects)
-    asked = load_task(task)
-    stands = None if station is None else load_station(station)
-    measured = None if extend is None else read_campaign(extend, model.robot)
-    driving = {"wait_s": wait_s, "speed_mm_s": speed_mm_s, "speed_percent": speed_percent}
-    nowhere = np.empty((0, len(model.robot.joints)))
-    compose_measuring(programs, model.robot, nowhere, **driving)  # refuses a name before the plan is made
-    announce_compilation()
+    setting = _read(task, of, measured, choice)
+    robot = setting.model.robot
+    programs.check(robot)
     with working("candidates") as say:
-        try:
-            made = plan(
-                model,
-                asked,
-                count,
-                seed=seed,
-                station=stands,
-                criterion=criterion.value,
-                campaign=measured,
-                calibration=known,
-                candidates=candidates,
-                model_error=stated,
-                progress=say,
-            )
-        except CampaignError as error:
-            source = extend or calibration
-            if source is None:
-                raise
-            raise FileError(source, str(error)) from error
-        _check(made, count)
-        contents: dict[Path, str | bytes] = {output: joints_text(made.q, model.robot)}
-        for source in compose_measuring(programs, model.robot, made.q, **driving):
+        chosen = _plan(setting, choice, measured.campaign or of.calibration, say)
+        contents: dict[Path, str | bytes] = {output: joints_text(chosen.q, robot)}
+        for source in programs.compose(robot, chosen.q):
             contents[source.path] = source.encode()
-        if report is not None:
+        if page.report is not None:
             say("page")
-            contents[report] = _page(model, asked, made, seed)
+            contents[page.report] = _page(setting, chosen, choice.seed)
         outputs.write(contents)
-    result = {"plan": output, "robot": model.robot.name, **made.to_json(), **_seen(made, stands)}
-    before = measured.ids if measured is not None else () if known is None else known.ids
-    result["measured_before"] = len(before)
-    if calibration is not None:
-        result["calibration"] = calibration
-    if programs:
-        result["programs"] = [str(path) for path in programs]
-    if report is not None:
-        result["report"] = report
-    if as_json:
+    result = {"plan": output, "robot": robot.name, **chosen.to_json(), **_visible(chosen, setting.station)}
+    result["measured_before"] = setting.measured
+    if of.calibration is not None:
+        result["calibration"] = of.calibration
+    if programs.paths:
+        result["programs"] = [str(path) for path in programs.paths]
+    if page.report is not None:
+        result["report"] = page.report
+    if page.as_json:
         write_json(result)
     else:
-        _show(result, asked)
+        _show(result, setting.task)
 
 
-def _check(made: "Plan", count: int) -> None:
+def _check_sources(of: ModelOptions, measured: MeasuredOptions, choice: PlanOptions) -> None:
+    """See that what is known of the model error comes from one place.
+
+    Raises:
+        typer.BadParameter: it comes from two.
+    """
+    for source, option in ((measured.campaign, "campaign"), (of.calibration, "calibration")):
+        if source is not None and choice.model_error_mm is not None:
+            raise typer.BadParameter(f"the {option} says how large it is", param_hint=f"--{option} / --model-error-mm")
+    if of.calibration is not None and measured.campaign is not None:
+        raise typer.BadParameter(
+            "the calibration knows its campaign; plan on with one of them", param_hint="--calibration / --campaign"
+        )
+
+
+def _read(task: Path, of: ModelOptions, measured: MeasuredOptions, choice: PlanOptions) -> Setting:
+    from taskcal.measurement.station import load_station
+    from taskcal.task.task import load_task
+
+    model, calibration = of.load()
+    return Setting(
+        model=model,
+        calibration=calibration,
+        task=load_task(task),
+        station=None if choice.station is None else load_station(choice.station),
+        campaign=None if measured.campaign is None else measured.read(measured.campaign, model.robot).campaign,
+    )
+
+
+def _plan(setting: Setting, choice: PlanOptions, source: Path | None, progress: Callable[[str], None]) -> "Plan":
+    """The plan.
+
+    Raises:
+        FileError: the campaign or calibration of `source` does not go with robot or station.
+        ReachError: fewer poses can be measured than were asked for, or the task's accuracy is out of reach.
+    """
+    from taskcal.adaptation.plan import plan
+    from taskcal.errors import CampaignError, FileError
+
+    try:
+        chosen = plan(
+            setting.model,
+            setting.task,
+            choice.count,
+            seed=choice.seed,
+            station=setting.station,
+            criterion=choice.criterion.value,
+            campaign=setting.campaign,
+            calibration=setting.calibration,
+            candidates=choice.candidates,
+            model_error=check_model_error(choice.model_error_mm),
+            progress=progress,
+        )
+    except CampaignError as error:
+        if source is None:
+            raise
+        raise FileError(source, str(error)) from error
+    _check(chosen, choice.count)
+    return chosen
+
+
+def _check(chosen: "Plan", count: int) -> None:
     """See that the plan gives what was asked.
 
     Raises:
@@ -183,44 +214,42 @@ def _check(made: "Plan", count: int) -> None:
     """
     from taskcal.errors import ReachError
 
-    if len(made.q) < count:
-        lost = ", ".join(f"{number} {reason}" for reason, number in made.lost.items() if number)
+    if len(chosen.q) < count:
+        lost = ", ".join(f"{number} {reason}" for reason, number in chosen.lost.items() if number)
         raise ReachError(
-            f"only {made.candidates} candidate poses can be measured, {count} were asked for ({lost or 'none fell away'}); "
+            f"only {chosen.candidates} candidate poses can be measured, {count} were asked for ({lost or 'none fell away'}); "
             "give more --candidates, or ask for fewer poses"
         )
     # where the model error alone takes the accuracy, the poses are worth measuring all the same: it may turn out smaller
-    wanted = made.geometry_allowance or made.accuracy
-    if wanted is not None and len(made.q) * (made.expected / wanted) ** 2 > made.candidates > 0:
+    wanted = chosen.geometry_allowance or chosen.accuracy
+    if wanted is not None and len(chosen.q) * (chosen.expected / wanted) ** 2 > chosen.candidates > 0:
         raise ReachError(
-            f"the task's accuracy of {(made.accuracy or wanted) * 1e3:g} mm is out of reach: {count} poses are expected to leave "
-            f"{made.expected * 1e3:.4f} mm rms{_allowed(made)}, and not even all {made.candidates} that can be measured would do; "
-            "state an accuracy that can be had, or leave it out of the task"
+            f"the task's accuracy of {(chosen.accuracy or wanted) * 1e3:g} mm is out of reach: {count} poses are expected to "
+            f"leave {chosen.expected * 1e3:.4f} mm rms{_allowed(chosen)}, and not even all {chosen.candidates} that can be "
+            "measured would do; state an accuracy that can be had, or leave it out of the task"
         )
 
 
-def _allowed(made: "Plan") -> str:
+def _allowed(chosen: "Plan") -> str:
     """How much of the accuracy the model error of a single pose takes, in words."""
-    if not made.geometry_allowance or not made.model_error:
+    if not chosen.geometry_allowance or not chosen.model_error:
         return ""
-    return (
-        f", the model error of {made.model_error * 1e3:.3g} mm per axis allows {made.geometry_allowance * 1e3:.4f} mm"
-    )
+    return f", the model error of {chosen.model_error * 1e3:.3g} mm per axis allows {chosen.geometry_allowance * 1e3:.4f} mm"
 
 
-def _seen(made: "Plan", station: "Station | None") -> dict[str, Any]:
+def _visible(chosen: "Plan", station: "Station | None") -> dict[str, Any]:
     """Names of the reflectors seen at each pose, where a station says so."""
     if station is None:
         return {}
     names = [reflector.name for reflector in station.reflectors]
-    return {"visible": [[name for name, seen in zip(names, row, strict=True) if seen] for row in made.visible]}
+    return {"visible": [[name for name, seen in zip(names, row, strict=True) if seen] for row in chosen.visible]}
 
 
-def _page(model: "ErrorModel", task: "Task", made: "Plan", seed: int) -> str:
+def _page(setting: Setting, chosen: "Plan", seed: int) -> str:
     from taskcal.identification.provenance import package_version
     from taskcal.presentation.plan_report import plan_html
 
-    return plan_html(model, task, made, seed=seed, version=package_version())
+    return plan_html(setting.model, setting.task, chosen, seed=seed, version=package_version())
 
 
 def _show(result: Mapping[str, Any], task: "Task") -> None:

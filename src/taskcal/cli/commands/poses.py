@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.options import CalibrationOption, ForceOption, JsonOption, OptionalRobotOption, check_source
-from taskcal.cli.output import announce_compilation, note, show_table, tell, write_json
+from taskcal.cli.model_options import RobotOptions
+from taskcal.cli.option_groups import grouped
+from taskcal.cli.options import OutputOptions
+from taskcal.cli.output import info, show_table, tell, write_json
 from taskcal.cli.outputs import check_outputs
 from taskcal.errors import ReachError
 
@@ -33,6 +35,7 @@ class Angles(StrEnum):
     wpr = "wpr"
 
 
+@grouped
 def command(
     table: Annotated[
         Path,
@@ -43,8 +46,7 @@ def command(
             "b_deg c_deg (KUKA), w_deg p_deg r_deg (FANUC) or a direction i j k.",
         ),
     ],
-    robot: OptionalRobotOption = None,
-    calibration: CalibrationOption = None,
+    of: RobotOptions,
     reverse: Annotated[
         bool,
         typer.Option("--reverse", help="Look for joints although the table has some: they say which branch is meant."),
@@ -55,37 +57,32 @@ def command(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="OUT.csv", readable=False, help="Write all rows here.")
     ] = None,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
+    *,
+    out: OutputOptions,
 ) -> None:
     """Say where the tool is at joint positions, nominal and calibrated, or which joints bring it to poses."""
-    check_source(robot, calibration)
-    outputs = check_outputs("poses", [("--output", output)], [table, calibration], force=force)
-    from taskcal.cli.model import model_of
-    from taskcal.identification.calibration_file import load_calibration
+    outputs = check_outputs("poses", [("--output", output)], [table, of.robot, of.calibration], force=out.force)
     from taskcal.tabular.column_groups import ColumnGroups
     from taskcal.tabular.csv_form import read_csv
 
-    known = None if calibration is None else load_calibration(calibration)
-    model = model_of(robot, known, None)
+    model, calibration = of.load()
     columns = ColumnGroups(read_csv(table))
     ids = columns.texts("id") if "id" in columns else [str(row) for row in range(len(columns))]
     if not len(columns):
         raise columns.error("has no rows below its header")
-    announce_compilation()
     if reverse or not columns.joint_columns(model.robot):
-        header, rows = _joints_for(columns, model, known)
+        header, rows = _joints_for(columns, model, calibration)
     else:
-        header, rows = _poses_at(columns, model, known, angles)
+        header, rows = _poses_at(columns, model, calibration, angles)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["id", *header])
     writer.writerows([name, *(_cell(value) for value in row)] for name, row in zip(ids, rows, strict=True))
     if output is not None:
         outputs.write({output: text.getvalue()})
-    if as_json:
+    if out.as_json:
         entries = [{"id": name, **dict(zip(header, row, strict=True))} for name, row in zip(ids, rows, strict=True)]
-        write_json({"robot": model.robot.name, "calibrated": known is not None, "rows": entries})
+        write_json({"robot": model.robot.name, "calibrated": calibration is not None, "rows": entries})
         return
     if output is not None:
         tell(f"wrote {output}: {len(rows)} rows")
@@ -93,7 +90,7 @@ def command(
     shown = [(name, *(f"{value:.4f}" for value in row)) for name, row in zip(ids[:MOST_SHOWN], rows, strict=False)]
     show_table(f"{model.robot.name}, tool in the base", ("id", *header), shown)
     if len(rows) > MOST_SHOWN:
-        note(f"{len(rows) - MOST_SHOWN} more rows; write them all with --output")
+        info(f"{len(rows) - MOST_SHOWN} more rows; write them all with --output")
 
 
 def _cell(value: float) -> str:
@@ -101,7 +98,7 @@ def _cell(value: float) -> str:
 
 
 def _poses_at(
-    columns: "ColumnGroups", model: "ErrorModel", known: "Calibration | None", angles: Angles
+    columns: "ColumnGroups", model: "ErrorModel", calibration: "Calibration | None", angles: Angles
 ) -> tuple[list[str], list[list[float]]]:
     """Poses at joints, and with a calibration how they differ."""
     import numpy as np
@@ -111,15 +108,15 @@ def _poses_at(
     q = columns.joints(model.robot)
     left = [name for name in columns.table.header if not columns.is_used(name) and name.lower() != "id"]
     if left:
-        note(f"not needed and left alone: {', '.join(left)}")
+        info(f"not needed and left alone: {', '.join(left)}")
     outside = model.robot.outside_limits(q)
     if outside:
         row, reason = outside[0]
-        note(f"row {row}: {reason}")
-    if known is None:
+        info(f"row {row}: {reason}")
+    if calibration is None:
         header, cells = _pose_cells("", model.poses(q), angles)
         return header, np.stack(cells, axis=1).tolist()
-    at = locate_tool(known, q)
+    at = locate_tool(calibration, q)
     header, cells = _pose_cells("nominal_", at.nominal, angles)
     names, more = _pose_cells("", at.calibrated, angles)
     moved = at.moved * 1e3
@@ -146,7 +143,7 @@ def _pose_cells(prefix: str, T: "np.ndarray", angles: Angles) -> tuple[list[str]
 
 
 def _joints_for(
-    columns: "ColumnGroups", model: "ErrorModel", known: "Calibration | None"
+    columns: "ColumnGroups", model: "ErrorModel", calibration: "Calibration | None"
 ) -> tuple[list[str], list[list[float]]]:
     """Joints for poses: nominal, and with a calibration those of the calibrated robot."""
     import numpy as np
@@ -159,18 +156,18 @@ def _joints_for(
         columns.joints(robot)  # says which columns there must be
     T = read_tool_poses(columns)
     seed = columns.joints(robot) if columns.joint_columns(robot) else None
-    found = find_joints(model if known is None else known, T, seed)
-    if not found.reached.any():
+    joints = find_joints(model if calibration is None else calibration, T, seed)
+    if not joints.reached.any():
         raise ReachError(
             f"{robot.name} reaches none of the {len(T)} poses of {columns.table.path} inside its limits; are they of its tool, "
             "in its base, in millimetres?"
         )
-    for row in np.flatnonzero(~found.reached)[:3]:
-        note(f"row {row}: the tool does not reach this pose inside the limits; its joints are left empty")
+    for row in np.flatnonzero(~joints.reached)[:3]:
+        info(f"row {row}: the tool does not reach this pose inside the limits; its joints are left empty")
     scale = np.where(robot.prismatic, 1e3, 180.0 / np.pi)
     units = ["mm" if slides else "deg" for slides in robot.prismatic]
     names = [f"{name}_{unit}" for name, unit in zip(robot.joint_names, units, strict=True)]
-    if found.calibrated is None:
-        return names, (found.nominal * scale).tolist()
-    both = np.concatenate([found.calibrated, found.nominal], axis=1) * np.tile(scale, 2)
+    if joints.calibrated is None:
+        return names, (joints.nominal * scale).tolist()
+    both = np.concatenate([joints.calibrated, joints.nominal], axis=1) * np.tile(scale, 2)
     return [*names, *(f"nominal_{name}" for name in names)], both.tolist()

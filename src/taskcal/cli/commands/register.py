@@ -6,17 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.drift import DriftChoice, DriftOption, compensate
-from taskcal.cli.options import (
-    ForceOption,
-    JsonOption,
-    ReferencePointsOption,
-    RobotOption,
-    RowsOption,
-    TargetsOption,
-    split_names,
-)
-from taskcal.cli.output import announce_compilation, show_facts, show_table, write_json
+from taskcal.cli.campaign_options import CampaignOptions
+from taskcal.cli.option_groups import grouped
+from taskcal.cli.options import CampaignArgument, OutputOptions, RobotOption
+from taskcal.cli.output import show_facts, show_table, write_json
 from taskcal.cli.outputs import check_outputs
 from taskcal.cli.registration import Method, register_by
 
@@ -30,10 +23,9 @@ WORST = 5
 """How many of the rows that fit worst are shown."""
 
 
+@grouped
 def command(
-    campaign: Annotated[
-        Path, typer.Argument(metavar="CAMPAIGN.csv", readable=False, help="Joints and where the targets were seen.")
-    ],
+    campaign: CampaignArgument,
     robot: RobotOption,
     method: Annotated[
         Method,
@@ -45,53 +37,42 @@ def command(
             "--output", "-o", metavar="REG.json", readable=False, help="Write it, for identify --registration."
         ),
     ] = None,
-    rows: RowsOption = None,
-    targets: TargetsOption = None,
-    reference_points: ReferencePointsOption = None,
-    drift: DriftOption = DriftChoice.follow,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
+    *,
+    reading: CampaignOptions,
+    out: OutputOptions,
 ) -> None:
     """Find the tracker's frame and the targets with the nominal robot, and what it leaves of the measurements.
 
     The fit of taskcal identify refines what is found here; nothing of the robot is identified yet.
     """
-    wanted, fixed = split_names(targets, "--targets"), split_names(reference_points, "--reference-points")
-    outputs = check_outputs("register", [("--output", output)], [campaign, robot, rows], force=force)
-    from taskcal.cli.rows import choose_rows
+    outputs = check_outputs("register", [("--output", output)], [campaign, robot, reading.rows], force=out.force)
     from taskcal.measurement.axis_circles import find_circles
-    from taskcal.measurement.reader import read_campaign
     from taskcal.measurement.registration_file import registration_text
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
 
     model = ErrorModel(load_robot(robot))
-    measured = read_campaign(campaign, model.robot, targets=wanted, reference_points=fixed)
-    measured, moved = compensate(measured, drift)
-    chosen = list(range(len(measured))) if rows is None else choose_rows(rows, len(measured), campaign)
-    measured = measured.take(chosen)
-    announce_compilation()
-    found = register_by(method, model, measured)
+    read = reading.read(campaign, model.robot)
+    measured = read.campaign
+    registration = register_by(method, model, measured)
     circles = find_circles(model, measured) if method is Method.circles else ()
     if output is not None:
-        outputs.write({output: registration_text(found, model, measured)})
+        outputs.write({output: registration_text(registration, model, measured)})
     result = {
         "registration": output,
         "robot": model.robot.name,
         "method": method.value,
-        **_found(found, model, measured, chosen),
+        **_frames(registration, model, measured),
         "circles": [_circle(circle, model, measured) for circle in circles],
-        "drift": moved,
+        "drift": read.drift,
     }
-    if as_json:
+    if out.as_json:
         write_json(result)
     else:
         _show(result)
 
 
-def _found(
-    registration: "Registration", model: "ErrorModel", campaign: "Campaign", chosen: list[int]
-) -> dict[str, Any]:
+def _frames(registration: "Registration", model: "ErrorModel", campaign: "Campaign") -> dict[str, Any]:
     """Frames and residuals, in millimetres."""
     import numpy as np
 
@@ -114,8 +95,12 @@ def _found(
         "rms_mm": float(np.sqrt((seen**2).mean())),
         "max_mm": float(seen.max()),
         "residuals": [
-            {"row": row, "id": name, **dict(zip((f"{t}_mm" for t in campaign.targets), values, strict=True))}
-            for row, name, values in zip(chosen, campaign.ids, off, strict=True)
+            {
+                "row": campaign.row_of(i),
+                "id": name,
+                **dict(zip((f"{t}_mm" for t in campaign.targets), values, strict=True)),
+            }
+            for i, (name, values) in enumerate(zip(campaign.ids, off, strict=True))
         ],
     }
 

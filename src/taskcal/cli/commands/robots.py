@@ -1,5 +1,6 @@
 """``taskcal robots``: the catalogue, one robot, and robots from files of other programs."""
 
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -7,8 +8,10 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from taskcal.cli.options import ForceOption, JsonOption
-from taskcal.cli.output import note, show_table, tell, write_json
+from taskcal.cli.command import Command
+from taskcal.cli.option_groups import grouped
+from taskcal.cli.options import JsonOption, OutputOptions
+from taskcal.cli.output import info, show_table, tell, write_json
 from taskcal.cli.outputs import check_outputs
 
 
@@ -63,7 +66,7 @@ def catalogue(context: typer.Context, as_json: JsonOption = False) -> None:
     show_table("Robots in the catalogue", ("name", "robot", "joints", "notes"), rows, left=(0, 1, 3))
 
 
-@app.command("show")
+@app.command("show", cls=Command)
 def show(
     context: typer.Context,
     robot: Annotated[
@@ -82,7 +85,33 @@ def show(
         show_sheet(result)
 
 
-@app.command("import")
+@dataclass(frozen=True, kw_only=True)
+class DescriptionOptions:
+    """How another program's file is read."""
+
+    convention: Annotated[
+        Convention | None,
+        typer.Option(
+            "--convention",
+            case_sensitive=False,
+            help="Of a table. dh: Rz(θ)·Tz(d)·Tx(a)·Rx(α); mdh: Rx(α)·Tx(a)·Rz(θ)·Tz(d).",
+        ),
+    ] = None
+    tip: Annotated[
+        str | None,
+        typer.Option(
+            "--tip", metavar="LINK", help="Of a URDF: the link that is the tool; that of its longest chain by default."
+        ),
+    ] = None
+    base: Annotated[
+        str | None,
+        typer.Option("--base", metavar="LINK", help="Of a URDF: the link that is the base; its root by default."),
+    ] = None
+    name: Annotated[str | None, typer.Option("--name", help="Name of the robot; the file's by default.")] = None
+
+
+@app.command("import", cls=Command)
+@grouped
 def import_robot(
     context: typer.Context,
     source: Annotated[
@@ -97,43 +126,28 @@ def import_robot(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="ROBOT.toml", readable=False, help="Robot file to write.")
     ],
-    convention: Annotated[
-        Convention | None,
-        typer.Option(
-            "--convention",
-            case_sensitive=False,
-            help="Of a table. dh: Rz(θ)·Tz(d)·Tx(a)·Rx(α); mdh: Rx(α)·Tx(a)·Rz(θ)·Tz(d).",
-        ),
-    ] = None,
-    tip: Annotated[
-        str | None,
-        typer.Option(
-            "--tip", metavar="LINK", help="Of a URDF: the link that is the tool; that of its longest chain by default."
-        ),
-    ] = None,
-    base: Annotated[
-        str | None,
-        typer.Option("--base", metavar="LINK", help="Of a URDF: the link that is the base; its root by default."),
-    ] = None,
-    name: Annotated[str | None, typer.Option("--name", help="Name of the robot; the file's by default.")] = None,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
+    reading: DescriptionOptions,
+    out: OutputOptions,
 ) -> None:
     """Make a robot file from a URDF or a Denavit–Hartenberg table."""
     if output.suffix != ".toml":
         raise typer.BadParameter(f"'{output}' does not end in .toml, as robot files do", param_hint="--output")
-    outputs = check_outputs("robots import", [("--output", output)], [source], force=force)
+    outputs = check_outputs("robots import", [("--output", output)], [source], force=out.force)
     from taskcal.robot.description import describe_robot, robot_toml
 
     described = describe_robot(
-        source, convention=None if convention is None else convention.value, tip=tip, base=base, name=name
+        source,
+        convention=None if reading.convention is None else reading.convention.value,
+        tip=reading.tip,
+        base=reading.base,
+        name=reading.name,
     )
     outputs.write({output: robot_toml(described)})
-    if as_json or context.obj:
+    if out.as_json or context.obj:
         write_json({"robot": str(output), "name": described["name"], "joints": [j["name"] for j in described["joint"]]})
         return
     tell(f"wrote {output}: {described['name']}, {len(described['joint'])} joints")
-    note(
+    info(
         f"use it with --robot {output}; taskcal robots {output} shows it. Add limits, tool and tolerances to the file where "
         "they are known: the tolerances are the prior of every fit"
     )

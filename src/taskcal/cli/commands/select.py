@@ -1,32 +1,22 @@
 """``taskcal select``: which parameters are worth fitting for a task."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.model import EffectsOption, model_of
+from taskcal.cli.campaign_options import MeasuredOptions
+from taskcal.cli.model_options import ModelOptions
+from taskcal.cli.option_groups import grouped
 from taskcal.cli.options import (
-    CalibrationOption,
-    ForceOption,
-    JsonOption,
     ModelErrorOption,
-    OptionalRobotOption,
-    ReportOption,
+    PageOptions,
     SeedOption,
     TaskOption,
+    check_above_zero,
     check_model_error,
-    check_source,
 )
-from taskcal.cli.output import (
-    announce_compilation,
-    note,
-    show_facts,
-    show_table,
-    working,
-    write_json,
-)
+from taskcal.cli.output import info, show_facts, show_table, working, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
 
 if TYPE_CHECKING:
@@ -36,68 +26,55 @@ if TYPE_CHECKING:
     from taskcal.task.task import Task
 
 
+@grouped
 def command(
     task: TaskOption,
-    robot: OptionalRobotOption = None,
-    calibration: CalibrationOption = None,
-    effects: EffectsOption = None,
-    campaign: Annotated[
-        Path | None,
-        typer.Option(
-            "--campaign",
-            metavar="CAMPAIGN.csv",
-            readable=False,
-            help="Measurements, to cross-validate every size of the model.",
-        ),
-    ] = None,
-    accuracy: Annotated[
+    of: ModelOptions,
+    measured: MeasuredOptions,
+    accuracy_mm: Annotated[
         float | None,
         typer.Option(
-            "--accuracy",
+            "--accuracy-mm",
             metavar="MM",
             help="Error in space (rms) that the task allows: the smallest model that meets it.",
         ),
     ] = None,
-    model_error: ModelErrorOption = None,
+    model_error_mm: ModelErrorOption = None,
     seed: SeedOption = 0,
-    report: ReportOption = None,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
+    *,
+    page: PageOptions,
 ) -> None:
     """Choose the smallest set of parameters that serves a task.
 
+    With --campaign every size of the model is cross-validated on its rows.
+
     With --calibration its effects compete too, with the model error and the prior scale that it found.
     """
-    check_source(robot, calibration)
-    if accuracy is not None and not 0 < accuracy < float("inf"):
-        raise typer.BadParameter(f"{accuracy:g} is not above zero", param_hint="--accuracy")
-    stated = check_model_error(model_error)
-    for source, option in ((campaign, "--campaign"), (calibration, "--calibration")):
+    check_above_zero(accuracy_mm, "--accuracy-mm")
+    stated = check_model_error(model_error_mm)
+    for source, option in ((measured.campaign, "campaign"), (of.calibration, "calibration")):
         if source is not None and stated is not None:
-            raise typer.BadParameter(f"the {option[2:]} says how large it is", param_hint=f"{option} / --model-error")
-    read = [robot, calibration, *files_of_task(task), campaign]
-    outputs = check_outputs("select", [("--report", report)], read, force=force)
+            raise typer.BadParameter(f"the {option} says how large it is", param_hint=f"--{option} / --model-error-mm")
+    inputs = [of.robot, of.calibration, *files_of_task(task), *measured.inputs]
+    outputs = check_outputs("select", [("--report", page.report)], inputs, force=page.force)
     from taskcal.adaptation.hyperparameters import known_hyperparameters
     from taskcal.adaptation.selection import select
-    from taskcal.identification.calibration_file import load_calibration
-    from taskcal.measurement.reader import read_campaign
     from taskcal.task.task import load_task
 
-    known = None if calibration is None else load_calibration(calibration)
-    model = model_of(robot, known, effects)
-    asked, hyper = load_task(task), None if known is None else known_hyperparameters(known)
-    measured = None if campaign is None else read_campaign(campaign, model.robot)
-    announce_compilation()
-    if measured is not None:
-        note(f"cross-validating {len(model) + 1} sizes of the model on {len(measured)} rows")
-    wanted = None if accuracy is None else accuracy * 1e-3
-    found = select(model, asked, measured, wanted, seed=seed, hyperparameters=hyper, model_error=stated)
-    result = found.to_json()
-    if report is not None:
+    model, calibration = of.load()
+    described = load_task(task)
+    known = None if calibration is None else known_hyperparameters(calibration)
+    campaign = None if measured.campaign is None else measured.read(measured.campaign, model.robot).campaign
+    if campaign is not None:
+        info(f"cross-validating {len(model) + 1} sizes of the model on {len(campaign)} rows")
+    accuracy = None if accuracy_mm is None else accuracy_mm * 1e-3
+    selection = select(model, described, campaign, accuracy, seed=seed, hyperparameters=known, model_error=stated)
+    result = selection.to_json()
+    if page.report is not None:
         with working("maps over the task"):
-            outputs.write({report: _page(model, asked, measured, found, wanted, seed)})
-        result["report"] = report
-    if as_json:
+            outputs.write({page.report: _page(model, described, campaign, selection, accuracy, seed)})
+        result["report"] = page.report
+    if page.as_json:
         write_json(result)
     else:
         _show(model, result)
@@ -106,8 +83,8 @@ def command(
 def _page(
     model: "ErrorModel",
     task: "Task",
-    measured: "Campaign | None",
-    found: "Selection",
+    campaign: "Campaign | None",
+    selection: "Selection",
     accuracy: float | None,
     seed: int,
 ) -> str:
@@ -118,13 +95,13 @@ def _page(
     from taskcal.task.task import reach_task
 
     reached = reach_task(model, task, seed=seed)
-    assert found.design is not None
-    maps = map_task(model, task, found.design, found.kept, seed)
+    assert selection.design is not None
+    maps = map_task(model, task, selection.design, selection.kept, seed)
     assumed = "60 poses assumed in the task" if task.workspace is not None else "60 poses assumed around the task"
-    poses = assumed if measured is None else f"the {len(measured)} rows of {measured.source}"
+    poses = assumed if campaign is None else f"the {len(campaign)} rows of {campaign.source}"
     effects = sensitivity(model, reached.q)
     version = package_version()
-    return selection_html(model, task, found, effects, maps, accuracy=accuracy, measured=poses, version=version)
+    return selection_html(model, task, selection, effects, maps, accuracy=accuracy, measured=poses, version=version)
 
 
 def _show(model: Any, result: Mapping[str, Any]) -> None:

@@ -7,31 +7,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.options import (
-    CountOption,
-    ForceOption,
-    JsonOption,
-    ModelErrorOption,
-    ReportOption,
-    RobotOption,
-    SeedOption,
-    check_model_error,
-)
-from taskcal.cli.output import (
-    announce_compilation,
-    show_facts,
-    show_table,
-    tell,
-    working,
-    write_json,
-)
+from taskcal.cli.campaign_options import MeasuredOptions
+from taskcal.cli.option_groups import grouped
+from taskcal.cli.options import ModelErrorOption, PageOptions, RobotOption, SpreadOptions, check_model_error
+from taskcal.cli.output import show_facts, show_table, tell, working, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
 
 if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Float
+
     from taskcal.analysis.elimination_table import EliminationTable
     from taskcal.analysis.measuring_noise import MeasuringNoise
     from taskcal.analysis.sensitivity import Sensitivity
     from taskcal.analysis.told_apart import ToldApart
+    from taskcal.measurement.campaign import Campaign
+    from taskcal.robot.error_model import ErrorModel
 
 
 class Order(StrEnum):
@@ -41,16 +32,15 @@ class Order(StrEnum):
     influence = "influence"
 
 
+@grouped
 def command(
     robot: RobotOption,
     task: Annotated[
         Path | None, typer.Option("--task", "-t", metavar="TASK.toml", readable=False, help="Poses of a task.")
     ] = None,
-    campaign: Annotated[
-        Path | None, typer.Option("--campaign", metavar="CAMPAIGN.csv", readable=False, help="Poses of a campaign.")
-    ] = None,
-    count: CountOption = 60,
-    seed: SeedOption = 0,
+    *,
+    measured: MeasuredOptions,
+    spread: SpreadOptions,
     sort: Annotated[
         Order,
         typer.Option(
@@ -60,59 +50,59 @@ def command(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE.csv", readable=False, help="Write the table here.")
     ] = None,
-    model_error: ModelErrorOption = None,
-    report: ReportOption = None,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
+    model_error_mm: ModelErrorOption = None,
+    page: PageOptions,
 ) -> None:
     """Influence of each parameter on the tool point, and which parameters the poses can tell apart."""
-    if (task is None) == (campaign is None):
+    if (task is None) == (measured.campaign is None):
         raise typer.BadParameter("give exactly one of them, to say at which poses", param_hint="--task / --campaign")
-    stated = check_model_error(model_error)
-    named, read = [("--output", output), ("--report", report)], [robot, *files_of_task(task), campaign]
-    outputs = check_outputs("sensitivity", named, read, force=force)
+    stated = check_model_error(model_error_mm)
+    named, inputs = [("--output", output), ("--report", page.report)], [robot, *files_of_task(task), *measured.inputs]
+    outputs = check_outputs("sensitivity", named, inputs, force=page.force)
     from taskcal.analysis.elimination_table import tabulate_elimination
     from taskcal.analysis.measuring_noise import measuring_noise
     from taskcal.analysis.sensitivity import sensitivity
-    from taskcal.cli.task_poses import read_and_reach
-    from taskcal.measurement.reader import read_campaign
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
 
     model = ErrorModel(load_robot(robot))
-    unreachable, measured = 0.0, None
-    if campaign is not None:
-        measured = read_campaign(campaign, model.robot)
-        q = measured.q
-        announce_compilation()
-    else:
-        assert task is not None
-        announce_compilation()
-        poses = read_and_reach(model, task, count, seed)
-        q, unreachable = poses.q, float(poses.unreachable.mean())
-    found, elimination = sensitivity(model, q), tabulate_elimination(model, {"poses": q})
-    result = _result(found, elimination, unreachable)
-    noise = measuring_noise(model, q, measured, stated)
+    q, unreachable, campaign = _poses(model, task, measured, spread)
+    influence, elimination = sensitivity(model, q), tabulate_elimination(model, {"poses": q})
+    result = _result(influence, elimination, unreachable)
+    noise = measuring_noise(model, q, campaign, stated)
     told_apart = elimination.eliminations["poses"].told_apart(noise=noise.total)
     result["told_apart"] = {**told_apart.to_json(), **noise.to_json()}
     if sort is Order.influence:
         result["parameters"].sort(key=lambda p: -p["tolerance_scaled_um"]["space"])
     contents: dict[Path, str | bytes] = {}
     if output is not None:
-        frame = found.to_frame().set_index("parameter").loc[[p["name"] for p in result["parameters"]]].reset_index()
+        frame = influence.to_frame().set_index("parameter").loc[[p["name"] for p in result["parameters"]]].reset_index()
         contents[output] = frame.to_csv(index=False)
-    if report is not None:
+    if page.report is not None:
         with working("maps over the task"):
-            contents[report] = _page(found, elimination, (told_apart, noise), task, seed)
-        result["report"] = report
+            contents[page.report] = _page(influence, elimination, (told_apart, noise), task, spread.seed)
+        result["report"] = page.report
     outputs.write(contents)
-    if as_json:
+    if page.as_json:
         write_json(result)
         return
     _show(result, told_apart, noise)
-    for written in (output, report):
-        if written is not None:
-            tell(f"wrote {written}")
+    for written in contents:
+        tell(f"wrote {written}")
+
+
+def _poses(
+    model: "ErrorModel", task: Path | None, measured: MeasuredOptions, spread: SpreadOptions
+) -> "tuple[Float[np.ndarray, 'n joints'], float, Campaign | None]":
+    """Joint positions, the share of a task that is out of reach, and the campaign where it is one's."""
+    if measured.campaign is not None:
+        campaign = measured.read(measured.campaign, model.robot).campaign
+        return campaign.q, 0.0, campaign
+    from taskcal.cli.task_poses import read_and_reach
+
+    assert task is not None
+    poses = read_and_reach(model, task, spread.count, spread.seed)
+    return poses.q, float(poses.unreachable.mean()), None
 
 
 def _page(

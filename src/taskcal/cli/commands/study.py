@@ -2,53 +2,75 @@
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from taskcal.cli.option_groups import grouped
 from taskcal.cli.options import (
-    ForceOption,
-    JsonOption,
     ModelErrorOption,
-    ReportOption,
+    PageOptions,
     RobotOption,
     SeedOption,
     TaskOption,
     check_model_error,
     split_names,
 )
-from taskcal.cli.output import announce_compilation, note, show_facts, show_table, write_json
+from taskcal.cli.output import info, show_facts, show_table, write_json
 from taskcal.cli.outputs import check_outputs, count_as_written, files_of_task
 
 if TYPE_CHECKING:
     from taskcal.adaptation.study import Study
     from taskcal.adaptation.study_options import PlanKind
+    from taskcal.robot.error_model import ErrorModel
+    from taskcal.task.task import Task
 
 ENGINES = ("loky", "threading", "sequential")
 
 
-def command(
-    robot: RobotOption,
-    task: TaskOption,
-    robots: Annotated[int, typer.Option("--robots", min=1, metavar="N", help="Virtual robots to draw.")] = 200,
-    counts: Annotated[str, typer.Option("--counts", metavar="N,…", help="Numbers of measured poses.")] = "30,60",
+@dataclass(frozen=True, kw_only=True)
+class StudyOptions:
+    """What is compared, on how many robots.
+
+    Raises:
+        typer.BadParameter: a list has something else than numbers or names of plans, or the model error is negative.
+    """
+
+    robots: Annotated[int, typer.Option("--robots", min=1, metavar="N", help="Virtual robots to draw.")] = 200
+    counts: Annotated[str, typer.Option("--counts", metavar="N,…", help="Numbers of measured poses.")] = "30,60"
     plans: Annotated[
         str, typer.Option("--plans", metavar="PLAN,…", help="How the poses are chosen: planned, random, grid.")
-    ] = "planned,random",
+    ] = "planned,random"
     models: Annotated[
         str,
         typer.Option(
             "--models", metavar="MODEL,…", help="What is identified: all, selected, published, published-damped."
         ),
-    ] = "all",
-    model_error: ModelErrorOption = None,
+    ] = "all"
+    model_error_mm: ModelErrorOption = None
+    seed: SeedOption = 0
+
+    def __post_init__(self) -> None:
+        _numbers(self.counts)
+        check_model_error(self.model_error_mm)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """How the study is run.
+
+    Raises:
+        typer.BadParameter: there is no such engine.
+    """
+
     engine: Annotated[
         str, typer.Option("--engine", metavar="ENGINE", help="loky, threading, sequential, or dask:ADDRESS.")
-    ] = "loky",
+    ] = "loky"
     workers: Annotated[
         int | None, typer.Option("--workers", min=1, metavar="N", help="Side by side; one per core by default.")
-    ] = None,
+    ] = None
     resume: Annotated[
         Path | None,
         typer.Option(
@@ -57,78 +79,90 @@ def command(
             readable=False,
             help="Keep what is done here; after an interruption the study goes on from it.",
         ),
-    ] = None,
-    seed: SeedOption = 0,
+    ] = None
+
+    def __post_init__(self) -> None:
+        if self.engine not in ENGINES and not self.engine.startswith("dask:"):
+            raise typer.BadParameter(
+                f"'{self.engine}' is not an engine; choose {', '.join(ENGINES)}, or dask:ADDRESS of a scheduler",
+                param_hint="--engine",
+            )
+
+
+@grouped
+def command(
+    robot: RobotOption,
+    task: TaskOption,
+    choice: StudyOptions,
+    running: RunOptions,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="ROWS.csv", readable=False, help="Write every single result here."),
     ] = None,
-    report: ReportOption = None,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
+    *,
+    page: PageOptions,
 ) -> None:
     """See what error to expect over a task, from many virtual robots.
 
     Each is drawn from the tolerances, off by its model error at every pose, measured by every plan,
     identified with every model, and compared with the truth.
     """
-    numbers, stated = _numbers(counts), check_model_error(model_error)
-    if engine not in ENGINES and not engine.startswith("dask:"):
-        raise typer.BadParameter(
-            f"'{engine}' is none; choose {', '.join(ENGINES)}, or dask:ADDRESS of a scheduler", param_hint="--engine"
-        )
     outputs = check_outputs(
         "study",
-        [("--output", output), ("--report", report), ("--resume", resume)],
+        [("--output", output), ("--report", page.report), ("--resume", running.resume)],
         [robot, *files_of_task(task)],
-        force=force,
+        force=page.force,
         updated=("--resume",),
     )
-    from taskcal.adaptation.study import study
-    from taskcal.adaptation.study_options import MODELS, PLANS
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import load_task
 
-    kinds = cast("list[PlanKind]", _names(plans, "--plans", PLANS))
-    wanted = _names(models, "--models", MODELS)
-    model, asked = ErrorModel(load_robot(robot)), load_task(task)
-    announce_compilation()
-    with _progress(robots) as show:
-
-        def advance(done: int, total: int) -> None:
-            if resume is not None and resume.exists():
-                count_as_written(resume)
-            show(done, total)
-
-        made = study(
-            model,
-            asked,
-            robots=robots,
-            counts=numbers,
-            plans=kinds,
-            models=wanted,
-            seed=seed,
-            model_error=stated,
-            engine=engine,
-            workers=-1 if workers is None else workers,
-            resume=resume,
-            progress=advance,
-        )
+    model, described = ErrorModel(load_robot(robot)), load_task(task)
+    study = _run(model, described, choice, running)
     contents: dict[Path, str | bytes] = {}
     if output is not None:
-        contents[output] = made.to_frame().to_csv(index=False)
-    if report is not None:
+        contents[output] = study.to_frame().to_csv(index=False)
+    if page.report is not None:
         from taskcal.identification.provenance import package_version
         from taskcal.presentation.study_report import study_html
 
-        contents[report] = study_html(model, asked, made, version=package_version())
+        contents[page.report] = study_html(model, described, study, version=package_version())
     outputs.write(contents)
-    result = _result(model.robot.name, made, output, report)
-    if as_json:
+    result = _result(model.robot.name, study, output, page.report)
+    if page.as_json:
         write_json(result)
     else:
-        _show(made, result, asked.name)
+        _show(study, result, described.name)
+
+
+def _run(model: "ErrorModel", task: "Task", choice: StudyOptions, running: RunOptions) -> "Study":
+    from taskcal.adaptation.study import study
+    from taskcal.adaptation.study_options import MODELS, PLANS
+
+    kinds = cast("list[PlanKind]", _names(choice.plans, "--plans", PLANS))
+    models = _names(choice.models, "--models", MODELS)
+    with _progress(choice.robots) as show:
+
+        def advance(done: int, total: int) -> None:
+            if running.resume is not None and running.resume.exists():
+                count_as_written(running.resume)
+            show(done, total)
+
+        return study(
+            model,
+            task,
+            robots=choice.robots,
+            counts=_numbers(choice.counts),
+            plans=kinds,
+            models=models,
+            seed=choice.seed,
+            model_error=check_model_error(choice.model_error_mm),
+            engine=running.engine,
+            workers=-1 if running.workers is None else running.workers,
+            resume=running.resume,
+            progress=advance,
+        )
 
 
 def _numbers(text: str) -> list[int]:
@@ -142,14 +176,14 @@ def _numbers(text: str) -> list[int]:
     return [int(name) for name in names]
 
 
-def _names(text: str, option: str, known: Sequence[str]) -> list[str]:
-    """Names from a list with commas, all among the known ones."""
+def _names(text: str, option: str, offered: Sequence[str]) -> list[str]:
+    """Names from a list with commas, all among those offered."""
     from taskcal.errors import UnknownName
 
     names = split_names(text, option) or []
     for name in names:
-        if name not in known:
-            raise typer.BadParameter(str(UnknownName(option.strip("-").rstrip("s"), name, known)), param_hint=option)
+        if name not in offered:
+            raise typer.BadParameter(str(UnknownName(option.strip("-").rstrip("s"), name, offered)), param_hint=option)
     return names
 
 
@@ -161,12 +195,12 @@ def _progress(total: int) -> Generator[Callable[[int, int], None], None, None]:
 
     out = Console(stderr=True)
     if not out.is_terminal:
-        said = [0]
+        tenths = [0]
 
         def say(done: int, of: int) -> None:
-            if 10 * done // of > said[0] and done < of:
-                said[0] = 10 * done // of
-                note(f"{done} of {of} robots")
+            if 10 * done // of > tenths[0] and done < of:
+                tenths[0] = 10 * done // of
+                info(f"{done} of {of} robots")
 
         yield say
         return
@@ -180,9 +214,9 @@ def _progress(total: int) -> Generator[Callable[[int, int], None], None, None]:
         yield advance
 
 
-def _result(robot: str, made: "Study", output: Path | None, report: Path | None) -> dict[str, Any]:
+def _result(robot: str, study: "Study", output: Path | None, report: Path | None) -> dict[str, Any]:
     files = {name: path for name, path in (("rows", output), ("report", report)) if path is not None}
-    return {"robot": robot, **made.to_json(), **files}
+    return {"robot": robot, **study.to_json(), **files}
 
 
 def _show(study: "Study", result: Mapping[str, Any], task: str) -> None:

@@ -1,19 +1,18 @@
 """``taskcal warm``: compile all kernels ahead of their first use."""
 
 from taskcal.cli.options import JsonOption
-from taskcal.cli.output import announce_compilation, tell, write_json
+from taskcal.cli.output import tell, write_json
 
 
 def command(as_json: JsonOption = False) -> None:
     """Compile all kernels now, so that no later command has to."""
     from time import perf_counter
 
-    from taskcal.cli.rehearsal import rehearse
+    from taskcal.cli.compile_kernels import compile_kernels
     from taskcal.geometry.compiled import cache_folder
 
-    announce_compilation()
     before, start = _kept_kernels(), perf_counter()
-    rehearse()
+    compile_kernels()
     seconds, compiled = perf_counter() - start, len(_kept_kernels() - before)
     if as_json:
         write_json({"seconds": seconds, "compiled": compiled, "cache": cache_folder()})

@@ -1,4 +1,4 @@
-"""A rehearsal: every kernel once, on a handful of poses."""
+"""Compilation of every kernel, by using each once on a handful of poses."""
 
 from typing import get_args
 
@@ -14,7 +14,7 @@ from taskcal.robot.error_model import ErrorModel
 SPINS: tuple[Spin, ...] = get_args(Spin)
 
 
-def rehearse() -> None:
+def compile_kernels() -> None:
     """Walk, close a four-bar, solve for joints, and identify from points and from poses."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     rng = np.random.default_rng(0)
