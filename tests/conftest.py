@@ -69,7 +69,7 @@ settings.register_profile("quick", settings.get_profile("ci"), max_examples=5)
 settings.register_profile("thorough", settings.get_profile("ci"), derandomize=False, max_examples=1000)
 settings.load_profile("ci")
 
-FEW = 3
+FEW = 2
 """Functions of a file whose first cases make the quick choice."""
 
 
