@@ -141,6 +141,74 @@ def test_uncertainty_is_stated_for_all_targets_or_each(tmp_path):
     np.testing.assert_allclose(campaign.uncertainty, [[1e-5, 5e-5]])
 
 
+def test_what_means_nothing_to_a_campaign_is_left_out_and_said(tmp_path):
+    rows = [f"{row},5,fine" for row in ROWS]
+    campaign = read_campaign(write(tmp_path, f"{HEADER},force_N,comment", rows), ROBOT)
+    assert campaign.notes == ("columns left out: force_N, comment",)
+    assert read_campaign(write(tmp_path), ROBOT).notes == ()
+
+
+def test_rows_without_ids_are_numbered(tmp_path):
+    path = write(tmp_path, HEADER.replace("id,", ""), [row.split(",", 1)[1] for row in ROWS])
+    assert read_campaign(path, ROBOT).ids == ("1", "2")
+
+
+def test_all_faults_of_a_file_are_told_at_once_and_the_first_twenty_of_many(tmp_path):
+    rows = ["a,10,20,300,1000,-200,50.5", "b,up,4,0,900,100,60", "c,1,2,3,4,5", "d,1,2,3,lost,5,6"]
+    with pytest.raises(FileError) as caught:
+        read_campaign(write(tmp_path, rows=rows), ROBOT)
+    lines = str(caught.value).split("\n")
+    assert [line.split("campaign.csv:")[1] for line in lines] == [
+        "3: column 'J1_deg': 'up' is not a number; give a number such as 12.5",
+        "4: the line has 6 fields, the header 7",
+        "5: column 'x_mm': 'lost' is not a number; give a number such as 12.5",
+    ]
+    assert (caught.value.line, caught.value.column) == (3, "J1_deg")
+    with pytest.raises(FileError) as caught:
+        read_campaign(write(tmp_path, rows=[f"r{k},up,4,0,900,100,60" for k in range(35)]), ROBOT)
+    assert str(caught.value).count("\n") == 20
+    assert str(caught.value).endswith("and 15 more faults")
+
+
+LIKE = {
+    "German spreadsheet": (
+        "utf-8-sig",
+        "Punkt;Achse 1 [°];Achse 2 [°];slide [mm];X [mm];Y [mm];Z [mm]\r\na;10,0;20,0;300,0;1000,0;-200,0;50,5\r\n"
+        "b;-30,5;4,0;0,0;900,0;100,0;60,0\r\n",
+    ),
+    "UTF-16": (
+        "utf-16",
+        "id\tJ1_deg\tElbow_deg\tslide_mm\tX [mm]\tY [mm]\tZ [mm]\na\t10\t20\t300\t1000\t-200\t50.5\nb\t-30.5\t4\t0\t900\t100\t60\n",
+    ),
+    "Latin-1, preamble and a row of units": (
+        "latin-1",
+        "Messung vom Dienstag\nTemperatur 21 °C\n\nPoint ID,A1,A2,A3,X,Y,Z,Bemerkung\n,[°],[°],[mm],[mm],[mm],[mm],\n"
+        "a,10,20,300,1000,-200,50.5,über\nb,-30.5,4,0,900,100,60,\n",
+    ),
+    "blanks and comments": (
+        "utf-8",
+        "// made by hand\nid  J1_deg  Elbow_deg  slide_m  x_m  y_m  z_m\n"
+        "a  10  20  0.3  1.0  -0.2  0.0505\n# pause\nb -30.5 4 0 0.9  0.1 0.06\n",
+    ),
+    "thousands parted": (
+        "utf-8",
+        'id;J1 (deg);Elbow (deg);slide (mm);x (um);y (um);z (um)\na;10;20;300;"1,000,000.0";"-200,000.0";"50,500.0"\n'
+        'b;-30.5;4;0;"900,000.0";"100,000.0";"60,000.0"\n',
+    ),
+}
+
+
+@pytest.mark.parametrize("case", LIKE)
+def test_the_forms_that_people_have_mean_the_same(tmp_path, case):
+    encoding, text = LIKE[case]
+    path = tmp_path / "measured.txt"
+    path.write_bytes(text.encode(encoding))
+    campaign, expected = read_campaign(path, ROBOT), read_campaign(write(tmp_path), ROBOT)
+    assert campaign.ids == expected.ids
+    np.testing.assert_allclose(campaign.q, expected.q, atol=1e-15)
+    np.testing.assert_allclose(campaign.points, expected.points, atol=1e-15)
+
+
 def test_time_counts_from_when_the_robot_began_to_work(tmp_path):
     header = HEADER + ",time_s"
     campaign = read_campaign(write(tmp_path, header, [ROWS[0] + ",60.5", ROWS[1] + ","]), ROBOT)

@@ -49,6 +49,8 @@ class Campaign:
     """Row of the whole campaign that each was, counted from 0; None where these are all."""
     lines: Int[np.ndarray, " n"] | None = None
     """Line of the file that each stands in, counted from 1; None where there is no file."""
+    notes: tuple[str, ...] = ()
+    """What the file did not say and was decided in reading it, and what of it was left out."""
 
     def __repr__(self) -> str:
         quantities = [name for name in _QUANTITIES if getattr(self.conditions, name) is not None]

@@ -74,7 +74,7 @@ class ColumnGroups:
 
     def refusal(self, message: str, column: str | None = None) -> FileError:
         """An error that points at the header."""
-        return FileError(self.table.path, message, line=1, column=column and self.spelled(column))
+        return FileError(self.table.path, message, line=self.table.header_line, column=column and self.spelled(column))
 
     def error(self, message: str, row: int | None = None, column: str | None = None) -> FileError:
         """An error that points at a cell, a line, or the file."""

@@ -1,72 +1,105 @@
-"""Tables in CSV: fields separated by commas, semicolons or tabs."""
+"""Tables in files, whatever form they have: text in columns or a workbook."""
 
-import csv
-import io
-import re
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 
 from taskcal.errors import FileError, shown
+from taskcal.tabular.decimal_mark import DecimalMark
+from taskcal.tabular.delimited import parse_delimited, parse_plain, with_decimal_points
+from taskcal.tabular.encoding import decode
+from taskcal.tabular.faults import FaultyFile
+from taskcal.tabular.labelled_values import has_labelled_values, parse_labelled_values
+from taskcal.tabular.layout import Laid, lay_out, lay_out_plain
+from taskcal.tabular.motion_capture import is_motion_capture, parse_motion_capture
+from taskcal.tabular.sheet import Sheet
 from taskcal.tabular.table import Table
-from taskcal.text_file import read_text
-
-_SEPARATOR_LINE = re.compile(r"\Asep=.[ \t]*(?=\r?\n)", re.IGNORECASE)
-"""What a spreadsheet writes first to say how it separates; the header says the same."""
+from taskcal.text_file import read_bytes
 
 
-def read_csv(path: str | Path) -> Table:
-    """Read a table with a header line; fields separated by commas, semicolons or tabs; lines after # are comments.
+@dataclass(frozen=True, kw_only=True)
+class TableForm:
+    """What a user may state of a table that the file does not say; nothing by default."""
+
+    columns: tuple[str, ...] | None = None
+    """Names of the columns, for a file that has none, or others."""
+    decimal: DecimalMark | None = None
+    """The decimal mark."""
+    sheet: str | None = None
+    """Of a workbook."""
+
+
+def lay_out_file(path: str | Path, form: TableForm | None = None) -> Laid:
+    """The table of a file, with what stands around it.
+
+    Text in UTF-8, UTF-16 or Windows-1252 in columns parted by commas, semicolons, tabs, bars or blanks, with decimal
+    points or commas; logs of labelled values (``X=1.0 Y=2.0``); motion capture as Motive exports it; workbooks (.xlsx).
 
     Raises:
-        FileError: the file is missing, is not text, has no rows, or a line has more or fewer fields than the header.
+        FileError: the file is missing, is no table, or has no rows.
+        UnknownName: a workbook has no such sheet.
     """
-    path = Path(path)
-    text = read_text(path, encoding="utf-8-sig", otherwise="is not UTF-8 text; save it as CSV in UTF-8")
-    return parse_csv(path, text)
+    path, form = Path(path), form or TableForm()
+    content = read_bytes(path)
+    from taskcal.tabular.spreadsheet import is_workbook, read_workbook
+
+    if is_workbook(content):
+        sheet = with_decimal_points(read_workbook(path, content, form.sheet), form.decimal)
+    else:
+        sheet = parse_sheet(path, decode(path, content), form.decimal)
+    return lay_out(sheet, form.columns)
+
+
+def parse_sheet(path: Path, text: str, decimal: DecimalMark | None = None) -> Sheet:
+    """The rows that a file's text holds, in whatever form.
+
+    Raises:
+        FileError: it is a form whose rows cannot be told.
+    """
+    if is_motion_capture(text):
+        return parse_motion_capture(path, text)
+    if has_labelled_values(text):
+        return parse_labelled_values(path, text)
+    return parse_delimited(path, text, decimal)
+
+
+def read_csv(path: str | Path, form: TableForm | None = None) -> Table:
+    """Read a table whose header names its columns.
+
+    Raises:
+        FileError: the file is missing, is no table, names no columns, or two alike, or a line has more or fewer fields than
+            the header.
+    """
+    return named_table(lay_out_file(path, form))
 
 
 def parse_csv(path: Path, text: str) -> Table:
-    """The table that a file's text holds.
+    """The table that a file's text holds whose cells will be rewritten in place: plain CSV, taken as it is written.
 
     Raises:
         FileError: as `read_csv`, for the file named.
     """
-    text = _SEPARATOR_LINE.sub("", text, count=1)
-    if "\0" in text:
-        raise FileError(path, "is a binary file; export it as CSV")
-    delimiter = delimiter_of(text)
-    reader = csv.reader(io.StringIO(text), delimiter=delimiter)
-    rows: list[tuple[str, ...]] = []
-    lines: list[int] = []
-    header: tuple[str, ...] | None = None
-    try:
-        for cells in reader:
-            stripped = tuple(cell.strip() for cell in cells)
-            if not any(stripped) or stripped[0].startswith("#"):
-                continue
-            if header is None:
-                header = stripped
-                continue
-            if len(stripped) != len(header):
-                hint = (
-                    "; is it written with decimal commas?" if delimiter == "," and len(stripped) > len(header) else ""
-                )
-                message = f"the line has {len(stripped)} fields, the header {len(header)}{hint}"
-                raise FileError(path, message, line=reader.line_num)
-            rows.append(stripped)
-            lines.append(reader.line_num)
-    except csv.Error as error:
-        raise FileError(path, f"is no CSV: {error}", line=reader.line_num) from error
-    if header is None:
-        raise FileError(path, "is empty; its first line must name the columns")
-    twice = [name for name, times in Counter(header).items() if times > 1]
+    return named_table(lay_out_plain(parse_plain(path, text)))
+
+
+def named_table(laid: Laid) -> Table:
+    """The table, where its names are all there and differ.
+
+    Raises:
+        FileError: they do not, or a line has more or fewer fields than there are names.
+    """
+    table = laid.table
+    if not any(table.header):
+        raise FileError(table.path, "names no columns; its first line must name them", line=1)
+    if any(laid.units):
+        units = " ".join(filter(None, laid.units))
+        raise FileError(table.path, f"has a row of units ({shown(units)}); state them in the names, as in x_mm")
+    twice = [name for name, times in Counter(table.header).items() if times > 1]
     if twice:
-        raise FileError(path, f"two columns are named '{shown(min(twice))}'; column names must differ", line=1)
-    return Table(path=path, header=header, rows=tuple(rows), lines=tuple(lines))
-
-
-def delimiter_of(text: str) -> str:
-    """What separates the fields of a file's text, by its header."""
-    lines = _SEPARATOR_LINE.sub("", text, count=1).splitlines()
-    header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
-    return max(",;\t", key=header.count)
+        message = f"two columns are named '{shown(min(twice))}'; column names must differ"
+        raise FileError(table.path, message, line=table.header_line)
+    if len(laid.faults) == 1:
+        raise laid.faults[0]
+    if laid.faults:
+        raise FaultyFile(laid.faults)
+    return table

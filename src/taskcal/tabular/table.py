@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import FileError, shown
+from taskcal.tabular.faults import Faults
 
 LARGEST = 1e6
 """Of any number in a table: 1 km in millimetres, or 2800 turns in degrees."""
@@ -18,8 +19,6 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORE
 """Python also reads 1_000 and the digits of other scripts, which no instrument writes."""
 
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf(inity)?)", re.IGNORECASE)
-
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?$")
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +29,8 @@ class Table:
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
+    header_line: int | None = 1
+    """Where the names stand; None where the file has none."""
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -45,6 +46,10 @@ class Table:
         """An error that points at a cell, a line, or the file."""
         return FileError(self.path, message, line=None if row is None else self.lines[row], column=column)
 
+    def header_error(self, message: str, column: str | None = None) -> FileError:
+        """An error that points at the names of the columns."""
+        return FileError(self.path, message, line=self.header_line, column=column)
+
     def texts(self, column: str) -> list[str]:
         """The cells of a column.
 
@@ -52,7 +57,9 @@ class Table:
             FileError: there is no such column.
         """
         if column not in self._index:
-            raise FileError(self.path, f"has no column '{column}'; it has {shown(', '.join(self.header))}", line=1)
+            raise FileError(
+                self.path, f"has no column '{column}'; it has {shown(', '.join(self.header))}", line=self.header_line
+            )
         i = self._index[column]
         return [row[i] for row in self.rows]
 
@@ -64,13 +71,16 @@ class Table:
         Raises:
             FileError: there is no such column, or a cell is not a finite number, or one beyond ±`largest`.
         """
-        cells = enumerate(self.texts(column))
-        out = np.array([self._number(text, row, column, empty, remedy) for row, text in cells], dtype=float)
-        beyond = np.flatnonzero(np.abs(out) > largest)
-        if len(beyond):
-            row = int(beyond[0])
-            message = f"'{shown(self.texts(column)[row])}' is beyond ±{largest:g}; check the cell and its unit"
-            raise self.error(message, row, column)
+        texts = self.texts(column)
+        out = np.full(len(texts), np.nan)
+        faults = Faults()
+        for row, text in enumerate(texts):
+            with faults.collecting():
+                out[row] = self._number(text, row, column, empty, remedy)
+                if abs(out[row]) > largest:
+                    message = f"'{shown(text)}' is beyond ±{largest:g}; check the cell and its unit"
+                    raise self.error(message, row, column)
+        faults.raise_any()
         return out
 
     def _number(self, text: str, row: int, column: str, empty: bool, remedy: str) -> float:
@@ -82,8 +92,6 @@ class Table:
             return float(text)
         if _NOT_FINITE.fullmatch(text):
             trouble = f"is not a finite number; {remedy}"
-        elif _DECIMAL_COMMA.match(text):
-            trouble = f"is written with a decimal comma; write {shown(text.replace(',', '.'))}"
         else:
             trouble = "is not a number; give a number such as 12.5"
         raise self.error(f"'{shown(text)}' {trouble}", row, column)

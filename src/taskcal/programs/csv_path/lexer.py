@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from taskcal.errors import FileError
 from taskcal.programs.source import Source
-from taskcal.tabular.csv_form import delimiter_of
+from taskcal.tabular.delimited import delimiter_of
 from taskcal.tabular.table import Table
 
 

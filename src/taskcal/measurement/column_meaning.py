@@ -1,0 +1,259 @@
+"""What a column of measurements means, by the many names that instruments and people give it."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+LENGTHS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "cm": 1e-2, "in": 0.0254}
+"""Metres in each unit of length."""
+
+ANGLES = {"deg": 0.017453292519943295, "rad": 1.0, "mrad": 1e-3}
+"""Radians in each unit of angle."""
+
+TIMES = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
+"""Seconds in each unit of time."""
+
+_UNITS = {
+    "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
+    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
+    "um": "um", "µm": "um", "μm": "um", "micron": "um", "microns": "um", "cm": "cm",
+    "in": "in", "inch": "in", "inches": "in",
+    "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg",
+    "rad": "rad", "radian": "rad", "radians": "rad", "mrad": "mrad",
+    "c": "C", "°c": "C", "degc": "C", "celsius": "C",
+    "s": "s", "sec": "s", "seconds": "s", "ms": "ms", "min": "min", "h": "h",
+}  # fmt: skip
+"""Units as people write them. A German "Grad" is a degree; instruments on robots do not write the hundredth of a right angle."""
+
+Kind = Literal[
+    "id", "joint", "position", "quaternion", "matrix", "euler", "uncertainty", "temperature", "time", "target", "approach",
+    "move", "nominal",
+]  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Meaning:
+    """What one column holds."""
+
+    kind: Kind
+    index: int = 0
+    """Of the joint from 0 (beyond the last where there are too many), of the axis, the quaternion's part (x, y, z, w) or the angle
+    from 0, of the name among names of rows; row and column of a matrix as 10·i + j."""
+    target: str = ""
+    """Whose position or uncertainty it is, where the name says."""
+    form: str = ""
+    """Of angles: ``abc`` (KUKA), ``wpr`` (FANUC), ``rpy`` (roll, pitch, yaw) or ``rxyz`` (stated nowhere)."""
+    unit: str | None = None
+    """None where the name states none."""
+
+
+_ID = (
+    "id", "point id", "pointid", "point no", "point", "point name", "pointname", "pose", "pose id", "pose no", "row", "nr", "no",
+    "number", "index", "#", "n", "nummer", "punkt", "punktnummer", "punkt nr", "punktname", "messpunkt", "position id", "pos nr",
+    "pos no", "pos id", "zeile", "feature",
+    "name", "label", "shot", "measurement", "messung", "frame",
+)  # fmt: skip
+"""Names of rows, the surest first; the `index` of a meaning is the place here."""
+
+_TARGET = ("target", "reflector", "smr", "ziel", "reflektor", "prism", "prisma", "marker")
+_TEMPERATURE = ("temp", "temperature", "temperatur", "t robot", "robot temperature")
+_TIME = ("time", "zeit", "elapsed", "elapsed time", "t")
+_UNCERTAINTY = ("u", "uncertainty", "sigma", "unsicherheit", "std", "stdev", "standard uncertainty")
+
+_JOINT = re.compile(
+    r"(?:joint|axis|achse|gelenk|axe|motor|theta|θ|ax|rax|j|a|q|th)(?: (?:angle|pos|position|value|winkel))? ?(?P<number>\d{1,2})"
+    r"(?: (?:angle|pos|position|value|winkel|actual|ist|meas|measured))?"
+)
+_JOINT_FROM_ZERO = re.compile(
+    r"(?:actual|target)? ?(?:q|joint|joint position|joint positions|position) ?\[?(?P<number>\d{1,2})\]?"
+)
+
+_FILLER = r"(?:pos|position|coord|coordinate|koordinate|meas|measured|actual|act|ist|messwert|p|tcp position)"
+_NOMINAL = re.compile(r"(?:.* )?(?:nom|nominal|soll|design|dev|deviation|delta|abw|abweichung|diff)(?: .*)?|d[xyz]")
+_AXIS = re.compile(
+    rf"(?:(?P<before>.+?) )??(?:{_FILLER} )?(?P<axis>[xyz])"
+    r"(?: (?:coord|coordinate|koordinate|pos|position|act|actual|ist|meas|measured))?"
+    r"(?: (?P<after>.+))?"
+)
+_AXIS_NUMBERED = re.compile(r"(?P<axis>[xyz])(?P<number>\d{1,3})")
+_SIGMA_AXIS = re.compile(r"(?:(?P<target>.+) )?(?:s|u|sigma|std|u)[ _]?(?P<axis>[xyz])")
+_QUATERNION = re.compile(r"(?:(?P<target>.+) )?(?:q|quat|quaternion|rot q|orientation) ?(?P<part>[xyzw])")
+_QUATERNION_NUMBERED = re.compile(r"q(?:uat)? ?(?P<number>[0-4])")
+_MATRIX = re.compile(r"(?P<letter>[rmt]) ?(?P<row>[0-4]) ?(?P<column>[0-4])")
+_COLUMNS_OF_MATRIX = re.compile(r"(?P<column>[noa])(?P<row>[xyz])")
+_ANGLES = {
+    "rxyz": (("rx", "ry", "rz"), ("rotx", "roty", "rotz"), ("rot x", "rot y", "rot z"), ("r x", "r y", "r z")),
+    "abc": (("a", "b", "c"),),
+    "wpr": (("w", "p", "r"),),
+    "rpy": (("roll", "pitch", "yaw"),),
+}
+_APPROACH = re.compile(r"(?P<joint>.+) approach")
+_MOVE = re.compile(r"(?P<joint>.+) move")
+
+
+def split_unit(name: str) -> tuple[str, str | None]:
+    """A column's name in small letters, its words parted by one blank, and its unit where it ends with one."""
+    text = name.strip().casefold()
+    bracketed = re.fullmatch(r"(.*?)\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*", text)
+    unit: str | None = None
+    if bracketed and bracketed[2] in _UNITS:
+        text, unit = bracketed[1], _UNITS[bracketed[2]]
+    text = " ".join(word for word in re.split(r"[\s_\-./,:]+(?!$)|[\s_\-./,:]+$", text) if word) or text
+    words = text.split(" ")
+    if unit is None and len(words) > 1 and words[-1] in _UNITS and not (words[-1] == "grad" and len(words) == 1):
+        unit = _UNITS[words[-1]]
+        words = words[:-1]
+        if words and words[-1] == "in" and len(words) > 1:
+            words = words[:-1]
+    return " ".join(words), unit
+
+
+def meanings(names: Sequence[str], units: Sequence[str], joints: Sequence[str]) -> list[Meaning | None]:
+    """What each column means; None for those that mean nothing here.
+
+    Args:
+        names: of the columns.
+        units: from a row of units, empty where it states none.
+        joints: names of the robot's joints, in order.
+    """
+    split = [split_unit(name) for name in names]
+    parted = [(text, unit or _UNITS.get(under)) for (text, unit), under in zip(split, units, strict=True)]
+    texts = [text for text, _ in parted]
+    joint_at = _joints(parted, joints)
+    numbered = _numbered_quaternion(texts, joint_at)
+    angles = _angles(texts, joint_at)
+    own = {_spoken(joint): k for k, joint in enumerate(joints)}
+    out: list[Meaning | None] = []
+    for k, (text, unit) in enumerate(parted):
+        if k in joint_at:
+            out.append(Meaning(kind="joint", index=joint_at[k], unit=unit))
+        elif k in numbered:
+            out.append(Meaning(kind="quaternion", index=numbered[k]))
+        elif k in angles:
+            out.append(Meaning(kind="euler", index=angles[k][1], form=angles[k][0], unit=unit))
+        else:
+            out.append(_meaning(text, unit, names[k], own, len(joints)))
+    return out
+
+
+def _spoken(name: str) -> str:
+    """A name in small letters, its words parted by one blank."""
+    return " ".join(re.split(r"[\s_\-./]+", name.strip().casefold()))
+
+
+def _joints(parted: Sequence[tuple[str, str | None]], joints: Sequence[str]) -> dict[int, int]:
+    """The joint of each column that holds one: by the robot's own names, by number from 1, or by number from 0.
+
+    A number beyond the last joint is one where an angle's unit says that a joint is meant.
+    """
+    texts = [text if unit not in ("C", "s") else "" for text, unit in parted]
+    own = {_spoken(name): k for k, name in enumerate(joints)}
+    by_name = {k: own[text] for k, text in enumerate(texts) if text in own}
+    from_one = {k: int(m["number"]) for k, text in enumerate(texts) if (m := _JOINT.fullmatch(text))}
+    from_zero = {k: int(m["number"]) for k, text in enumerate(texts) if (m := _JOINT_FROM_ZERO.fullmatch(text))}
+    if set(from_zero.values()) == set(range(len(joints))) and len(from_zero) == len(joints):
+        return by_name or from_zero
+    lettered = {k for k in from_one if texts[k][0] != "q"}
+    if {from_one[k] for k in lettered} >= set(range(1, len(joints) + 1)):
+        # q1 … q4 beside a full set of joints are the parts of a quaternion
+        from_one = {k: from_one[k] for k in lettered}
+    angular = {k for k, (_, unit) in enumerate(parted) if unit in ANGLES}
+    numbered = {
+        k: number - 1 for k, number in from_one.items() if number >= 1 and (number <= len(joints) or k in angular)
+    }
+    return {**numbered, **by_name}
+
+
+def _numbered_quaternion(texts: Sequence[str], joint_at: dict[int, int]) -> dict[int, int]:
+    """Four columns q1 … q4 (ABB) or q0 … q3 (scalar first) where the joints have other columns."""
+    at = {
+        int(m["number"]): k
+        for k, text in enumerate(texts)
+        if (m := _QUATERNION_NUMBERED.fullmatch(text)) and k not in joint_at
+    }
+    first = min(at, default=0)
+    if sorted(at) != list(range(first, first + 4)):
+        return {}
+    # w x y z in this order
+    return {at[first + part]: (part - 1) % 4 for part in range(4)}
+
+
+def _angles(texts: Sequence[str], joint_at: dict[int, int]) -> dict[int, tuple[str, int]]:
+    """Three columns of angles, where all three are there."""
+    for form, triples in _ANGLES.items():
+        for triple in triples:
+            at = [
+                next((k for k, text in enumerate(texts) if text == name and k not in joint_at), None) for name in triple
+            ]
+            if None not in at:
+                return {k: (form, i) for i, k in enumerate(at) if k is not None}
+    return {}
+
+
+def _meaning(text: str, unit: str | None, name: str, own: dict[str, int], count: int) -> Meaning | None:
+    """Of a column that is no joint, no angle and no numbered part of a quaternion."""
+    if match := _APPROACH.fullmatch(text):
+        return _of_joint("approach", match["joint"], unit, own, count)
+    if match := _MOVE.fullmatch(text):
+        return _of_joint("move", match["joint"], unit, own, count)
+    if unit == "C" and text in (*_TEMPERATURE, "t"):
+        return Meaning(kind="temperature", unit=unit)
+    kinds: tuple[tuple[Kind, tuple[str, ...]], ...] = (
+        ("target", _TARGET),
+        ("id", _ID),
+        ("temperature", _TEMPERATURE),
+        ("time", _TIME),
+    )
+    for kind, names in kinds:
+        if text in names:
+            return Meaning(kind=kind, unit=unit, index=names.index(text))
+    if _NOMINAL.fullmatch(text):
+        return Meaning(kind="nominal")
+    if match := _QUATERNION.fullmatch(text):
+        return Meaning(kind="quaternion", index="xyzw".index(match["part"]), target=_target(match["target"], name))
+    if match := _MATRIX.fullmatch(text):
+        return Meaning(
+            kind="matrix", index=10 * int(match["row"]) + int(match["column"]), form=match["letter"], unit=unit
+        )
+    if match := _COLUMNS_OF_MATRIX.fullmatch(text):
+        return Meaning(
+            kind="matrix", index=10 * ("xyz".index(match["row"]) + 1) + "noa".index(match["column"]) + 1, form="n"
+        )
+    return _measured(text, unit, name)
+
+
+def _measured(text: str, unit: str | None, name: str) -> Meaning | None:
+    """A position or its uncertainty."""
+    if text in _UNCERTAINTY:
+        return Meaning(kind="uncertainty", index=3, unit=unit)
+    if match := re.fullmatch(rf"(?P<target>.+) (?:{'|'.join(_UNCERTAINTY)})", text):
+        return Meaning(kind="uncertainty", index=3, target=_target(match["target"], name), unit=unit)
+    if match := _SIGMA_AXIS.fullmatch(text):
+        return Meaning(
+            kind="uncertainty", index="xyz".index(match["axis"]), target=_target(match["target"], name), unit=unit
+        )
+    if match := _AXIS_NUMBERED.fullmatch(text):
+        return Meaning(kind="position", index="xyz".index(match["axis"]), target=f"target{match['number']}", unit=unit)
+    if match := _AXIS.fullmatch(text):
+        target = _target(" ".join(filter(None, (match["before"], match["after"]))), name)
+        return Meaning(kind="position", index="xyz".index(match["axis"]), target=target, unit=unit)
+    return None
+
+
+def _of_joint(
+    kind: Literal["approach", "move"], text: str, unit: str | None, own: dict[str, int], count: int
+) -> Meaning | None:
+    """What is said of a joint beside its position."""
+    match = _JOINT.fullmatch(text)
+    index = own.get(text, int(match["number"]) - 1 if match else -1)
+    return Meaning(kind=kind, index=index, unit=unit) if 0 <= index < count else None
+
+
+def _target(words: str | None, name: str) -> str:
+    """A target's name as the file writes it, where its words stand in the column's name together."""
+    if not words or re.fullmatch(_FILLER, words):
+        return ""
+    pattern = r"[\s_\-./:]+".join(map(re.escape, words.split(" ")))
+    found = re.search(pattern, name, re.IGNORECASE)
+    return found[0] if found else words

@@ -1,0 +1,283 @@
+"""What one file of measurements says: joints, points, or both, before they are a campaign."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from taskcal.errors import FileError, shown
+from taskcal.measurement.column_meaning import ANGLES, LENGTHS, TIMES, Meaning, meanings
+from taskcal.measurement.joint_columns import JointColumns, joint_columns
+from taskcal.measurement.rotation_columns import AngleForm, rotations
+from taskcal.measurement.target_columns import TargetColumns, target_columns
+from taskcal.measurement.unnamed_columns import name_columns
+from taskcal.robot.robot import Robot
+from taskcal.tabular.csv_form import TableForm, lay_out_file
+from taskcal.tabular.faults import Faults
+from taskcal.tabular.layout import Laid
+from taskcal.tabular.table import Table
+
+MAX_TIME_S = 1e7
+"""No robot works so many seconds before it is measured; clocks count more."""
+
+KNOWN = (
+    "a campaign has id, joints ({joint}_deg …), targets (x_mm … or NAME_x_mm …), qx qy qz qw, u_mm, temp_C, time_s, "
+    "{joint}_approach …"
+)
+"""What columns there may be."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Readings:
+    """The rows of one file."""
+
+    path: Path
+    ids: tuple[str, ...] | None
+    """As the file names its rows, repeated where it repeats them; None where it does not."""
+    lines: Int[np.ndarray, " n"]
+    """Of the file, from 1."""
+    q: Float[np.ndarray, "n joints"] | None
+    """Radians and metres; where `joint_unit_stated` is false, as in the file."""
+    joint_unit_stated: bool
+    joint_columns: tuple[str, ...]
+    """As the file names them."""
+    points: Mapping[str, Float[np.ndarray, "n 3"]]
+    """By target, metres; where `length_unit_stated` is false, as in the file. NaN for a lost beam."""
+    length_unit_stated: bool
+    uncertainty: Mapping[str, Float[np.ndarray, " n"]]
+    """By target in small letters, empty for all."""
+    rotations: Float[np.ndarray, "n 3 3"] | None
+    rotated: str
+    """Whose rotations they are, where their columns say."""
+    temperature: Float[np.ndarray, " n"] | None
+    """°C."""
+    time: Float[np.ndarray, " n"] | None
+    """Seconds."""
+    approach: Float[np.ndarray, "n joints"] | None
+    """1, −1, or 0 where it is unknown."""
+    move: Float[np.ndarray, "n joints"] | None
+    """Radians and metres."""
+    targets_by_row: tuple[str, ...] | None
+    """Whose position each row holds, where a column says."""
+    notes: tuple[str, ...]
+    """What was decided on the way."""
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "Readings":
+        """Some of the rows."""
+
+        def pick(value: np.ndarray | None) -> np.ndarray | None:
+            return None if value is None else value[rows]
+
+        return replace(
+            self,
+            ids=None if self.ids is None else tuple(self.ids[i] for i in rows),
+            lines=self.lines[rows],
+            q=pick(self.q),
+            points={name: points[rows] for name, points in self.points.items()},
+            uncertainty={name: u[rows] for name, u in self.uncertainty.items()},
+            rotations=pick(self.rotations),
+            temperature=pick(self.temperature),
+            time=pick(self.time),
+            approach=pick(self.approach),
+            move=pick(self.move),
+            targets_by_row=None if self.targets_by_row is None else tuple(self.targets_by_row[i] for i in rows),
+        )
+
+
+def read_readings(
+    path: str | Path, robot: Robot, form: TableForm | None = None, angles: AngleForm | None = None
+) -> Readings:
+    """Read what one file says, whatever its form and its columns' names.
+
+    Args:
+        path: the file.
+        robot: the robot that was measured.
+        form: what is stated of the table.
+        angles: what three angles of a pose mean, where their names do not say.
+
+    Raises:
+        FileError: with all that is wrong in it, the first twenty faults.
+    """
+    laid = name_columns(lay_out_file(path, form), robot)
+    table = laid.table
+    faults = Faults()
+    for fault in laid.faults:
+        with faults.collecting():
+            raise fault
+    known = meanings(table.header, laid.units, robot.joint_names)
+    joints: JointColumns | None = None
+    with faults.collecting():
+        joints = joint_columns(table, known, robot)
+    targets = TargetColumns(points={}, uncertainty={}, unit_stated=True)
+    with faults.collecting():
+        targets = target_columns(table, known)
+    R, rotation_notes = None, ()
+    with faults.collecting():
+        R, rotation_notes = rotations(table, known, _posed(targets, len(table)), angles)
+    ids: tuple[str, ...] | None = None
+    with faults.collecting():
+        ids = _ids(table, known)
+    temperature = time = approach = move = None
+    with faults.collecting():
+        temperature, time = _temperature(table, known), _time(table, known)
+    with faults.collecting():
+        approach, move = _approaches(table, known, robot), _moves(table, known, robot)
+    with faults.collecting():
+        _refuse_nearly_known(table, known, robot)
+    faults.raise_any()
+    if not len(table):
+        raise FileError(table.path, "has no measurements below its header")
+    return Readings(
+        path=table.path,
+        ids=ids,
+        lines=np.array(table.lines),
+        q=None if joints is None else joints.values,
+        joint_unit_stated=joints is None or joints.unit_stated,
+        joint_columns=() if joints is None else joints.columns,
+        points=targets.points,
+        length_unit_stated=targets.unit_stated,
+        uncertainty=targets.uncertainty,
+        rotations=R,
+        rotated=next((m.target for m in known if m and m.kind == "quaternion" and m.target), ""),
+        temperature=temperature,
+        time=time,
+        approach=approach,
+        move=move,
+        targets_by_row=_texts(table, known, "target"),
+        notes=(*laid.notes, *rotation_notes, *_left_out(laid, known)),
+    )
+
+
+def _posed(targets: TargetColumns, rows: int) -> Bool[np.ndarray, " rows"]:
+    """Rows with a position, which need a rotation too."""
+    if not targets.points:
+        return np.ones(rows, dtype=bool)
+    seen = np.stack([~np.isnan(points[:, 0]) for points in targets.points.values()])
+    return np.asarray(seen.any(axis=0))
+
+
+def _texts(table: Table, known: Sequence[Meaning | None], kind: str) -> tuple[str, ...] | None:
+    at = [k for k, meaning in enumerate(known) if meaning is not None and meaning.kind == kind]
+    return tuple(table.texts(table.header[at[0]])) if at else None
+
+
+def _ids(table: Table, known: Sequence[Meaning | None]) -> tuple[str, ...] | None:
+    """From the surest column of names that names every row differently, or else from the surest that is there.
+
+    Raises:
+        FileError: a row has no name.
+    """
+    at = sorted((m.index, k) for k, m in enumerate(known) if m is not None and m.kind == "id")
+    if not at:
+        return None
+    columns = [table.header[k] for _, k in at]
+    texts = {column: table.texts(column) for column in columns}
+    own = next((c for c in columns if all(texts[c]) and len(set(texts[c])) == len(table)), None)
+    words = next((c for c in columns if all(texts[c]) and not all(re.fullmatch(r"\d+", t) for t in texts[c])), None)
+    chosen = own or (columns[0] if len(columns) == 1 else words) or columns[0]
+    faults = Faults()
+    for row, text in enumerate(texts[chosen]):
+        if not text:
+            with faults.collecting():
+                raise table.error("the row has no id; give each row its own", row, chosen)
+    faults.raise_any()
+    return tuple(texts[chosen])
+
+
+def _temperature(table: Table, known: Sequence[Meaning | None]) -> np.ndarray | None:
+    at = [k for k, m in enumerate(known) if m is not None and m.kind == "temperature"]
+    return table.numbers(table.header[at[0]], empty=True) if at else None
+
+
+def _time(table: Table, known: Sequence[Meaning | None]) -> np.ndarray | None:
+    """Seconds since the robot began to work."""
+    at = [k for k, m in enumerate(known) if m is not None and m.kind == "time" and m.unit in TIMES]
+    if not at:
+        return None
+    meaning, column = known[at[0]], table.header[at[0]]
+    assert meaning is not None
+    assert meaning.unit is not None
+    time = table.numbers(column, empty=True, largest=np.inf) * TIMES[meaning.unit]
+    wrong = np.flatnonzero((time < 0.0) | (time > MAX_TIME_S))
+    if len(wrong):
+        message = f"{time[wrong[0]]:g} s is not a time since the robot began to work; subtract the time when it did"
+        raise table.error(message, int(wrong[0]), column)
+    return time
+
+
+def _approaches(table: Table, known: Sequence[Meaning | None], robot: Robot) -> np.ndarray | None:
+    columns = _of_every_joint(table, known, robot, "approach", [f"{name}_approach" for name in robot.joint_names])
+    if not columns:
+        return None
+    approach = np.stack([table.numbers(c, remedy="give 1, -1, or 0 where it is unknown") for c in columns], axis=1)
+    for row, j in zip(*np.nonzero(~np.isin(approach, (-1.0, 0.0, 1.0))), strict=True):
+        message = f"{approach[row, j]:g} is not a way of approach; give 1 (the joint's value grew), -1 (it fell) or 0 (unknown)"
+        raise table.error(message, int(row), columns[j])
+    return approach
+
+
+def _moves(table: Table, known: Sequence[Meaning | None], robot: Robot) -> np.ndarray | None:
+    endings = [
+        f"{name}_move_{'mm' if slides else 'deg'}"
+        for name, slides in zip(robot.joint_names, robot.prismatic, strict=True)
+    ]
+    columns = _of_every_joint(table, known, robot, "move", endings)
+    if not columns:
+        return None
+    scale: list[float] = []
+    for column, slides in zip(columns, robot.prismatic, strict=True):
+        meaning = known[table.header.index(column)]
+        units = LENGTHS if slides else ANGLES
+        if meaning is None or meaning.unit not in units:
+            raise table.header_error(
+                f"the unit is not stated; name the column {column}_{'mm' if slides else 'deg'}", column
+            )
+        scale.append(units[meaning.unit])
+    return (
+        np.stack([table.numbers(c, remedy="give the last move, or 0 where it is unknown") for c in columns], axis=1)
+        * scale
+    )
+
+
+def _of_every_joint(
+    table: Table, known: Sequence[Meaning | None], robot: Robot, kind: str, usual: Sequence[str]
+) -> list[str]:
+    """The column of each joint; none where no joint has one."""
+    at: dict[int, str] = {}
+    for k, meaning in enumerate(known):
+        if meaning is not None and meaning.kind == kind:
+            if meaning.index in at:
+                twice = f"by '{at[meaning.index]}' and '{table.header[k]}'"
+                raise table.header_error(f"joint {robot.joint_names[meaning.index]} is given twice, {twice}; keep one")
+            at[meaning.index] = table.header[k]
+    for j, column in enumerate(usual):
+        if at and j not in at:
+            raise table.header_error(
+                f"has '{next(iter(at.values()))}' but no column '{column}'; give it, with 0 where it is unknown"
+            )
+    return [at[j] for j in sorted(at)]
+
+
+def _refuse_nearly_known(table: Table, known: Sequence[Meaning | None], robot: Robot) -> None:
+    """A column that begins or ends as one that is read, and is none, was meant to be read."""
+    for name, meaning in zip(table.header, known, strict=True):
+        if meaning is None and re.search(r"_(approach|move_\w+|u_mm|[xyz]_\w+|deg|rad)$", name, re.IGNORECASE):
+            raise table.header_error(f"unknown column '{shown(name)}'; {KNOWN.format(joint=robot.joint_names[0])}")
+
+
+def _left_out(laid: Laid, known: Sequence[Meaning | None]) -> tuple[str, ...]:
+    """Columns that mean nothing to a campaign, in a line."""
+    left = [
+        name
+        for name, meaning in zip(laid.table.header, known, strict=True)
+        if (meaning is None or meaning.kind == "nominal") and not re.fullmatch(r"column \d+|-", name)
+    ]
+    if not left:
+        return ()
+    return (f"column{'s' if len(left) > 1 else ''} left out: {shown(', '.join(left))}",)

@@ -1,0 +1,52 @@
+"""Tables with one target a row, made into tables with one pose a row."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from taskcal.errors import FileError, shown
+from taskcal.measurement.readings import Readings
+from taskcal.measurement.repeated_shots import SAME_POSE_RAD, mean_of_seen, refuse_other_joints, rows_by_id
+
+
+def side_by_side(readings: Readings) -> Readings:
+    """One row for each pose, with the position of every target: rows of one id, or without ids successive rows of the same joints.
+
+    Shots of one target in one pose are averaged.
+
+    Raises:
+        FileError: a row names no target, rows of one id have different joints, or there is more than one position a row.
+    """
+    targets = readings.targets_by_row
+    assert targets is not None
+    for row, name in enumerate(targets):
+        if not name:
+            raise FileError(readings.path, "the row names no target", line=int(readings.lines[row]), column="target")
+    if len(readings.points) != 1:
+        message = f"names a target in each row and in columns too ({shown(', '.join(readings.points))}); keep one form"
+        raise FileError(readings.path, message, line=1)
+    if readings.rotations is not None and len(set(targets)) > 1:
+        raise FileError(readings.path, "has poses of several targets; choose the rows of one", line=1)
+    (values,) = readings.points.values()
+    pose_of = _poses(readings)
+    firsts = [int(np.flatnonzero(pose_of == pose)[0]) for pose in range(pose_of.max() + 1)]
+    points: dict[str, np.ndarray] = {}
+    for name in dict.fromkeys(targets):
+        mine = np.array([t == name for t in targets])
+        points[name] = np.stack([mean_of_seen(values[mine & (pose_of == pose)]) for pose in range(len(firsts))])
+    out = readings.take(np.array(firsts))
+    return replace(out, points=points, targets_by_row=None)
+
+
+def _poses(readings: Readings) -> np.ndarray:
+    """Number of each row's pose."""
+    if readings.ids is not None:
+        refuse_other_joints(readings, rows_by_id(readings.ids))
+        numbers = {name: k for k, name in enumerate(dict.fromkeys(readings.ids))}
+        return np.array([numbers[name] for name in readings.ids])
+    if readings.q is None:
+        raise FileError(
+            readings.path, "has rows of several targets, and neither ids nor joints say which belong together"
+        )
+    moved = np.abs(np.diff(readings.q, axis=0)).max(axis=1) > SAME_POSE_RAD
+    return np.concatenate([[0], np.cumsum(moved)])

@@ -1,0 +1,130 @@
+"""Positions of targets in a table of measurements: columns for each target, or a row for each."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.measurement.column_meaning import LENGTHS, Meaning
+from taskcal.tabular.faults import Faults
+from taskcal.tabular.table import Table
+
+LEAVE_EMPTY = "give a number, or leave all the target's cells empty"
+
+MAX_TARGETS = 100
+"""On one tool; plates for trackers carry up to a dozen reflectors, and the fit's matrices grow with the square."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TargetColumns:
+    """The positions of a table's rows."""
+
+    points: dict[str, Float[np.ndarray, "rows 3"]]
+    """By target, ``tool`` where the file names none; NaN for a lost beam. Metres, or as in the file where no unit is stated."""
+    uncertainty: dict[str, Float[np.ndarray, " rows"]]
+    """Standard uncertainty per axis, by the target whose it is, empty for all; units as of the points."""
+    unit_stated: bool
+    """False where no position has a unit."""
+
+
+def target_columns(table: Table, meanings: Sequence[Meaning | None]) -> TargetColumns:
+    """The positions of a table's rows, and how sure they are.
+
+    Raises:
+        FileError: an axis is lacking or given twice, only some have a unit, or a cell is not what it must be.
+    """
+    places: dict[str, dict[int, int]] = {}
+    names: dict[str, str] = {}
+    for k, meaning in enumerate(meanings):
+        if meaning is None or meaning.kind != "position":
+            continue
+        axes = places.setdefault(meaning.target.casefold(), {})
+        names.setdefault(meaning.target.casefold(), meaning.target)
+        if meaning.index in axes:
+            twice = f"'{table.header[axes[meaning.index]]}' and '{table.header[k]}'"
+            raise table.header_error(f"{twice} are both the {'xyz'[meaning.index]} of one target; keep one")
+        axes[meaning.index] = k
+    if len(places) > 10 * MAX_TARGETS:
+        raise table.header_error(f"names {len(places)} targets; Taskcal fits {MAX_TARGETS} at most: choose some")
+    units = {low: _unit(table, meanings, names[low], axes) for low, axes in places.items()}
+    stated = {unit is not None for unit in units.values()}
+    if len(stated) > 1:
+        without = next(low for low, unit in units.items() if unit is None)
+        column = table.header[places[without][0]]
+        raise table.header_error(f"the unit is not stated; name the column {column}_mm", column)
+    points: dict[str, np.ndarray] = {}
+    faults = Faults()
+    for low, axes in places.items():
+        with faults.collecting():
+            points[names[low] or "tool"] = _positions(table, [table.header[axes[i]] for i in range(3)], units[low])
+    uncertainty: dict[str, np.ndarray] = {}
+    with faults.collecting():
+        uncertainty = _uncertainty(table, meanings, default="mm" if True in stated else None)
+    faults.raise_any()
+    return TargetColumns(points=points, uncertainty=uncertainty, unit_stated=stated != {False})
+
+
+def _unit(table: Table, meanings: Sequence[Meaning | None], name: str, axes: dict[int, int]) -> str | None:
+    """The unit of a target's axes, all of which must be there and in the same."""
+    have = table.header[next(iter(axes.values()))]
+    for axis in range(3):
+        if axis not in axes:
+            spelled = have[: len(have) - len("x_mm")] if have.lower().endswith("_mm") else (f"{name}_" if name else "")
+            raise table.header_error(f"has '{have}' but no column '{spelled}{'xyz'[axis]}_mm'")
+    columns = {table.header[k]: m.unit for k in axes.values() if (m := meanings[k]) is not None}
+    units = set(columns.values())
+    if units == {None}:
+        return None
+    if None in units:
+        bare = next(column for column, unit in columns.items() if unit is None)
+        raise table.header_error(f"the unit is not stated; name the column {bare}_mm", bare)
+    if len(units) > 1:
+        listed = ", ".join(f"{column} in {unit}" for column, unit in columns.items())
+        raise table.header_error(f"the axes of one target have different units: {listed}")
+    unit = units.pop()
+    if unit not in LENGTHS:
+        raise table.header_error(f"'{unit}' is no unit of length; known: {', '.join(LENGTHS)}", have)
+    return unit
+
+
+def _positions(table: Table, columns: Sequence[str], unit: str | None) -> np.ndarray:
+    faults = Faults()
+    points = np.full((len(table), 3), np.nan)
+    for axis, column in enumerate(columns):
+        with faults.collecting():
+            points[:, axis] = table.numbers(column, empty=True, remedy=LEAVE_EMPTY)
+    faults.raise_any()
+    blank = np.isnan(points)
+    for row in np.flatnonzero(blank.any(axis=1) & ~blank.all(axis=1)):
+        with faults.collecting():
+            message = "the cell is empty while its target's others are not; leave all three empty for a lost beam, or drop the row"
+            raise table.error(message, int(row), columns[int(np.argmax(blank[row]))])
+    faults.raise_any()
+    points[(points == 0.0).all(axis=1)] = np.nan
+    return points * (LENGTHS[unit] if unit else 1.0)
+
+
+def _uncertainty(table: Table, meanings: Sequence[Meaning | None], default: str | None) -> dict[str, np.ndarray]:
+    """By target; of three axes the root mean square."""
+    columns: dict[str, dict[int, int]] = {}
+    for k, meaning in enumerate(meanings):
+        if meaning is not None and meaning.kind == "uncertainty":
+            columns.setdefault(meaning.target.casefold(), {})[meaning.index] = k
+    out: dict[str, np.ndarray] = {}
+    for target, at in columns.items():
+        chosen = [at[3]] if 3 in at else [at[i] for i in range(3) if i in at]
+        if 3 not in at and len(chosen) < 3:
+            continue
+        squares = np.zeros(len(table))
+        for k in chosen:
+            meaning = meanings[k]
+            assert meaning is not None
+            unit = meaning.unit or default
+            values = table.numbers(table.header[k])
+            for row in np.flatnonzero(values <= 0.0):
+                message = f"{values[row]:g} is not a standard uncertainty; give one above zero"
+                raise table.error(message, int(row), table.header[k])
+            squares += (values * (LENGTHS.get(unit, 1e-3) if unit else 1.0)) ** 2
+        out[target] = np.sqrt(squares / len(chosen))
+    return out

@@ -1,0 +1,172 @@
+"""Text in columns: commas, semicolons, tabs, bars or blanks between the cells."""
+
+import csv
+import io
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from taskcal.errors import FileError
+from taskcal.tabular.decimal_mark import DecimalMark, find_decimal_mark, with_point
+from taskcal.tabular.sheet import Sheet
+
+_SEPARATOR_LINE = re.compile(r"\Asep=(.)[ \t]*(?=\n)", re.IGNORECASE)
+"""What a spreadsheet writes first to say how it separates."""
+
+_COMMENT = re.compile(r"\s*(?:#|//|%|;;|!)(.*)")
+
+_NUMBER = re.compile(r"[+-]?(?:\d[\d.,]*|[.,]\d+)(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+"""A number with any decimal mark, to tell one way of parting lines from another."""
+
+_SAMPLED = 120
+"""Lines that tell the separator, from the beginning and as many from the end."""
+
+BLANKS = " "
+COMMA_BLANK = ", "
+"""A comma and a blank: what programs write that print decimal commas between commas."""
+
+_SEPARATORS = ("\t", ";", "|", ",", COMMA_BLANK, BLANKS)
+"""The first of those that part equally well is taken."""
+
+
+_SELDOM_ELSE = ("\t", ";", "|")
+"""What stands in nearly every line for no other reason than to part it."""
+
+
+def parse_delimited(path: Path, text: str, decimal: DecimalMark | None = None) -> Sheet:
+    """The rows of a file's text.
+
+    Args:
+        path: of the file, for errors.
+        text: its whole text, lines ended by line feeds.
+        decimal: the decimal mark; by default what the numbers themselves tell.
+
+    Raises:
+        FileError: a quote is not closed, or a comma may be a decimal mark or part thousands.
+    """
+    stated = _SEPARATOR_LINE.match(text)
+    if stated:
+        text = text[stated.end() + 1 :]
+    lines = text.split("\n")
+    comments = tuple(m[1].strip() for m in map(_COMMENT.match, lines) if m)
+    separator = stated[1] if stated and stated[1] in _SEPARATORS else separator_of(lines)
+    sheet = Sheet(path=path, rows=(), lines=(), separator=separator, comments=comments)
+    rows = [(number, cells) for number, cells in _cells(path, text, separator) if any(cells)]
+    if not rows:
+        return sheet
+    first = 1 if stated else 0
+    numbers, cells = zip(*rows, strict=True)
+    sheet = replace(sheet, rows=tuple(cells), lines=tuple(n + first for n in numbers))
+    if separator == ",":
+        # a comma that parts cells is in none of them, but for quoted ones
+        return with_decimal_points(sheet, decimal) if '"' in text else sheet
+    return with_decimal_points(sheet, decimal)
+
+
+def parse_plain(path: Path, text: str) -> Sheet:
+    """The rows of plain CSV, whatever its numbers look like: commas, semicolons or tabs, as most of the first line's are.
+
+    Raises:
+        FileError: a quote is not closed.
+    """
+    separator, stated = delimiter_of(text), _SEPARATOR_LINE.match(text)
+    first = 0
+    if stated:
+        text, first = text[stated.end() + 1 :], 1
+    rows = [(number + first, cells) for number, cells in _cells(path, text, separator) if any(cells)]
+    return Sheet(
+        path=path,
+        rows=tuple(cells for _, cells in rows),
+        lines=tuple(number for number, _ in rows),
+        separator=separator,
+    )
+
+
+def delimiter_of(text: str) -> str:
+    """What separates the cells of plain CSV, by its header."""
+    lines = _SEPARATOR_LINE.sub("", text, count=1).splitlines()
+    header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+    return max(",;\t", key=header.count)
+
+
+def with_decimal_points(sheet: Sheet, decimal: DecimalMark | None = None) -> Sheet:
+    """A sheet whose numbers have decimal points and no parted thousands.
+
+    Raises:
+        FileError: the decimal mark is not stated and cannot be told.
+    """
+    if not any("," in cell for row in sheet.rows for cell in row):
+        return sheet
+    marked = (
+        (line, cell)
+        for line, row in zip(sheet.lines, sheet.rows, strict=True)
+        for cell in row
+        if "," in cell or "." in cell
+    )
+    mark = find_decimal_mark(sheet.path, marked) if decimal is None else decimal
+    rows = tuple(tuple(with_point(cell, mark) for cell in row) for row in sheet.rows)
+    if rows == sheet.rows:
+        return sheet
+    note = "numbers are read with decimal commas" if mark == "," else "commas in numbers are read as parting thousands"
+    return replace(sheet, rows=rows, notes=(*sheet.notes, note))
+
+
+def separator_of(lines: Sequence[str]) -> str:
+    """What parts the cells: what gives most lines the same count of cells, and most cells numbers."""
+    plain = [line for line in lines if line.strip() and not _COMMENT.match(line)]
+    sample = plain if len(plain) <= 2 * _SAMPLED else plain[:_SAMPLED] + plain[-_SAMPLED:]
+    for separator in _SELDOM_ELSE:
+        if (
+            sample
+            and sum(separator in line for line in sample) >= 0.9 * len(sample)
+            and _fit(sample, separator)[0] > 0.2
+        ):
+            return separator
+    best = max(_SEPARATORS, key=lambda separator: _fit(sample, separator))
+    # where commas with a blank behind them part the lines as well, commas without one are decimal marks
+    return COMMA_BLANK if best == "," and _fit(sample, COMMA_BLANK)[0] >= _fit(sample, best)[0] else best
+
+
+def _fit(lines: Sequence[str], separator: str) -> tuple[float, int]:
+    """How well a separator parts lines: share of cells that are numbers in lines of the usual count; then the count."""
+    rows = [split_line(line, separator) for line in lines]
+    counts = Counter(len(row) for row in rows if len(row) > 1)
+    if not counts:
+        return 0.0, 0
+    usual, times = max(counts.items(), key=lambda item: (item[1], item[0]))
+    cells = [cell for row in rows if len(row) == usual for cell in row]
+    numeric = sum(_NUMBER.fullmatch(cell) is not None for cell in cells)
+    return round((numeric + 0.01 * len(cells)) / len(cells) * times / len(rows), 6), usual
+
+
+def split_line(line: str, separator: str) -> tuple[str, ...]:
+    """The cells of one line."""
+    if separator == BLANKS:
+        return tuple(line.split())
+    if separator == COMMA_BLANK:
+        return tuple(cell.strip() for cell in re.split(r",\s+", line.strip()))
+    if '"' not in line:
+        return tuple(cell.strip() for cell in line.split(separator))
+    try:
+        return tuple(cell.strip() for cell in next(csv.reader([line], delimiter=separator), []))
+    except csv.Error:
+        return ()
+
+
+def _cells(path: Path, text: str, separator: str) -> Iterator[tuple[int, tuple[str, ...]]]:
+    """The cells of every line that is not a comment, with the line's number."""
+    if separator in (BLANKS, COMMA_BLANK) or '"' not in text:
+        for number, line in enumerate(text.split("\n"), start=1):
+            if not _COMMENT.match(line):
+                yield number, split_line(line, separator)
+        return
+    reader = csv.reader(io.StringIO(text), delimiter=separator)
+    try:
+        for row in reader:
+            cells = tuple(cell.strip() for cell in row)
+            if cells and not _COMMENT.match(cells[0]):
+                yield reader.line_num, cells
+    except csv.Error as error:
+        raise FileError(path, f"cannot be parted into cells: {error}", line=reader.line_num) from error

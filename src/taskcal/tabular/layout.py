@@ -1,0 +1,216 @@
+"""Where a sheet's column names, units and values stand."""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from taskcal.errors import FileError, shown
+from taskcal.tabular.delimited import separator_of, split_line
+from taskcal.tabular.sheet import Sheet
+from taskcal.tabular.table import Table
+
+MAX_COLUMNS = 100_000
+"""No instrument writes more."""
+
+UNITS = frozenset({
+    "mm", "m", "um", "µm", "μm", "cm", "in", "inch", "inches", "ft", "deg", "degree", "degrees", "grad", "°", "rad", "radian",
+    "radians", "mrad",
+    "s", "sec", "ms", "h", "min", "c", "°c", "degc", "k", "celsius", "-", "1",
+})  # fmt: skip
+"""What may stand under a column's name in a row of units."""
+
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|[+-]?(?:nan|inf)", re.ASCII | re.IGNORECASE)
+
+_LABEL = re.compile(r"[^\W\d_][^:]*:\s*\S")
+
+_BRACKETS = re.compile(r"^[\[({<]\s*(.*?)\s*[\])}>]$")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Laid:
+    """A table, with what stands around it."""
+
+    table: Table
+    """Column names and rows; names are empty where the file has none."""
+    units: tuple[str, ...]
+    """From a row of units: one for each column, empty where it states none."""
+    preamble: tuple[str, ...]
+    """Lines before the column names and comments, as text."""
+    faults: tuple[FileError, ...]
+    """Lines with more or fewer cells than there are columns; the table is without them."""
+    notes: tuple[str, ...]
+    """What was decided on the way."""
+
+
+def lay_out(sheet: Sheet, names: Sequence[str] | None = None) -> Laid:
+    """Find the names of the columns, their units, and the rows below.
+
+    The rows begin at the first one that is mostly numbers and as wide as most that are. The names are the nearest row
+    above with a text in it, or a comment with as many words as there are columns; a row of units may stand between.
+
+    Args:
+        sheet: rows of cells.
+        names: the names of the columns, where the file has none or others; one for each column.
+
+    Raises:
+        FileError: there is nothing in it, too many columns, or the given names are too many or too few.
+    """
+    path = sheet.path
+    if not sheet.rows:
+        raise FileError(path, "is empty; its first line must name the columns")
+    width, first = _first_row_of_numbers(sheet.rows)
+    if width > MAX_COLUMNS:
+        raise FileError(path, f"has {width} columns; is it a table?", line=sheet.lines[0])
+    if names is not None:
+        return _named(sheet, names, first if first is not None else len(sheet.rows))
+    if first is None:
+        return _only_names(sheet)
+    above = [row for row in range(first) if _is_text(sheet.rows[row])]
+    units_row = above.pop() if above and _is_units(sheet.rows[above[-1]]) and len(above) > 1 else None
+    header_row = above[-1] if above else None
+    if header_row is not None and len(sheet.rows[header_row]) == 1 < width:
+        header_row = None
+    if header_row is None:
+        return _from_comments(sheet, first, width)
+    header = sheet.rows[header_row]
+    begin = header_row + 1 if units_row is None else units_row + 1
+    units = () if units_row is None else sheet.rows[units_row]
+    preamble = (*(" ".join(filter(None, row)) for row in sheet.rows[:header_row]), *sheet.comments)
+    return _laid(sheet, header, begin, units, sheet.lines[header_row], preamble)
+
+
+def lay_out_plain(sheet: Sheet) -> Laid:
+    """A table whose first row names the columns.
+
+    Raises:
+        FileError: there is nothing in it.
+    """
+    if not sheet.rows:
+        raise FileError(sheet.path, "is empty; its first line must name the columns")
+    return _only_names(sheet)
+
+
+def _first_row_of_numbers(rows: Sequence[tuple[str, ...]]) -> tuple[int, int | None]:
+    """How many cells most rows of numbers have, and the first of these; None where no row is of numbers."""
+    of_numbers = [row for row in range(len(rows)) if _is_numbers(rows[row])]
+    if not of_numbers:
+        return len(rows[0]), None
+    widths = Counter(len(rows[row]) for row in of_numbers)
+    width = max(widths, key=lambda w: (widths[w], w))
+    return width, next(row for row in of_numbers if len(rows[row]) == width)
+
+
+def _is_numbers(row: Sequence[str]) -> bool:
+    """Whether at least two cells, and half of the filled ones, are numbers."""
+    filled = [cell for cell in row if cell]
+    numbers = sum(_NUMBER.fullmatch(cell) is not None for cell in filled)
+    return numbers >= min(2, len(row)) and numbers > 0 and 2 * numbers >= len(filled)
+
+
+def _is_text(row: Sequence[str]) -> bool:
+    """Whether a row has a filled cell, and no number in it."""
+    filled = [cell for cell in row if cell]
+    return bool(filled) and not any(_NUMBER.fullmatch(cell) and cell != "1" for cell in filled)
+
+
+def _is_units(row: Sequence[str]) -> bool:
+    filled = [bare_unit(cell) for cell in row if cell]
+    return bool(filled) and all(cell in UNITS for cell in filled)
+
+
+def bare_unit(text: str) -> str:
+    """A unit in small letters, without brackets around it."""
+    text = text.strip()
+    match = _BRACKETS.match(text)
+    return (match[1] if match else text).casefold()
+
+
+def _named(sheet: Sheet, names: Sequence[str], first: int) -> Laid:
+    width = len(sheet.rows[min(first, len(sheet.rows) - 1)])
+    if len(names) != width:
+        message = f"has {width} columns, and {len(names)} names were given for them: {shown(' '.join(names))}"
+        raise FileError(sheet.path, message, line=sheet.lines[min(first, len(sheet.lines) - 1)])
+    preamble = (*(" ".join(filter(None, row)) for row in sheet.rows[:first]), *sheet.comments)
+    return _laid(sheet, tuple(names), first, (), None, preamble)
+
+
+def _only_names(sheet: Sheet) -> Laid:
+    """A file whose rows hold no numbers: its first row names the columns, as far as anything does."""
+    header = sheet.rows[0]
+    return _laid(sheet, header, 1, (), sheet.lines[0], sheet.comments)
+
+
+def _from_comments(sheet: Sheet, first: int, width: int) -> Laid:
+    """Names from the last comment with as many words as columns, or none."""
+    preamble = (*(" ".join(filter(None, row)) for row in sheet.rows[:first]), *sheet.comments)
+    for comment in reversed(sheet.comments):
+        words = split_line(comment, separator_of([comment]))
+        if len(words) == width and _is_text(words):
+            return _laid(sheet, words, first, (), None, preamble)
+    return _laid(sheet, ("",) * width, first, (), None, preamble)
+
+
+def _laid(
+    sheet: Sheet,
+    header: tuple[str, ...],
+    begin: int,
+    units: tuple[str, ...],
+    header_line: int | None,
+    preamble: tuple[str, ...],
+) -> Laid:
+    rows, lines = sheet.rows[begin:], sheet.lines[begin:]
+    while len(header) > 1 and any(header) and not header[-1] and not any(any(row[len(header) - 1 :]) for row in rows):
+        # every line ends with a separator
+        header = header[:-1]
+    fitted = [_fitted(row, len(header), padded=not sheet.separator) for row in rows]
+    sound = [k for k, row in enumerate(fitted) if len(row) == len(header)]
+    table = Table(
+        path=sheet.path,
+        header=tuple(name or (f"column {k}" if any(header) else "") for k, name in enumerate(header, start=1)),
+        rows=tuple(fitted[k] for k in sound),
+        lines=tuple(lines[k] for k in sound),
+        header_line=header_line,
+    )
+    if len(fitted) > 2 and 2 * len(sound) < len(fitted):
+        raise _no_table(sheet, len(header), len(sound))
+    units = units[: len(header)] + ("",) * (len(header) - len(units))
+    faults = tuple(
+        _wrong_width(sheet, header, lines[k], row) for k, row in enumerate(fitted) if len(row) != len(header)
+    )
+    return Laid(
+        table=table,
+        units=tuple(map(bare_unit, units)),
+        preamble=preamble,
+        faults=faults,
+        notes=sheet.notes,
+    )
+
+
+def _fitted(row: tuple[str, ...], width: int, *, padded: bool) -> tuple[str, ...]:
+    """A row without the empty cells behind the last column, and in a workbook with those that it leaves out."""
+    if len(row) > width and not any(row[width:]):
+        return row[:width]
+    return row + ("",) * (width - len(row)) if padded and len(row) < width else row
+
+
+def _no_table(sheet: Sheet, width: int, sound: int) -> FileError:
+    """Text that happens to have some lines of numbers."""
+    line = " ".join(sheet.rows[0])
+    kind = "labelled text" if _LABEL.match(line) else "text"
+    message = (
+        f"is {kind}, not a table: only {sound} of {len(sheet.rows)} lines have {width} cells "
+        f"(line {sheet.lines[0]}: '{shown(line, 40)}'); "
+        "give a table with a row for each measured pose"
+    )
+    return FileError(sheet.path, message)
+
+
+def _wrong_width(sheet: Sheet, header: tuple[str, ...], line: int, row: tuple[str, ...]) -> FileError:
+    decimal = sheet.separator == "," and len(row) > len(header)
+    hint = "; is it written with decimal commas?" if decimal else ""
+    if any(header):
+        message = f"the line has {len(row)} fields, the header {len(header)}{hint}"
+    else:
+        message = f"the line has {len(row)} fields, most others {len(header)}{hint}"
+    return FileError(sheet.path, message, line=line)

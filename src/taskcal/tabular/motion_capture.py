@@ -1,0 +1,68 @@
+"""Motion capture as Motive exports it: a line of settings, then names, kinds and axes of the columns in rows of their own.
+
+Source: OptiTrack's documentation of Motive's CSV export.
+"""
+
+import csv
+import io
+from pathlib import Path
+
+from taskcal.errors import FileError, shown
+from taskcal.tabular.sheet import Sheet
+
+_UNITS = {"millimeters": "mm", "centimeters": "cm", "meters": "m"}
+
+
+def is_motion_capture(text: str) -> bool:
+    """Whether a text begins as such an export does."""
+    return text.startswith("Format Version,")
+
+
+def parse_motion_capture(path: Path, text: str) -> Sheet:
+    """A row for every frame; bodies' poses as ``NAME_x_mm … NAME_qw``, markers' positions as ``NAME_x_mm …``.
+
+    Raises:
+        FileError: rotations are not quaternions, the unit is not stated, or the rows of names are not as they should be.
+    """
+    try:
+        rows = [(reader.line_num, tuple(row)) for reader in [csv.reader(io.StringIO(text))] for row in reader]
+    except csv.Error as error:
+        raise FileError(path, f"cannot be parted into cells: {error}") from error
+    settings = dict(zip(rows[0][1][::2], rows[0][1][1::2], strict=False))
+    unit = _UNITS.get(settings.get("Length Units", "").casefold())
+    if unit is None:
+        raise FileError(path, f"states no unit of length that is known; known: {', '.join(_UNITS)}", line=1)
+    if settings.get("Rotation Type", "Quaternion") != "Quaternion":
+        message = f"has rotations as {shown(settings['Rotation Type'])}; export them as quaternions"
+        raise FileError(path, message, line=1)
+    heads = {row[1].strip().casefold(): row for _, row in rows[1:7] if len(row) > 2 and row[1].strip()}
+    axes_at = next((k for k, (_, row) in enumerate(rows) if row and row[0].strip().casefold() == "frame"), None)
+    if axes_at is None or axes_at < 2 or not {"type", "name"} <= heads.keys():
+        raise FileError(path, "begins as an export of Motive, but lacks its rows of types, names and axes", line=1)
+    axes, kinds = rows[axes_at][1], rows[axes_at - 1][1]
+    header = tuple(_column(k, heads, kinds, axes, unit) for k in range(len(axes)))
+    body = [(line, tuple(cell.strip() for cell in row)) for line, row in rows[axes_at + 1 :] if any(row)]
+    return Sheet(
+        path=path,
+        rows=(header, *(row for _, row in body)),
+        lines=(rows[axes_at][0], *(line for line, _ in body)),
+        separator=",",
+    )
+
+
+def _column(k: int, heads: dict[str, tuple[str, ...]], kinds: tuple[str, ...], axes: tuple[str, ...], unit: str) -> str:
+    """A column's name from its type, name, kind and axis."""
+
+    def cell(row: tuple[str, ...]) -> str:
+        return row[k].strip() if k < len(row) else ""
+
+    if k < 2:
+        # the frame and its time
+        return axes[k].strip()
+    name = "_".join(cell(heads["name"]).replace(":", " ").split())
+    kind, axis = cell(kinds).casefold(), cell(axes)
+    if kind == "rotation":
+        return f"{name}_q{axis.lower()}"
+    if kind == "position":
+        return f"{name}_{axis.lower()}_{unit}"
+    return "_".join(filter(None, (name, kind.replace(" ", "_"), axis))) or f"column {k + 1}"

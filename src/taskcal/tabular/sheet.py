@@ -1,0 +1,21 @@
+"""Rows of cells as a file has them, before anyone says what they mean."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sheet:
+    """Cells as text, row by row; rows may differ in length."""
+
+    path: Path
+    rows: tuple[tuple[str, ...], ...]
+    """Cells without surrounding blanks, numbers with a decimal point; rows without a cell are left out."""
+    lines: tuple[int, ...]
+    """The line of the file each row ends in, or its number in a workbook, from 1."""
+    separator: str = ""
+    """What parts the cells; nothing in a workbook, whose rows end with their last filled cell."""
+    comments: tuple[str, ...] = ()
+    """Lines that a mark such as # or // makes comments, without the mark."""
+    notes: tuple[str, ...] = ()
+    """What was decided on the way, for whoever reads the result."""

@@ -1,0 +1,116 @@
+"""Workbooks: the cells of one sheet as text."""
+
+import io
+import zipfile
+import zlib
+from datetime import date, datetime, time
+from pathlib import Path
+from typing import Any
+
+from taskcal.errors import FileError, UnknownName, shown
+from taskcal.tabular.sheet import Sheet
+
+MAX_UNPACKED_MB = 200.0
+"""Of all parts of a workbook together: a campaign of 100 000 rows unpacks to less, a bomb to more."""
+
+MAX_CELLS = 20_000_000
+"""Of a sheet; a cell with a far address makes the rows between it and the others."""
+
+MAX_COLUMNS = 16_384
+"""What the format itself allows."""
+
+
+def is_workbook(content: bytes) -> bool:
+    """Whether bytes are a workbook (.xlsx): a packed folder with a part that lists its sheets."""
+    if not content.startswith(b"PK\x03\x04"):
+        return False
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as packed:
+            return "xl/workbook.xml" in packed.namelist()
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
+        return False
+
+
+def read_workbook(path: Path, content: bytes, name: str | None = None) -> Sheet:
+    """The cells of a sheet with their values as they were last computed.
+
+    Args:
+        path: of the file, for errors.
+        content: its bytes.
+        name: of the sheet; the first with cells by default.
+
+    Raises:
+        FileError: it is damaged, unpacks to too much, or has no cells.
+        UnknownName: there is no such sheet.
+    """
+    _check_parts(path, content)
+    from openpyxl import load_workbook
+
+    try:
+        book = load_workbook(io.BytesIO(content), read_only=True, data_only=True)
+        names = [sheet.title for sheet in book.worksheets]
+        if name is not None and name not in names:
+            raise UnknownName("sheet", name, names, f"in {path}")
+        filled = [(title, _rows(path, book[title])) for title in ([name] if name else names)]
+    except (FileError, UnknownName):
+        raise
+    except Exception as error:
+        raise FileError(path, f"is a damaged workbook ({shown(error)}); save it again, or as CSV") from error
+    with_cells = [(title, rows) for title, rows in filled if rows]
+    if not with_cells:
+        raise FileError(path, "is a workbook without cells")
+    title, rows = with_cells[0]
+    others = [shown(other) for other, _ in with_cells[1:]]
+    notes = (f"sheet '{shown(title)}' is read; others with cells: {', '.join(others)}",) if others else ()
+    lines, cells = zip(*rows, strict=True)
+    return Sheet(path=path, rows=tuple(cells), lines=tuple(lines), notes=notes)
+
+
+def _check_parts(path: Path, content: bytes) -> None:
+    """See that a workbook can be unpacked in memory, and defines nothing of its own."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as packed:
+            unpacked = sum(part.file_size for part in packed.infolist())
+            if unpacked > MAX_UNPACKED_MB * 1e6:
+                message = (
+                    f"unpacks to {unpacked / 1e6:.0f} MB, more than {MAX_UNPACKED_MB:.0f} MB; save the sheet as CSV"
+                )
+                raise FileError(path, message)
+            for part in packed.infolist():
+                if part.filename.endswith((".xml", ".rels")):
+                    with packed.open(part) as stream:
+                        if b"<!" in stream.read(1024).replace(b"<!--", b""):
+                            raise FileError(
+                                path, f"has a document type in {shown(part.filename)}; save it again, or as CSV"
+                            )
+    except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, RuntimeError, NotImplementedError) as error:
+        raise FileError(path, f"is a damaged workbook ({shown(error)}); save it again, or as CSV") from error
+
+
+def _rows(path: Path, sheet: Any) -> list[tuple[int, tuple[str, ...]]]:
+    """The rows of a sheet that have cells, each with its number."""
+    out: list[tuple[int, tuple[str, ...]]] = []
+    count = 0
+    for number, cells in enumerate(sheet.iter_rows(values_only=True, max_col=MAX_COLUMNS), start=1):
+        count += len(cells) + 1
+        if count > MAX_CELLS:
+            raise FileError(path, f"has more than {MAX_CELLS} cells, most of them empty; save the table alone as CSV")
+        texts = [_text(value) for value in cells]
+        while texts and not texts[-1]:
+            texts.pop()
+        if texts:
+            out.append((number, tuple(texts)))
+    return out
+
+
+def _text(value: object) -> str:
+    """A cell's value as a person would type it."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return str(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
+    if isinstance(value, (datetime, date, time)):
+        return value.isoformat()
+    return str(value).strip()

@@ -1,0 +1,69 @@
+import io
+import zipfile
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from openpyxl import Workbook
+
+from taskcal.errors import FileError, TaskcalError
+from taskcal.tabular.csv_form import TableForm, read_csv
+from taskcal.tabular.spreadsheet import is_workbook, read_workbook
+
+
+def book(*sheets):
+    made = Workbook()
+    made.remove(made.active)
+    for title, rows in sheets:
+        sheet = made.create_sheet(title)
+        for row in rows:
+            sheet.append(row)
+    out = io.BytesIO()
+    made.save(out)
+    return out.getvalue()
+
+
+SHEET = ("points", [["made by hand"], [], ["id", "x_mm", "y_mm"], ["a", 1, 2.5], ["b", -3.25, None]])
+
+
+def test_cells_come_back_as_they_were_typed(tmp_path):
+    path = tmp_path / "a.xlsx"
+    path.write_bytes(book(("empty", []), SHEET, ("more", [[1]])))
+    table = read_csv(path)
+    assert table.header == ("id", "x_mm", "y_mm")
+    assert table.rows == (("a", "1", "2.5"), ("b", "-3.25", ""))
+    assert table.lines == (4, 5)
+    with pytest.raises(TaskcalError, match=r"no sheet 'pints' .*did you mean 'points'\?"):
+        read_csv(path, TableForm(sheet="pints"))
+
+
+def test_what_unpacks_to_too_much_is_refused_before_it_is():
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as parts:
+        parts.writestr("xl/workbook.xml", b" " * 10)
+        parts.writestr("xl/worksheets/sheet1.xml", b" " * 210_000_000)
+    with pytest.raises(FileError, match=r"a\.xlsx: unpacks to 210 MB, more than 200 MB"):
+        read_workbook(Path("a.xlsx"), packed.getvalue())
+
+
+def test_parts_that_define_entities_are_refused():
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as parts:
+        parts.writestr("xl/workbook.xml", b'<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>')
+    with pytest.raises(FileError, match=r"has a document type in xl/workbook\.xml"):
+        read_workbook(Path("a.xlsx"), packed.getvalue())
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 4000), st.binary(min_size=1, max_size=30))
+def test_damaged_workbooks_are_refused_or_read(position, noise):
+    whole = book(SHEET)
+    at = position % len(whole)
+    content = whole[:at] + noise + whole[at + len(noise) :]
+    if is_workbook(content):
+        try:
+            read_workbook(Path("a.xlsx"), content)
+        except TaskcalError as refusal:
+            if "a.xlsx" not in str(refusal):
+                raise
