@@ -55,11 +55,11 @@ class Traced:
     """Postures along a path.
 
     From one reached pose to the next no joint moves farther than `MAX_STEEPNESS` times the tool's motion, nor than `JUMP_RAD` where
-    the tool moves by less than `STRIDE`. After a refused pose a new stretch may begin.
+    the tool moves by less than `STRIDE`. After a rejected pose a new stretch may begin.
     """
 
     q: Float[np.ndarray, "n joints"]
-    """Radians; where a pose was refused, the posture found last."""
+    """Radians; where a pose was rejected, the posture reached last."""
     outcome: Int[np.ndarray, " n"]
     """`Outcome` of each pose."""
     off: Float[np.ndarray, "n 2"]
@@ -75,7 +75,7 @@ class Traced:
 
 
 def rejections(robot: Robot, traced: Traced) -> list[tuple[int, str]]:
-    """Rows that were refused, with the reason in words."""
+    """Rows that were rejected, with the reason in words."""
     outside = dict(reversed(robot.outside_limits(traced.q)))
     out: list[tuple[int, str]] = []
     for row in np.flatnonzero(~traced.reached):
@@ -247,7 +247,7 @@ def _link(
     Where one is too large, what follows is solved from its predecessor until both agree.
 
     Returns:
-        the postures, and which of those that meet their pose are refused all the same.
+        the postures, and which of those that meet their pose are rejected all the same.
     """
     rows = np.flatnonzero(good)
     q, off, lost = end.q.copy(), end.off.copy(), ~good

@@ -215,9 +215,9 @@ class _Cursor:
         return self._words[self._next - 1]
 
     def accept(self, text: str) -> bool:
-        found = self.at(text)
-        self._next += found
-        return found
+        matches = self.at(text)
+        self._next += matches
+        return matches
 
     def skip_to(self, *stops: str) -> None:
         """Pass over words up to one that stops, outside of any bracket."""

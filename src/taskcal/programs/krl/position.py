@@ -99,14 +99,14 @@ def axes(aggregate: Aggregate) -> Float[np.ndarray, " joints"]:
 
 
 def _stated(aggregate: Aggregate, name: str, needed: tuple[str, ...]) -> float:
-    found = aggregate.field(name)
-    if found is None and name not in needed:
+    component = aggregate.field(name)
+    if component is None and name not in needed:
         return 0.0
-    if found is None:
+    if component is None:
         raise Unresolved(f"{name} is not stated, so it keeps its value of before")
-    if found.value is None:
-        raise Unresolved(f"{name} is '{found.text}', which is not a number")
-    return found.value
+    if component.value is None:
+        raise Unresolved(f"{name} is '{component.text}', which is not a number")
+    return component.value
 
 
 def whole(aggregate: Aggregate, name: str) -> int | None:
@@ -122,16 +122,16 @@ def check_external(aggregate: Aggregate) -> None:
         Unresolved: one is not at zero; it may carry the robot or the part.
     """
     for name in EXTERNAL:
-        found = aggregate.field(name)
-        if found is not None and found.value != 0.0:
-            raise Unresolved(f"{name} is {found.text}: how this external axis moves robot or part is not known")
+        axis = aggregate.field(name)
+        if axis is not None and axis.value != 0.0:
+            raise Unresolved(f"{name} is {axis.text}: how this external axis moves robot or part is not known")
 
 
 def pose_values(T: Float[np.ndarray, "4 4"], near: Aggregate | None = None) -> dict[str, float]:
     """Values of X Y Z A B C of a pose, millimetres and degrees; angles near those of a position."""
     old = tuple((near.value(name) if near else None) or 0.0 for name in "ABC")
-    found = angles(T[:3, :3], (old[0], old[1], old[2]))
-    return dict(zip(POSE, [*(float(v) for v in T[:3, 3] * 1e3), *found], strict=True))
+    abc = angles(T[:3, :3], (old[0], old[1], old[2]))
+    return dict(zip(POSE, [*(float(v) for v in T[:3, 3] * 1e3), *abc], strict=True))
 
 
 def axis_values(q: Float[np.ndarray, " joints"]) -> dict[str, float]:

@@ -104,16 +104,16 @@ class _Reading:
 
     def _ordered(self) -> KrlProgram:
         """Moves in the order of the text."""
-        found = sorted(self.findings.found, key=lambda f: (f.site.file.number, f.site.motion.start))
-        number = {f.number: i for i, f in enumerate(found)}
+        motions = sorted(self.findings.found, key=lambda f: (f.site.file.number, f.site.motion.start))
+        number = {f.number: i for i, f in enumerate(motions)}
         return KrlProgram(
             sources=tuple(file.source for file in self.files),
             moves=tuple(
-                replace(f.move, follows=None if f.move.follows is None else number[f.move.follows]) for f in found
+                replace(f.move, follows=None if f.move.follows is None else number[f.move.follows]) for f in motions
             ),
             diagnostics=tuple(
                 Diagnostic(place=self.files[file].source.place(position), text=text)
                 for file, position, text in sorted(set(self.findings.diagnostics))
             ),
-            sites=tuple(f.site for f in found),
+            sites=tuple(f.site for f in motions),
         )

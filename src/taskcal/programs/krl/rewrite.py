@@ -82,8 +82,8 @@ def rewrite(
 
 
 def _files(sites: Sequence[Site]) -> tuple[File, ...]:
-    found = {f.number: f for site in sites for f in (site.file, *(w.datum.file for w in site.written if w.datum))}
-    return tuple(found.values())
+    files = {f.number: f for site in sites for f in (site.file, *(w.datum.file for w in site.written if w.datum))}
+    return tuple(files.values())
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -170,7 +170,7 @@ class _Rewriting:
             return _applied(written.template, edits_for(first, values), first.start)
         parts = [f"{name} {numeral(values[name], 5 if name in 'XYZ' else 6)}" for name in names]
         parts += [f"{name} {int(values[name])}" for name in ("S", "T") if name in values]
-        parts += [f"{name} {found.text}" for name in EXTERNAL if (found := first.field(name))]
+        parts += [f"{name} {component.text}" for name in EXTERNAL if (component := first.field(name))]
         return f"{{{'E6AXIS' if waypoint.T is None else 'E6POS'}: {','.join(parts)}}}"
 
     def variables(self) -> None:

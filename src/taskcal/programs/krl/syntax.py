@@ -41,8 +41,8 @@ class Aggregate:
 
     def value(self, name: str) -> float | None:
         """The number in a component; None where there is none."""
-        found = self.field(name)
-        return None if found is None else found.value
+        component = self.field(name)
+        return None if component is None else component.value
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -111,13 +111,13 @@ def _is_value(token: Token | None) -> bool:
 
 def _assigned(tokens: Sequence[Token]) -> frozenset[int]:
     """Which tokens are names that ``:=`` follows, behind their components and indices."""
-    found: set[int] = set()
+    names: set[int] = set()
     name: int | None = None
     outside: list[int | None] = []
     for i, token in enumerate(tokens):
         match token.key:
             case ":=" if name is not None:
-                found.add(name)
+                names.add(name)
                 name = None
             case "{":
                 outside.append(name)
@@ -134,4 +134,4 @@ def _assigned(tokens: Sequence[Token]) -> frozenset[int]:
                 name = i
             case _:
                 name = None
-    return frozenset(found)
+    return frozenset(names)

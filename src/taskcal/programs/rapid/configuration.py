@@ -152,14 +152,14 @@ def _joint_frames(
 ) -> Float[np.ndarray, "n joints 4 4"]:
     """Frames of the joints in the base, each turned about its z by its coordinate."""
     T = np.broadcast_to(np.eye(4), (len(s), 4, 4))
-    found: list[np.ndarray] = []
+    frames: list[np.ndarray] = []
     for k in range(len(fixed)):
         turn = np.zeros((len(s), 3, 3))
         c, si = np.cos(s[:, k]), np.sin(s[:, k])
         turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, -si, si, c, 1.0
         T = T @ fixed[k] @ se3.pose(turn, np.zeros((len(s), 3)))
-        found.append(T)
-    return np.stack(found, axis=1)
+        frames.append(T)
+    return np.stack(frames, axis=1)
 
 
 def _meeting_point(frames: Float[np.ndarray, "axes 4 4"]) -> Float[np.ndarray, " 3"] | None:

@@ -213,23 +213,23 @@ class ExpressionParser:
 
     def arguments(self, closing: str) -> tuple[Argument, ...]:
         """Read arguments up to a closing symbol, which is left."""
-        found: list[Argument] = []
+        arguments: list[Argument] = []
         height = 0
         while not (self.next.kind == "symbol" and self.next.key == closing):
-            if found and not self.skip(",") and self.next.key != "\\":
+            if arguments and not self.skip(",") and self.next.key != "\\":
                 what = "a comma or a semicolon" if closing == ";" else "a comma"
                 raise self.problem(f"{what} is missing before")
             if self.next.kind == "symbol" and self.next.key == closing:
                 raise self.problem("an argument is missing before")
             start = self.next.start
             if self.skip("\\"):
-                found.append(self._option(start))
+                arguments.append(self._option(start))
             else:
                 value = self.expression()
-                found.append(Argument(start=start, end=self.end, option="", value=value))
+                arguments.append(Argument(start=start, end=self.end, option="", value=value))
             height = max(height, self.height)
         self.height = height
-        return tuple(found)
+        return tuple(arguments)
 
     def _option(self, start: int) -> Argument:
         if self.next.kind != "name":

@@ -57,11 +57,11 @@ class Scope:
         """
         key = name.lower()
         for names in (self.own, self.module, self.shared):
-            found = names.get(key)
-            if found:
-                if len(found) > 1:
-                    raise Unresolved(f"'{name}' is declared {len(found)} times")
-                return found[0]
+            declared = names.get(key)
+            if declared:
+                if len(declared) > 1:
+                    raise Unresolved(f"'{name}' is declared {len(declared)} times")
+                return declared[0]
         if key in DATA:
             type_, value = DATA[key]
             return Symbol(name=name, type=type_, value=value)

@@ -28,17 +28,17 @@ class _Parser(StatementParser):
     """Modules, and what they declare."""
 
     def modules(self) -> tuple[Module, ...]:
-        found: list[Module] = []
+        modules: list[Module] = []
         strays = 0
         while self.next.kind != "end":
             if self.next.key == "module":
-                found.append(self._module())
+                modules.append(self._module())
             else:
                 strays += 1
                 if strays == 1:
                     self.note(self.next.start, f"'{self.next.text[:32]}' stands outside any MODULE and is not read")
                 self.take()
-        return tuple(found)
+        return tuple(modules)
 
     def _module(self) -> Module:
         start = self.take().start
@@ -128,9 +128,9 @@ class _Parser(StatementParser):
         )  # fmt: skip
 
     def _parameters(self) -> tuple[Parameter, ...]:
-        found: list[Parameter] = []
+        parameters: list[Parameter] = []
         while not self.skip(")"):
-            if found and not self.skip(",", "|") and self.next.key != "\\":
+            if parameters and not self.skip(",", "|") and self.next.key != "\\":
                 raise self.problem("a comma is missing before")
             optional = self.skip("\\")
             changed = self.skip("inout", "var", "pers")
@@ -139,5 +139,5 @@ class _Parser(StatementParser):
             if self.skip("{"):
                 while self.next.kind != "end" and not self.skip("}"):
                     self.take()
-            found.append(Parameter(name=name, type=type_.key, optional=optional, changed=changed))
-        return tuple(found)
+            parameters.append(Parameter(name=name, type=type_.key, optional=optional, changed=changed))
+        return tuple(parameters)

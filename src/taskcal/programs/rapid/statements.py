@@ -73,15 +73,15 @@ class StatementParser(ExpressionParser):
 
     def body(self, declarations: list[Declaration]) -> tuple[Statement, ...]:
         """Statements up to a handler or the end of the routine; an ENDIF or the like on the way closes nothing."""
-        found = [*self._block(declarations)]
+        statements = [*self._block(declarations)]
         while self.next.key in _INNER_ENDS:
             stray = self.take()
             noted = self.note(stray.start, f"'{stray.text}' closes nothing")
-            found += [self.unparsed(self.at - 1, noted), *self._block(declarations)]
-        return tuple(found)
+            statements += [self.unparsed(self.at - 1, noted), *self._block(declarations)]
+        return tuple(statements)
 
     def _block(self, declarations: list[Declaration]) -> tuple[Statement, ...]:
-        found: list[Statement] = []
+        statements: list[Statement] = []
         while self.next.kind != "end" and self.next.key not in _BLOCK_ENDS:
             if self.skip(";"):
                 continue
@@ -93,13 +93,13 @@ class StatementParser(ExpressionParser):
                         break
                     declarations.append(self.declaration())
                 else:
-                    found.append(self._statement(declarations))
+                    statements.append(self._statement(declarations))
             except NotUnderstood as problem:
                 self.depth = depth
                 noted = self.note(problem.position, problem.text)
                 self.recover(first, _ROUTINE_ENDS)
-                found.append(self.unparsed(first, noted))
-        return tuple(found)
+                statements.append(self.unparsed(first, noted))
+        return tuple(statements)
 
     def _statement(self, declarations: list[Declaration]) -> Statement:
         match self.next.key:

@@ -160,13 +160,13 @@ def _numbers(value: Value, type_: TargetType, what: str) -> tuple[tuple[float, .
 
 def leaves(literal: Aggregate) -> tuple[Number, ...]:
     """The numbers of a target that is written out, in their order."""
-    found: list[Number] = []
+    numbers: list[Number] = []
     for item in literal.items:
         if isinstance(item, Aggregate):
-            found += leaves(item)
+            numbers += leaves(item)
         elif isinstance(item, Number):
-            found.append(item)
-    return tuple(found)
+            numbers.append(item)
+    return tuple(numbers)
 
 
 def _literal(node: Aggregate, type_: TargetType) -> Aggregate | None:

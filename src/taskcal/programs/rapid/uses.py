@@ -64,7 +64,7 @@ class Use:
 def assigned(everywhere: Iterable[Context]) -> dict[Symbol, str]:
     """How each variable is assigned to first, as "is assigned to in part.mod:4"; variables that keep their value are missing."""
     everywhere = tuple(everywhere)
-    found: dict[Symbol, str] = {}
+    assigned: dict[Symbol, str] = {}
     parameters: frozenset[tuple[str, str]] = frozenset()
     while True:
         more: set[tuple[str, str]] = set()
@@ -73,17 +73,17 @@ def assigned(everywhere: Iterable[Context]) -> dict[Symbol, str]:
             if symbol is None:
                 continue
             if symbol.declaration is not None and symbol.declaration.storage != "const":
-                found.setdefault(symbol, _assignment(mention))
+                assigned.setdefault(symbol, _assignment(mention))
             elif symbol.parameter_of:
                 more.add((symbol.parameter_of, symbol.name.lower()))
         if more <= parameters:
-            return found
+            return assigned
         parameters |= more  # what is handed to these changes too
 
 
 def uses(everywhere: Iterable[Context], values: Values) -> Mapping[Symbol, tuple[Use, ...]]:
     """All references to each piece of data."""
-    found: dict[Symbol, list[Use]] = {}
+    uses_of: dict[Symbol, list[Use]] = {}
     for mention in mentions(everywhere):
         symbol = _symbol(mention)
         if symbol is None or symbol.declaration is None:
@@ -93,8 +93,8 @@ def uses(everywhere: Iterable[Context], values: Values) -> Mapping[Symbol, tuple
         except Unresolved:
             path = None
         use = Use(file=mention.file, start=mention.reference.start, path=path)
-        found.setdefault(symbol, []).append(use)
-    return {key: tuple(value) for key, value in found.items()}
+        uses_of.setdefault(symbol, []).append(use)
+    return {key: tuple(value) for key, value in uses_of.items()}
 
 
 def _assignment(mention: Mention) -> str:
@@ -225,8 +225,8 @@ class _Walker:
 
 def _called(key: str, scope: Scope) -> Routine | None:
     """The one routine of the files that a call means."""
-    found = scope.routines.get(key, ())
-    return found[0] if len(found) == 1 else None
+    routines = scope.routines.get(key, ())
+    return routines[0] if len(routines) == 1 else None
 
 
 def _option(routine: Routine, name: str) -> Parameter | None:
