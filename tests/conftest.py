@@ -31,6 +31,13 @@ _UNCHECKED = {
     """,
     "commands, whose annotations Typer has to read": "cli",
     "pages and tables, which get what was checked where it was computed": "demo presentation",
+    "parsing that calls itself as deeply as a text is nested, where checks would reach Python's limit first": """
+        programs.rapid.expressions programs.rapid.statements
+    """,
+    "values of RAPID, whose type refers to itself, which this check does not follow": """
+        programs.rapid.frames programs.rapid.names programs.rapid.predefined programs.rapid.resolve
+        programs.rapid.target_argument programs.rapid.values
+    """,
     "not arrays: names, texts and messages, which refuse wrong ones themselves": """
         __main__ arguments effects errors performance public_names short_repr text_file
     """,
