@@ -91,6 +91,15 @@ def test_the_covariance_is_that_of_small_changes_of_the_estimate(
     np.testing.assert_allclose(frames.covariance(q), expected, atol=(1e-3 if name == "touched" else 2e-5) * scale)
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_the_uncertainty_of_a_pose_does_not_depend_on_the_others(name, calibration, robot, measured, cutting):
+    """Whatever their number, that of the reflectors included."""
+    frames = calibrate_frames(calibration, cutting, cells(calibration, robot, measured)[name])
+    alone = np.concatenate([frames.variances(measured[[k]]) for k in range(4)])
+    for count in (2, 3, 4):
+        np.testing.assert_allclose(frames.variances(measured[:count]), alone[:count], rtol=1e-9, atol=1e-18)
+
+
 def test_a_cutter_known_by_its_reflectors_is_where_they_say(calibration, robot, measured, cutting):
     """Moving the estimated reflectors on the tool, by what the data cannot tell, moves the cutter along."""
     frames = calibrate_frames(calibration, cutting, cells(calibration, robot, measured)["reflectors and tracker"])

@@ -151,7 +151,7 @@ def _reflector_twists(
 ) -> Float[np.ndarray, "n 6 z"]:
     """Of a frame that is known by its reflectors."""
     J, tool = calibration.tool_jacobian(q, conditions), calibration.predict_tool(q)
-    points = calibration.target_poses(q)[:, rows, :3, 3]
+    points = calibration.target_poses(q)[:, rows][..., :3, 3]
     moved: list[np.ndarray] = []
     for k, arm in zip(rows, np.moveaxis(points - tool[:, None, :3, 3], 1, 0), strict=True):
         point = se3.carry(J, arm)[:, :3]
