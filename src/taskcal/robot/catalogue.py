@@ -5,7 +5,7 @@ from importlib import resources
 from pathlib import Path
 
 from taskcal.errors import TaskcalError, UnknownName, shown
-from taskcal.robot.description import WHOLE, describe_robot
+from taskcal.robot.description import UR_YAML, WHOLE, describe_robot
 from taskcal.robot.file import read_robot, robot_from
 from taskcal.robot.robot import Robot
 
@@ -44,6 +44,8 @@ def load_robot(source: str | Path, *, tip: str | None = None, base: str | None =
     if "#" in text and not path.suffix.lower().endswith((".toml", *WHOLE)):
         text, _, link = text.rpartition("#")
         path, tip = Path(text), tip or link
+    if path.suffix.lower() in (*WHOLE, *UR_YAML) and tip is None and base is None:
+        return robot_from(describe_robot(path))
     if path.suffix.lower() in WHOLE:
         return robot_from(describe_robot(path, tip=tip, base=base))
     if tip is not None or base is not None:

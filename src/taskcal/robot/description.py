@@ -5,37 +5,56 @@ from typing import Any
 
 import tomli_w
 
-from taskcal.errors import FileError, shown
-from taskcal.robot.dh_table import Convention, describe_dh_table
+from taskcal.errors import FileError, TaskcalError, shown
+from taskcal.robot.dh_table import describe_dh_table
+from taskcal.robot.file import robot_from
+from taskcal.robot.robot import Robot
+from taskcal.robot.ur_files import describe_calibration_conf, describe_kinematics_yaml
 from taskcal.robot.urdf import describe_tree, describe_urdf
 from taskcal.robot.urdf_file import parse_urdf_tree
 from taskcal.robot.xacro import expand_xacro
 
-URDF, XACRO, TABLE = (".urdf", ".xml"), (".xacro",), (".csv",)
+URDF, XACRO, TABLE = (".urdf", ".xml"), (".xacro",), (".csv", ".txt")
+UR_YAML, UR_CONF = (".yaml", ".yml"), (".conf",)
 """Endings of files, in small letters."""
 
 WHOLE = (*URDF, *XACRO)
 """Of files that say by themselves all that there is to know."""
 
-FORMS = "URDF (.urdf), xacro (.xacro), or a Denavit–Hartenberg table (.csv)"
+FORMS = (
+    "URDF (.urdf), xacro (.xacro), a Denavit–Hartenberg table (.csv), and UR's kinematics (.yaml) and calibration.conf"
+)
+
+TAKEN = {
+    URDF: ("tip", "base"),
+    XACRO: ("tip", "base"),
+    TABLE: ("convention", "units"),
+    UR_YAML: (),
+    UR_CONF: ("nominal",),
+}
+"""Options that a form has a use for."""
 
 
 def describe_robot(
     path: str | Path,
     *,
-    convention: Convention | None = None,
+    convention: str | None = None,
     tip: str | None = None,
     base: str | None = None,
     name: str | None = None,
+    units: str | None = None,
+    nominal: Robot | None = None,
 ) -> dict[str, Any]:
     """A robot file's content from a file of another form.
 
     Args:
-        path: URDF or xacro, or a table.
+        path: URDF or xacro, a table, or a file of Universal Robots.
         convention: of a table.
         tip: of a URDF: the link that is the tool; by default the end of its longest chain.
         base: of a URDF: the link that is the robot's base; the root by default.
         name: the robot's name; the one in the file, or the file's, by default.
+        units: of a table whose columns do not state theirs, such as ``m,rad``.
+        nominal: of a ``calibration.conf``: the robot to which its deltas are added.
 
     Raises:
         FileError: it is none of these, or wrong; or it lacks what it needs, or has no use for what was stated.
@@ -43,10 +62,13 @@ def describe_robot(
     """
     path = Path(path)
     ending = path.suffix.lower()
-    stated = {"tip": tip, "base": base} if ending not in WHOLE else {"convention": convention}
-    surplus = [option for option, value in stated.items() if value is not None]
+    taken = next((options for endings, options in TAKEN.items() if ending in endings), None)
+    if taken is None:
+        raise FileError(path, f"has an ending that no robot's description has; Taskcal reads {FORMS}")
+    stated = {"tip": tip, "base": base, "convention": convention, "units": units, "nominal": nominal}
+    surplus = [option for option, value in stated.items() if value is not None and option not in taken]
     if surplus:
-        raise FileError(path, f"has no use for a {surplus[0]}, by its ending {shown(ending, 20)}; leave it out")
+        raise FileError(path, f"has no use for --{surplus[0]}, by its ending {shown(ending, 20)}; leave it out")
     if ending in URDF:
         return describe_urdf(path, tip=tip, base=base, name=name)
     if ending in XACRO:
@@ -54,8 +76,15 @@ def describe_robot(
     if ending in TABLE:
         if convention is None:
             raise FileError(path, "is a table; state its convention, --convention dh or --convention mdh")
-        return describe_dh_table(path, convention, name)
-    raise FileError(path, f"has an ending that no robot's description has; Taskcal reads {FORMS}")
+        return describe_dh_table(path, convention, name, units)
+    described = (
+        describe_kinematics_yaml(path, name) if ending in UR_YAML else describe_calibration_conf(path, nominal, name)
+    )
+    try:
+        robot_from(described)
+    except TaskcalError as error:
+        raise FileError(path, str(error)) from error
+    return described
 
 
 def robot_toml(described: dict[str, Any]) -> str:

@@ -1,9 +1,10 @@
 """Robots from Denavit–Hartenberg tables in CSV files."""
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
-from taskcal.errors import FileError, TaskcalError
+from taskcal.errors import FileError, TaskcalError, UnknownName
+from taskcal.robot.dh_columns import in_own_terms
 from taskcal.robot.dh_units import LIMITS, check_units
 from taskcal.robot.file import robot_from
 from taskcal.robot.robot import Robot
@@ -16,21 +17,32 @@ _NUMBERS = ("alpha_deg", "a_mm", "d_mm", "theta_offset_deg")
 _OPTIONAL = ("theta_from_controller", "type", "lower_deg", "upper_deg")
 
 
-def describe_dh_table(path: str | Path, convention: Convention, name: str | None = None) -> dict[str, Any]:
+def describe_dh_table(
+    path: str | Path, convention: str, name: str | None = None, units: str | None = None
+) -> dict[str, Any]:
     """A robot file's content from a table: ``joint, alpha_deg, a_mm, d_mm, theta_offset_deg``.
+
+    Columns may be called otherwise, such as ``alpha [rad]``, ``r`` or ``theta``. Where a unit is not stated, it is told by the
+    size of the numbers, which the robot's ``source`` then says.
 
     Optional columns: ``theta_from_controller``, a linear expression in joint names such as -(J2+J3); ``type``,
     revolute or prismatic; ``lower_deg`` and ``upper_deg``, limits.
 
     Args:
         path: the CSV.
-        convention: ``dh`` for Rz(θ)·Tz(d)·Tx(a)·Rx(α), ``mdh`` for Rx(α)·Tx(a)·Rz(θ)·Tz(d).
+        convention: ``dh`` for Rz(θ)·Tz(d)·Tx(a)·Rx(α), ``mdh`` for Rx(α)·Tx(a)·Rz(θ)·Tz(d); in any letter case.
         name: the robot's name; the file's by default.
+        units: of columns that do not state theirs, such as ``m,rad``.
 
     Raises:
-        FileError: a column is missing or unknown, or a cell is not what its column holds, or is in another unit.
+        FileError: a column is missing or unknown, or a cell is not what its column holds, or is in another unit, or a unit is
+            neither stated nor told by size.
+        UnknownName: a convention that does not exist.
     """
-    columns = ColumnGroups(read_csv(path))
+    if convention.lower() not in get_args(Convention):
+        raise UnknownName("convention", convention, get_args(Convention), "of Denavit–Hartenberg tables")
+    table, told = in_own_terms(read_csv(path), units)
+    columns = ColumnGroups(table)
     joint_names = columns.texts("joint")
     numbers = {column: columns.numbers(column) for column in _NUMBERS}
     given = {column: columns.texts(column) for column in _OPTIONAL if column in columns}
@@ -46,7 +58,7 @@ def describe_dh_table(path: str | Path, convention: Convention, name: str | None
         joint: dict[str, Any] = {"name": f"J{text}" if text.isdigit() else text}
         if "type" in given and given["type"][i]:
             joint["type"] = given["type"][i]
-        joint[convention] = {key: float(numbers[key][i]) for key in ("alpha_deg", "a_mm", "d_mm")}
+        joint[convention.lower()] = {key: float(numbers[key][i]) for key in ("alpha_deg", "a_mm", "d_mm")}
         if numbers["theta_offset_deg"][i]:
             joint["offset_deg"] = float(numbers["theta_offset_deg"][i])
         if "theta_from_controller" in given and given["theta_from_controller"][i]:
@@ -55,7 +67,7 @@ def describe_dh_table(path: str | Path, convention: Convention, name: str | None
             joint["limits_deg"] = limits[i].tolist()
         joints.append(joint)
     path = columns.table.path
-    described = {"name": name or path.stem, "source": [f"imported from {path.name}"], "joint": joints}
+    described = {"name": name or path.stem, "source": [f"imported from {path.name}", *told], "joint": joints}
     try:
         robot_from(described)
     except TaskcalError as error:
@@ -63,6 +75,6 @@ def describe_dh_table(path: str | Path, convention: Convention, name: str | None
     return described
 
 
-def read_dh_table(path: str | Path, convention: Convention, name: str | None = None) -> Robot:
+def read_dh_table(path: str | Path, convention: str, name: str | None = None, units: str | None = None) -> Robot:
     """The robot of a Denavit–Hartenberg table; arguments and errors as `describe_dh_table`."""
-    return robot_from(describe_dh_table(path, convention, name))
+    return robot_from(describe_dh_table(path, convention, name, units))

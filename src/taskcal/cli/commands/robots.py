@@ -107,6 +107,20 @@ class DescriptionOptions:
         str | None,
         typer.Option("--base", metavar="LINK", help="Of a URDF: the link that is the base; its root by default."),
     ] = None
+    units: Annotated[
+        str | None,
+        typer.Option(
+            "--units",
+            metavar="UNITS",
+            help="Of a table whose columns do not state theirs: mm,deg or m,rad; else told by size.",
+        ),
+    ] = None
+    nominal: Annotated[
+        str | None,
+        typer.Option(
+            "--nominal", metavar="ROBOT", help="Of a UR's calibration.conf: the robot of its type, such as ur5e."
+        ),
+    ] = None
     name: Annotated[str | None, typer.Option("--name", help="Name of the robot; the file's by default.")] = None
 
 
@@ -119,8 +133,9 @@ def import_robot(
         typer.Argument(
             metavar="FILE",
             readable=False,
-            help="URDF (.urdf), xacro (.xacro), or a table (.csv) with the columns joint, alpha_deg, a_mm, d_mm, theta_offset_deg; "
-            "optionally theta_from_controller such as -(J2+J3), type, lower_deg and upper_deg.",
+            help="URDF (.urdf), xacro (.xacro), UR's kinematics (.yaml) or calibration.conf, or a table (.csv) with the columns "
+            "joint, alpha_deg, a_mm, d_mm, theta_offset_deg; optionally theta_from_controller such as -(J2+J3), type, lower_deg "
+            "and upper_deg.",
         ),
     ],
     output: Annotated[
@@ -129,10 +144,11 @@ def import_robot(
     reading: DescriptionOptions,
     out: OutputOptions,
 ) -> None:
-    """Make a robot file from a URDF or a Denavit–Hartenberg table."""
+    """Make a robot file from a URDF, a Denavit–Hartenberg table or a UR's calibration."""
     if output.suffix != ".toml":
         raise typer.BadParameter(f"'{output}' does not end in .toml, as robot files do", param_hint="--output")
     outputs = check_outputs("robots import", [("--output", output)], [source], force=out.force)
+    from taskcal.robot.catalogue import load_robot
     from taskcal.robot.description import describe_robot, robot_toml
 
     described = describe_robot(
@@ -141,11 +157,15 @@ def import_robot(
         tip=reading.tip,
         base=reading.base,
         name=reading.name,
+        units=reading.units,
+        nominal=None if reading.nominal is None else load_robot(reading.nominal),
     )
     outputs.write({output: robot_toml(described)})
     if out.as_json or context.obj:
         write_json({"robot": str(output), "name": described["name"], "joints": [j["name"] for j in described["joint"]]})
         return
+    for line in described["source"][1:]:
+        info(line)
     tell(f"wrote {output}: {described['name']}, {len(described['joint'])} joints")
     info(
         f"use it with --robot {output}; taskcal robots {output} shows it. Add limits, tool and tolerances to the file where "
