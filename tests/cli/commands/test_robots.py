@@ -161,3 +161,28 @@ def test_stated_weights_and_drives_are_shown(run: Run, tmp_path: Path) -> None:
     for words in ("gravity along 0 1 0 of the base", "payload 12.5 kg", "spring on J1", "1.2e+06 Nm/rad 121"):
         assert words in text
     assert "Weights and drives" not in run("robots", "ur5").out
+
+
+def test_a_tables_units_are_told_and_said(run: Run, tmp_path) -> None:
+    table = tmp_path / "arm.csv"
+    table.write_text("alpha,a,d,theta\n-1.5708,0.15,0.45,0\n0,0.6,0,-1.5708\n1.5708,0,0.64,0\n", encoding="utf-8")
+    ended = run("robots", "import", table, "--convention", "MDH", "-o", tmp_path / "arm.toml")
+    assert ended.status == 0
+    assert "a, d taken for m, by size" in ended.err
+    assert "alpha, theta taken for rad, by size" in ended.err
+
+
+def test_a_urdf_is_imported_with_its_tip(run: Run, tmp_path) -> None:
+    path = tmp_path / "two.urdf"
+    tips = "".join(
+        f'<link name="{tip}"/><joint name="f{tip}" type="fixed"><parent link="arm"/><child link="{tip}"/></joint>'
+        for tip in ("left", "right")
+    )
+    joint = '<joint name="j1" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>'
+    path.write_text(f'<robot name="two"><link name="base"/><link name="arm"/>{joint}{tips}</robot>', encoding="utf-8")
+    refused = run("robots", "import", path, "-o", tmp_path / "two.toml")
+    assert refused.status == 1
+    assert "several links that may be the tip: left, right" in refused.err
+    ended = run("robots", "import", path, "--tip", "right", "-o", tmp_path / "two.toml", "--json")
+    assert ended.status == 0
+    assert ended.json["joints"] == ["j1"]
