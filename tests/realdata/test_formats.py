@@ -58,4 +58,4 @@ def test_two_raw_files_are_a_campaign(data_folder):
     )
     assert len(campaign) == 26
     calibration = identify(ErrorModel(robot), campaign)
-    assert calibration.model_error < 0.3e-3
+    assert calibration.model_error[0] < 0.3e-3

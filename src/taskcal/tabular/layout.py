@@ -196,11 +196,12 @@ def _fitted(row: tuple[str, ...], width: int, *, padded: bool) -> tuple[str, ...
 
 def _no_table(sheet: Sheet, width: int, sound: int) -> FileError:
     """Text that happens to have some lines of numbers."""
-    line = " ".join(sheet.rows[0])
-    kind = "labelled text" if _LABEL.match(line) else "text"
+    lines = [" ".join(row) for row in sheet.rows[:10]]
+    at = next((k for k, line in enumerate(lines) if _LABEL.match(line)), None)
+    kind, line = ("text", lines[0]) if at is None else ("labelled text", lines[at])
     message = (
         f"is {kind}, not a table: only {sound} of {len(sheet.rows)} lines have {width} cells "
-        f"(line {sheet.lines[0]}: '{shown(line, 40)}'); "
+        f"(line {sheet.lines[at or 0]}: '{shown(line, 40)}'); "
         "give a table with a row for each measured pose"
     )
     return FileError(sheet.path, message)
