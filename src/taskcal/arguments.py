@@ -3,7 +3,8 @@
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from functools import wraps
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from types import NoneType, UnionType
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, get_args
 from warnings import warn
 
 from taskcal.errors import WrongKind, shown
@@ -16,21 +17,32 @@ R = TypeVar("R")
 Options = TypeVar("Options", bound="DataclassInstance")
 
 MADE_BY = {
+    "Bounds": "Bounds(shift=5e-3) is one",
     "Calibration": 'load_calibration("cal.json") loads one, identify(model, campaign) makes one',
     "Campaign": 'read_campaign("campaign.csv", robot) reads one',
+    "Cell": 'load_cell("cell.toml") loads one',
+    "Conditions": "a campaign has one, campaign.conditions",
+    "EffectSearch": "EffectSearch(field=True) is one",
     "ErrorModel": 'ErrorModel(load_robot("my-robot.toml")) is one; a calibration has one, calibration.model',
+    "FitOptions": 'FitOptions(keep=("J2", "J3")) is one',
+    "Frame": "Frame(name=…, T=…) is one",
+    "Hyperparameters": "known_hyperparameters(calibration) are",
     "Program": 'read_program("part.mod") reads one',
+    "Registration": "register(model, campaign) finds one",
     "Robot": 'load_robot("my-robot.toml") loads one',
+    "Squared": "Squared(), Huber(1.5) and Cauchy() are losses",
+    "Station": 'load_station("station.toml") loads one',
     "Task": 'load_task("task.toml") loads one',
+    "TrackerNoise": "TrackerNoise(mpe_to_sigma=0.577) is one",
 }
 """Of each kind, where one comes from."""
 
 
-def expect_kinds(kinds: Mapping[str, type], **arguments: object) -> None:
+def expect_kinds(kinds: Mapping[str, type | UnionType], **arguments: object) -> None:
     """See that arguments are what their names say.
 
     Args:
-        kinds: by name of the argument.
+        kinds: by name of the argument; a union such as ``Campaign | None`` where it may be left out.
         **arguments: by name.
 
     Raises:
@@ -40,7 +52,9 @@ def expect_kinds(kinds: Mapping[str, type], **arguments: object) -> None:
         kind = kinds[name]
         if not isinstance(value, kind):
             given = shown(repr(value)) if isinstance(value, str | int | float) else _with_article(type(value))
-            raise WrongKind(f"{name} is {given}, not {_with_article(kind)}: {MADE_BY[kind.__name__]}")
+            choices: list[type] = [choice for choice in _alternatives(kind) if choice is not NoneType]
+            right = " or ".join(_with_article(choice) for choice in choices)
+            raise WrongKind(f"{name} is {given}, not {right}: {MADE_BY[choices[0].__name__]}")
 
 
 def renamed_arguments(**renamed: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
@@ -82,6 +96,10 @@ def warn_renamed(former: str, present: str, *, stacklevel: int = 2) -> None:
         DeprecationWarning,
         stacklevel + 1,
     )
+
+
+def _alternatives(kind: type | UnionType) -> tuple[type, ...]:
+    return get_args(kind) if isinstance(kind, UnionType) else (kind,)
 
 
 def _with_article(kind: type) -> str:

@@ -7,7 +7,7 @@ from typing import TypedDict, Unpack
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.arguments import with_choices
+from taskcal.arguments import expect_kinds, with_choices
 from taskcal.errors import UnknownName
 from taskcal.estimation.experiment_design import CRITERIA, Criterion
 from taskcal.identification.calibration import Calibration
@@ -76,6 +76,20 @@ class PlanOptions:
     """Told what is being done."""
 
     def __post_init__(self) -> None:
+        expect_kinds(
+            {
+                "campaign": Campaign | None,
+                "calibration": Calibration | None,
+                "station": Station | None,
+                "registration": Registration | None,
+                "noise": TrackerNoise | None,
+            },
+            campaign=self.campaign,
+            calibration=self.calibration,
+            station=self.station,
+            registration=self.registration,
+            noise=self.noise,
+        )
         if self.campaign is not None and self.calibration is not None:
             raise ValueError("give the campaign or the calibration from it; together they would count it twice")
         if self.criterion not in CRITERIA:

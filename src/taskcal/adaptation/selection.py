@@ -143,7 +143,9 @@ def select(
         ReachError: the robot does not reach the task.
         CampaignError: the accuracy is below what even the full model is expected to reach, or too few rows.
     """
-    expect_kinds({"model": ErrorModel, "task": Task}, model=model, task=task)
+    expect_kinds(
+        {"model": ErrorModel, "task": Task, "campaign": Campaign | None}, model=model, task=task, campaign=campaign
+    )
     chosen = SelectionOptions.of(**options)
     reached = reach_task(model, task, chosen.count, chosen.seed)
     by, hyper = design_for(model, reached, task, campaign, chosen)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import TypedDict, Unpack
 
-from taskcal.arguments import with_choices
+from taskcal.arguments import expect_kinds, with_choices
 from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.measurement.tracker import TrackerNoise
 
@@ -37,6 +37,13 @@ class SelectionOptions:
     model_error: float | None = None
     """Standard deviation per axis of what the complete model does not explain, metres, without a campaign and hyperparameters;
     None for that of the robot's file, or of a typical robot (`model_error_of`)."""
+
+    def __post_init__(self) -> None:
+        expect_kinds(
+            {"noise": TrackerNoise | None, "hyperparameters": Hyperparameters | None},
+            noise=self.noise,
+            hyperparameters=self.hyperparameters,
+        )
 
     @classmethod
     def of(cls, **choices: Unpack[SelectionChoices]) -> "SelectionOptions":

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, TypedDict, Unpack
 
-from taskcal.arguments import with_choices
+from taskcal.arguments import expect_kinds, with_choices
 from taskcal.errors import UnknownName
 from taskcal.measurement.tracker import TrackerNoise
 
@@ -51,6 +51,7 @@ class StudyOptions:
     the robot's file, or of a typical robot (`model_error_of`)."""
 
     def __post_init__(self) -> None:
+        expect_kinds({"noise": TrackerNoise | None}, noise=self.noise)
         for kind in self.plans:
             if kind not in PLANS:
                 raise UnknownName("plan", kind, PLANS)

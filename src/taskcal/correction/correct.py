@@ -68,6 +68,7 @@ def correct(
             what was measured does not fit.
     """
     expect_kinds({"calibration": Calibration, "program": Program}, calibration=calibration, program=program)
+    expect_kinds({"cell": Cell | None, "bounds": Bounds | None}, cell=cell, bounds=bounds)
     cell, bounds, robot = cell or Cell(), bounds or Bounds(), calibration.model.robot
     if not program.moves:
         why = "".join(f"; {diagnostic}" for diagnostic in program.diagnostics[:MAX_REASONS])

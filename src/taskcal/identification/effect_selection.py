@@ -126,6 +126,7 @@ def select_effects(
         TaskcalError: effects are to be found by evidence, without a prior.
     """
     expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
+    expect_kinds({"search": EffectSearch | None, "options": FitOptions | None}, search=search, options=options)
     search, options = search or EffectSearch(), options or FitOptions()
     if search.effects is None and options.prior is None:
         raise TaskcalError(

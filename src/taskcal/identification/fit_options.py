@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, TypedDict, Unpack
 
-from taskcal.arguments import with_choices
+from taskcal.arguments import expect_kinds, with_choices
 from taskcal.estimation.loss import Loss, Squared
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.measurement.campaign import Campaign
@@ -82,6 +82,12 @@ class FitOptions:
             raise ValueError(f"keep is {self.keep!r}; give a list of names, or None for all parameters")
         if not (self.prior is None or self.prior == "tolerances" or isinstance(self.prior, GaussianPrior)):
             raise ValueError(f"prior is {self.prior!r}; give 'tolerances', None, or a GaussianPrior")
+        expect_kinds(
+            {"loss": Loss, "noise": TrackerNoise | None, "registration": Registration | None},
+            loss=self.loss,
+            noise=self.noise,
+            registration=self.registration,
+        )
         if self.frames not in ("fit", "fixed"):
             raise ValueError(f"frames is {self.frames!r}; give 'fit' or 'fixed'")
         if self.gross_errors not in ("leave out", "keep"):
@@ -110,7 +116,9 @@ class FitOptions:
         Raises:
             TypeError: an option that does not exist; the message names all.
         """
-        options = choices.pop("options", None) or cls()
+        options = choices.pop("options", None)
+        expect_kinds({"options": FitOptions | None}, options=options)
+        options = options or cls()
         keep = choices.get("keep")
         if keep is not None and not isinstance(keep, str):
             choices["keep"] = tuple(keep)

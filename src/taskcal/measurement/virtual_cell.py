@@ -87,6 +87,13 @@ class SimulationOptions:
     model_error: float = 0.0
     """Standard deviation per axis of what the model does not explain, metres; white, at every measured point."""
 
+    def __post_init__(self) -> None:
+        expect_kinds(
+            {"noise": TrackerNoise | None, "conditions": Conditions | None},
+            noise=self.noise,
+            conditions=self.conditions,
+        )
+
     @classmethod
     def of(cls, **choices: Unpack[SimulationChoices]) -> "SimulationOptions":
         """Options by keywords, those not named as in ``options``, or as by default.

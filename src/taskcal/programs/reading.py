@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from taskcal.arguments import expect_kinds
 from taskcal.errors import FileError, TaskcalError
 from taskcal.programs.languages import Surroundings, language_of
 from taskcal.programs.program import Frame, Program
@@ -24,6 +25,7 @@ def read_program(
         FileError: a file is missing, or is not a program; of a CSV: it cannot be read as a path.
         TaskcalError: no file, several languages, or a tool where the program says its own.
     """
+    expect_kinds({"robot": Robot | None, "tool": Frame | None, "part": Frame | None}, robot=robot, tool=tool, part=part)
     files = [Path(path) for path in paths]
     if not files:
         raise TaskcalError("no program was given; name its files")
