@@ -13,6 +13,7 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
+    "catalogue_table",
     "command_table",
     "effect_table",
     "layer_picture",

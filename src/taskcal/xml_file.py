@@ -98,7 +98,7 @@ class _Building:
     def end(self, tag: str) -> None:
         self.open.pop()
 
-    def refuse_document_type(self, name: str, system: str | None, public: str | None, internal: int) -> None:
+    def refuse_document_type(self, name: str, *_: object) -> None:
         raise FileError(
             self.path,
             f"declares a document type ({shown(name, 40)}), which Taskcal does not read: it may define entities without end; "

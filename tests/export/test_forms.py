@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
 
 from taskcal.errors import TaskcalError
-from taskcal.export.calibrated_chain import spread_poses
+from taskcal.export.calibrated_chain import CalibratedChain, spread_poses
 from taskcal.export.dh_form import export_dh
 from taskcal.export.ur_form import LINKS, export_ur_yaml
-from taskcal.export.urdf_form import export_urdf
+from taskcal.export.urdf_form import export_urdf, urdf_text
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.robot.catalogue import load_robot
@@ -17,6 +18,7 @@ from taskcal.robot.dh_table import read_dh_table
 from taskcal.robot.effects import Harmonics
 from taskcal.robot.error_model import ErrorModel
 from tests.laws.calibrations import calibrated
+from tests.laws.robots import cases
 from tests.laws.urdfs import Referee
 
 NAMES = ("ur5", "fanuc-r2000ic-165f", "kuka-kr16-2", "barrett-wam")
@@ -43,6 +45,30 @@ def test_a_urdf_predicts_the_same_here_and_in_pinocchio(name, calibrations, tmp_
     for row, T in zip(q, expected, strict=True):
         values = dict(zip(robot.joint_names, row, strict=True))
         np.testing.assert_allclose(referee.pose(values, "tool0"), T, rtol=0.0, atol=1e-10)
+
+
+def test_random_chains_come_back_from_their_urdf(tmp_path_factory):
+    """Couplings, ratios, reversed and sliding joints, and defects of a tenth."""
+
+    @settings(max_examples=25)
+    @given(cases())
+    def law(case):
+        chain = CalibratedChain.of_model(case.model, case.x, case.q)
+        np.testing.assert_allclose(chain.poses(case.q), case.model.poses(case.q, case.x), atol=1e-12)
+        path = tmp_path_factory.mktemp("urdf") / "robot.urdf"
+        path.write_text(urdf_text(chain), encoding="utf-8")
+        referee = Referee(path)
+        tip = referee.tree.links[-1]
+        for row, T in zip(case.q, case.model.poses(case.q, case.x), strict=True):
+            values = dict(zip(case.robot.joint_names, row, strict=True))
+            np.testing.assert_allclose(referee.pose(values, tip), T, rtol=0.0, atol=1e-9)
+        again = load_robot(path, tip=tip)
+        order = [case.robot.joint_names.index(name) for name in again.joint_names]
+        np.testing.assert_allclose(
+            ErrorModel(again).poses(case.q[:, order]), case.model.poses(case.q, case.x), atol=1e-9
+        )
+
+    law()
 
 
 @pytest.mark.parametrize("convention", ["dh", "mdh"])

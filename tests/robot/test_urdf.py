@@ -11,7 +11,7 @@ from taskcal.robot.description import robot_toml
 from taskcal.robot.effects import Harmonics
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
-from taskcal.robot.urdf import choose_tip, describe_tree, describe_urdf, read_urdf
+from taskcal.robot.urdf import choose_tip, describe_tree, describe_urdf
 from tests.laws.robots import generators
 from tests.laws.urdfs import Referee, random_urdf
 from tests.programs.fuzz import mutated
@@ -80,7 +80,7 @@ def test_a_written_robot_file_is_the_same_robot(tmp_path):
     again = load_robot(write(tmp_path, robot_toml(described), "arm.toml"))
     assert again.description == load_robot(path, tip="l6").description
     q = np.random.default_rng(0).normal(size=(4, len(again.joints)))
-    np.testing.assert_array_equal(ErrorModel(again).poses(q), ErrorModel(read_urdf(path, tip="l6")).poses(q))
+    np.testing.assert_array_equal(ErrorModel(again).poses(q), ErrorModel(load_robot(path, tip="l6")).poses(q))
 
 
 def test_names_limits_and_speeds_are_kept(tmp_path):

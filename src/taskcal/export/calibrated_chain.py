@@ -9,6 +9,7 @@ from taskcal.geometry import se3
 from taskcal.geometry.chain import ErrorFrame, Fixed, JointKind
 from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.inverse import closes
+from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
 SAMPLES = 400
@@ -42,8 +43,14 @@ class CalibratedChain:
     @classmethod
     def of(cls, calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> "CalibratedChain":
         """The chain of a calibration; of what effects and loops add at joint positions q, the mean goes into the joints' zeros."""
-        model = calibration.model
-        robot, x = model.robot, calibration.estimate
+        return cls.of_model(calibration.model, calibration.estimate, q)
+
+    @classmethod
+    def of_model(
+        cls, model: ErrorModel, x: Float[np.ndarray, " p"], q: Float[np.ndarray, "n joints"]
+    ) -> "CalibratedChain":
+        """The same of a model with parameter values x."""
+        robot = model.robot
         count = len(robot.joint_map.offset)
         frames = se3.error_transform(model.error_frames(x))
         names = [*robot.joint_names, *(joint.name for joint in robot.driven)]

@@ -11,7 +11,6 @@ from jaxtyping import Float
 from taskcal.errors import FileError, TaskcalError, UnknownName, shown
 from taskcal.geometry import se3
 from taskcal.robot.file import robot_from
-from taskcal.robot.robot import Robot
 from taskcal.robot.rotation_steps import steps_of
 from taskcal.robot.urdf_file import UrdfJoint, UrdfTree, read_urdf_tree
 
@@ -20,11 +19,6 @@ FLANGE = "tool0"
 
 RESERVED = ("tool", "base", "loop")
 """What Taskcal calls parameters that belong to no joint."""
-
-
-def read_urdf(path: str | Path, *, tip: str | None = None, base: str | None = None, name: str | None = None) -> Robot:
-    """The robot of a URDF file; arguments and errors as of `describe_urdf`."""
-    return robot_from(describe_urdf(path, tip=tip, base=base, name=name))
 
 
 def describe_urdf(
