@@ -26,13 +26,8 @@ MOST_SHOWN = 30
 """Rows that a terminal shows; a file holds all."""
 
 
-class Angles(StrEnum):
-    """How orientations are written."""
-
-    quaternion = "quaternion"
-    rpy = "rpy"
-    abc = "abc"
-    wpr = "wpr"
+Angles = StrEnum("Angles", ("quaternion", "rpy", "abc", "wpr"))
+"""How orientations are written."""
 
 
 @grouped
