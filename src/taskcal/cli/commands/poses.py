@@ -131,7 +131,7 @@ def _pose_cells(prefix: str, T: "np.ndarray", angles: Angles) -> tuple[list[str]
         names += ["qx", "qy", "qz", "qw"]
         values += [*se3.to_quaternion(T[:, :3, :3]).T]
     else:
-        form: AngleForm = next(form for form in ANGLES if form == angles.value)
+        form: AngleForm = next(form for form in ANGLES if form == str(angles))
         names += [f"{name}_deg" for name in ANGLES[form]]
         values += [*np.degrees(to_angles(form, T[:, :3, :3])).T]
     return [prefix + name for name in names], values
