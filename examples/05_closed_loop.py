@@ -22,8 +22,8 @@ print("error of the true cutter on the part, mm")
 for line, error in (("as programmed", run.before), ("touched off", run.touched_off), ("corrected", run.after)):
     rms = np.sqrt((error.length**2).mean())
     print(f"  {line:14} {error.length.max() * 1e3:.3f} at most, {rms * 1e3:.3f} rms")
-stated = run.correction.uncertainty[np.unique(run.before.move)].max()
-print(f"  {'stated':14} {stated * 1e3:.3f} rms")
+stated = run.correction.uncertainty[np.unique(run.after.move)]
+print(f"  {'stated':14} {np.sqrt((stated**2).mean()) * 1e3:.3f} rms")
 
 print("\nrelative to")
 for statement in run.correction.statements:

@@ -44,7 +44,7 @@ def touched_error(robot, moves, displaced):
             continue
         key = move.tool.name, move.part.name
         if key not in frames:
-            frames[key] = touch_off(robot, move, trajectory.end[i], placements[key], true_poses, MARKS)
+            frames[key] = touch_off(robot, move, trajectory.end[i], placements[key], true_poses, MARKS).T
         again.append(replace(move, part=replace(move.part, T=frames[key])))
     out = []
     for move, end, wanted in zip(moves, simulate_controller(robot, again).end, trajectory.segments.end, strict=True):

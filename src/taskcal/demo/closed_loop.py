@@ -2,14 +2,15 @@
 
 The controller takes its robot for nominal. The true robot bends, yields, errs in its gears, loses motion and grows
 (`true_robot`), and the fit is told nothing of it; three reflectors on the spindle are measured, the cutters are known by these
-reflectors, and the parts are measured by the tracker. What counts is the way of the true cutter on the true part: in the
-program as it was written, in the same program with its parts touched off by the robot, and in the corrected program.
+reflectors, and the robot touches the parts off with them. What counts is the path of the true cutter on the true part: in the
+program as it was written, in the same program with its parts touched off, and in that one corrected.
 """
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from pathlib import Path
+from typing import cast
 
 import joblib
 import numpy as np
@@ -22,17 +23,16 @@ from taskcal.correction.controller_trajectory import ControllerTrajectory, simul
 from taskcal.correction.correct import correct, piece_origins, wanted_segments
 from taskcal.correction.correction import Correction
 from taskcal.correction.placement import Placed, Placement
-from taskcal.correction.rigid_motion import fit_points
+from taskcal.demo.kept_fits import KeptFits
 from taskcal.demo.milling import ROWS, Milling, milling_program, with_part_frames
 from taskcal.demo.reference import reference_task
-from taskcal.demo.touch_off import touch_off
+from taskcal.demo.touch_off import TouchedPart, touch_off
 from taskcal.demo.true_robot import Sizes, TrueRobot, draw_true_robot
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.effect_selection import select_effects
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.station import Reflector, Station
-from taskcal.measurement.tracker import TrackerNoise
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.programs.program import Program
 from taskcal.programs.rapid.read import read_rapid
@@ -51,15 +51,12 @@ TOUCHED = 1e-5
 """Standard uncertainty with which reflectors and cutters are measured against each other, per axis, metres."""
 
 MARKS = np.array([[0.12, 0.1, 0.0], [-0.12, 0.1, 0.0], [-0.12, -0.1, 0.0], [0.12, -0.1, 0.0]])
-"""Where the tracker measures a part, and the robot touches it off, in its frame, metres."""
-
-MARKED = 2e-5
-"""Standard uncertainty of a part that is fitted to its marks, per axis, metres."""
+"""Where the robot touches a part off, in its frame, metres."""
 
 TOUCHED_PART = 2e-5
 """Standard uncertainty of the cutter's place on a mark that it touches, per axis, metres."""
 
-POSES = 60
+POSES, CANDIDATES = 60, 500
 
 
 @short_repr
@@ -78,7 +75,7 @@ class LoopRun:
     touched_off: Deviations
     """In the same program with the parts' frames touched off by the robot's own cutter."""
     after: Deviations
-    """In the corrected program."""
+    """In the corrected program, which was the touched-off one."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -98,6 +95,7 @@ def prepare_closed_loop(
     *,
     poses: int = POSES,
     rows: int = ROWS,
+    candidates: int = CANDIDATES,
     seed: int = 0,
     progress: Callable[[str], None] = lambda _: None,
 ) -> ClosedLoop:
@@ -107,6 +105,7 @@ def prepare_closed_loop(
         robot: an IRB 6660-205/1.9, whose reference workspace it is.
         poses: to measure.
         rows: that the milled surface is cut in.
+        candidates: poses from which those to measure are chosen.
         seed: of the plan.
         progress: told what is being done.
     """
@@ -124,7 +123,9 @@ def prepare_closed_loop(
     milling = milling_program(robot, task, rows)
     expected = _expected_model(robot)
     # the planned model has effects for what geometry leaves; no more is allowed for
-    chosen = plan(expected, task, poses, seed=seed, station=station, candidates=500, model_error=0.0, progress=progress)
+    chosen = plan(
+        expected, task, poses, seed=seed, station=station, candidates=candidates, model_error=0.0, progress=progress
+    )
     return ClosedLoop(robot=robot, milling=milling, program=read_rapid((milling.source,)), q=chosen.q, station=station)
 
 
@@ -153,14 +154,13 @@ def run_closed_loop(
     offsets = {name: np.array(p) + 2e-3 * rng.normal(size=3) for name, p in REFLECTORS.items()}
     T_tracker_base = se3.pose(se3.exp(0.01 * rng.normal(size=3)), np.zeros(3)) @ loop.station.T_tracker_base
     calibration = (fit or find_effects)(ErrorModel(loop.robot), _measure(loop, true, offsets, T_tracker_base, rng))
-    moves, trajectory, placements = (
-        loop.program.moves,
-        simulate_controller(loop.robot, loop.program.moves),
-        _true_placements(loop),
-    )
-    cell = _measure_cell(T_tracker_base, offsets, placements, rng)
-    correction = correct(calibration, loop.program, cell=cell)
-    touched = with_part_frames(loop.milling, _touched_frames(loop, trajectory, true, placements, rng))
+    moves, placements = loop.program.moves, _true_placements(loop)
+    trajectory = simulate_controller(loop.robot, moves)
+    parts = _touch_parts(loop, trajectory, true, placements, rng)
+    touched = with_part_frames(loop.milling, {name: part.T for name, part in parts.items()})
+    program = read_rapid((touched.source,))
+    cell = _measure_cell(program, offsets, placements, parts, rng)
+    correction = correct(calibration, program, cell=cell)
     placed = Placed(
         tool_in_base=lambda q, move, share: true.milled(q),
         placements=tuple(placements.values()),
@@ -180,13 +180,18 @@ def run_closed_loop(
         cell=cell,
         correction=correction,
         before=deviations(trajectory),
-        touched_off=deviations(simulate_controller(loop.robot, read_rapid((touched.source,)).moves)),
+        touched_off=deviations(simulate_controller(loop.robot, program.moves)),
         after=deviations(simulate_controller(loop.robot, correction.moves), piece_origins(correction.pieces)),
     )
 
 
 def run_closed_loops(
-    loop: ClosedLoop, seeds: Sequence[int], progress: Callable[[str], None] = lambda _: None, *, workers: int = -1
+    loop: ClosedLoop,
+    seeds: Sequence[int],
+    progress: Callable[[str], None] = lambda _: None,
+    *,
+    fits: Path | None = None,
+    workers: int = -1,
 ) -> list[LoopRun]:
     """Run one true robot for each seed, side by side.
 
@@ -194,11 +199,12 @@ def run_closed_loops(
         loop: what the robots have in common.
         seeds: of each robot's defects and measurements.
         progress: told how many are done, and how long the others will take.
+        fits: folder in which every robot's calibration is kept as soon as it is found, and taken from there in the next run.
         workers: processes; −1 for one per core.
     """
-    progress(f"robot 1 of {len(seeds)}: measured, its effects searched, corrected; a minute or two for each")
+    progress(f"robot 1 of {len(seeds)}: measured, its effects searched, corrected")
     begin = time.monotonic()
-    jobs = (joblib.delayed(run_closed_loop)(loop, seed) for seed in seeds)
+    jobs = (joblib.delayed(_run_keeping)(loop, seed, fits) for seed in seeds)
     done = cast(
         Iterator[LoopRun], joblib.Parallel(n_jobs=workers if len(seeds) > 1 else 1, return_as="generator")(jobs)
     )
@@ -208,6 +214,10 @@ def run_closed_loops(
         left = (time.monotonic() - begin) / len(runs) * (len(seeds) - len(runs)) / 60.0
         progress(f"{len(runs)} of {len(seeds)} robots measured, identified, corrected; about {left:.0f} min left")
     return runs
+
+
+def _run_keeping(loop: ClosedLoop, seed: int, fits: Path | None) -> LoopRun:
+    return run_closed_loop(loop, seed, fit=None if fits is None else KeptFits(folder=fits, fit=find_effects))
 
 
 def _expected_model(robot: Robot) -> ErrorModel:
@@ -241,78 +251,43 @@ def _true_placements(loop: ClosedLoop) -> dict[tuple[str, str], Placement]:
     return out
 
 
-def _touched_frames(
+def _touch_parts(
     loop: ClosedLoop,
     trajectory: ControllerTrajectory,
     true: TrueRobot,
     placements: Mapping[tuple[str, str], Placement],
     rng: np.random.Generator,
-) -> dict[str, Float[np.ndarray, "4 4"]]:
-    """The frames that the controller gives to the parts that are cut, touched before the milling begins."""
-    frames: dict[str, Float[np.ndarray, "4 4"]] = {}
+) -> dict[str, TouchedPart]:
+    """The parts that are cut, each touched with the cutter that cuts it, before the milling begins."""
+    parts: dict[str, TouchedPart] = {}
     for number, move in enumerate(loop.program.moves):
-        if move.kind != "axes" and move.part.name not in frames:
+        if move.kind != "axes" and move.part.name not in parts:
             marks = MARKS + TOUCHED_PART * rng.normal(size=MARKS.shape)
             placement = placements[move.tool.name, move.part.name]
-            frames[move.part.name] = touch_off(
-                loop.robot, move, trajectory.end[number], placement, true.touching, marks
-            )
-    return frames
+            parts[move.part.name] = touch_off(loop.robot, move, trajectory.end[number], placement, true.touching, marks)
+    return parts
 
 
 def _measure_cell(
-    T_tracker_base: Float[np.ndarray, "4 4"],
+    program: Program,
     offsets: Mapping[str, Float[np.ndarray, " 3"]],
     placements: Mapping[tuple[str, str], Placement],
+    parts: Mapping[str, TouchedPart],
     rng: np.random.Generator,
 ) -> Cell:
-    """Cutters measured against the reflectors, and parts measured by the tracker."""
-    noise = TrackerNoise()
+    """Cutters measured against the reflectors, and parts touched with them."""
     tools: dict[str, Measured] = {}
-    parts: dict[str, Measured] = {}
-    for (tool, part), placement in placements.items():
-        inward = se3.inverse(placement.T_tool_grasped)
-        reflectors = {name: se3.apply(inward, p) + TOUCHED * rng.normal(size=3) for name, p in offsets.items()}
-        tools[tool.casefold()] = Measured(name=tool, reflectors=reflectors, uncertainty=TOUCHED)
-        marks = se3.apply(T_tracker_base @ placement.T_base_fixed, MARKS)
-        seen = marks + (np.linalg.cholesky(noise.covariance(marks)) @ rng.normal(size=(len(marks), 3, 1)))[..., 0]
-        parts[part.casefold()] = Measured(name=part, in_tracker=fit_points(MARKS, seen)[0], uncertainty=MARKED)
-    return Cell(tools=tools, parts=parts)
-
-
-LINES: tuple[str, str, str] = "as programmed", "touched off", "corrected"
-"""What is told of every robot."""
-
-
-def errors_by_line(run: LoopRun) -> dict[str, Deviations]:
-    """Errors of the true cutter on the true parts, by what was done against them."""
-    return dict(zip(LINES, (run.before, run.touched_off, run.after), strict=True))
-
-
-def largest_errors(runs: Sequence[LoopRun]) -> dict[str, Float[np.ndarray, " runs"]]:
-    """The largest error of every robot in each line of `LINES`, and the ``stated`` uncertainty, metres."""
-    largest = {line: np.array([errors_by_line(run)[line].length.max() for run in runs]) for line in LINES}
-    return {**largest, "stated": np.array([stated_uncertainty(run) for run in runs])}
-
-
-def stated_uncertainty(run: LoopRun) -> float:
-    """Root mean square of the error that the calibration expects at the worst target, metres."""
-    return float(run.correction.uncertainty[np.unique(run.before.move)].max())
-
-
-def summarise_runs(runs: Sequence[LoopRun]) -> list[dict[str, Any]]:
-    """Largest and root-mean-square errors of every robot, millimetres, and the effects that were found."""
-    names = dict(zip(LINES, ("before", "touched_off", "after"), strict=True))
-    return [
-        {
-            **{f"{names[line]}_max_mm": float(e.length.max() * 1e3) for line, e in errors_by_line(run).items()},
-            **{
-                f"{names[line]}_rms_mm": float((e.length**2).mean() ** 0.5 * 1e3)
-                for line, e in errors_by_line(run).items()
-            },
-            "stated_mm": stated_uncertainty(run) * 1e3,
-            "effects": [effect.name for effect in run.calibration.model.effects],
-            "refused": float(len(run.correction.rejected)),
-        }
-        for run in runs
-    ]
+    touched: dict[str, Measured] = {}
+    for move in program.moves:
+        name, part = move.tool.name, move.part.name
+        if name.casefold() not in tools:
+            inward = se3.inverse(placements[name, part].T_tool_grasped)
+            reflectors = {r: se3.apply(inward, p) + TOUCHED * rng.normal(size=3) for r, p in offsets.items()}
+            tools[name.casefold()] = Measured(
+                name=name, reflectors=reflectors, controller=move.tool.T, uncertainty=TOUCHED
+            )
+        if part in parts and part.casefold() not in touched:
+            touched[part.casefold()] = Measured(
+                name=part, touched=parts[part].q, touched_with=name, uncertainty=TOUCHED_PART
+            )
+    return Cell(tools=tools, parts=touched)

@@ -10,6 +10,7 @@ from taskcal.identification.provenance import package_version
 
 NAMES = {
     "program": "Milling.mod",
+    "touched-off program": "Milling-touched-off.mod",
     "corrected program": "Milling-corrected.mod",
     "calibration for milling": "calibration-milling.json",
     "cell": "cell.toml",
@@ -36,6 +37,7 @@ def closed_loop_contents(
     first = runs[0]
     return {
         files["program"]: loop.milling.source.encode(),
+        files["touched-off program"]: first.correction.program.sources[0].encode(),
         files["corrected program"]: first.correction.sources[0].encode(),
         files["calibration for milling"]: first.calibration.to_text(),
         files["cell"]: cell_text(first.cell),

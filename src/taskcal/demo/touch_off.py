@@ -1,6 +1,7 @@
 """Touching off: the controller's frames of parts, set by the robot's own cutter at marks on them."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -20,6 +21,16 @@ ROUNDS = 4
 Poses = Callable[[np.ndarray], np.ndarray]
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TouchedPart:
+    """A part that the robot has touched."""
+
+    T: Float[np.ndarray, "4 4"]
+    """Its frame in the base, as the controller then has it."""
+    q: Float[np.ndarray, "marks joints"]
+    """Joint positions at its marks, in the order in which they were touched, radians."""
+
+
 def touch_off(
     robot: Robot,
     move: Move,
@@ -27,10 +38,10 @@ def touch_off(
     placement: Placement,
     true_poses: Poses,
     marks: Float[np.ndarray, "marks 3"],
-) -> Float[np.ndarray, "4 4"]:
-    """The part's frame that the controller makes of touching it with the cutter of a motion, jogged to each mark.
+) -> TouchedPart:
+    """Touch a part with the cutter of a motion, jogged to each mark, and set the controller's frame by it.
 
-    It is where the controller then believes the marks to be. What the robot's errors have in common there is so
+    The frame is where the controller then believes the marks to be. What the robot's errors have in common there is so
     removed from the program.
 
     Args:
@@ -54,4 +65,4 @@ def touch_off(
             raise TaskcalError(f"the robot does not reach the marks on '{move.part.name}'; move the workspace")
         q, reached = jogged.q, believed
         believed = believed + marks - placement.tool_in_part(true_poses(q))[:, :3, 3]
-    return move.part.T @ fit_points(marks, reached)[0]
+    return TouchedPart(T=move.part.T @ fit_points(marks, reached)[0], q=q)

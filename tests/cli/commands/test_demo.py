@@ -1,11 +1,13 @@
 """The demonstration: its page, its files, and what it prints where."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 import taskcal as tc
+from taskcal.demo.closed_loop import prepare_closed_loop
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.identify import identify
 from taskcal.measurement.campaign import Campaign
@@ -94,11 +96,13 @@ def test_too_few_poses_are_wrong_usage(run: Run, folder: Path) -> None:
 def test_the_closed_loop_leaves_a_corrected_program_that_can_be_made_again(
     run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With named effects, for the search takes minutes."""
+    """With named effects and a short program, for the search and the planning take minutes."""
 
     def named_effects(model: ErrorModel, campaign: Campaign) -> Calibration:
         return identify(model + SOFT + GEARS + WarmUp().referred(campaign.conditions), campaign)
 
+    small = partial(prepare_closed_loop, poses=40, rows=2, candidates=50)
+    monkeypatch.setattr("taskcal.demo.closed_loop.prepare_closed_loop", small)
     monkeypatch.setattr("taskcal.demo.closed_loop.find_effects", named_effects)
     ended = run("demo", "--full", "--robots", "1", "--count", "10", "--json", "-o", str(folder))
     assert ended.status == 0
@@ -107,7 +111,7 @@ def test_the_closed_loop_leaves_a_corrected_program_that_can_be_made_again(
     assert robot["effects"] == ["compliance (±3 mrad)", GEARS.name, "warming up in 60 min"]
     files = {label: Path(path) for label, path in ended.json["files"].items()}
     again = run(
-        "correct", "-c", files["calibration for milling"], "--cell", files["cell"], files["program"], "-o",
+        "correct", "-c", files["calibration for milling"], "--cell", files["cell"], files["touched-off program"], "-o",
         folder / "again.mod", "--json",
     )  # fmt: skip
     assert again.status == 0

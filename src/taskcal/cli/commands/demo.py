@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 HELD_OUT = 400
 
+KEPT = "robots"
+"""Folder, in that of the results, of the calibrations of the closed loop's robots: an interrupted run goes on with them."""
+
 Output = Annotated[
     Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the results; made if absent.")
 ]
@@ -50,7 +53,9 @@ def demo(
     With --full, the loop is closed on virtual robots that no model of the
     fit describes: planned measurements, the effects that they prove, a milling
     program corrected, and the way of the true cutter as programmed, with the
-    parts touched off, and corrected. --robots N runs fewer of them.
+    parts touched off, and corrected. --robots N runs fewer of them. What is
+    identified of each is kept in the folder robots: interrupted, the same
+    command with --force goes on where it was.
     """
     from taskcal.cli.output import console, working, write_json
     from taskcal.demo.procedure import run_procedure
@@ -109,7 +114,8 @@ def _close_the_loop(
 ) -> tuple[dict[str, Path], Any]:
     """Run virtual robots, write what comes of it, and print it where there is an `out`."""
     from taskcal.cli.output import working
-    from taskcal.demo.closed_loop import prepare_closed_loop, run_closed_loops, summarise_runs
+    from taskcal.demo.closed_loop import prepare_closed_loop, run_closed_loops
+    from taskcal.demo.closed_loop_errors import summarise_runs
     from taskcal.demo.closed_loop_files import closed_loop_contents, closed_loop_files
     from taskcal.demo.closed_loop_report import tabulate_closed_loop
     from taskcal.presentation.terminal import print_tables
@@ -117,11 +123,11 @@ def _close_the_loop(
     files = closed_loop_files(folder)
     command = (
         f"  {started_as()} correct --calibration {files['calibration for milling']} --cell {files['cell']} "
-        f"{files['program']} --dry-run"
+        f"{files['touched-off program']} --dry-run"
     )
     with working("the closed loop") as say:
         loop = prepare_closed_loop(robot, seed=seed, progress=say)
-        runs = run_closed_loops(loop, range(seed, seed + count), say)
+        runs = run_closed_loops(loop, range(seed, seed + count), say, fits=folder / KEPT)
         outputs.write(closed_loop_contents(loop, runs, files, next_steps=command))
     if out is not None:
         out.print()
