@@ -92,6 +92,12 @@ def test_names_limits_and_speeds_are_kept(tmp_path):
     np.testing.assert_allclose(ErrorModel(robot).poses(np.zeros((1, 2)))[0, :3, 3], [0.5, 0.0, 0.4], atol=1e-15)
 
 
+def test_limits_that_are_no_range_are_taken_for_none_and_said(tmp_path):
+    robot = load_robot(write(tmp_path, ARM.replace('lower="-1" upper="1"', 'lower="0" upper="0"')))
+    assert not np.isfinite(robot.limits[1]).any()
+    assert robot.source[1:] == ("limits of elbow are not a range, and taken for none",)
+
+
 def test_an_axis_that_points_backwards_turns_backwards(tmp_path):
     forward = ErrorModel(load_robot(write(tmp_path, ARM)))
     backward = ErrorModel(load_robot(write(tmp_path, ARM.replace("0 1 0", "0 -1 0"))))
@@ -120,7 +126,10 @@ def test_a_joint_that_mimics_another_of_the_chain_is_driven_by_it(tmp_path):
 def test_of_several_tips_the_one_to_name_is_asked_for(tmp_path):
     second = '<link name="left"/><joint name="m" type="fixed"><parent link="fore"/><child link="left"/></joint></robot>'
     path = write(tmp_path, ARM.replace("</robot>", second))
-    with pytest.raises(FileError, match=r"several links that may be the tip: hand, left; name one \(--tip hand\)"):
+    with pytest.raises(
+        FileError,
+        match=r"may be the tip: hand, left; name one, as in arm\.urdf#hand, or .* --tip hand",
+    ):
         load_robot(path)
     assert load_robot(path, tip="left").source[0].endswith("tip left")
     assert load_robot(f"{path}#left").description == load_robot(path, tip="left").description

@@ -21,7 +21,12 @@ class RobotOptions:
 
     robot: Annotated[
         str | None,
-        typer.Option("--robot", "-r", metavar="ROBOT", help="Name in the catalogue, or a file (.toml, .urdf, .xacro)."),
+        typer.Option(
+            "--robot",
+            "-r",
+            metavar="ROBOT",
+            help="Name in the catalogue, or a file: .toml, .urdf (or .urdf#TIP), .xacro.",
+        ),
     ] = None
     calibration: Annotated[
         Path | None,

@@ -7,7 +7,13 @@ from typing import Annotated
 import typer
 
 RobotOption = Annotated[
-    str, typer.Option("--robot", "-r", metavar="ROBOT", help="Name in the catalogue, or a file (.toml, .urdf, .xacro).")
+    str,
+    typer.Option(
+        "--robot",
+        "-r",
+        metavar="ROBOT",
+        help="Name in the catalogue, or a file: .toml, .urdf (or .urdf#TIP), .xacro.",
+    ),
 ]
 TaskOption = Annotated[Path, typer.Option("--task", "-t", metavar="TASK.toml", readable=False, help="Task file.")]
 CampaignArgument = Annotated[

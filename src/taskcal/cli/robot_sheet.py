@@ -26,6 +26,8 @@ def _notes(robot: Robot) -> list[str]:
         notes.append("coupled axes")
     if len(robot.joints) > 6:
         notes.append("redundant")
+    if robot.driven:
+        notes.append("joints driven by others")
     if any(robot.prismatic):
         notes.append("sliding joints")
     if robot.tool:
@@ -123,6 +125,8 @@ def _scaled(values: Iterable[float], scale: float) -> list[float]:
 
 def _part(part: Part) -> str:
     """An elementary part in words, such as ``Tx 300 (d2)`` or ``Rx −90°``."""
+    if part.driven is not None:
+        return f"{part.driven.name} (driven)"
     p = part.transform[:3, 3] * 1e3
     if p.any():
         axis = int(np.argmax(np.abs(p)))

@@ -55,7 +55,7 @@ def describe_tree(
     start, joints = _between(tree, begin, end)
     described: dict[str, Any] = {
         "name": name or re.sub(r"[^\w.+-]+", "-", tree.name).strip("-") or tree.path.stem,
-        "source": [f"imported from {tree.path.name}: base {begin}, tip {end}"],
+        "source": [f"imported from {tree.path.name}: base {begin}, tip {end}", *(j.remark for j in joints if j.remark)],
         **_Writer(tree, joints).written(start, end),
     }
     try:
@@ -86,9 +86,11 @@ def choose_tip(tree: UrdfTree) -> str:
     preferred = [leaf for leaf in longest if leaf == FLANGE] or [leaf for leaf in longest if leaf.endswith(FLANGE)]
     if len(longest) == 1 or len(preferred) == 1:
         return (preferred or longest)[0]
+    file, tip = shown(tree.path.name, 40), shown(longest[0], 40)
     raise FileError(
         tree.path,
-        f"has several links that may be the tip: {_listed(longest)}; name one (--tip {shown(longest[0], 40)})",
+        f"has several links that may be the tip: {_listed(longest)}; name one, as in {file}#{tip}, or to taskcal robots import by "
+        f"--tip {tip}",
     )
 
 

@@ -48,6 +48,8 @@ class UrdfJoint:
     speed: float | None
     """Radians or metres per second."""
     mimic: Mimic | None
+    remark: str
+    """What was made of unusual limits; empty where they are as usual."""
     line: int
 
     @property
@@ -205,6 +207,7 @@ def _joint(path: Path, element: Element) -> UrdfJoint:
         R = se3.rotation("z", yaw) @ se3.rotation("y", pitch) @ se3.rotation("x", roll)
         pose = se3.pose(R[:3, :3], np.array(_triple(path, origin, "xyz", (0.0, 0.0, 0.0))))
     limits, speed = _limits(path, element, name, sliding=kind == "prismatic")
+    bounded = kind in ("revolute", "prismatic") and element.first("limit") is not None
     return UrdfJoint(
         name=name,
         kind=cast(UrdfKind, kind),
@@ -214,6 +217,7 @@ def _joint(path: Path, element: Element) -> UrdfJoint:
         axis=_axis(path, axis, name) if kind != "fixed" else np.array([0.0, 0.0, 1.0]),
         limits=limits if kind in ("revolute", "prismatic") else None,
         speed=speed,
+        remark=f"limits of {name} are not a range, and taken for none" if bounded and limits is None else "",
         mimic=None
         if mimic is None
         else Mimic(

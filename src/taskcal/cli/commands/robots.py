@@ -70,7 +70,11 @@ def catalogue(context: typer.Context, as_json: JsonOption = False) -> None:
 def show(
     context: typer.Context,
     robot: Annotated[
-        str, typer.Argument(metavar="NAME_OR_FILE", help="Name in the catalogue, or a file (.toml, .urdf, .xacro).")
+        str,
+        typer.Argument(
+            metavar="NAME_OR_FILE",
+            help="Name in the catalogue, or a file: .toml, .urdf (or .urdf#TIP), .xacro.",
+        ),
     ],
     as_json: JsonOption = False,
 ) -> None:
