@@ -62,6 +62,7 @@ def test_random_chains_stand_where_pinocchio_puts_them(joints, tmp_path_factory)
     law()
 
 
+@pytest.mark.slow
 @pytest.mark.realdata
 def test_every_link_of_every_published_description_stands_where_pinocchio_puts_it(data_folder):
     paths = sorted((data_folder / "urdf").glob("*.urdf"))

@@ -30,7 +30,7 @@ def _notes(robot: Robot) -> list[str]:
         notes.append("joints driven by others")
     if any(robot.prismatic):
         notes.append("sliding joints")
-    if robot.tool:
+    if not np.allclose(robot.T_flange_tool, np.eye(4), atol=1e-12):
         notes.append("with a tool")
     if robot.published.source:
         notes.append("parameters published")
