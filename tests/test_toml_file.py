@@ -160,3 +160,15 @@ def test_a_size_that_vanishes_when_squared_is_refused():
     with pytest.raises(ValidationError) as caught:
         TaskFile.model_validate(put(sound, ("workspace", "axis"), [0.0, 1e-200, 0.0]))
     assert "workspace, axis: has no direction" in explain(caught.value)
+
+
+@pytest.mark.parametrize("value", [7, {"colour": "red"}, {"cone_deg": 500.0}])
+def test_a_wrong_entry_is_not_said_to_be_lacking_as_well(value):
+    sound = tomllib.loads(SOUND[TaskFile])
+    with pytest.raises(ValidationError) as caught:
+        TaskFile.model_validate(put(sound, ("workspace", "orientation", 0), value))
+    assert "workspace, orientation 1" in explain(caught.value)
+    assert "entries" not in explain(caught.value)
+    with pytest.raises(ValidationError) as caught:
+        TaskFile.model_validate(put(sound, ("workspace", "orientation"), []))
+    assert explain(caught.value) == "workspace, orientation: has no entries; give 1 or more"

@@ -104,9 +104,15 @@ def read_toml(path: Path, schema: type[Schema]) -> Schema:
 
 def explain(error: ValidationError) -> str:
     """The problems of a validation, as ``joint 3, steps 1: what is wrong``; three at most."""
-    problems = [_problem(dict(item)) for item in error.errors()[:SHOWN]]
-    more = error.error_count() - SHOWN
+    items = [item for item in map(dict, error.errors()) if not _is_long_enough(item)]
+    problems = [_problem(item) for item in items[:SHOWN]]
+    more = len(items) - SHOWN
     return "; ".join(problems) + (f"; and {more} more" if more > 0 else "")
+
+
+def _is_long_enough(item: dict[str, Any]) -> bool:
+    """Whether a list is called too short merely because the validator counts no entry that is wrong itself."""
+    return item["type"] == "too_short" and len(item["input"]) >= item["ctx"]["min_length"]
 
 
 def _problem(item: dict[str, Any]) -> str:

@@ -54,9 +54,10 @@ def alone(cell: Path, tmp_path_factory: pytest.TempPathFactory) -> Alone:
 def test_a_plan_is_better_than_random_poses_and_can_be_driven(
     run: Run, ask: list[object], cell: Path, tmp_path: Path
 ) -> None:
-    ended = run(*ask, "--task", cell / "task.toml", "--json")
+    ended = run(*ask, "--task", cell / "task.toml", "--model-error-mm", "0.02", "--json")
     assert (ended.status, ended.err) == (0, "")
     result = ended.json
+    assert (result["model_error_mm"], result["accuracy_mm"]) == pytest.approx((0.02, 0.1))
     assert 0.0 < result["expected_error_mm"] < 0.7 * result["random_expected_error_mm"]
     assert result["expected_error_mm"] < result["before_mm"]
     assert (result["count"], len(result["by_count_mm"]), result["criterion"]) == (12, 12, "task")
@@ -184,7 +185,10 @@ def test_plan_and_page_are_two_files(run: Run, ask: list[object], tmp_path: Path
         (("1711.0", "8711.0"), "does not reach the tool pose at x 8711"),
         (("[500.0, 700.0, 500.0]", "[0.0, 700.0, 500.0]"), "size_mm 1: must be 1e-06 or more (got 0.0)"),
         (("position_mm = 0.1", "position_mm = 0.00001"), "accuracy of 1e-05 mm is out of reach"),
-        (("quaternion", "quarternion"), "orientation 1, quaternion: is missing"),
+        (
+            ("quaternion", "quarternion"),
+            "bad.toml: workspace, orientation 1: 'quarternion' is not a known key; check its spelling\n",
+        ),
         (("[workspace]", "[workspace"), "is no TOML"),
     ],
 )
@@ -255,6 +259,7 @@ def test_campaigns_that_cannot_be_extended(run: Run, ask: list[object], cell: Pa
 
 def test_effects_are_planned_for_when_asked(run: Run, cell: Path, tmp_path: Path) -> None:
     common = ["--robot", IRB6660, "--task", cell / "list.toml", "--count", "20", "--candidates", "40", "--json"]
+    common += ["--model-error-mm", "0.02"]
     plain = run("plan", *common, "-o", tmp_path / "plain.csv")
     more = run("plan", *common, "-o", tmp_path / "more.csv", "--effects", "compliance,gain")
     assert plain.status == more.status == 0
