@@ -19,7 +19,7 @@ them, poses are solved all at once."""
 MAX_SWING_RAD = 0.3
 """Where a joint moves farther than this from stride to stride, radians, the posture is followed in shorter ones."""
 
-MAX_REPAIRED = 256
+MAX_REPAIRED = 2048
 """Poses that are solved one after another, at most, before a new stretch begins."""
 
 STRIDES_AHEAD = 64
