@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError, TaskcalError
-from taskcal.measurement.reader import Stated, read_campaign
+from taskcal.measurement.reader import ReadOptions, read_campaign
 from taskcal.measurement.readings import read_readings
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -89,7 +89,7 @@ def test_orientations_mean_the_same_in_every_form(tmp_path, case):
     q, T, _ = measured(4)
     rows = [[k, *np.degrees(q[k]), *T[k, :3, 3] * 1e3, *written(T[k, :3, :3])] for k in range(4)]
     campaign = read_campaign(
-        write(tmp_path, "a.txt", f"id {names} x_mm y_mm z_mm {columns}", rows), ROBOT, stated=Stated(**stated)
+        write(tmp_path, "a.txt", f"id {names} x_mm y_mm z_mm {columns}", rows), ROBOT, options=ReadOptions(**stated)
     )
     np.testing.assert_allclose(campaign.rotations, T[:, :3, :3], atol=1e-9)
 
@@ -146,7 +146,7 @@ def test_files_without_names_have_one_reading_or_are_asked_about(tmp_path):
     with pytest.raises(FileError, match=r"names no columns, and its 10 columns .* name them: --columns \"id J1"):
         read_campaign(path, ROBOT)
     columns = ("J1_deg", "J2_deg", "J3_deg", "J4_deg", "J5_deg", "J6_deg", "x_mm", "y_mm", "z_mm", "-")
-    named = read_campaign(path, ROBOT, stated=Stated(form=TableForm(columns=columns)))
+    named = read_campaign(path, ROBOT, options=ReadOptions(form=TableForm(columns=columns)))
     np.testing.assert_allclose(named.points, campaign.points)
 
 
@@ -184,7 +184,7 @@ def two_files(folder, ids, kept=None, joint_rows=None):
 )
 def test_joints_and_points_of_two_files_find_each_other(tmp_path, ids, kept, joint_rows, note):
     joints, points, q, p = two_files(tmp_path, ids, kept, joint_rows)
-    campaign = read_campaign(joints, ROBOT, stated=Stated(points=points))
+    campaign = read_campaign(joints, ROBOT, options=ReadOptions(points=points))
     assert note in campaign.notes[-1]
     for row in range(len(campaign)):
         k = int(np.argmin(np.abs(q - campaign.q[row]).max(axis=1)))
@@ -194,9 +194,9 @@ def test_joints_and_points_of_two_files_find_each_other(tmp_path, ids, kept, joi
 def test_rows_that_cannot_be_paired_are_refused(tmp_path):
     joints, points, _, _ = two_files(tmp_path, False, np.random.default_rng(0).permutation(40)[:30])
     with pytest.raises(FileError, match=r"p\.txt has 30 rows, j\.txt 40, .* give both files ids"):
-        read_campaign(joints, ROBOT, stated=Stated(points=points))
+        read_campaign(joints, ROBOT, options=ReadOptions(points=points))
     with pytest.raises(FileError, match="both files hold joints"):
-        read_campaign(joints, ROBOT, stated=Stated(points=joints))
+        read_campaign(joints, ROBOT, options=ReadOptions(points=joints))
 
 
 text = st.text(st.sampled_from("0123456789.,;:-+eE \t\n\"'#/[]()xyzqJA_m°dégrnai="), max_size=200)

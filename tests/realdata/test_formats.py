@@ -5,7 +5,7 @@ import pytest
 
 from taskcal.errors import FileError
 from taskcal.identification.identify import identify
-from taskcal.measurement.reader import Stated, read_campaign
+from taskcal.measurement.reader import ReadOptions, read_campaign
 from taskcal.measurement.readings import read_readings
 from taskcal.measurement.repeated_shots import average_shots
 from taskcal.robot.catalogue import load_robot
@@ -54,7 +54,7 @@ def test_two_raw_files_are_a_campaign(data_folder):
     formats = data_folder / "formats"
     robot = load_robot("ur5")
     campaign = read_campaign(
-        formats / "ur5_joints_rad_id.txt", robot, stated=Stated(points=formats / "leica_tscan_6d_log_crlf.txt")
+        formats / "ur5_joints_rad_id.txt", robot, options=ReadOptions(points=formats / "leica_tscan_6d_log_crlf.txt")
     )
     assert len(campaign) == 26
     calibration = identify(ErrorModel(robot), campaign)

@@ -15,7 +15,7 @@ def test_a_log_is_a_table_with_its_sections_as_ids():
         ("2", "2", "4", "5", "6e-1"),
     )
     assert sheet.lines == (2, 2, 5, 7)
-    assert sheet.notes == ("1 lines without Cnt, X, Y … are left out",)
+    assert sheet.notes == ("1 line without Cnt, X, Y … are left out",)
 
 
 def test_without_sections_there_are_no_ids():

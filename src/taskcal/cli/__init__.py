@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 
 from taskcal.cli.command import Command
 from taskcal.cli.commands import (
+    convert,
     correct,
     doctor,
     export,
@@ -36,8 +37,8 @@ from taskcal.cli.outputs import begin_account, interrupted
 from taskcal.errors import TaskcalError, shortened
 
 ORDER = (
-    "demo", "robots", "sensitivity", "select", "plan", "study", "simulate", "register", "identify", "validate", "performance",
-    "correct", "poses", "export", "report", "doctor", "warm",
+    "demo", "robots", "sensitivity", "select", "plan", "study", "simulate", "convert", "register", "identify", "validate",
+    "performance", "correct", "poses", "export", "report", "doctor", "warm",
 )  # fmt: skip
 """As the user needs them, from a robot to its report, and then what keeps the installation in order."""
 
@@ -142,6 +143,7 @@ app.command("select", cls=Command)(select.command)
 app.command("plan", cls=Command)(plan.command)
 app.command("study", cls=Command)(study.command)
 app.command("simulate", cls=Command)(simulate.command)
+app.command("convert", cls=Command)(convert.command)
 app.command("register", cls=Command)(register.command)
 app.command("identify", cls=Command)(identify.command)
 app.command("validate", cls=Command)(validate.command)

@@ -1,4 +1,4 @@
-"""What every command that reads a campaign lets the user say of it: rows, targets, reference points, drift."""
+"""What every command that reads a campaign lets the user say of it: its form, rows, targets, reference points, drift."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -9,6 +9,8 @@ import typer
 
 from taskcal.cli.drift import DriftChoice, compensate
 from taskcal.cli.options import split_names
+from taskcal.cli.output import info
+from taskcal.cli.table_options import TableOptions
 
 if TYPE_CHECKING:
     from taskcal.measurement.campaign import Campaign
@@ -33,13 +35,22 @@ class CampaignRead:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CampaignOptions:
+class CampaignOptions(TableOptions):
     """How a campaign is read.
 
     Raises:
         typer.BadParameter: a list has an empty name, or one that stands twice.
     """
 
+    points: Annotated[
+        Path | None,
+        typer.Option(
+            "--points",
+            metavar="FILE",
+            readable=False,
+            help="Another file with the points, where the campaign holds joints only.",
+        ),
+    ] = None
     rows: Annotated[
         str | None,
         typer.Option(
@@ -95,12 +106,18 @@ class CampaignOptions:
             CampaignError: it does not have such a row.
         """
         from taskcal.cli.rows import choose_rows
-        from taskcal.measurement.reader import read_campaign
+        from taskcal.measurement.reader import ReadOptions, read_campaign
 
         chosen = split_names(self.targets, "--targets") or targets
         whole = read_campaign(
-            path, robot, targets=chosen, reference_points=split_names(self.reference_points, "--reference-points")
+            path,
+            robot,
+            targets=chosen,
+            reference_points=split_names(self.reference_points, "--reference-points"),
+            options=ReadOptions(form=self.form, angles=self.angle_form, points=self.points),
         )
+        for note in whole.notes:
+            info(f"{path.name}: {note}")
         whole, drift = compensate(whole, self.drift, noise)
         rows = range(len(whole)) if self.rows is None else choose_rows(self.rows, len(whole), path)
         return CampaignRead(whole=whole, rows=tuple(rows), drift=drift)
@@ -133,4 +150,4 @@ class MeasuredOptions(CampaignOptions):
     @property
     def inputs(self) -> tuple[str | Path | None, ...]:
         """Files that are read."""
-        return self.campaign, self.rows
+        return self.campaign, self.points, self.rows

@@ -18,7 +18,7 @@ from taskcal.measurement.repeated_shots import average_shots
 from taskcal.measurement.rotation_columns import AngleForm
 from taskcal.measurement.rows_of_targets import side_by_side
 from taskcal.measurement.target_columns import MAX_TARGETS
-from taskcal.measurement.unit_inference import infer_units
+from taskcal.measurement.unit_inference import infer_length, infer_units
 from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.robot import Robot
@@ -28,7 +28,7 @@ _COUNT = re.compile(r"[0-9]{1,15}")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stated:
+class ReadOptions:
     """What a user states of a file of measurements that the file does not say; nothing by default."""
 
     form: TableForm = field(default_factory=TableForm)
@@ -46,7 +46,7 @@ def read_campaign(
     *,
     targets: Sequence[str] | None = None,
     reference_points: Sequence[str] | None = None,
-    stated: Stated | None = None,
+    options: ReadOptions | None = None,
 ) -> Campaign:
     """Read a campaign.
 
@@ -68,21 +68,30 @@ def read_campaign(
         robot: the robot that was measured.
         targets: the targets to read; all that are not reference points by default.
         reference_points: fixed points beside the robot; targets whose name begins with ``base`` by default.
-        stated: what the file does not say.
+        options: what is stated that the file does not say.
 
     Raises:
         FileError: with file, line, column, value and a remedy, for anything that cannot be read as a campaign; the first
             twenty faults.
     """
     expect_kinds({"robot": Robot}, robot=robot)
-    stated = stated or Stated()
-    readings = read_readings(path, robot, stated.form, stated.angles)
-    if stated.points is not None:
-        others = read_readings(stated.points, robot, replace(stated.form, columns=None), stated.angles)
+    return campaign_of(read_measurements(path, robot, options), robot, targets, reference_points)
+
+
+def read_measurements(path: str | Path, robot: Robot, options: ReadOptions | None = None) -> Readings:
+    """Read joints, points or both, one row for each pose, in radians and metres.
+
+    Raises:
+        FileError: as of `read_campaign`, but for joints or points that are lacking.
+    """
+    options = options or ReadOptions()
+    readings = read_readings(path, robot, options.form, options.angles)
+    if options.points is not None:
+        others = read_readings(options.points, robot, replace(options.form, columns=None), options.angles)
         readings = pair(_averaged(readings), _averaged(others), robot)
     if readings.targets_by_row is not None:
         readings = side_by_side(readings)
-    return campaign_of(_averaged(_with_units(readings, robot)), robot, targets, reference_points)
+    return _averaged(_with_units(readings, robot))
 
 
 def _averaged(readings: Readings) -> Readings:
@@ -95,8 +104,10 @@ def _with_units(readings: Readings, robot: Robot) -> Readings:
     Raises:
         FileError: a unit is stated nowhere and cannot be told.
     """
-    if (readings.joint_unit_stated and readings.length_unit_stated) or readings.q is None:
+    if readings.joint_unit_stated and readings.length_unit_stated:
         return readings
+    if readings.q is None:
+        return _with_length(readings, robot)
     points = next(iter(readings.points.values()), None)
     angle = "rad" if readings.joint_unit_stated else None
     length = "m" if readings.length_unit_stated else None
@@ -114,19 +125,29 @@ def _with_units(readings: Readings, robot: Robot) -> Readings:
         (unit,) = angles
         q = np.where(robot.prismatic, q, q * ANGLES[unit])
         notes.append(f"joints without a unit are read as {'degrees' if unit == 'deg' else 'radians'}, by their size")
-    scale = 1.0
-    if points is not None and not readings.length_unit_stated:
-        unit = fitting[0][1]
-        scale = LENGTHS[unit]
-        notes.append(f"positions without a unit are read in {unit}, by how far {robot.name} moved")
+    out = replace(readings, q=q, joint_unit_stated=True, notes=(*readings.notes, *notes))
+    if points is None or readings.length_unit_stated:
+        return out
+    unit = fitting[0][1]
+    return _scaled(out, unit, f"positions without a unit are read in {unit}, by how far {robot.name} moved")
+
+
+def _with_length(readings: Readings, robot: Robot) -> Readings:
+    """Points alone in metres, by the robot's reach."""
+    unit = infer_length(robot, next(iter(readings.points.values())))
+    if unit is None:
+        raise FileError(readings.path, _unit_of_points([("", "mm"), ("", "m")]), line=1, column="x")
+    return _scaled(readings, unit, f"positions without a unit are read in {unit}, by the reach of {robot.name}")
+
+
+def _scaled(readings: Readings, unit: str, note: str) -> Readings:
+    """Readings whose positions are in a unit, in metres."""
     return replace(
         readings,
-        q=q,
-        points={name: values * scale for name, values in readings.points.items()},
-        uncertainty={name: values * scale for name, values in readings.uncertainty.items()},
-        joint_unit_stated=True,
+        points={name: values * LENGTHS[unit] for name, values in readings.points.items()},
+        uncertainty={name: values * LENGTHS[unit] for name, values in readings.uncertainty.items()},
         length_unit_stated=True,
-        notes=(*readings.notes, *notes),
+        notes=(*readings.notes, note),
     )
 
 

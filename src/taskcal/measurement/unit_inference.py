@@ -18,6 +18,8 @@ _WINDOW = 1.8
 """Largest factor between the scatter of points and that of the flange, which a tool's length can explain over many poses. Inches,
 millimetres and metres lie further apart."""
 _MIN_POSES = 4
+_FARTHEST = 50.0
+"""Scatter of points that one instrument measures, metres, at most."""
 _FAR_BETTER = 0.2
 """Of two misfits: a nominal robot misses by hundredths of the points' scatter with the right units, by tenths with others."""
 
@@ -58,6 +60,22 @@ def infer_units(
             if flange > 0 and 1 / _WINDOW < measured * LENGTHS[other] / flange < _WINDOW
         ]
     return out if len(out) < 2 else _clearly_best(robot, q[seen], points[seen], out)
+
+
+def infer_length(robot: Robot, points: Float[np.ndarray, "n 3"]) -> str | None:
+    """Millimetres or metres, where only one of them spreads the points over a plausible part of the robot's reach, or of a hall.
+
+    Args:
+        robot: that reached them.
+        points: of unknown unit, NaN where a target was not seen.
+    """
+    seen = points[~np.isnan(points[:, 0])]
+    if len(seen) < 2:
+        return None
+    scatter = _scatter(seen)
+    reached = [unit for unit in ("mm", "m") if 0.01 < scatter * LENGTHS[unit] / robot.reach < 2.0]
+    measured = [unit for unit in ("mm", "m") if 1e-3 < scatter * LENGTHS[unit] < _FARTHEST]
+    return next((units[0] for units in (reached, measured) if len(units) == 1), None)
 
 
 def _clearly_best(

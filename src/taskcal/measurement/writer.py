@@ -10,6 +10,7 @@ from jaxtyping import Float
 from taskcal.files import write_whole
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.readings import Readings
 from taskcal.robot.robot import Robot
 
 
@@ -55,6 +56,33 @@ def campaign_text(campaign: Campaign, robot: Robot) -> str:
         more, moved = _joint_columns(campaign.move, robot, "_move")
         header, columns = header + more, columns + moved
     return _table(["id", *header], [list(campaign.ids), *columns])
+
+
+def readings_text(readings: Readings, robot: Robot) -> str:
+    """What was read of a file that holds joints only, or points only, as plain CSV: millimetres and degrees, lost beams empty.
+
+    Args:
+        readings: in radians and metres.
+        robot: whose joints they are.
+    """
+    header: list[str] = []
+    columns: list[list[str]] = []
+    if readings.q is not None:
+        header, columns = _joint_columns(readings.q, robot)
+    for name, points in readings.points.items():
+        prefix = "" if name == "tool" else f"{name}_"
+        for axis in range(3):
+            header.append(f"{prefix}{'xyz'[axis]}_mm")
+            columns.append(_texts(points[:, axis] * 1e3, 6))
+    for name, uncertainty in readings.uncertainty.items():
+        header.append(f"{name}_u_mm" if name else "u_mm")
+        columns.append(_texts(uncertainty * 1e3, 6))
+    if readings.rotations is not None and len(readings.points) == 1:
+        quaternion = se3.to_quaternion(readings.rotations)
+        header += ["qx", "qy", "qz", "qw"]
+        columns += [_texts(quaternion[:, k], 10) for k in range(4)]
+    ids = readings.ids or tuple(str(number) for number in range(1, len(readings) + 1))
+    return _table(["id", *header], [list(ids), *columns])
 
 
 def write_joints(path: str | Path, q: Float[np.ndarray, "n joints"], robot: Robot) -> None:

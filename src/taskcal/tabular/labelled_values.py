@@ -49,5 +49,7 @@ def parse_labelled_values(path: Path, text: str) -> Sheet:
     names = usual if not sectioned else ("id", *usual)
     if not sectioned:
         rows = [row[1:] for row in rows]
-    notes = (f"{strays} lines without {', '.join(usual[:3])} … are left out",) if strays else ()
+    notes = (
+        (f"{strays} line{'s' if strays > 1 else ''} without {', '.join(usual[:3])} … are left out",) if strays else ()
+    )
     return Sheet(path=path, rows=(names, *rows), lines=(lines[0], *lines), separator="=", notes=notes)

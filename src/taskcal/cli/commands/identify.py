@@ -114,7 +114,7 @@ def command(
             param_hint="--effects / --prior",
         )
     effects = search.named() if search.searching else []
-    inputs = [campaign, robot, reading.rows, fit.registration_file]
+    inputs = [campaign, robot, reading.points, reading.rows, fit.registration_file]
     outputs = check_outputs("identify", [("--output", output)], inputs, force=out.force)
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel

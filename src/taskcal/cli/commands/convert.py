@@ -1,0 +1,59 @@
+"""``taskcal convert``: what was understood of a file of measurements, as plain CSV."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from taskcal.cli.option_groups import grouped
+from taskcal.cli.options import ForceOption, RobotOption
+from taskcal.cli.output import info
+from taskcal.cli.outputs import check_outputs
+from taskcal.cli.table_options import TableOptions
+
+
+@grouped
+def command(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            readable=False,
+            help="Joints, points or both: text in columns, a workbook (.xlsx), or a log.",
+        ),
+    ],
+    robot: RobotOption,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="OUT.csv", readable=False, help="Write the CSV here.")
+    ],
+    points: Annotated[
+        Path | None,
+        typer.Option(
+            "--points",
+            metavar="FILE",
+            readable=False,
+            help="Another file with the points, where the first holds joints.",
+        ),
+    ] = None,
+    *,
+    table: TableOptions,
+    force: ForceOption = False,
+) -> None:
+    """Write a file of measurements as plain CSV: one row a pose, units in the names, shots of one pose averaged.
+
+    What the file did not say and was decided, and what was left out, is said in a line each.
+    """
+    outputs = check_outputs("convert", [("--output", output)], [file, points, robot], force=force)
+    from taskcal.measurement.reader import ReadOptions, campaign_of, read_measurements
+    from taskcal.measurement.writer import campaign_text, readings_text
+    from taskcal.robot.catalogue import load_robot
+
+    of = load_robot(robot)
+    readings = read_measurements(file, of, ReadOptions(form=table.form, angles=table.angle_form, points=points))
+    whole = readings.q is not None and readings.points and (readings.rotations is None or len(readings.points) == 1)
+    text = campaign_text(campaign_of(readings, of), of) if whole else readings_text(readings, of)
+    outputs.write({output: text})
+    for note in readings.notes:
+        info(note)
+    holding = " and ".join(filter(None, ["joints" if readings.q is not None else "", ", ".join(readings.points)]))
+    info(f"{output}: {len(readings)} poses with {holding or 'nothing'}")
