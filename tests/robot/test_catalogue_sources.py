@@ -71,6 +71,7 @@ REACH = {
     "abb-irb4600-60-2.05": 2050.0,
     "abb-irb6640-185-2.8": 2800.0,
     "abb-irb6700-235-2.65": 2650.0,
+    "comau-racer7-1.4": 1436.0,
     "fanuc-m20ia": 1811.0,
     "kawasaki-rs007n": 730.0,
     "motoman-gp12": 1440.0,
@@ -122,6 +123,7 @@ def test_the_catalogue_holds_the_makers_that_are_met_most():
     assert len(names) >= 25
     for maker in (
         "abb",
+        "comau",
         "kuka",
         "fanuc",
         "staubli",
