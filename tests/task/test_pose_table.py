@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from hypothesis import given
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError
@@ -7,6 +8,8 @@ from taskcal.tabular.column_groups import ColumnGroups
 from taskcal.tabular.csv_form import read_csv
 from taskcal.task.pose_table import read_tool_poses
 from taskcal.task.task import load_task
+from tests.laws.robots import generators
+from tests.programs.fuzz import mutated
 
 R = Rotation.from_euler("ZYX", [30.0, -20.0, 10.0], degrees=True)
 QUATERNION = ",".join(map(repr, R.as_quat().tolist()))
@@ -98,3 +101,15 @@ def test_a_direction_of_a_task_leaves_the_spin_free(tmp_path):
 def test_a_task_that_says_its_orientation_not_once_is_refused(turn, message, tmp_path):
     with pytest.raises(FileError, match=message):
         load(tmp_path, turn)
+
+
+@given(generators)
+def test_damaged_tables_are_read_or_refused(tmp_path_factory, rng):
+    path = tmp_path_factory.mktemp("poses") / "poses.csv"
+    text = "x_mm,y_mm,z_mm,a_deg,b_deg,c_deg\n100,200,300,30,-20,10\n110,210,310,40,-30,20\n"
+    path.write_bytes(mutated(rng, text.encode(), marks=b',;\n\t-.e09\xff\x00#"'))
+    try:
+        T = read_tool_poses(ColumnGroups(read_csv(path)))
+    except FileError:
+        return
+    np.testing.assert_allclose(np.linalg.det(T[:, :3, :3]), 1.0, atol=1e-9)
