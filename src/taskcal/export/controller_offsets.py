@@ -47,7 +47,8 @@ class ControllerOffsets:
     with_zeros: Remaining
     """With joint zeros as well."""
     uncertainty: float
-    """Of the calibrated robot at a new pose, rms in space, metres: what corrected programs are left with."""
+    """Of the first measured target at a new pose of the calibrated robot, model error included, rms in space, metres: what
+    corrected programs are left with where the tool is measured as well."""
     poses: int
 
     def to_json(self) -> dict[str, Any]:

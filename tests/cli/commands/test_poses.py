@@ -52,6 +52,10 @@ def test_a_calibration_says_how_far_off_the_nominal_robot_is(run: Run, joints, t
     np.testing.assert_allclose([row["dx_mm"], row["dy_mm"], row["dz_mm"]], moved, atol=1e-9)
     assert row["distance_mm"] == pytest.approx(np.linalg.norm(moved))
     assert row["u_mm"] > 0.0
+    shown = run("poses", "--calibration", tmp_path / "cal.json", joints)
+    assert "distance_mm" in shown.out
+    assert "nominal" not in shown.out
+    assert "--output" in shown.err
 
 
 def test_poses_out_of_reach_are_said(run: Run, tmp_path) -> None:

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 MOST_SHOWN = 30
 """Rows that a terminal shows; a file holds all."""
 
+MOST_COLUMNS = 14
+IN_A_TERMINAL = ("x_mm", "y_mm", "z_mm", "dx_mm", "dy_mm", "dz_mm", "distance_mm", "angle_mrad", "u_mm")
+"""Of a calibrated robot's poses, where all columns are more than a terminal has room for."""
+
 
 Angles = StrEnum("Angles", ("quaternion", "rpy", "abc", "wpr"))
 """How orientations are written."""
@@ -82,8 +86,11 @@ def command(
     if output is not None:
         tell(f"wrote {output}: {len(rows)} rows")
         return
-    shown = [(name, *(f"{value:.4f}" for value in row)) for name, row in zip(ids[:MOST_SHOWN], rows, strict=False)]
-    show_table(f"{model.robot.name}, tool in the base", ("id", *header), shown)
+    kept = [k for k in range(len(header)) if len(header) <= MOST_COLUMNS or header[k] in IN_A_TERMINAL]
+    shown = [(name, *(f"{row[k]:.4f}" for k in kept)) for name, row in zip(ids[:MOST_SHOWN], rows, strict=False)]
+    show_table(f"{model.robot.name}, tool in the base", ("id", *(header[k] for k in kept)), shown)
+    if len(kept) < len(header):
+        info("nominal poses and orientations are in the file (--output) and in --json")
     if len(rows) > MOST_SHOWN:
         info(f"{len(rows) - MOST_SHOWN} more rows; write them all with --output")
 
