@@ -295,10 +295,16 @@ def edited(source: Path, target: Path, row: int | None, column: str, cell: str) 
         (4, "J2_deg", "95", "bad.csv:6: J2 = 95.000° is outside -42 to 85°"),
         (4, "y_mm", "", "bad.csv:6: column 'y_mm': the cell is empty while its target's others are not"),
         (4, "id", "3", "bad.csv:6: column 'id': id '3' stands in line 5 already"),
-        (None, "J4_deg", "J7_deg", "bad.csv:1: has no column for joint J4"),
+        (None, "J4_deg", "J7_deg", f"bad.csv:1: 'J7_deg' is a joint that {IRB6660} does not have; it has 6"),
+        (None, "J4_deg", "elbow", "bad.csv:1: has no column for joint J4"),
         (None, "J4_deg", "J4", "bad.csv:1: column 'J4': the unit is not stated; name the column J4_deg"),
         (None, "z_mm", "depth", "bad.csv:1: has 'x_mm' but no column 'z_mm'"),
-        (None, "z_mm", "z_in", "positions are in millimetres; give z_mm"),
+        (
+            None,
+            "z_mm",
+            "z_in",
+            "bad.csv:1: the axes of one target have different units: x_mm in mm, y_mm in mm, z_in in in\n",
+        ),
     ],
 )
 def test_a_campaign_that_is_wrong(
@@ -337,7 +343,7 @@ def test_an_unknown_robot(run: Run, cell: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("campaign", "message"),
-    [("nowhere.csv", "No such file"), (".", "Is a directory"), ("binary.csv", "is not UTF-8 text")],
+    [("nowhere.csv", "No such file"), (".", "Is a directory"), ("binary.csv", "is a binary file; export it as CSV")],
 )
 def test_a_campaign_that_cannot_be_read(run: Run, tmp_path: Path, campaign: str, message: str) -> None:
     (tmp_path / "binary.csv").write_bytes(bytes(range(256)))
