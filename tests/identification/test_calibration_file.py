@@ -98,7 +98,7 @@ def test_a_saved_calibration_loads_to_the_last_bit(tmp_path, kind, options):
 
 def test_the_file_is_plain_json_that_names_format_version_units_and_parameters(saved):
     found, text = saved
-    data = json.loads(text, parse_constant=lambda constant: pytest.fail(f"{constant} is no JSON"))
+    data = json.loads(text, parse_constant=lambda constant: pytest.fail(f"{constant} is not JSON"))
     assert data["format"] == "taskcal-calibration"
     assert data["format_version"] == 3
     assert data["units"] == "metres and radians"

@@ -45,9 +45,9 @@ def read_truth(path: Path, model: ErrorModel) -> KnownTruth:
         FileError: it is missing, no truth, or that of another robot.
     """
     try:
-        data: Any = json.loads(read_text(path, otherwise="is no JSON; write one with taskcal simulate --truth"))
+        data: Any = json.loads(read_text(path, otherwise="is not JSON; write one with taskcal simulate --truth"))
     except (ValueError, RecursionError) as error:
-        raise FileError(path, f"is no JSON: {error}; write one with taskcal simulate --truth") from error
+        raise FileError(path, f"is not JSON: {error}; write one with taskcal simulate --truth") from error
     try:
         robot, defects = str(data["robot"]), {str(name): float(value) for name, value in data["x"].items()}
         base = np.asarray(data["T_tracker_base"], dtype=float)

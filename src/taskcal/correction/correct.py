@@ -70,9 +70,7 @@ def correct(
     expect_kinds({"calibration": Calibration, "program": Program}, calibration=calibration, program=program)
     expect_kinds({"cell": Cell | None, "bounds": Bounds | None}, cell=cell, bounds=bounds)
     cell, bounds, robot = cell or Cell(), bounds or Bounds(), calibration.model.robot
-    if not program.moves:
-        why = "".join(f"; {diagnostic}" for diagnostic in program.diagnostics[:MAX_REASONS])
-        raise TaskcalError(f"{program.sources[0].path} has no motion that could be resolved{why}")
+    _require_motion(program)
     progress("the joints of the nominal robot")
     program = with_spins(program, robot)
     moves = program.moves
@@ -128,6 +126,17 @@ def correct(
         statements=tuple(dict.fromkeys(frame.statement for frame in frames)),
         motion=motion,
     )
+
+
+def _require_motion(program: Program) -> None:
+    """See that a program has anything to correct.
+
+    Raises:
+        TaskcalError: none of its motions could be resolved; the message says why.
+    """
+    if not program.moves:
+        why = "".join(f"; {diagnostic}" for diagnostic in program.diagnostics[:MAX_REASONS])
+        raise TaskcalError(f"{program.sources[0].path} has no motion that could be resolved{why}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

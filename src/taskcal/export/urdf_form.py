@@ -1,5 +1,6 @@
 """A calibrated robot as URDF with absolute values, its joints at the controller's own."""
 
+from dataclasses import dataclass, replace
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -63,58 +64,66 @@ def urdf_text(chain: CalibratedChain) -> str:
     return "\n".join(lines) + "\n"
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _UrdfJoint:
+    """A joint of the file and the link that it moves."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: Float[np.ndarray, "4 4"]
+    sign: float = 1.0
+    mimic: str | None = None
+    """The element that says which joint it follows; None for a joint with a motor."""
+
+
 def _joint(
     lines: list[str], chain: CalibratedChain, joint: ChainJoint, parent: str, origin: Float[np.ndarray, "4 4"]
 ) -> str:
     """Write a joint and those that its coupling takes; returns the last link."""
     row, names = chain.matrix[joint.coordinate], chain.robot.joint_names
     own = joint.coordinate if joint.coordinate < len(names) else -1
+    plain = _UrdfJoint(name=joint.name, kind=joint.kind, parent=parent, child=f"{joint.name}_link", origin=origin)
     if own >= 0 and abs(row[own]) != 1.0:  # its motor stands beside the chain, which follows it with its ratio
-        _write(lines, chain, joint.name, joint.kind, "base_link", f"{joint.name}_motor", np.eye(4), 1.0, None)
+        motor = replace(plain, parent="base_link", child=f"{joint.name}_motor", origin=np.eye(4))
+        lines += _element(chain, motor)
         own = -1
     elif own >= 0:
-        _write(lines, chain, joint.name, joint.kind, parent, f"{joint.name}_link", origin, float(row[own]), None)
-        parent, origin = f"{joint.name}_link", np.eye(4)
+        lines += _element(chain, replace(plain, sign=float(row[own])))
+        parent, origin = plain.child, np.eye(4)
     for other in np.flatnonzero(row):
         if other == own:
             continue
         name = f"{joint.name}_with_{names[other]}"
         mimic = f'<mimic joint="{names[other]}" multiplier="{float(row[other])!r}" offset="0"/>'
-        _write(lines, chain, name, joint.kind, parent, f"{name}_link", origin, 1.0, mimic)
-        parent, origin = f"{name}_link", np.eye(4)
+        follower = replace(plain, name=name, parent=parent, child=f"{name}_link", origin=origin, mimic=mimic)
+        lines += _element(chain, follower)
+        parent, origin = follower.child, np.eye(4)
     return parent
 
 
-def _write(
-    lines: list[str],
-    chain: CalibratedChain,
-    name: str,
-    kind: str,
-    parent: str,
-    child: str,
-    origin: Float[np.ndarray, "4 4"],
-    sign: float,
-    mimic: str | None,
-) -> None:
+def _element(chain: CalibratedChain, joint: _UrdfJoint) -> list[str]:
+    """The lines of a joint and of its link."""
     low, high, speed = -np.inf, np.inf, np.inf
-    if mimic is None:
-        own = chain.robot.joints[chain.robot.joint_names.index(name)]
+    if joint.mimic is None:
+        own = chain.robot.joints[chain.robot.joint_names.index(joint.name)]
         (low, high), speed = own.limits, own.speed
     limited = bool(np.isfinite([low, high]).all())
-    if kind == "prismatic" and not limited:
+    if joint.kind == "prismatic" and not limited:
         low, high, limited = -ANYWHERE, ANYWHERE, True
-    kind = "continuous" if kind == "revolute" and not limited else kind
+    kind = "continuous" if joint.kind == "revolute" and not limited else joint.kind
     rate = speed if np.isfinite(speed) else 0.0
     bounds = f'lower="{low!r}" upper="{high!r}" ' if limited else ""
-    lines += [
-        f'  <link name="{child}"/>',
-        f'  <joint name="{name}" type="{kind}">',
-        f'    <parent link="{parent}"/>',
-        f'    <child link="{child}"/>',
-        f"    {_origin(origin)}",
-        f'    <axis xyz="0 0 {int(np.sign(sign))}"/>',
+    return [
+        f'  <link name="{joint.child}"/>',
+        f'  <joint name="{joint.name}" type="{kind}">',
+        f'    <parent link="{joint.parent}"/>',
+        f'    <child link="{joint.child}"/>',
+        f"    {_origin(joint.origin)}",
+        f'    <axis xyz="0 0 {int(np.sign(joint.sign))}"/>',
         f'    <limit {bounds}velocity="{float(rate)!r}" effort="0"/>',
-        *([f"    {mimic}"] if mimic else []),
+        *([f"    {joint.mimic}"] if joint.mimic else []),
         "  </joint>",
     ]
 

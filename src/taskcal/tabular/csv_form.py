@@ -36,7 +36,7 @@ def lay_out_file(path: str | Path, form: TableForm | None = None) -> Laid:
     points or commas; logs of labelled values (``X=1.0 Y=2.0``); motion capture as Motive exports it; workbooks (.xlsx).
 
     Raises:
-        FileError: the file is missing, is no table, or has no rows.
+        FileError: the file is missing, is not a table, or has no rows.
         UnknownName: a workbook has no such sheet.
     """
     path, form = Path(path), form or TableForm()
@@ -67,7 +67,7 @@ def read_csv(path: str | Path, form: TableForm | None = None) -> Table:
     """Read a table whose header names its columns.
 
     Raises:
-        FileError: the file is missing, is no table, names no columns, or two alike, or a line has more or fewer fields than
+        FileError: the file is missing, is not a table, names no columns, or two alike, or a line has more or fewer fields than
             the header.
     """
     return named_table(lay_out_file(path, form))

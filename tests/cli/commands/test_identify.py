@@ -1,9 +1,5 @@
 """taskcal identify."""
 
-import errno
-import json
-import os
-import re
 from pathlib import Path
 
 import numpy as np
@@ -144,75 +140,6 @@ def test_options_reach_the_fit(run: Run, cell: Path, tmp_path: Path) -> None:
     assert (options["loss"]["kind"], options["frames"]) == ("huber", "fixed")
 
 
-def shift(source: Path, target: Path, row: int, mm: float) -> None:
-    """Move a measured point along x."""
-    lines = source.read_text().splitlines()
-    column = lines[0].split(",").index("x_mm")
-    cells = lines[row + 1].split(",")
-    cells[column] = str(float(cells[column]) + mm)
-    lines[row + 1] = ",".join(cells)
-    target.write_text("\n".join(lines))
-
-
-def commented(path: Path, row: int) -> None:
-    """Two lines of comment before a row, so that its line follows from its row in no simple way."""
-    lines = path.read_text().splitlines()
-    path.write_text("\n".join([*lines[: row + 1], "# the tracker", "# was moved", *lines[row + 1 :]]))
-
-
-@pytest.mark.parametrize("choice", ["a gap", "held out at random"])
-def test_a_wrong_row_has_one_number_in_table_json_page_and_file(
-    run: Run, cell: Path, tmp_path: Path, choice: str
-) -> None:
-    """Row 33 of the campaign is in line 37 of its file, whichever rows are fitted."""
-    bad, cal, page = tmp_path / "bad.csv", tmp_path / "a.json", tmp_path / "page.html"
-    shift(cell / "one.csv", bad, 33, 5.0)
-    commented(bad, 12)
-    (tmp_path / "rows.txt").write_text("\n".join(str(row) for row in range(60) if not 5 <= row < 20))
-    # the seed is one with which row 33 is fitted, after rows that are not
-    chosen = ["--rows", tmp_path / "rows.txt"] if choice == "a gap" else ["--holdout", "0.2", "--seed", "0"]
-    left_out = identify(run, bad, tmp_path / "without.json", *chosen, "--json").json["left_out"]
-    assert [(row["row"], row["line"], row["id"]) for row in left_out] == [(33, 37, "33")]
-    options = [*chosen, "--loss", "cauchy", "--gross-errors", "keep"]
-    result = identify(run, bad, cal, *options, "--json").json
-    named = [(o["row"], o["line"], o["id"], o["target"]) for o in result["outliers"]]
-    assert named == [(33, 37, "33", "tool")]
-    assert result["outliers"][0]["residual_mm"] == pytest.approx(5.0, abs=0.5)
-    fitted = load_calibration(cal)
-    assert fitted.ids.index("33") < 33
-    assert [(o.row, o.line, o.id) for o in fitted.outliers] == [(33, 37, "33")]
-    text = identify(run, bad, cal, *options).out
-    assert re.search(r"^ *33 +37 +33 +tool ", text[text.index("Outliers") :], re.MULTILINE)
-    assert run("report", cal, "-o", page).status == 0
-    table = page.read_text(encoding="utf-8").split("Outliers, too far for chance")[1]
-    assert re.findall(r"<td[^>]*>([^<]*)</td>", table)[:4] == ["33", "37", "33", "tool"]
-
-
-@pytest.mark.parametrize("choice", ["a gap", "held out at random"])
-def test_a_row_that_cannot_be_right_is_named_as_the_file_has_it(
-    run: Run, cell: Path, tmp_path: Path, choice: str
-) -> None:
-    bad = tmp_path / "bad.csv"
-    shift(cell / "one.csv", bad, 33, 900.0)
-    commented(bad, 12)
-    (tmp_path / "rows.txt").write_text("\n".join(str(row) for row in range(60) if not 5 <= row < 20))
-    options = ["--rows", tmp_path / "rows.txt"] if choice == "a gap" else ["--holdout", "0.2", "--seed", "0"]
-    ended = identify(run, bad, tmp_path / "a.json", *options)
-    assert ended.status == 0
-    assert "left out: row 33 (id 33, line 37), 900." in " ".join(ended.err.split())
-    assert re.search(r"^ *33 +37 +33 +900\.", ended.out[ended.out.index("Rows that cannot be right") :], re.MULTILINE)
-
-
-def test_an_old_calibration_is_replaced_only_by_a_whole_new_one(run: Run, cell: Path, tmp_path: Path) -> None:
-    output = tmp_path / "cal.json"
-    output.write_text("the old one")
-    assert identify(run, cell / "one.csv", output, "--rows", "0:2", "--force").status == 1
-    assert output.read_text() == "the old one"
-    assert identify(run, cell / "one.csv", output, "--force").status == 0
-    assert json.loads(output.read_text())["format"] == "taskcal-calibration"
-    assert list(tmp_path.iterdir()) == [output]
-
-
 @pytest.mark.parametrize(
     "options",
     [
@@ -260,24 +187,6 @@ def test_what_the_data_cannot_give(run: Run, cell: Path, tmp_path: Path, options
     assert (ended.status, ended.out) == (1, "")
     assert ended.err.startswith("error: ")
     assert message in ended.err
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("0\n1\nthree\n", ":3: 'three' is not a row number"),
-        ("0\n60\n", ":2: row 60: "),
-        ("-1\n", ":1: '-1' is not a row number"),
-        ("5\n6\n5\n", ":3: row 5 stands in line 1 already"),
-        ("# nothing\n", ": names no row"),
-    ],
-)
-def test_a_file_of_rows_that_is_wrong(run: Run, cell: Path, tmp_path: Path, text: str, message: str) -> None:
-    rows = tmp_path / "rows.txt"
-    rows.write_text(text)
-    ended = identify(run, cell / "one.csv", tmp_path / "a.json", "--rows", rows)
-    assert ended.status == 1
-    assert f"{rows}{message}" in ended.err
 
 
 def edited(source: Path, target: Path, row: int | None, column: str, cell: str) -> None:
@@ -351,38 +260,6 @@ def test_a_campaign_that_cannot_be_read(run: Run, tmp_path: Path, campaign: str,
     assert ended.status == 1
     assert f"error: {tmp_path / campaign}: " in ended.err
     assert message in ended.err
-
-
-def test_where_nothing_can_be_written(run: Run, cell: Path, tmp_path: Path) -> None:
-    missing = identify(run, cell / "one.csv", tmp_path / "none" / "a.json")
-    folder = identify(run, cell / "one.csv", tmp_path)
-    itself = identify(run, cell / "one.csv", cell / "one.csv")
-    assert [ended.status for ended in (missing, folder, itself)] == [1, 1, 1]
-    assert "there is no folder" in missing.err
-    assert "it is a folder" in folder.err
-    assert "would overwrite what is read" in itself.err
-
-
-def test_a_folder_that_is_closed_to_us(run: Run, cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("os.access", lambda _, mode: mode != os.W_OK)
-    ended = identify(run, cell / "one.csv", tmp_path / "a.json")
-    assert ended.status == 1
-    assert "is not yours to write in" in ended.err
-
-
-def test_a_file_that_is_closed_to_us(run: Run, cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    opened = os.open
-
-    def refuse(path: Path, flags: int, *rest: int, **others: int) -> int:
-        if Path(path).name == "one.csv":
-            raise PermissionError(errno.EACCES, "Permission denied", str(path))
-        return opened(path, flags, *rest, **others)
-
-    monkeypatch.setattr("os.open", refuse)
-    monkeypatch.setattr("os.access", lambda _, mode: mode != os.R_OK)
-    ended = identify(run, cell / "one.csv", tmp_path / "a.json", robot="ur5")
-    assert ended.status == 1
-    assert "cannot be read: Permission denied" in ended.err
 
 
 def test_the_keyword_published_needs_a_publication(run: Run, cell: Path, tmp_path: Path) -> None:

@@ -105,7 +105,7 @@ def test_the_same_robot_measured_again(run: Run, cell: Path, tmp_path: Path) -> 
         (("abb-irb6660-205-1.9", "ur5"), "is the truth of ur5, not of abb-irb6660-205-1.9"),
         (('"J1.tx"', '"J1.tq"'), "differ in parameter 'J1.tq'"),
         (('"targets"', '"target"'), "holds no truth"),
-        (("{", "["), "is no JSON"),
+        (("{", "["), "is not JSON"),
     ],
 )
 def test_a_truth_that_is_none(run: Run, cell: Path, tmp_path: Path, change: tuple[str, str], said: str) -> None:
