@@ -1,0 +1,205 @@
+"""Which suppositions, singly or in pairs, make robot and campaign fit each other."""
+
+import itertools
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.diagnosis.frame_mistakes import frame_mistakes
+from taskcal.diagnosis.joint_mistakes import joint_mistakes
+from taskcal.diagnosis.quick_fit import LEVER_SHARE, ROUNDS, misfits
+from taskcal.diagnosis.robot_mistakes import robot_mistakes
+from taskcal.diagnosis.row_mistakes import row_mistakes
+from taskcal.diagnosis.supposition import Case, JointMap, Supposition, nominal_poses
+from taskcal.errors import CampaignError
+from taskcal.measurement.registration import register_closely
+
+PER_MISTAKE = 0.8
+"""Logarithm of the factor by which a mistake has to lower the error to be believed: 2.2."""
+
+OUTSIDE_LIMITS = 0.5
+"""Logarithm that rows outside the joint limits cost; decides where several suppositions leave the same error."""
+
+SMALLEST_ERROR = 2e-4
+"""Metres; nearer than that nothing is told apart."""
+
+TRIED_ROWS = 36
+"""Rows on which all suppositions are tried."""
+
+HELD_OUT_ROWS = 120
+"""Rows on which the best ones are compared."""
+
+COMPARED = 24
+"""How many are."""
+
+CLOSELY = 300
+"""Combinations of joint mistakes, of many, that are fitted robustly."""
+
+SOUND_SHARE = 4e-3
+"""Of the reach: a campaign that nominally fits as well is not looked at for pairs of mistakes."""
+
+MOST = 3
+"""Mistakes at a time."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Explanation:
+    """Suppositions that were undone together, and what is left."""
+
+    mistakes: tuple[Supposition, ...]
+    case: Case
+    """Without the mistakes."""
+    error: float
+    """Median distance on rows that were held out, metres."""
+    rank: float
+    """Logarithm of the error, and what the mistakes cost; the smallest is the best."""
+
+
+def explain_misfit(case: Case) -> list[Explanation]:
+    """Explanations of what a campaign is off by, the best first; without mistakes among them the campaign as it is."""
+    found = _compared(case, _tried(case, (), pairs=False))
+    if found[0].error > SOUND_SHARE * case.model.robot.reach:
+        found = _compared(case, _tried(case, (), pairs=True))
+    best = found[0]
+    if len(best.mistakes) == MOST - 1 and best.error > SOUND_SHARE * case.model.robot.reach:
+        more = [m for e in found[:3] if len(e.mistakes) == MOST - 1 for m in _tried(e.case, e.mistakes, pairs=False)]
+        found = sorted([*found, *_compared(case, more)], key=lambda e: e.rank)
+    return found
+
+
+def spread_rows(rows: int, wanted: int) -> Int[np.ndarray, " k"]:
+    """At most so many row numbers, spread over all."""
+    return np.unique(np.linspace(0, rows - 1, min(rows, wanted)).round().astype(int))
+
+
+Combination = tuple[Supposition, ...]
+
+
+def _tried(case: Case, already: Combination, *, pairs: bool) -> list[Combination]:
+    """The best combinations by a quick fit on some rows."""
+    joints = list(joint_mistakes(case))
+    robots = list(robot_mistakes(case)) if all(s.robot is None for s in already) else []
+    measured = [*frame_mistakes(case), *row_mistakes(case)]
+    groups: list[tuple[Combination, list[Combination]]] = [((), [(), *((s,) for s in joints)])]
+    others = [(s,) for s in (*robots, *measured)]
+    with_joints: list[Combination] = [(), *((s,) for s in joints)] if pairs else [()]
+    groups += [(other, with_joints) for other in others]
+    if pairs:
+        groups[0][1].extend(_joint_pairs(joints))
+        groups += [((a, b), [()]) for a, b in itertools.combinations((*robots, *measured), 2) if _together(a, b)]
+    scored: list[tuple[float, Combination]] = []
+    for rest, combinations in groups:
+        changed = case
+        for supposition in rest:
+            changed = supposition.undo(changed)
+        errors = _errors(changed, combinations)
+        for error, combination in zip(errors, combinations, strict=True):
+            whole = (*rest, *combination)
+            scored.append((_rank(float(error), (*already, *whole)), (*already, *whole)))
+    scored.sort(key=lambda item: item[0])
+    return [combination for _, combination in scored[:COMPARED]]
+
+
+def _joint_pairs(joints: Sequence[Supposition]) -> Iterable[Combination]:
+    for a, b in itertools.combinations(joints, 2):
+        if a.id == b.id and (a.subject == b.subject or a.id == "joint-order"):
+            continue
+        yield (a, b)
+        if "coupling" in (a.id, b.id) or "joint-order" in (a.id, b.id):
+            yield (b, a)
+
+
+def _together(a: Supposition, b: Supposition) -> bool:
+    """Whether both can be: not two robots, nor the same mistake twice."""
+    return a.id != b.id and (a.robot is None or b.robot is None)
+
+
+def _rank(error: float, mistakes: Combination) -> float:
+    return float(np.log(max(error, SMALLEST_ERROR))) + sum(PER_MISTAKE + s.cost for s in mistakes)
+
+
+def _errors(case: Case, combinations: Sequence[Combination]) -> Float[np.ndarray, " h"]:
+    """By the quick fit, for joints undone in several ways; of many ways the poor ones by a first round alone."""
+    if len(combinations) <= 2 * CLOSELY:
+        return _quick_errors(case, combinations)
+    out = _quick_errors(case, combinations, rounds=1)
+    best = np.argsort(out, kind="stable")[:CLOSELY]
+    out = out + out[best[-1]]
+    out[best] = _quick_errors(case, [combinations[i] for i in best])
+    return out
+
+
+def _quick_errors(case: Case, combinations: Sequence[Combination], rounds: int = ROUNDS) -> Float[np.ndarray, " h"]:
+    rows = spread_rows(len(case.campaign), TRIED_ROWS)
+    campaign = case.campaign.take(rows)
+    maps = [_composed(combination, campaign.q.shape[1]) for combination in combinations]
+    q = np.stack([m(campaign.q) for m in maps])
+    T = nominal_poses(case.model, q.reshape(-1, q.shape[2])).reshape(*q.shape[:2], 4, 4)
+    h = len(q)
+    rotations = None
+    if campaign.rotations is not None:
+        rotations = np.broadcast_to(campaign.rotations, (h, *campaign.rotations.shape))
+    points = np.broadcast_to(campaign.points, (h, *campaign.points.shape))
+    return misfits(T, points, rotations, LEVER_SHARE * case.model.robot.reach, rounds)
+
+
+def _composed(combination: Combination, joints: int) -> JointMap:
+    out = JointMap(matrix=np.eye(joints), shift=np.zeros(joints))
+    for supposition in combination:
+        assert supposition.joints is not None
+        out = supposition.joints.after(out)
+    return out
+
+
+def _compared(case: Case, combinations: Iterable[Combination]) -> list[Explanation]:
+    out: list[Explanation] = []
+    for combination in ((), *(c for c in combinations if c)):
+        changed = case
+        for supposition in combination:
+            changed = supposition.undo(changed)
+        error = held_out_error(changed)
+        outside = 1.0 - float(changed.robot.inside_limits(changed.campaign.q, slack=0.02).mean())
+        cost = OUTSIDE_LIMITS * min(1.0, 5.0 * outside)
+        out.append(Explanation(mistakes=combination, case=changed, error=error, rank=_rank(error, combination) + cost))
+    return sorted(out, key=lambda e: e.rank)
+
+
+def held_out_error(case: Case) -> float:
+    """Median distance of points from where the registration of the other half of the rows has them, metres."""
+    rows = spread_rows(len(case.campaign), HELD_OUT_ROWS)
+    T = case.poses(rows)
+    closes = np.isfinite(T[:, 0, 3]) & case.campaign.seen[rows]
+    if closes.mean() < 0.7 or closes.sum() < 6:
+        return float("inf")
+    rows, T = rows[closes], T[closes]
+    halves = np.array_split(np.random.default_rng(0).permutation(len(rows)), 2)
+    distance: list[np.ndarray] = []
+    for fitted, tested in (halves, halves[::-1]):
+        part = _trimmed_distances(case, rows, T, fitted, tested)
+        if part is None:
+            return float("inf")
+        distance.append(part)
+    return float(np.median(np.concatenate(distance)))
+
+
+def _trimmed_distances(
+    case: Case, rows: np.ndarray, T: np.ndarray, fitted: np.ndarray, tested: np.ndarray
+) -> Float[np.ndarray, " k"] | None:
+    campaign, chosen = case.campaign.take(rows), fitted
+    lever = LEVER_SHARE * case.model.robot.reach
+    out = None
+    for _ in range(3):
+        try:
+            registration = register_closely(campaign.take(chosen), T[chosen])
+        except (CampaignError, np.linalg.LinAlgError):
+            return out
+        ends = (registration.T_tracker_base @ T)[:, None] @ registration.T_tool_target
+        square = ((campaign.points - ends[..., :3, 3]) ** 2).sum(axis=2)
+        if campaign.rotations is not None:
+            square = square + lever**2 * 0.5 * ((ends[..., :3, :3] - campaign.rotations[:, None]) ** 2).sum(axis=(2, 3))
+        row = np.sqrt(np.nanmedian(square, axis=1))
+        out = row[tested]
+        chosen = fitted[np.argsort(row[fitted])[: int(np.ceil(0.75 * len(fitted)))]]
+    return out
