@@ -50,6 +50,7 @@ from . import adaptation as adaptation
 from . import analysis as analysis
 from . import correction as correction
 from . import demo as demo
+from . import diagnosis as diagnosis
 from . import effects as effects
 from . import errors as errors
 from . import estimation as estimation

@@ -1,1 +1,5 @@
 """What is wrong with a campaign: the usual mistakes, each undone and tried on held-out rows."""
+
+from taskcal.public_names import load_lazily
+
+__getattr__, __dir__, __all__ = load_lazily(__name__, __file__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from taskcal.diagnosis.linear_fit import LinearFit, frame_columns
 
-LEAST_GAIN = 40.0
+LEAST_GAIN = 25.0
 """Of twice the logarithm of the likelihood: what a robot leaves unexplained is not white, and follows the rows by chance."""
 
 LEAST_MEDIANS = 1.5

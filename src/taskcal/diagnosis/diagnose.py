@@ -289,8 +289,8 @@ def _unexplained(case: Case, given: Explanation, best: Explanation) -> Diagnosis
         name, fix = (
             "other-robot",
             (
-                f"neither {case.robot.name} nor a robot of the catalogue fits, with any usual mistake undone: check the lengths in the "
-                "robot file, or give the robot that was measured"
+                f"neither {case.robot.name} nor a robot of the catalogue fits, with any usual mistake undone: check the lengths "
+                "in the robot file, or give the robot that was measured"
             ),
         )
     finding = Finding(

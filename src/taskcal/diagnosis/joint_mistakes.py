@@ -99,7 +99,7 @@ def _orders(case: Case) -> Iterator[Supposition]:
         order = list(range(n))
         order[i], order[j] = j, i
         yield from _order(case, tuple(order), orders)
-    turned = [tuple(np.roll(np.arange(n), k)) for k in range(1, n)]
+    turned = [(*range(k, n), *range(k)) for k in range(1, n)]
     for order in (tuple(reversed(range(n))), *turned):
         yield from _order(case, order, orders)
     for i, k in itertools.combinations(range(n), 2):
@@ -112,7 +112,6 @@ def _orders(case: Case) -> Iterator[Supposition]:
 def _order(
     case: Case, order: tuple[int, ...], known: set[tuple[int, ...]], cost: float = 0.02
 ) -> Iterator[Supposition]:
-    order = tuple(int(k) for k in order)
     if order in known:
         return
     known.add(order)

@@ -1,7 +1,8 @@
 """Tracker frame and targets for many suppositions at once, and how far off the measurements are then.
 
 The closed form of `registration_start.closed_form`, by normal equations over a batch: M·y + m = p + R·o is linear in the
-unconstrained matrix M, the vector m and the offsets o. Concentration steps (Rousseeuw and Van Driessen 2006) keep the best three quarters.
+unconstrained matrix M, the vector m and the offsets o. Concentration steps (Rousseeuw and Van Driessen 2006) keep the best
+three quarters.
 """
 
 import numpy as np

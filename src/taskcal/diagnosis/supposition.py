@@ -68,7 +68,10 @@ class Supposition:
         if self.measured is not None:
             return replace(case, campaign=self.measured(case.campaign))
         assert self.joints is not None
-        return replace(case, campaign=replace(case.campaign, q=np.ascontiguousarray(self.joints(case.campaign.q))))
+        # how the wrong joints were approached says nothing of the right ones
+        conditions = replace(case.campaign.conditions, approach=None, move=None)
+        q = np.ascontiguousarray(self.joints(case.campaign.q))
+        return replace(case, campaign=replace(case.campaign, q=q, conditions=conditions))
 
 
 def open_limits(robot: Robot) -> Robot:

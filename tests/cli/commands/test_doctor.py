@@ -1,7 +1,16 @@
 """taskcal doctor."""
 
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
 import pytest
 
+from taskcal.measurement.reader import read_campaign
+from taskcal.measurement.virtual_cell import simulate
+from taskcal.measurement.writer import write_campaign
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
 from tests.cli.conftest import Run
 
 
@@ -19,3 +28,45 @@ def test_a_broken_one(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     assert ended.status == 1
     assert "BROKEN" in ended.out
     assert "install Taskcal again" in ended.out
+
+
+@pytest.fixture
+def reversed_j3(tmp_path: Path) -> Path:
+    """A campaign of a UR5 whose third joint has the other sign."""
+    robot, rng = load_robot("ur5"), np.random.default_rng(0)
+    q = rng.uniform(-1.2, 1.2, (40, 6))
+    sound = simulate(ErrorModel(robot), q, rng=rng, targets={"tool": np.array([0.05, 0.02, 0.1])})[0]
+    path = tmp_path / "reversed.csv"
+    write_campaign(path, replace(sound, q=sound.q * [1.0, 1.0, -1.0, 1.0, 1.0, 1.0]), robot)
+    return path
+
+
+def test_a_reversed_joint_is_found_and_mended(run: Run, reversed_j3: Path, tmp_path: Path) -> None:
+    mended = tmp_path / "mended.csv"
+    ended = run("doctor", reversed_j3, "--robot", "ur5", "--fix", mended, "--json")
+    assert ended.status == 0
+    first = ended.json["findings"][0]
+    assert (first["id"], first["subject"]) == ("joint-sign", ["J3"])
+    assert first["error_after_mm"] < 0.1 * first["error_before_mm"]
+    robot = load_robot("ur5")
+    given, right = (read_campaign(path, robot).q for path in (reversed_j3, mended))
+    np.testing.assert_allclose(right, given * [1.0, 1.0, -1.0, 1.0, 1.0, 1.0], atol=1e-9)
+    assert run("doctor", mended, "--robot", "ur5", "--json").json == {"findings": []}
+
+
+def test_the_refusal_of_a_fit_says_what_the_doctor_finds(run: Run, reversed_j3: Path, tmp_path: Path) -> None:
+    ended = run("identify", reversed_j3, "--robot", "ur5", "-o", tmp_path / "cal.json")
+    assert ended.status == 1
+    assert "taskcal doctor finds joint-sign of J3" in ended.err
+
+
+def test_options_of_a_campaign_want_one(run: Run) -> None:
+    ended = run("doctor", "--robot", "ur5")
+    assert ended.status == 2
+    assert "give the campaign as well" in ended.err
+
+
+def test_a_campaign_wants_its_robot(run: Run, reversed_j3: Path) -> None:
+    ended = run("doctor", reversed_j3)
+    assert ended.status == 2
+    assert "say which robot was measured" in ended.err

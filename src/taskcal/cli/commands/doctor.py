@@ -1,4 +1,4 @@
-"""``taskcal doctor``: whether everything that Taskcal needs is there."""
+"""``taskcal doctor``: what is wrong with a campaign, or whether everything that Taskcal needs is there."""
 
 import os
 import platform
@@ -6,11 +6,17 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from taskcal.cli.options import JsonOption
-from taskcal.cli.output import show_table, write_json
+from taskcal.cli.options import ForceOption, JsonOption
+from taskcal.cli.output import info, show_table, tell, write_json
+from taskcal.cli.outputs import check_outputs
+
+if TYPE_CHECKING:
+    from taskcal.diagnosis.diagnose import Diagnosis
 
 
 @dataclass(frozen=True)
@@ -22,8 +28,71 @@ class Check:
     found: str
 
 
-def command(as_json: JsonOption = False) -> None:
-    """Check the installation: versions, compiled kernels, threads, the robot catalogue."""
+def command(
+    campaign: Annotated[
+        Path | None,
+        typer.Argument(metavar="[CAMPAIGN.csv]", readable=False, help="Measurements that may be wrong."),
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", "-r", metavar="ROBOT", help="The campaign's: a name in the catalogue, or a file."),
+    ] = None,
+    fix: Annotated[
+        Path | None,
+        typer.Option("--fix", metavar="OUT.csv", readable=False, help="Write the campaign without its mistakes here."),
+    ] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Find what is wrong with a campaign; without one, check the installation.
+
+    Units, signs, zeros, couplings, the order of joints and rows, frames, poses, targets that slipped, drift, gross rows, the
+    robot: every usual mistake is undone, singly and in pairs, and judged on rows held out.
+    """
+    if campaign is None:
+        for option, given in (("--robot", robot), ("--fix", fix)):
+            if given is not None:
+                raise typer.BadParameter("give the campaign as well: taskcal doctor CAMPAIGN.csv", param_hint=option)
+        _check_installation(as_json)
+        return
+    if robot is None:
+        raise typer.BadParameter("say which robot was measured", param_hint="--robot")
+    outputs = check_outputs("doctor", [("--fix", fix)], [campaign, robot], force=force)
+    from taskcal.cli.diagnosis import diagnose_file
+    from taskcal.measurement.writer import campaign_text
+    from taskcal.robot.catalogue import load_robot
+
+    found = diagnose_file(campaign, load_robot(robot))
+    if fix is not None and len(found.findings) > len(found.unmended):
+        outputs.write({fix: campaign_text(found.campaign, found.robot)})
+    elif fix is not None:
+        info(f"{fix} is not written: there is nothing that another file would mend")
+    if as_json:
+        write_json({"findings": [finding.as_json() for finding in found.findings]})
+    else:
+        _show(found, campaign)
+
+
+def _show(found: "Diagnosis", campaign: Path) -> None:
+    if not found.findings:
+        tell(f"{campaign}: no mistake found")
+        return
+    rows = [
+        (
+            finding.id,
+            ", ".join(finding.subject[:6]) + (", …" if len(finding.subject) > 6 else ""),
+            f"{finding.error_before * 1e3:.2f}",
+            f"{finding.error_after * 1e3:.2f}",
+            f"{finding.confidence:.0%}",
+        )
+        for finding in found.findings
+    ]
+    show_table("", ("finding", "of", "before mm", "after mm", "sure"), rows, left=range(2))
+    for finding in found.findings:
+        tell(f"{finding.id}: {finding.fix}")
+
+
+def _check_installation(as_json: bool) -> None:
     checks = [_check(name, look) for name, look in _LOOKS.items()]
     healthy = all(check.ok for check in checks)
     if as_json:

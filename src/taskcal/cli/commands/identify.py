@@ -12,6 +12,7 @@ from taskcal.cli.option_groups import grouped
 from taskcal.cli.options import CampaignArgument, OutputOptions, RobotOption, SeedOption
 from taskcal.cli.output import info, working, write_json
 from taskcal.cli.outputs import check_outputs
+from taskcal.errors import CampaignError, FileError, FitError, TaskcalError
 
 if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from taskcal.measurement.campaign import Campaign
     from taskcal.robot.effects import Effect
     from taskcal.robot.error_model import ErrorModel
+    from taskcal.robot.robot import Robot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,19 +122,26 @@ def command(
     from taskcal.robot.error_model import ErrorModel
 
     model = ErrorModel(load_robot(robot), lengths_only=fit.lengths_only)
-    read = reading.read(campaign, model.robot, noise=fit.noise())
+    try:
+        read = reading.read(campaign, model.robot, noise=fit.noise())
+    except FileError as refusal:
+        raise _explained_refusal(refusal, campaign, model.robot) from refusal
     if fit.mpe_to_sigma is not None and read.whole.uncertainty is not None:
         info("--mpe-to-sigma has no effect: the campaign states its own uncertainties (u_mm)")
     fitted, held_out = holdout.divide(read)
     measured = read.whole.take(fitted)
     options = fit.options(model, measured)
-    if search.searching:
-        explanation = _explain(model, measured, effects, options, field=search.field, seed=holdout.seed)
-        calibration = explanation.calibration
-    else:
-        from taskcal.identification.identify import identify
+    explanation = None
+    try:
+        if search.searching:
+            explanation = _explain(model, measured, effects, options, field=search.field, seed=holdout.seed)
+            calibration = explanation.calibration
+        else:
+            from taskcal.identification.identify import identify
 
-        explanation, calibration = None, identify(model, measured, options=options)
+            calibration = identify(model, measured, options=options)
+    except (CampaignError, FitError) as refusal:
+        raise _explained_refusal(refusal, campaign, model.robot) from refusal
     for remark in calibration.remarks:
         info(remark)
     outputs.write({output: calibration.to_text()})
@@ -141,6 +150,13 @@ def command(
         write_json(result)
     else:
         _show(result, explanation)
+
+
+def _explained_refusal(refusal: TaskcalError, campaign: Path, robot: "Robot") -> TaskcalError:
+    """The refusal, and what the doctor finds."""
+    from taskcal.cli.diagnosis import with_first_finding
+
+    return TaskcalError(with_first_finding(refusal, campaign, robot))
 
 
 def _explain(

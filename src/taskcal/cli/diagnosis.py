@@ -1,0 +1,40 @@
+"""What is wrong with a campaign's file, for the doctor and behind refusals."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from taskcal.errors import TaskcalError
+
+if TYPE_CHECKING:
+    from taskcal.diagnosis.diagnose import Diagnosis
+    from taskcal.robot.robot import Robot
+
+
+def diagnose_file(path: Path, robot: "Robot") -> "Diagnosis":
+    """The diagnosis of a file, which may lie outside the robot's limits.
+
+    Raises:
+        FileError: it cannot be read as a campaign of so many joints.
+    """
+    from taskcal.diagnosis.diagnose import diagnose
+    from taskcal.diagnosis.supposition import open_limits
+    from taskcal.measurement.reader import read_campaign
+
+    return diagnose(read_campaign(path, open_limits(robot)), robot)
+
+
+def with_first_finding(refusal: TaskcalError, path: Path, robot: "Robot") -> str:
+    """A refusal's message, and what mends it if the doctor knows."""
+    message = str(refusal)
+    try:
+        findings = diagnose_file(path, robot).findings
+    except TaskcalError:
+        return message
+    if not findings:
+        return message
+    first = findings[0]
+    concerned = f" of {', '.join(first.subject[:6])}" if first.subject else ""
+    return (
+        f"{message}\ntaskcal doctor finds {first.id}{concerned} ({first.error_before * 1e3:.1f} mm off, then "
+        f"{first.error_after * 1e3:.1f} mm; {first.confidence:.0%} sure): {first.fix}"
+    )

@@ -1,0 +1,143 @@
+"""The doctor finds the mistakes that were put into campaigns of virtual robots, and none where there is none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.diagnosis.diagnose import diagnose
+from taskcal.diagnosis.finding import IDS
+from taskcal.identification.identify import identify
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.virtual_cell import simulate
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot import Robot
+from tests.diagnosis.mistakes import Mistake, every
+
+ROWS = 40
+TARGETS = {"a": np.array([0.05, 0.02, 0.1]), "b": np.array([-0.04, 0.06, 0.08]), "c": np.array([0.03, -0.07, 0.12])}
+
+
+def virtual(name: str, seed: int = 0, *, pose: bool = False, targets: int = 1, error: float = 3e-4) -> Campaign:
+    """Measured poses of a robot drawn from its tolerances, with what no geometry explains."""
+    robot, rng = load_robot(name), np.random.default_rng(seed)
+    middle = np.clip(robot.limits.mean(axis=1), -1.0, 1.0)
+    half = np.minimum(0.45 * np.ptp(robot.limits, axis=1), 1.2)
+    q = middle + rng.uniform(-1.0, 1.0, (40 * ROWS, len(middle))) * half
+    model = ErrorModel(robot)
+    q = q[robot.inside_limits(q)]
+    if robot.four_bar is not None:
+        q = q[robot.four_bar.closes(q, np.zeros(3))]
+    chosen = dict(list(TARGETS.items())[:targets])
+    return simulate(model, q[:ROWS], rng=rng, targets=chosen, pose=pose, model_error=error)[0]
+
+
+def of_id(name: str, campaign: Campaign, robot: Robot, said: str = "") -> Mistake:
+    return next(m for m in every(campaign, robot) if m.id == name and m.said.startswith(said))
+
+
+@pytest.mark.parametrize("name", ["ur5", "barrett-wam", "abb-irb6660-205-1.9"])
+def test_a_sound_campaign_has_no_findings(name):
+    assert diagnose(virtual(name, error=5e-4), load_robot(name)).findings == ()
+
+
+def test_a_sound_campaign_of_poses_has_no_findings():
+    assert diagnose(virtual("ur10", pose=True), load_robot("ur10")).findings == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "mistake", "said"),
+    [
+        ("abb-irb120", "joint-sign", "J3"),
+        ("ur5", "joint-zero", "J4 by 90"),
+        ("fanuc-r2000ic-165f", "coupling", "J3 +1"),
+        ("abb-irb6660-205-1.9", "joint-order", "J4 and J5"),
+        ("ur5", "joints-in-radians", ""),
+        ("abb-irb120", "points-in-metres", ""),
+        ("ur5", "left-handed", ""),
+        ("ur5", "rows-shifted", "+3"),
+        pytest.param("abb-irb120", "rows-shuffled", "", marks=pytest.mark.slow),
+        ("ur5", "drift", ""),
+        ("ur5", "gross-rows", "50"),
+        ("ur5", "duplicate-poses", ""),
+    ],
+)
+def test_a_mistake_is_the_first_finding(name, mistake, said):
+    robot = load_robot(name)
+    wrong = of_id(mistake, virtual(name), robot, said)
+    first = diagnose(wrong.campaign, robot).findings[0]
+    assert first.id == mistake
+    if mistake.startswith("joint-") and len(said):
+        assert first.subject[0] == said[:2]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mistake", ["target-swapped", "target-slipped"])
+def test_what_happens_to_one_of_several_targets_is_found_and_mended(mistake):
+    robot = load_robot("kuka-kr16-2")
+    sound = virtual("kuka-kr16-2", targets=3)
+    found = diagnose(of_id(mistake, sound, robot).campaign, robot)
+    assert found.findings[0].id == mistake
+    assert "a" in found.findings[0].subject
+    assert diagnose(found.campaign, robot).findings == ()
+
+
+@pytest.mark.parametrize("mistake", ["quaternion-order", "inverse-poses"])
+def test_mistakes_of_poses(mistake):
+    robot = load_robot("ur10")
+    wrong = of_id(mistake, virtual("ur10", pose=True), robot)
+    assert diagnose(wrong.campaign, robot).findings[0].id == mistake
+
+
+@pytest.mark.slow
+def test_two_mistakes_are_found_together_and_the_mended_campaign_fits():
+    robot = load_robot("abb-irb120")
+    sound = virtual("abb-irb120")
+    q = sound.q * np.array([1.0, -1.0, 1.0, 1.0, 1.0, 1.0]) + np.array([0.0, 0.0, 0.0, np.pi / 2, 0.0, 0.0])
+    found = diagnose(replace(sound, q=q), robot)
+    assert {(f.id, f.subject) for f in found.findings[:2]} == {("joint-sign", ("J2",)), ("joint-zero", ("J4",))}
+    np.testing.assert_allclose(found.campaign.q, sound.q, atol=1e-12)
+    assert identify(ErrorModel(robot), found.campaign).model_error[0] < 1e-3
+
+
+def test_another_robot_is_named():
+    findings = diagnose(virtual("ur10"), load_robot("ur5")).findings
+    assert findings[0].id == "other-robot"
+    assert findings[0].subject[0].startswith("ur10")
+
+
+def test_poses_in_one_corner_and_in_one_orientation_are_too_few():
+    robot = load_robot("ur5")
+    model, rng = ErrorModel(robot), np.random.default_rng(3)
+    middle = np.array([0.2, -1.2, 1.4, -1.0, -1.2, 0.4])
+    q = middle + rng.uniform(-0.05, 0.05, (ROWS, 6))
+    campaign = simulate(model, q, rng=rng, targets={"tool": TARGETS["a"]})[0]
+    assert {f.id for f in diagnose(campaign, robot).findings} == {"small-workspace", "few-orientations"}
+
+
+def test_findings_are_ranked_shares_of_known_mistakes_with_one_line_that_mends():
+    robot = load_robot("ur5")
+    for finding in diagnose(of_id("joint-sign", virtual("ur5"), robot, "J3").campaign, robot).findings:
+        assert finding.id in IDS
+        assert 0.0 < finding.confidence < 1.0
+        assert finding.error_after < finding.error_before
+        assert finding.fix
+        assert "\n" not in finding.fix
+        assert set(finding.as_json()) == {
+            "id", "subject", "error_before_mm", "error_after_mm", "confidence", "fix",
+        }  # fmt: skip
+
+
+@pytest.mark.long
+def test_nearly_every_mistake_on_virtual_robots():
+    right, told, total = 0, 0, 0
+    for seed, name in enumerate(["ur5", "abb-irb120", "kuka-kr16-2", "staubli-rx160", "franka-panda"]):
+        robot = load_robot(name)
+        sound = virtual(name, seed, targets=1 + 2 * (seed % 2))
+        assert diagnose(sound, robot).findings == ()
+        for mistake in every(sound, robot, seed):
+            ids = [f.id for f in diagnose(mistake.campaign, robot).findings]
+            total, right, told = total + 1, right + (ids[:1] == [mistake.id]), told + (mistake.id in ids[:3])
+    assert right >= 0.9 * total
+    assert told >= 0.95 * total
