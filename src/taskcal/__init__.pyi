@@ -13,6 +13,7 @@ from taskcal.correction.cell_file import load_cell as load_cell
 from taskcal.correction.correct import correct as correct
 from taskcal.correction.correction import Bounds as Bounds
 from taskcal.correction.correction import Correction as Correction
+from taskcal.diagnosis.diagnose import diagnose as diagnose
 from taskcal.errors import FileError as FileError
 from taskcal.errors import TaskcalError as TaskcalError
 from taskcal.estimation.loss import Huber as Huber
