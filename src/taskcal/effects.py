@@ -4,12 +4,14 @@ from taskcal.public_names import load_renamed
 from taskcal.robot.effects import GEARS as GEARS
 from taskcal.robot.effects import PERIODIC as PERIODIC
 from taskcal.robot.effects import SOFT as SOFT
+from taskcal.robot.effects import SPECTRUM as SPECTRUM
 from taskcal.robot.effects import Backlash as Backlash
 from taskcal.robot.effects import Compliance as Compliance
 from taskcal.robot.effects import Coupling as Coupling
 from taskcal.robot.effects import Effect as Effect
 from taskcal.robot.effects import EncoderGain as EncoderGain
 from taskcal.robot.effects import Harmonics as Harmonics
+from taskcal.robot.effects import JointField as JointField
 from taskcal.robot.effects import LinearTerm as LinearTerm
 from taskcal.robot.effects import MotorHarmonics as MotorHarmonics
 from taskcal.robot.effects import Overshoot as Overshoot

@@ -67,8 +67,8 @@ def test_ways_compete_where_the_campaign_has_them():
         candidates=candidates,
         folds=3,
     )
-    assert known.stages[1].reason.startswith("best of 4:")
-    assert [stage.name for stage in unknown.stages] == ["geometry", "encoder gain"]
+    assert {stage.name for stage in known.worths} == {effect.name for effect in candidates}
+    assert [stage.name for stage in unknown.stages] == ["geometry", "all effects", "encoder gain"]
 
 
 def test_without_conditions_a_model_with_backlash_is_the_model_without():

@@ -2,22 +2,22 @@
 
 import numpy as np
 import pytest
+from scipy.special import chdtri
 
-from taskcal.demo.procedure import SPREAD
-from taskcal.demo.reference import reference_task
 from taskcal.identification.calibration_file import load_calibration
-from taskcal.identification.effect_selection import MIN_EVIDENCE_GAIN, explain, with_field
+from taskcal.identification.effect_selection import explain, with_field
 from taskcal.identification.field import learn_field
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import draw_defects, simulate
+from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects import SOFT, Compliance, Coupling, EncoderGain, Harmonics, candidates
+from taskcal.robot.effects import SOFT, Backlash, Compliance, Coupling, EncoderGain, Harmonics, Overshoot, candidates
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
-from taskcal.task.task import reach_task
 
-CHEAP = [e for e in candidates(load_robot("abb-irb120"), Conditions()) if len(getattr(e, "orders", ())) < 3]
+CHEAP = (EncoderGain(), Harmonics(orders=(1,), tolerance=1e-4), Compliance(), Coupling())
+"""Few parameters, for tests that are not about those of many."""
 
 
 def poses(robot, rng, count):
@@ -30,63 +30,65 @@ def robot():
     return load_robot("abb-irb120")
 
 
+def errors_of(fits, truth, unseen):
+    return np.array([np.linalg.norm(fit.predict(unseen) - truth.points(unseen), axis=2).mean() for fit in fits])
+
+
 @pytest.mark.slow
-def test_geometry_alone_brings_no_effect_in(robot):
-    model, picked = ErrorModel(robot), 0
-    for seed in range(20):
+def test_where_there_is_no_effect_the_prediction_is_that_of_geometry(robot):
+    model, ratios, picked = ErrorModel(robot), [], 0
+    for seed in range(6):
         rng = np.random.default_rng(seed)
-        campaign, _ = simulate(model, poses(robot, rng, 60), rng=rng)
-        picked += bool(explain(model, campaign, candidates=CHEAP, folds=3).effects)
+        campaign, truth = simulate(model, poses(robot, rng, 60), rng=rng)
+        found = explain(model, campaign)
+        one, plain = errors_of((found.calibration, identify(model, campaign)), truth, poses(robot, rng, 100))
+        ratios.append(one / plain)
+        picked += bool(found.effects)
+    assert np.median(ratios) < 1.02
+    assert max(ratios) < 1.1
     assert picked <= 1
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("true", [Harmonics(orders=(1,)), EncoderGain(), Compliance()], ids=lambda e: type(e).__name__)
-def test_an_effect_that_the_data_prove_is_found_or_one_that_predicts_the_same(robot, true):
-    """In some draws geometry takes the effect up; what is then missed is no likelier than the proof that is asked for."""
-    model, errors, found_in = ErrorModel(robot), [], 0
-    threshold = MIN_EVIDENCE_GAIN
-    for seed in range(8):
+@pytest.mark.parametrize(
+    "true",
+    [Harmonics(orders=(1,)), EncoderGain(), Compliance(), Backlash(), Overshoot()],
+    ids=lambda e: type(e).__name__,
+)
+def test_an_effect_is_found_among_all_and_predicts_nearly_as_if_it_had_been_told(robot, true):
+    """What looking for all others costs is a few micrometres where nothing but the tracker errs besides."""
+    model, errors = ErrorModel(robot), []
+    for seed in range(3):
         rng = np.random.default_rng(seed)
         q, unseen = poses(robot, rng, 80), poses(robot, rng, 100)
-        campaign, truth = simulate(model + true, q, rng=rng)
-        found = explain(model, campaign, candidates=CHEAP, folds=3)
-        known, plain = identify(model + true, campaign), identify(model, campaign)
-        fits = found.calibration, known, plain
-        errors.append([np.linalg.norm(fit.predict(unseen) - truth.points(unseen), axis=2).mean() for fit in fits])
-        error, best, without = errors[-1]
-        found_in += bool(found.effects)
-        assert known.log_evidence - found.calibration.log_evidence < threshold
-        assert found.effects or known.log_evidence - plain.log_evidence < threshold
-        assert error <= 1.02 * without
-        assert error < 1.5 * best
+        conditions = conditions_in_order(robot, q)
+        campaign, truth = simulate(model + true, q, rng=rng, conditions=conditions)
+        found = explain(model, campaign)
+        fits = found.calibration, identify(model + true, campaign), identify(model, campaign)
+        errors.append(errors_of(fits, truth, unseen))
     error, best, without = np.mean(errors, axis=0)
-    assert found_in >= 7
-    assert error < 1.1 * best
-    assert error < 0.7 * without
+    assert error < 1.35 * best
+    assert error < best + 5e-6
+    assert error < 0.8 * without
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(
-    ("true", "fewest", "most"), [((), 0, 1), ((Harmonics(orders=(1,)),), 18, 20)], ids=["none", "one"]
-)
-def test_all_candidates_find_what_is_true_over_a_task_and_nothing_else(true, fewest, most):
-    """Twenty draws of the hundred that the documentation reports."""
-    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
-    truly, right, added = model, 0, 0
+@pytest.mark.slow
+@pytest.mark.parametrize("true", [(), (Harmonics(orders=(1, 2, 9)), EncoderGain())], ids=["none", "two"])
+def test_stated_regions_hold_as_often_as_they_say(robot, true):
+    """Over virtual robots, of the true points at new poses."""
+    model, inside = ErrorModel(robot), []
+    truly = model
     for effect in true:
         truly = truly + effect
-    for seed in range(20):
-        q = reach_task(model, reference_task(SPREAD), 60, seed=seed).q
-        unseen = reach_task(model, reference_task(SPREAD), 100, seed=100000 + seed).q
-        campaign, truth = simulate(truly, q, rng=np.random.default_rng(seed))
-        found, known = explain(model, campaign, folds=3), identify(truly, campaign)
-        added += bool(found.effects)
-        fits = found.calibration, known
-        error, best = (np.linalg.norm(fit.predict(unseen) - truth.points(unseen), axis=2).mean() for fit in fits)
-        right += bool(error <= 1.25 * best)
-    assert fewest <= added <= most
-    assert right >= 19
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        campaign, truth = simulate(truly, poses(robot, rng, 60), rng=rng)
+        found, unseen = explain(model, campaign).calibration, poses(robot, rng, 200)
+        error = (found.predict(unseen) - truth.points(unseen))[:, 0]
+        C = found.predict_covariance(unseen)[:, 0]
+        square = np.einsum("ni,ni->n", error, np.linalg.solve(C, error[..., None])[..., 0])
+        inside.append(np.mean(square < chdtri(3, 0.05)))
+    assert 0.92 < np.mean(inside) <= 1.0
 
 
 @pytest.mark.slow
@@ -100,7 +102,7 @@ def test_a_coupled_wrist_with_a_long_tool_is_found():
         x[-3:] = 1e-3, -5e-4, 1e-3
         campaign, _ = simulate(model + Coupling(), poses(long, rng, 60), rng=rng, x=x)
         found = explain(model, campaign, candidates=CHEAP, folds=3)
-        assert Coupling() in found.effects
+        assert found.effects == (Coupling(),)
         named = dict(zip(found.calibration.names, found.calibration.estimate, strict=True))
         assert named["J5.by_J4"] == pytest.approx(1e-3, abs=3e-4)
 
@@ -122,30 +124,32 @@ def test_candidates_suit_what_is_known_of_a_robot():
     )
 
 
-def test_a_model_has_each_effect_once(robot):
+def test_of_two_effects_with_the_same_parameters_the_likelier_takes_part(robot):
     model, rng = ErrorModel(robot), np.random.default_rng(2)
-    campaign, truth = simulate(model + SOFT, poses(robot, rng, 60), rng=rng)
-    found = explain(model + Harmonics(orders=(1,)), campaign, candidates=CHEAP, folds=3)
-    assert found.effects[0] == SOFT  # the narrow one would not stretch so far
-    assert not {Compliance(), Harmonics(orders=(1,))} & set(found.effects)
-    unseen = poses(robot, rng, 100)
-    error, plain = (
-        np.linalg.norm(fit.predict(unseen) - truth.points(unseen), axis=2).mean()
-        for fit in (found.calibration, identify(model, campaign))
-    )
-    assert error < 0.3 * plain
+    campaign, _ = simulate(model + SOFT, poses(robot, rng, 60), rng=rng)
+    one = Harmonics(orders=(1,))
+    found = explain(model + one, campaign, candidates=(*CHEAP, SOFT), folds=3)
+    names = found.calibration.model.names
+    assert len(names) == len(set(names))
+    assert not {Compliance(), SOFT} <= set(found.calibration.model.effects)
+    assert found.calibration.model.effects[0] == one
 
 
-def test_every_step_says_what_it_was_worth(robot):
+def test_the_table_says_what_all_effects_and_each_of_them_are_worth(robot):
     model, rng = ErrorModel(robot), np.random.default_rng(0)
     campaign, _ = simulate(model + Harmonics(orders=(1,)), poses(robot, rng, 80), rng=rng)
     found = explain(model, campaign, candidates=CHEAP, folds=4)
-    first, second = found.stages[:2]
+    first, whole = found.steps
     assert (first.name, first.accepted, first.log_evidence) == ("geometry", True, None)
-    assert second.accepted
-    assert second.log_evidence > 10
-    assert second.cross_validated < 0.6 * first.cross_validated
-    assert not found.stages[-1].accepted or len(found.effects) == len(CHEAP)
+    assert whole.accepted
+    assert whole.log_evidence > 10
+    assert whole.worth == pytest.approx(first.cross_validated - whole.cross_validated)
+    assert {stage.name for stage in found.worths} == {effect.name for effect in CHEAP}
+    assert [stage.accepted for stage in found.worths] == [True, False, False, False]
+    assert found.worths[0].name == "gear harmonics of order 1"
+    assert found.worths[0].worth == pytest.approx(found.worths[0].cross_validated - whole.cross_validated)
+    assert [effect.name for effect in found.effects] == ["gear harmonics of order 1"]
+    assert found.calibration.model.effects == CHEAP
     assert 5e-6 < found.tracker < 5e-5
 
 

@@ -40,7 +40,7 @@ def report(
     return {
         "robot": calibration.model.robot.name,
         "effects": [effect.to_json() for effect in calibration.model.effects],
-        "field": calibration.field is not None,
+        "field": calibration.field is not None or any(effect.key == "field" for effect in calibration.model.effects),
         "rows": len(chosen),
         "fitted": validate(calibration, measured.take(fitted)).summary(),
         "held_out": validate(calibration, rest).summary() if rest is not None and predictable else None,

@@ -12,12 +12,15 @@ import typer
 from taskcal.cli.options import split_names
 from taskcal.cli.output import info, show_facts, show_table
 from taskcal.errors import TaskcalError
-from taskcal.identification.explanation import Explanation
+from taskcal.identification.explanation import Explanation, Stage
 from taskcal.measurement.campaign import Campaign
 from taskcal.robot.effects import Effect, parse_effect
 
 STRONGEST = 12
 """How many harmonics are shown."""
+
+MOST_NAMED = 3
+"""Effects that are named as those worth most."""
 
 REPEATED = 4
 """How many parameters that geometry nearly repeats are named."""
@@ -61,24 +64,29 @@ def refer_to(campaign: Campaign, effects: list[Effect] | None) -> list[Effect] |
 
 
 def show_explanation(found: Explanation) -> None:
-    """Print what each step was worth, and whether it was taken."""
-    rows = [
-        (
-            stage.name,
-            str(stage.parameters),
-            f"{stage.cross_validated * 1e3:.4f}",
-            f"{stage.standard_error * 1e3:.4f}",
-            "yes" if stage.accepted else "no",
-            stage.reason,
-        )
-        for stage in found.stages
-    ]
+    """Print what each step was worth, and what each effect is among all others."""
     header = ("beside what is above", "parameters", "left mm", "± 1σ mm", "taken", "because")
-    show_table("What explains the measurements: mean error in space on rows left out", header, rows, left=(0, 4, 5))
+    title = "What explains the measurements: mean error in space on rows left out"
+    show_table(title, header, [_row(stage, stage.cross_validated) for stage in found.steps], left=(0, 4, 5))
+    if found.worths:
+        header = ("effect among all others", "parameters", "worth mm", "± 1σ mm", "proven", "because")
+        title = "What each effect is worth: how far that error rises without it"
+        show_table(title, header, [_row(stage, stage.worth or 0.0) for stage in found.worths], left=(0, 4, 5))
     facts = [("explained", _sentence(found))]
     if found.collinearities:
         facts.append(("hardly told apart", _collinear(found)))
     show_facts(facts)
+
+
+def _row(stage: Stage, metres: float) -> tuple[str, ...]:
+    return (
+        stage.name,
+        str(stage.parameters),
+        f"{metres * 1e3:.4f}",
+        f"{stage.standard_error * 1e3:.4f}",
+        "yes" if stage.accepted else "no",
+        stage.reason,
+    )
 
 
 def collinearities_json(found: Explanation) -> list[dict[str, Any]]:
@@ -111,23 +119,27 @@ def _percent(share: float) -> str:
 
 
 def _sentence(found: Explanation) -> str:
-    first, *others = (stage for stage in found.stages if stage.accepted)
+    first, *others = found.steps
     steps = [f"geometry leaves {first.cross_validated * 1e3:.4f} mm"]
-    steps += [f"{stage.name} takes it to {stage.cross_validated * 1e3:.4f} mm" for stage in others]
-    refused = [stage.name for stage in found.stages if not stage.accepted]
-    if refused:
-        steps.append(f"{' and '.join(refused)} not proven")
+    for stage in others:
+        left = f"{stage.cross_validated * 1e3:.4f} mm"
+        steps.append(
+            f"{stage.name} takes it to {left}" if stage.accepted else f"{stage.name} would leave {left}, not taken"
+        )
+    most = [stage.name for stage in found.worths if stage.accepted][:MOST_NAMED]
+    if most:
+        steps.append(f"most of it by {' and '.join(most)}")
     return f"{', '.join(steps)}; the tracker alone would leave {found.tracker * 1e3:.4f} mm"
 
 
-def strongest_harmonics(parameters: Sequence[Mapping[str, Any]]) -> list[tuple[str, int, float, float]]:
+def strongest_harmonics(parameters: Sequence[Mapping[str, Any]]) -> list[tuple[str, float, float, float]]:
     """Joint, order, amplitude and its standard error, mrad, of the largest among cosines and sines; largest first."""
-    parts: dict[tuple[str, int], list[Mapping[str, Any]]] = defaultdict(list)
+    parts: dict[tuple[str, float], list[Mapping[str, Any]]] = defaultdict(list)
     for parameter in parameters:
         match = _SHAPE.match(parameter["name"])
         if match is not None:
-            parts[match[1], int(match[2])].append(parameter)
-    found: list[tuple[str, int, float, float]] = []
+            parts[match[1], float(match[2])].append(parameter)
+    found: list[tuple[str, float, float, float]] = []
     for (joint, order), (a, b) in ((key, pair) for key, pair in parts.items() if len(pair) == 2):
         x, y = a["estimate_mrad"], b["estimate_mrad"]
         size = (x**2 + y**2) ** 0.5
@@ -137,7 +149,7 @@ def strongest_harmonics(parameters: Sequence[Mapping[str, Any]]) -> list[tuple[s
     return sorted(found, key=lambda row: -row[2])
 
 
-_SHAPE = re.compile(r"(.+)\.(?:cos|sin)(\d+)$")
+_SHAPE = re.compile(r"(.+)\.(?:cos|sin)(\d+(?:\.\d+)?)$")
 
 
 def is_harmonic(name: str) -> bool:

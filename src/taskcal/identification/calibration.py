@@ -15,7 +15,7 @@ from taskcal.files import write_whole
 from taskcal.geometry import se3, walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
 from taskcal.geometry.covariance_propagation import propagate
-from taskcal.geometry.observations import Observations
+from taskcal.geometry.observations import Observations, Points
 from taskcal.identification.calibration_content import describe_calibration
 from taskcal.identification.field import ResidualField
 from taskcal.identification.outlier import LeftOut, Outlier
@@ -56,6 +56,9 @@ class Calibration:
     """Names of the rows that were fitted."""
     model_error: tuple[float, ...]
     """Standard deviation of what geometry does not explain: metres per axis (and radians, for poses)."""
+    joint_error: tuple[float, ...] = ()
+    """Standard deviation of how far every joint stands off at a single pose, radians (metres where it slides); empty where it
+    was not asked for."""
     prior_scale: float | None
     """Factor of the prior's standard deviations; None where there was no prior."""
     log_evidence: float | None
@@ -213,6 +216,13 @@ class Calibration:
             covariance = covariance + self._sides(q)
         if not model_error:
             return covariance
+        if any(self.joint_error):
+            joints = replace(
+                at, layout=walk.Columns.of_joints(at.chain), factor=np.ones_like(at.s), points=_held(at.points)
+            )
+            variances = np.zeros(at.chain.joints)
+            variances[: len(self.joint_error)] = np.square(self.joint_error)
+            covariance = covariance + propagate(joints, nowhere, np.diag(variances))[1]
         if self.field is None:
             return covariance + np.diag(np.repeat(np.square(self.model_error), 3))
         R = self.T_tracker_base[:3, :3]
@@ -223,17 +233,29 @@ class Calibration:
         return covariance
 
     def _sides(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n targets b b"]:
-        """Covariance of the targets where each joint may have come from either side, with even chance."""
+        """Covariance of the targets where the last moves are unknown.
+
+        Each joint came from either side with even chance. Its share of the largest move is evenly spread between nothing and
+        all, so that the mean of its square is 1/3, and of its product with the side 1/2.
+        """
         middle = self.target_poses(q)
         out = np.zeros((*middle.shape[:2], 6, 6))
         for j in range(q.shape[1]):
-            side = Conditions(approach=np.broadcast_to(np.eye(q.shape[1])[j], q.shape))
-            ends = self.target_poses(q, side)
-            moved = ends[..., :3, 3] - middle[..., :3, 3]
-            turned = se3.log(ends[..., :3, :3] @ np.swapaxes(middle[..., :3, :3], -1, -2))
-            both = np.concatenate([moved, turned], axis=-1)
-            out += both[..., :, None] * both[..., None, :]
+            way = np.broadcast_to(np.eye(q.shape[1])[j], q.shape)
+            side, move = (self._moved(q, middle, c) for c in (Conditions(approach=way), Conditions(move=way)))
+            both = side[..., :, None] * move[..., None, :]
+            out += side[..., :, None] * side[..., None, :] + 0.5 * (both + np.swapaxes(both, -1, -2))
+            out += move[..., :, None] * move[..., None, :] / 3.0
         return out if self.layout.pose else out[..., :3, :3]
+
+    def _moved(
+        self, q: Float[np.ndarray, "n joints"], middle: Float[np.ndarray, "n targets 4 4"], conditions: Conditions
+    ) -> Float[np.ndarray, "n targets 6"]:
+        """How far the targets move and turn under some conditions."""
+        ends = self.target_poses(q, conditions)
+        moved = ends[..., :3, 3] - middle[..., :3, 3]
+        turned = se3.log(ends[..., :3, :3] @ np.swapaxes(middle[..., :3, :3], -1, -2))
+        return np.concatenate([moved, turned], axis=-1)
 
     def predict_tool(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
@@ -322,3 +344,8 @@ class Calibration:
     def to_json(self) -> dict[str, Any]:
         """The content of the file."""
         return describe_calibration(self)
+
+
+def _held(points: Points) -> Points:
+    """Targets none of whose coordinates is a column."""
+    return Points(position=points.position, columns=np.full_like(points.columns, -1))

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
 
 FORMAT = "taskcal-calibration"
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
 """Version 1 held estimate and covariance of the parameters that were estimated, and of no others; versions 1 and 2 counted
-the rows of outliers among those fitted, and named no line."""
+the rows of outliers among those fitted, and named no line; before version 4 no joint had an error of its own."""
 
 
 def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
@@ -37,6 +37,7 @@ def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
         "T_tracker_base": calibration.T_tracker_base.tolist(),
         "T_tool_target": calibration.T_tool_target.tolist(),
         "model_error": list(calibration.model_error),
+        "joint_error": list(calibration.joint_error),
         "prior_scale": calibration.prior_scale,
         "log_evidence": calibration.log_evidence,
         "field": None if calibration.field is None else calibration.field.to_json(),

@@ -111,6 +111,7 @@ class CalibrationFile(Section):
     T_tracker_base: Matrix
     T_tool_target: list[Matrix]
     model_error: list[NotNegative]
+    joint_error: list[NotNegative] = Field(default=[])
     prior_scale: AboveZero | None
     log_evidence: Real | None
     field: FieldSection | None
@@ -154,6 +155,8 @@ class CalibrationFile(Section):
         size, rows, width = len(written.names), len(self.ids), 6 if self.pose else 3
         self._same_names(written.names)
         of_shape("model_error", np.array(self.model_error), (width // 3,))
+        if self.joint_error:
+            of_shape("joint_error", np.array(self.joint_error), (len(robot.joints),))
         if self.provenance.rows < rows:
             raise TaskcalError(f"'ids' names {rows} rows, 'provenance' {self.provenance.rows}")
         z = array_of("estimate", self.estimate, (size,))
@@ -174,6 +177,7 @@ class CalibrationFile(Section):
             left_out=tuple(LeftOut(**section.model_dump()) for section in self.left_out),
             ids=tuple(self.ids),
             model_error=tuple(self.model_error),
+            joint_error=tuple(self.joint_error),
             prior_scale=self.prior_scale,
             log_evidence=self.log_evidence,
             field=self._field(len(robot.joints), width),

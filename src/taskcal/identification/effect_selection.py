@@ -1,8 +1,9 @@
-"""What geometry cannot explain: effects and a residual field, each only where the data prove it.
+"""What geometry cannot explain: effects that are asked for, or all that may be there in one model.
 
-Every candidate effect competes by the logarithm of its marginal likelihood, which counts what its parameters cost; the best
-one enters if its gain is well beyond what the best of all worthless candidates shows by chance, and the search goes on.
-Cross-validation on rows that were not fitted tells in millimetres what each step was worth.
+With all of them, each effect of each joint is as large as the data say, which may be nothing (`one_model`). Closed forms tell
+what each is worth: how far the log evidence would fall without it, and how far the error where rows were not fitted would
+rise. The model is kept only where it predicts rows that were not fitted better than the geometry alone, by a standard error of
+the difference at least.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,26 +17,27 @@ from jaxtyping import Float, Int
 from taskcal.analysis.collinearity import Collinearity
 from taskcal.analysis.identifiability import identifiability
 from taskcal.arguments import expect_kinds
-from taskcal.errors import CampaignError, TaskcalError
+from taskcal.errors import TaskcalError
 from taskcal.estimation.blas import single_threaded
+from taskcal.estimation.group_variances import without
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.cross_validation import mean_over_rows, predict_left_out, split_postures
 from taskcal.identification.explanation import Explanation, Stage
-from taskcal.identification.field import MIN_FIELD_ROWS, learn_field
+from taskcal.identification.field import learn_field
 from taskcal.identification.fit_options import FitChoices, FitOptions
 from taskcal.identification.identify import identify
+from taskcal.identification.one_search import OneModelFound, find_one_model
 from taskcal.measurement.campaign import Campaign
-from taskcal.robot.effects import Effect
+from taskcal.robot.effects import Effect, JointField
 from taskcal.robot.effects import candidates as default_candidates
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 
 MIN_EVIDENCE_GAIN = 3.0
-"""Gain of log evidence that an effect must show, odds of 20 to 1. Log evidence counts what useless parameters cost: of all
-candidates on 200 virtual robots that have no effect the best gained 2.9, and more than 1 in 8 of them only."""
+"""Fall of log evidence without it from which on an effect is called proven, odds of 20 to 1."""
 
-MIN_SIGMAS = 2.0
-"""A residual field must lower the cross-validated error by so many standard errors of the paired difference."""
+MANY = 100
+"""Parameters of an effect from which on it is not asked what geometry repeats of them: their sum counts, not each."""
 
 
 @short_repr
@@ -138,20 +140,15 @@ def select_effects(
     left_out, said = best.left_out, best.remarks[:1] if best.left_out else ()
     campaign = campaign.without(np.isin(campaign.ids, [row.id for row in left_out]))
     options = replace(options, gross_errors="keep")
-    parts = _split(campaign, search.folds, search.seed, MIN_FIELD_ROWS if search.field else 0)
+    parts = split_postures(campaign.q, search.folds, search.seed)
     trial = _Trial(campaign=campaign, parts=parts, progress=progress)
     errors = trial.errors_left_out(model, options)
     start = _stage("geometry", best, None, errors, None, accepted=True, reason="the start")
     selection = _Selection(model=model, options=options, calibration=best, errors=errors, stages=(start,))
-    if search.effects is None:
-        conditions = campaign.conditions
-        competing = default_candidates(model.robot, conditions) if search.candidates is None else search.candidates
-        able = [effect for effect in competing if effect.is_told(conditions)]
-        selection = _search(selection, _beside(model, able), trial)
-    elif search.effects:
+    if search.effects:
         selection = _add(selection, search.effects, trial)
-    if search.field:
-        selection = _try_field(selection, search.seed, trial)
+    if search.effects is None or search.field:
+        selection = _find_all(selection, trial, search)
     noise = campaign.covariances(options.noise)[campaign.valid][:, :3, :3]
     # mean length of an isotropic normal vector: √(8/π) standard deviations
     tracker = float(np.sqrt(8.0 / np.pi) * np.sqrt(np.trace(noise, axis1=1, axis2=2).mean() / 3.0))
@@ -163,7 +160,7 @@ def select_effects(
         effects=selection.effects,
         stages=selection.stages,
         tracker=tracker,
-        collinearities=_repeated_by_geometry(selection.calibration, campaign),
+        collinearities=_repeated_by_geometry(selection.calibration, selection.effects, campaign),
     )
 
 
@@ -219,33 +216,100 @@ def _add(selection: _Selection, effects: Sequence[Effect], trial: _Trial) -> _Se
     )
 
 
-def _try_field(selection: _Selection, seed: int, trial: _Trial) -> _Selection:
-    """A residual field, if it lowers the error where it was not learned."""
-    trial.progress("residual field")
-    calibration = with_field(selection.calibration, trial.campaign, seed)
+def _competing(model: ErrorModel, campaign: Campaign, search: EffectSearch) -> tuple[list[Effect], list[Effect]]:
+    """Effects that take part, those that were named or all that the campaign tells of; and those that may replace one.
 
-    def fit(rest: Campaign) -> Calibration:
-        return with_field(identify(selection.model, rest, options=selection.options), rest, seed)
+    Each parameter takes part once: the first effect that has it is taken, a later one may replace it.
+    """
+    conditions = campaign.conditions
+    if search.candidates is not None:
+        named = list(search.candidates)
+    else:
+        named = default_candidates(model.robot, conditions) if search.effects is None else []
+    if search.field and not any(isinstance(effect, JointField) for effect in named):
+        named.append(JointField())
+    out: list[Effect] = []
+    instead: list[Effect] = []
+    taken: set[str] = set()
+    for effect in named:
+        own = set(effect.term(model.robot).names)
+        if not effect.is_told(conditions) or own & set(model.names):
+            continue
+        (instead if own & taken else out).append(effect)
+        taken |= own
+    return out, instead
 
-    errors = predict_left_out(fit, trial.campaign, trial.parts)
-    gain, error = mean_over_rows(selection.errors - errors)
-    accepted = bool(gain > MIN_SIGMAS * error)
-    change = -gain / max(error, 1e-12)
-    reason = f"changes the cross-validated error by {change:+.1f} standard errors; −{MIN_SIGMAS:g} is asked for"
-    stage = _stage("residual field", calibration, None, errors, selection.errors, accepted=accepted, reason=reason)
-    best = calibration if accepted else selection.calibration
-    return replace(selection, calibration=best, stages=(*selection.stages, stage))
+
+def _find_all(selection: _Selection, trial: _Trial, search: EffectSearch) -> _Selection:
+    """The one model, where it predicts better than what is there."""
+    competing, instead = _competing(selection.model, trial.campaign, search)
+    if not competing:
+        return selection
+    one = find_one_model(
+        selection.calibration,
+        trial.campaign,
+        competing,
+        instead,
+        trial.parts,
+        selection.options,
+        seed=search.seed,
+        progress=trial.progress,
+    )
+    whole = one.errors.whole
+    gain, error = mean_over_rows(selection.errors - whole)
+    better = bool(gain > error)
+    reason = f"predicts rows that were not fitted {'' if better else 'no '}better"
+    together = _stage(
+        "all effects", one.calibration, selection.calibration, whole, selection.errors, accepted=better, reason=reason
+    )
+    worths = {effect: _worth(effect, one, enters=better) for effect in one.effects}
+    stages = sorted(worths.values(), key=lambda stage: -(stage.worth or 0.0))
+    selection = replace(selection, stages=(*selection.stages, together, *stages))
+    if not better:
+        return selection
+    proven = [effect for effect, stage in worths.items() if stage.accepted]
+    return replace(
+        selection,
+        model=one.calibration.model,
+        calibration=one.calibration,
+        errors=whole,
+        effects=(*selection.effects, *proven),
+    )
 
 
-def _repeated_by_geometry(calibration: Calibration, campaign: Campaign) -> tuple[Collinearity, ...]:
+def _worth(effect: Effect, one: OneModelFound, *, enters: bool) -> Stage:
+    """What the model would lose without an effect."""
+    groups = one.fitted.one.of_effect(effect.name)
+    fall = one.fitted.found.evidence.log - without(one.fitted.found, groups).log
+    errors = one.errors.without[effect.name]
+    worth, error = mean_over_rows(errors - one.errors.whole)
+    gained = f"log evidence falls by {fall:.1f} without it, {MIN_EVIDENCE_GAIN:g} is asked for"
+    return Stage(
+        name=effect.name,
+        parameters=len(effect.term(one.calibration.model.robot).names),
+        log_evidence=float(fall),
+        cross_validated=mean_over_rows(errors)[0],
+        standard_error=error,
+        accepted=bool(enters and fall > MIN_EVIDENCE_GAIN and worth > error),
+        reason=gained if worth > error or fall <= MIN_EVIDENCE_GAIN else f"{gained}, but the error hardly rises",
+        worth=worth,
+        among_others=True,
+    )
+
+
+def _repeated_by_geometry(
+    calibration: Calibration, proven: Sequence[Effect], campaign: Campaign
+) -> tuple[Collinearity, ...]:
     """Parameters of effects that the fitted geometry, tracker frame and target nearly repeat at the campaign's poses."""
-    model = calibration.model
+    robot = calibration.model.robot
+    few = [effect for effect in proven if len(effect.term(robot).names) <= MANY]
+    model = ErrorModel(robot, lengths_only=calibration.model.lengths_only, effects=few)
     effects = [name for name in model.effect_names if name in calibration.kept]
     if not effects:
         return ()
     analysis = identifiability(model, campaign.q[campaign.valid.any(axis=1)], frames=True)
     fitted = {*calibration.kept, *(analysis.names[len(model) :] if not calibration.layout.fixed_frames else ())}
-    return analysis.collinear(effects, against=sorted(fitted - set(effects)))
+    return analysis.collinear(effects, against=sorted((fitted & set(analysis.names)) - set(effects)))
 
 
 def with_field(calibration: Calibration, campaign: Campaign, seed: int = 0) -> Calibration:
@@ -259,68 +323,10 @@ def with_field(calibration: Calibration, campaign: Campaign, seed: int = 0) -> C
     return replace(calibration, field=learn_field(campaign.q[seen], residual, seed))
 
 
-def _search(selection: _Selection, candidates: list[Effect], trial: _Trial) -> _Selection:
-    """Forward selection by log evidence."""
-    while candidates:
-        beside = ", ".join(["geometry", *(effect.name for effect in selection.effects)])
-        trial.progress(f"{len(candidates)} candidates beside {beside}")
-        extended = [_with(selection.model, effect, selection.options) for effect in candidates]
-        fits = [trial.fit(model, options) for model, options in extended]
-        gains = [_evidence(fit) - _evidence(selection.calibration) for fit in fits]
-        k = int(np.argmax(gains))
-        of, effect, (model, options) = len(candidates), candidates.pop(k), extended[k]
-        errors = trial.errors_left_out(model, options)
-        gain, _ = mean_over_rows(selection.errors - errors)
-        likelier, worse = gains[k] > MIN_EVIDENCE_GAIN, gain < 0.0
-        gained = f"log evidence {gains[k]:+.1f} against {MIN_EVIDENCE_GAIN:.1f}"
-        if of > 1:
-            gained = f"best of {of}: {gained}"
-        reason = f"{gained}, but worse where it was not fitted" if likelier and worse else gained
-        accepted = bool(likelier and not worse)
-        stage = _stage(
-            effect.name, fits[k], selection.calibration, errors, selection.errors, accepted=accepted, reason=reason
-        )
-        selection = replace(selection, stages=(*selection.stages, stage))
-        if accepted:
-            effects = (*selection.effects, effect)
-            selection = replace(
-                selection, model=model, options=options, calibration=fits[k], errors=errors, effects=effects
-            )
-            candidates = _beside(model, candidates)
-        elif not likelier:
-            break
-    return selection
-
-
-def _beside(model: ErrorModel, candidates: Sequence[Effect]) -> list[Effect]:
-    """Candidates that have no parameter of the model's."""
-    return [effect for effect in candidates if not set(effect.term(model.robot).names) & set(model.names)]
-
-
 def _with(model: ErrorModel, effect: Effect, options: FitOptions) -> tuple[ErrorModel, FitOptions]:
     """The model with an effect, and the options that keep its parameters where not all are kept."""
     more = model + effect
     return more, options.keeping(more.names[len(model) :])
-
-
-def _evidence(calibration: Calibration) -> float:
-    return -np.inf if calibration.log_evidence is None else calibration.log_evidence
-
-
-def _split(campaign: Campaign, folds: int, seed: int, fewest: int) -> list[Int[np.ndarray, " _"]]:
-    """Rows of each fold.
-
-    Raises:
-        CampaignError: without a fold too few rows would be left.
-    """
-    parts = split_postures(campaign.q, folds, seed)
-    left = len(campaign) - max(map(len, parts))
-    if left < fewest:
-        raise CampaignError(
-            f"{len(campaign)} rows are too few to prove a residual field: it is learned from {fewest} at least, and leaving out "
-            f"one part of {folds} after another leaves {left}; measure {-(-fewest * folds // (folds - 1))} or more, better 100"
-        )
-    return parts
 
 
 def _stage(
@@ -344,4 +350,5 @@ def _stage(
         standard_error=(mean_over_rows(errors) if left is None else mean_over_rows(left - errors))[1],
         accepted=accepted,
         reason=reason,
+        worth=None if left is None else mean_over_rows(left - errors)[0],
     )

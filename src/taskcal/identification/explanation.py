@@ -17,14 +17,18 @@ class Stage:
     name: str
     parameters: int
     log_evidence: float | None
-    """Gain over the stage before; None for the first, and for the field."""
+    """Gain over the stage before, and of one effect among others what would be lost without it; None for the first."""
     cross_validated: float
-    """Mean error in space on rows left out, metres."""
+    """Mean error in space on rows left out, metres; of one effect among others that without it."""
     standard_error: float
-    """Of the change against the stage before, metres."""
+    """Of the change, metres."""
     accepted: bool
     reason: str
     """Why."""
+    worth: float | None = None
+    """What the error on rows left out falls by, metres; None for the first."""
+    among_others: bool = False
+    """Whether it is one effect among all that were fitted together, not a step after the one before."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -38,6 +42,16 @@ class Explanation:
     """What the tracker's noise alone would leave, metres in space."""
     collinearities: tuple[Collinearity, ...]
     """Parameters of effects that geometry nearly repeats at the fitted poses, the most repeated first."""
+
+    @property
+    def steps(self) -> tuple[Stage, ...]:
+        """Geometry, and what came after it as a whole."""
+        return tuple(stage for stage in self.stages if not stage.among_others)
+
+    @property
+    def worths(self) -> tuple[Stage, ...]:
+        """What each effect is worth among all others that were fitted with it, the most first."""
+        return tuple(stage for stage in self.stages if stage.among_others)
 
     def __repr__(self) -> str:
         taken = ", ".join(stage.name for stage in self.stages if stage.accepted)
@@ -58,6 +72,7 @@ class Explanation:
                 "log_evidence_gain": stage.log_evidence,
                 "cross_validated_mm": stage.cross_validated * 1e3,
                 "standard_error_mm": stage.standard_error * 1e3,
+                "worth_mm": None if stage.worth is None else stage.worth * 1e3,
                 "accepted": stage.accepted,
                 "reason": stage.reason,
             }

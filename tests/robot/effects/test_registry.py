@@ -74,8 +74,9 @@ def error(calibration: Calibration, truth) -> float:
 
 
 def test_it_competes_and_is_identified(measured):
-    assert [stage.name for stage in measured.found.stages if stage.accepted] == ["geometry", "belt"]
+    assert [stage.name for stage in measured.found.stages if stage.accepted] == ["geometry", "all effects", "belt"]
     assert measured.found.calibration.names[-12:-10] == ("J1.belt_cos", "J2.belt_cos")
+    assert [type(effect).__name__ for effect in measured.found.effects] == ["Belt"]
     plain = identify(ErrorModel(measured.truth.model.robot), measured.campaign)
     assert error(measured.found.calibration, measured.truth) < 0.3 * error(plain, measured.truth)
 
@@ -88,7 +89,7 @@ def test_it_is_refused_by_name_until_its_module_is_imported(measured):
     sys.path.append(str(EXAMPLES))
     kind = import_module("belt").Belt
     again = load_calibration(measured.file)
-    assert again.model.effects == (kind(),)
+    assert again.model.effects == (EncoderGain(), kind())
     assert error(again, measured.truth) == error(measured.found.calibration, measured.truth)
 
 

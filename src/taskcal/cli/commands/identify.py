@@ -63,12 +63,16 @@ class SearchOptions:
         typer.Option(
             "--effects",
             metavar="auto|none|LIST",
-            help="What the joints do beside the geometry: 'auto' takes what the data prove; or add some of those listed below, "
-            "unproven. None by default.",
+            help="What the joints do beside the geometry: 'auto' takes all at once, each as large as the data say; or add some "
+            "of those listed below, unproven. None by default.",
         ),
     ] = "none"
     field: Annotated[
-        bool, typer.Option("--field", help="Learn over the joints what is left, if cross-validation proves it.")
+        bool,
+        typer.Option(
+            "--field",
+            help="Let each joint turn by a smooth function of all joints too, if that predicts better; 'auto' does so anyway.",
+        ),
     ] = False
 
     @property

@@ -12,7 +12,9 @@ from taskcal.robot.effects.effect import Effect as Effect
 from taskcal.robot.effects.encoder_gain import EncoderGain as EncoderGain
 from taskcal.robot.effects.harmonics import GEARS as GEARS
 from taskcal.robot.effects.harmonics import PERIODIC as PERIODIC
+from taskcal.robot.effects.harmonics import SPECTRUM as SPECTRUM
 from taskcal.robot.effects.harmonics import Harmonics as Harmonics
+from taskcal.robot.effects.joint_field import JointField as JointField
 from taskcal.robot.effects.linear_term import LinearTerm as LinearTerm
 from taskcal.robot.effects.linear_term import at_joints as at_joints
 from taskcal.robot.effects.motor_harmonics import MotorHarmonics as MotorHarmonics

@@ -1,13 +1,12 @@
 """Drives that yield under what they carry."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from taskcal.errors import TaskcalError
-from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects.effect import DEFLECTION, Effect, frozen
 from taskcal.robot.effects.linear_term import LinearTerm
 from taskcal.robot.effects.load_path import LoadPath, at_motors, sample_poses
@@ -46,11 +45,6 @@ class Compliance(Effect):
 
     load: Load | None = None
     """Payload, force and moment; by default the robot file's payload, and no force. It needs masses in the robot file."""
-
-    @classmethod
-    def candidates(cls, robot: Robot, conditions: Conditions) -> "Sequence[Compliance]":
-        """Stiff drives, and soft ones."""
-        return (cls(), SOFT) if cls().suits(robot) else ()
 
     @property
     def details(self) -> str:

@@ -24,14 +24,15 @@ class Harmonics(Effect):
     key = "harmonics"
     label = "gear harmonics"
 
-    orders: tuple[int, ...] = (1, 2)
-    """Periods in a turn of the joint."""
+    orders: tuple[int | float, ...] = (1, 2)
+    """Periods in a turn of the joint; whole numbers, but for what recurs with the turns of a motor or a gear in between."""
+    falling: bool = False
+    """Expect amplitudes that fall as 1/order, of which `tolerance` is the first, instead of equal ones."""
 
     @classmethod
     def candidates(cls, robot: Robot, conditions: Conditions) -> "Sequence[Harmonics]":
-        """What gears are made to, once or twice in a turn as far as anything is expected, and higher orders."""
-        competing = (GEARS, cls(orders=(1,)), cls(orders=(2,)), PERIODIC)
-        return competing if cls().suits(robot) else ()
+        """All orders to 30 with amplitudes that fall."""
+        return (SPECTRUM,) if SPECTRUM.suits(robot) else ()
 
     @classmethod
     def ways_to_write(cls) -> Mapping[str, str]:
@@ -62,8 +63,8 @@ class Harmonics(Effect):
     @property
     def details(self) -> str:
         """The first and the last of its orders."""
-        first, last = self.orders[0], self.orders[-1]
-        return f" of order {first}" if first == last else f" of orders {first} to {last}"
+        first, last = min(self.orders), max(self.orders)
+        return f" of order {first:g}" if first == last else f" of orders {first:g} to {last:g}"
 
     def term(self, robot: Robot) -> LinearTerm:
         """Parameters ``J2.cos1``, ``J2.sin1`` …, radians."""
@@ -74,14 +75,17 @@ class Harmonics(Effect):
         phases = np.array([0.0 if part == "cos" else 0.5 * np.pi for _, _, part in shapes])
         turns = robot.joint_map.matrix[columns] * orders[:, None]
         return at_joints(
-            [f"{robot.joint_names[j]}.{part}{order}" for j, order, part in shapes],
+            [f"{robot.joint_names[j]}.{part}{order:g}" for j, order, part in shapes],
             robot,
             columns,
-            [self.tolerance] * len(shapes),
+            [self.tolerance / order if self.falling else self.tolerance for order in orders],
             lambda q: np.cos(robot.joint_map(q)[:, columns] * orders - phases),
             by_joint=lambda q: -np.sin(robot.joint_map(q)[:, columns] * orders - phases)[:, :, None] * turns,
         )
 
+
+SPECTRUM = Harmonics(orders=tuple(range(1, 31)), tolerance=1e-4, falling=True)
+"""What `identify` looks for beside the geometry by default: twenty seconds of arc once in a turn, and less the more often."""
 
 PERIODIC = Harmonics(orders=tuple(range(3, 31)), tolerance=2e-5)
 """Errors of gears and encoders that recur several times in a turn; each is small, the right ones are not known before."""

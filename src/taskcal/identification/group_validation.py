@@ -1,0 +1,128 @@
+"""What the one model is worth where it was not fitted: cross-validated errors, and how far its stated regions reach.
+
+Folds are left out of the normal equations, and the sizes of the groups follow by a few steps of the scoring; the rows are
+not linearised again, and what single poses add stays. An effect's worth is the error without its groups, the others as they
+are, so that no model is fitted again.
+
+Real errors have longer tails than normal ones, and sizes that were fitted are a little too good: both show in the squared
+lengths d² of the left-out errors in units of their predicted covariance. d²/3 is taken for F-distributed with 3 and ν degrees of
+freedom, times s²; the covariance is stretched so that its 95 % region is that of this distribution.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.stats import chi2, f
+
+from taskcal.estimation.group_variances import GroupedFit, find_sizes, reduce_normal, reduce_rows, without
+from taskcal.identification.one_model import OneFit
+
+STEPS = 2
+"""Of the scoring in a fold."""
+
+DRAWS = 2
+"""Of the sizes in a fold."""
+
+TAILS = np.array([4.0, 6.0, 9.0, 14.0, 25.0, 60.0, 1000.0])
+"""Degrees of freedom that are tried."""
+
+STRETCH = np.exp(np.linspace(np.log(0.25), np.log(9.0), 73))
+"""Values of s² that are tried."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LeftOutErrors:
+    """Errors where rows were not fitted."""
+
+    whole: Float[np.ndarray, "n targets"]
+    """Of the one model, metres; NaN where a beam was lost."""
+    without: Mapping[str, Float[np.ndarray, "n targets"]]
+    """The same with each effect left out."""
+    stretch: float
+    """Factor of the covariance that makes 95 % regions hold 95 %."""
+
+
+def validate_groups(
+    fitted: OneFit, parts: Sequence[Int[np.ndarray, " _"]], effects: Sequence[str], rng: np.random.Generator
+) -> LeftOutErrors:
+    """Cross-validate a fit.
+
+    Args:
+        fitted: the fit.
+        parts: rows of each fold.
+        effects: names of those whose worth is asked for.
+        rng: for the draws of the sizes.
+    """
+    n, m, p = fitted.A.shape
+    targets = fitted.one.problem.seen.valid.shape[1]
+    numbers = {name: fitted.one.of_effect(name) for name in effects}
+    errors = {name: np.full((n, targets), np.nan) for name in ("", *effects)}
+    square = np.full((n, targets), np.nan)
+    flat, y = fitted.A.reshape(n * m, p), fitted.y.reshape(-1)
+    H, b = (flat.T @ flat, flat.T @ y) if n * m >= p else (None, None)
+    for part in parts:
+        rest = np.ones(n, dtype=bool)
+        rest[part] = False
+        own, own_y = fitted.A[part].reshape(-1, p), fitted.y[part].reshape(-1)
+        if H is None or b is None:
+            reduced = reduce_rows(fitted.A[rest].reshape(-1, p), fitted.y[rest].reshape(-1), fitted.one.groups)
+        else:
+            reduced = reduce_normal(H - own.T @ own, b - own.T @ own_y, float(y @ y - own_y @ own_y), fitted.one.groups)
+        fold = find_sizes(reduced, fitted.found.evidence.log_variances, STEPS)
+        mean, S = fold.averaged(DRAWS, rng)
+        errors[""][part], square[part] = _judge(fitted, part, mean, S)
+        for name, group in numbers.items():
+            errors[name][part] = _lengths(fitted, part, _mean_without(fold, group))
+    seen = fitted.one.problem.seen.valid
+    for values in (*errors.values(), square):
+        values[~seen] = np.nan
+    return LeftOutErrors(
+        whole=errors[""],
+        without={name: errors[name] for name in effects},
+        stretch=stretch_of(square[seen]),
+    )
+
+
+def _mean_without(fold: GroupedFit, group: Int[np.ndarray, " k"]) -> Float[np.ndarray, " p"]:
+    at = without(fold, group)
+    return fold.reduced.mean(at.mean(fold.reduced.groups.own))
+
+
+def _lengths(fitted: OneFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarray, "k targets"]:
+    """Errors of position of some rows, metres."""
+    error = np.linalg.solve(fitted.whitener[part], (fitted.y[part] - fitted.A[part] @ mean)[..., None])[..., 0]
+    targets = fitted.one.problem.seen.valid.shape[1]
+    return np.linalg.norm(error.reshape(len(part), targets, -1)[:, :, :3], axis=2)
+
+
+def _judge(
+    fitted: OneFit, part: np.ndarray, mean: np.ndarray, S: np.ndarray
+) -> tuple[Float[np.ndarray, "k targets"], Float[np.ndarray, "k targets"]]:
+    """Errors of position of some rows, and their squares in units of their predicted covariance."""
+    A, k, m = fitted.A[part], len(part), fitted.A.shape[1]
+    back = np.linalg.inv(fitted.whitener[part])
+    error = np.einsum("nij,nj->ni", back, fitted.y[part] - A @ mean)
+    spread = (A.reshape(k * m, -1) @ S).reshape(A.shape) @ np.swapaxes(A, 1, 2) + np.eye(m)
+    covariance = back @ spread @ np.swapaxes(back, 1, 2)
+    targets = fitted.one.problem.seen.valid.shape[1]
+    width = m // targets
+    lengths, squares = np.empty((k, targets)), np.empty((k, targets))
+    for t in range(targets):
+        at = slice(t * width, t * width + 3)
+        lengths[:, t] = np.linalg.norm(error[:, at], axis=1)
+        solved = np.linalg.solve(covariance[:, at, at], error[:, at, None])[..., 0]
+        squares[:, t] = np.einsum("ni,ni->n", error[:, at], solved)
+    return lengths, squares
+
+
+def stretch_of(square: Float[np.ndarray, " points"]) -> float:
+    """Factor of the covariance that makes its 95 % region hold 95 % of errors of these squared lengths."""
+    scaled = np.maximum(square, 1e-12) / 3.0
+    s, nu = np.meshgrid(STRETCH, TAILS, indexing="ij")
+    log = np.stack([
+        f.logpdf(scaled / a, 3, c).sum() - len(scaled) * np.log(a) for a, c in zip(s.ravel(), nu.ravel(), strict=True)
+    ])  # fmt: skip
+    k = int(log.argmax())
+    return float(s.ravel()[k] * 3.0 * f.ppf(0.95, 3, nu.ravel()[k]) / chi2.ppf(0.95, 3))

@@ -1,0 +1,73 @@
+"""A campaign's residuals and their derivatives at an estimate, as one dense block a pose."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from taskcal.geometry import se3, walk
+from taskcal.geometry.observations import Walked
+from taskcal.identification.problem import Problem
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Linearisation:
+    """What every pose says; m numbers a pose, those of its targets one behind another, zero where a beam was lost."""
+
+    residual: Float[np.ndarray, "n m"]
+    """Measured less predicted in the tracker frame, metres (then radians, for poses)."""
+    by_entry: Float[np.ndarray, "n m z"]
+    """Derivative of what is predicted by the entries of z."""
+    by_joint: Float[np.ndarray, "n m joints"]
+    """Derivative of what is predicted by the joints' true positions."""
+    seen: Bool[np.ndarray, "n m"]
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "Linearisation":
+        """Some of the poses."""
+        return Linearisation(
+            residual=self.residual[rows],
+            by_entry=self.by_entry[rows],
+            by_joint=self.by_joint[rows],
+            seen=self.seen[rows],
+        )
+
+
+def linearise_rows(problem: Problem, z: Float[np.ndarray, " z"]) -> Linearisation:
+    """The rows of a problem about an estimate.
+
+    Raises:
+        ClosureError: a closed loop cannot be assembled at some pose.
+    """
+    at, pose = problem.walked(z), problem.frames.pose
+    T = walk.poses(at.chain, at.s, at.e)
+    residual: list[np.ndarray] = []
+    by_entry: list[np.ndarray] = []
+    by_joint: list[np.ndarray] = []
+    joints = len(problem.frames.model.robot.joints)
+    for t, offset in enumerate(at.points.position):
+        end = T[:, :3, 3] + T[:, :3, :3] @ offset
+        apart = problem.seen.position[:, t] - end
+        columns = walk.columns(at.chain, at.s, at.e, at.layout, at.factor, angular=pose, point=offset)
+        if problem.seen.rotation is not None:
+            turned = problem.seen.rotation @ np.swapaxes(T[:, :3, :3], 1, 2)
+            turned[~problem.seen.valid[:, t]] = np.eye(3)
+            apart = np.concatenate([apart, se3.log(turned)], axis=1)
+        elif at.points.columns[t, 0] >= 0:
+            columns[:, :3, at.points.columns[t]] = T[:, :3, :3]
+        residual.append(apart)
+        by_entry.append(columns)
+        by_joint.append(joint_columns(at, offset, angular=pose)[:, :, :joints])
+    width = residual[0].shape[1]
+    seen = np.repeat(problem.seen.valid, width, axis=1)
+    made = [parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1) for parts in (residual, by_entry, by_joint)]
+    for array in made:
+        array[~seen] = 0.0
+    return Linearisation(residual=made[0], by_entry=made[1], by_joint=made[2], seen=seen)
+
+
+def joint_columns(
+    at: Walked, offset: Float[np.ndarray, " 3"], *, angular: bool
+) -> Float[np.ndarray, "n rows coordinates"]:
+    """Derivative of a target by the coordinates of the chain."""
+    layout = walk.Columns.of_joints(at.chain)
+    return walk.columns(at.chain, at.s, at.e, layout, np.ones_like(at.s), angular=angular, point=offset)

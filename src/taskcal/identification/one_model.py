@@ -1,0 +1,216 @@
+"""Geometry, tracker frame and every effect at once, each group's size by marginal likelihood.
+
+About an estimate the residuals are linear in all parameters. Each effect of each joint is a group of its own, and so are the
+geometry's lengths and its angles; a group's parameters have the tolerances that are stated for them, times one factor that
+the data tell (`group_variances`). What single poses add is found beside it (`row_errors`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from taskcal.errors import FitError
+from taskcal.estimation.group_variances import GroupedFit, Groups, find_sizes, reduce_rows
+from taskcal.identification.belief import frame_precision
+from taskcal.identification.fit_options import FitOptions
+from taskcal.identification.linearisation import Linearisation, linearise_rows
+from taskcal.identification.problem import Problem
+from taskcal.identification.row_errors import RowErrors, rescore, whiteners
+
+SIZE_WIDTH = 3.0
+"""Standard deviation of the logarithm of a group's variance about that of its tolerances: a factor of 4.5 in size."""
+
+MOST_ROUNDS = 8
+"""Of linearisation, sizes and row errors in turn."""
+
+MOST_JUDGED = 300
+"""Poses, evenly among all, that the row errors are found from."""
+
+STANDS_STILL = 0.1
+"""Change of a logarithm of a variance, in standard errors of the others, under which it has settled."""
+
+FRAME_SCALE = 1e-3
+"""Unit of tracker frame and targets in the equations, metres and radians."""
+
+SCEPTICAL = -4.0
+"""Expected logarithm of the factor of an effect's variance: most joints have little of most effects. Geometry has 0."""
+
+GEOMETRY = "geometry"
+
+
+@dataclass(frozen=True)
+class Group:
+    """Parameters of one effect that share a size."""
+
+    owner: str
+    """The joint, or what else the effect is of."""
+    effect: str
+    """Name of the effect; ``geometry`` for lengths and angles of the robot."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OneModel:
+    """A problem with all effects, and its groups."""
+
+    problem: Problem
+    """In the layout of all parameters."""
+    kept: Bool[np.ndarray, " z"]
+    """Entries that are estimated; the others are considered."""
+    labels: tuple[Group, ...]
+    group: Int[np.ndarray, " z"]
+    """Number of each entry's group, −1 for tracker frame and targets."""
+    scale: Float[np.ndarray, " z"]
+    """Standard deviation of each entry where its group's factor is 1."""
+    geometry_factor: float | None
+    """Given factor of the geometry's variances; None to find it."""
+
+    @cached_property
+    def groups(self) -> Groups:
+        """As the equations take them."""
+        location = np.array([0.0 if label.effect == GEOMETRY else SCEPTICAL for label in self.labels])
+        width = np.full(len(self.labels), SIZE_WIDTH)
+        if self.geometry_factor is not None:
+            own = [i for i, label in enumerate(self.labels) if label.effect == GEOMETRY]
+            location[own], width[own] = np.log(self.geometry_factor), 0.0
+        layout = self.problem.frames
+        held = np.zeros((0, 0)) if layout.fixed_frames else frame_precision(layout) * FRAME_SCALE**2
+        return Groups(group=self.group, held=held, location=location, width=width)
+
+    def of_effect(self, name: str) -> Int[np.ndarray, " k"]:
+        """Groups of an effect."""
+        return np.flatnonzero([label.effect == name for label in self.labels])
+
+
+def assemble(problem: Problem, kept: Sequence[str] | None, options: FitOptions) -> OneModel:
+    """The groups of a problem.
+
+    Args:
+        problem: in the layout of all parameters, effects among them.
+        kept: names of the geometric parameters to estimate; None for all. Effects are always estimated.
+        options: of the fit.
+    """
+    model, names = problem.frames.model, problem.frames.names
+    owner_of = {name: (name.partition(".")[0], effect) for name, effect in _effects_of(problem)}
+    labels: list[Group] = []
+    group = np.full(len(names), -1)
+    scale = np.full(len(names), FRAME_SCALE)
+    for i, name in enumerate(names[: len(model)]):
+        unit = model.parameters[i].unit
+        label = Group(*owner_of[name]) if name in owner_of else Group("lengths" if unit == "m" else "angles", GEOMETRY)
+        if label not in labels:
+            labels.append(label)
+        group[i], scale[i] = labels.index(label), model.tolerances[i]
+    estimated = np.ones(len(names), dtype=bool)
+    if kept is not None:
+        estimated[: len(model)] = [name in owner_of for name in model.names]
+        estimated[model.indices(kept)] = True
+    factor = None if isinstance(options.prior_scale, str) else float(options.prior_scale) ** 2
+    return OneModel(
+        problem=problem, kept=estimated, labels=tuple(labels), group=group, scale=scale, geometry_factor=factor
+    )
+
+
+def _effects_of(problem: Problem) -> list[tuple[str, str]]:
+    """Every parameter of an effect, and the effect's name."""
+    model = problem.frames.model
+    return [(name, effect.name) for effect in model.effects for name in effect.term(model.robot).names]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OneFit:
+    """The model at its likeliest sizes."""
+
+    one: OneModel
+    z: Float[np.ndarray, " z"]
+    """Where the rows were linearised last."""
+    at: Linearisation
+    errors: RowErrors
+    whitener: Float[np.ndarray, "n m m"]
+    A: Float[np.ndarray, "n m z"]
+    y: Float[np.ndarray, "n m"]
+    """Whitened and scaled rows: y = A·x."""
+    found: GroupedFit
+    rounds: int
+
+
+def fit_one_model(
+    one: OneModel,
+    start: Float[np.ndarray, " z"],
+    errors: RowErrors,
+    options: FitOptions,
+    sizes: np.ndarray | None = None,
+    most_rounds: int = MOST_ROUNDS,
+) -> OneFit:
+    """Estimate all parameters, the sizes of their groups, and what single poses add.
+
+    Args:
+        one: the model.
+        start: an estimate to linearise at first.
+        errors: of single poses, to start from, or to hold.
+        options: of the fit; its loss weighs the poses.
+        sizes: log variances to start from.
+        most_rounds: of linearisation, sizes and row errors in turn.
+
+    Raises:
+        FitError: the sizes or the estimate ran away.
+        ClosureError: a closed loop cannot be assembled at some pose.
+    """
+    z, origin = start, one.problem.frames.start()
+    sizes = one.groups.location if sizes is None else sizes
+    rounds, still = 0, False
+    while rounds < most_rounds and not still:
+        rounds += 1
+        fitted = _fit_once(one, z, errors, options, sizes, rounds)
+        found, evidence = fitted.found, fitted.found.evidence
+        x = found.reduced.mean(evidence.mean(one.groups.own))
+        following = origin + one.scale * x
+        if not np.isfinite(following).all():
+            raise FitError(
+                "the fit of geometry and effects ran away; check the campaign with a robust loss (loss=Cauchy())"
+            )
+        scored = _rescore(fitted, x) if errors.searched else errors
+        moved = np.abs(following - z)[one.group >= 0].max() / one.scale[one.group >= 0].max()
+        steps = np.abs(evidence.log_variances - sizes).max()
+        if errors.searched:
+            steps = max(steps, np.abs(np.log(scored.variances / errors.variances)).max())
+        still = rounds > 2 and bool(moved < 1.0 and steps < STANDS_STILL)
+        z, errors, sizes = following, scored, evidence.log_variances
+    return _fit_once(one, z, errors, options, sizes, rounds)
+
+
+def _fit_once(
+    one: OneModel, z: np.ndarray, errors: RowErrors, options: FitOptions, sizes: np.ndarray, rounds: int
+) -> OneFit:
+    at = linearise_rows(one.problem, z)
+    W = whiteners(errors.covariance(at, one.problem.noise))
+    W = W * np.sqrt(_weights(at, W, one.problem, options))[:, :, None]
+    A = (W @ at.by_entry) * np.where(one.kept, one.scale, 0.0)
+    moved = np.where(one.kept, (z - one.problem.frames.start()) / one.scale, 0.0)
+    y = np.einsum("nij,nj->ni", W, at.residual) + A @ moved
+    reduced = reduce_rows(A.reshape(-1, A.shape[2]), y.reshape(-1), one.groups)
+    found = find_sizes(reduced, sizes)
+    return OneFit(one=one, z=z, at=at, errors=errors, whitener=W, A=A, y=y, found=found, rounds=rounds)
+
+
+def _weights(at: Linearisation, W: np.ndarray, problem: Problem, options: FitOptions) -> Float[np.ndarray, "n m"]:
+    """How much each number counts under the loss: by the root mean square of its target's whitened residuals."""
+    white = np.einsum("nij,nj->ni", W, at.residual)
+    n, targets = problem.seen.valid.shape
+    by_target = np.sqrt((white.reshape(n, targets, -1) ** 2).mean(axis=2))
+    return np.repeat(options.loss.weights(by_target), white.shape[1] // targets, axis=1)
+
+
+def _rescore(fitted: OneFit, x: Float[np.ndarray, " z"]) -> RowErrors:
+    """The errors of single poses, one step on."""
+    found = fitted.found
+    S = found.reduced.covariance(found.evidence.covariance(fitted.one.groups.own))
+    n, m = fitted.y.shape
+    judged = np.unique(np.linspace(0, n - 1, min(n, MOST_JUDGED)).astype(int))
+    A = fitted.A[judged]
+    left = fitted.y[judged] - A @ x
+    followed = (A.reshape(len(judged) * m, -1) @ S).reshape(A.shape)
+    explained = followed @ np.swapaxes(A, 1, 2)
+    return rescore(fitted.errors, fitted.at.take(judged), fitted.whitener[judged], left, explained)

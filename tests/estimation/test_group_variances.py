@@ -1,0 +1,76 @@
+"""Groups whose sizes the rows tell, against textbook formulas and finite differences."""
+
+import numpy as np
+import pytest
+from scipy.optimize import approx_fprime
+from scipy.stats import multivariate_normal
+
+from taskcal.estimation.group_variances import Groups, _scores, find_sizes, reduce_normal, reduce_rows, without
+
+GROUP = np.array([0, 0, 0, 1, 1, -1, -1, 2])
+
+
+def problem(rows: int, seed: int = 0):
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(rows, len(GROUP)))
+    deviation = np.select([GROUP == 0, GROUP == 1, GROUP == 2], [3.0, 0.0, 0.5], 5.0)
+    y = A @ (deviation * rng.normal(size=len(GROUP))) + rng.normal(size=rows)
+    groups = Groups(group=GROUP, held=np.diag([1e-2, 4e-2]), location=np.zeros(3), width=np.full(3, 3.0))
+    return A, y, groups
+
+
+def prior(groups: Groups, theta):
+    out = np.diag(np.exp(theta)[np.maximum(GROUP, 0)])
+    out[np.ix_([5, 6], [5, 6])] = np.linalg.inv(groups.held)
+    return out
+
+
+@pytest.mark.parametrize("rows", [4, 30])
+def test_evidence_and_estimate_are_the_textbooks_in_both_forms(rows):
+    A, y, groups = problem(rows)
+    theta, nothing = np.array([1.0, -2.0, 0.3]), np.full(3, -np.inf)
+    D = prior(groups, theta)
+    K = np.eye(rows) + A @ D @ A.T
+    expected = multivariate_normal(cov=K).logpdf(y) + 0.5 * rows * np.log(2.0 * np.pi)
+    mean, S = D @ A.T @ np.linalg.solve(K, y), D - D @ A.T @ np.linalg.solve(K, A @ D)
+    for reduced in (reduce_rows(A, y, groups), reduce_normal(A.T @ A, A.T @ y, float(y @ y), groups)):
+        at = reduced.at(theta)
+        assert at.log + reduced.log_alone == pytest.approx(expected)
+        assert reduced.at(nothing).log == pytest.approx(0.0, abs=1e-12)
+        np.testing.assert_allclose(reduced.mean(at.mean(groups.own)), mean, atol=1e-8)
+        np.testing.assert_allclose(reduced.covariance(at.covariance(groups.own)), S, atol=1e-8)
+
+
+def test_the_gradient_is_that_of_the_evidence():
+    A, y, groups = problem(30)
+    reduced, theta = reduce_rows(A, y, groups), np.array([0.5, -1.0, 0.2])
+    numeric = approx_fprime(theta, lambda t: reduced.at(t).log - 0.5 * (t / 3.0) @ (t / 3.0), 1e-6)
+    np.testing.assert_allclose(_scores(reduced.at(theta), groups)[0], numeric, rtol=1e-4)
+
+
+def test_the_sizes_found_are_the_likeliest_and_a_group_that_is_nothing_is_small():
+    A, y, groups = problem(400)
+    fit = find_sizes(reduce_rows(A, y, groups), np.zeros(3))
+    gradient, _ = _scores(fit.evidence, groups)
+    np.testing.assert_allclose(gradient, 0.0, atol=0.3)
+    sizes = np.exp(0.5 * fit.evidence.log_variances)
+    assert 1.0 < sizes[0] < 9.0
+    assert sizes[1] < 0.2
+    assert fit.evidence.log - without(fit, np.array([0])).log > 10.0
+    assert fit.evidence.log - without(fit, np.array([1])).log < 3.0
+
+
+def test_averaging_over_the_sizes_adds_their_uncertainty():
+    A, y, groups = problem(12)
+    fit = find_sizes(reduce_rows(A, y, groups), np.zeros(3))
+    plain = fit.reduced.covariance(fit.evidence.covariance(groups.own))
+    mean, S = fit.averaged(200, np.random.default_rng(0))
+    assert np.trace(S) > np.trace(plain)
+    np.testing.assert_allclose(mean, fit.reduced.mean(fit.evidence.mean(groups.own)), atol=1.0)
+    assert np.linalg.eigvalsh(S).min() > 0.0
+
+
+def test_a_held_group_keeps_its_size():
+    A, y, groups = problem(60)
+    held = Groups(group=GROUP, held=groups.held, location=np.array([0.0, 1.5, 0.0]), width=np.array([3.0, 0.0, 3.0]))
+    assert find_sizes(reduce_rows(A, y, held), np.zeros(3)).evidence.log_variances[1] == 1.5

@@ -1,0 +1,76 @@
+"""One model of geometry and effects: what is fitted, found and said of new poses."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2, f
+
+from taskcal.identification.calibration_file import load_calibration
+from taskcal.identification.effect_selection import explain
+from taskcal.identification.group_validation import stretch_of
+from taskcal.measurement.virtual_cell import simulate
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.effects import SPECTRUM, EncoderGain, Harmonics
+from taskcal.robot.error_model import ErrorModel
+
+GAIN = EncoderGain()
+
+
+def measured(count=60, *, pose=False, true=GAIN, x=None, seed=0):
+    model = ErrorModel(load_robot("abb-irb120"))
+    rng = np.random.default_rng(seed)
+    limits = np.clip(model.robot.limits, -1.2, 1.2)
+    q, unseen = (rng.uniform(limits[:, 0], limits[:, 1], (n, 6)) for n in (count, 40))
+    return model, *simulate(model + true, q, rng=rng, pose=pose, x=x), unseen
+
+
+@pytest.mark.parametrize("pose", [False, True], ids=["points", "poses"])
+def test_a_calibration_of_the_one_model_is_saved_and_loaded_to_the_last_bit(tmp_path, pose):
+    model, campaign, _, unseen = measured(pose=pose)
+    made = explain(model, campaign, candidates=(EncoderGain(), Harmonics(orders=(1, 2))), folds=3).calibration
+    assert len(made.joint_error) == 6
+    made.save(tmp_path / "cal.json")
+    loaded = load_calibration(tmp_path / "cal.json")
+    assert loaded.joint_error == made.joint_error
+    np.testing.assert_array_equal(loaded.predict(unseen), made.predict(unseen))
+    np.testing.assert_array_equal(loaded.predict_covariance(unseen), made.predict_covariance(unseen))
+    made.save(tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "cal.json").read_bytes()
+
+
+def test_an_error_of_a_joint_turns_and_shifts_what_it_carries():
+    model, campaign, _, unseen = measured(pose=True)
+    made = explain(model, campaign, candidates=(EncoderGain(),), folds=3).calibration
+    C = made.predict_covariance(unseen) - made.predict_covariance(unseen, model_error=False)
+    J = np.concatenate(
+        [
+            made.T_tracker_base[:3, :3] @ part
+            for part in np.split(made.model.joint_jacobian(unseen, made.estimate), 2, axis=1)
+        ],
+        axis=1,
+    )
+    lever = made.T_tracker_base[:3, :3] @ made.tool_in_base(unseen)[:, :3, :3] @ made.T_tool_target[0, :3, 3]
+    J[:, :3] += np.cross(J[:, 3:], lever[:, :, None], axis=1)
+    white = np.diag(np.repeat(np.square(made.model_error), 3))
+    expected = white + J @ np.diag(np.square(made.joint_error)) @ np.swapaxes(J, 1, 2)
+    np.testing.assert_allclose(C[:, 0], expected, rtol=2e-3, atol=1e-13)
+
+
+def test_an_order_of_a_motor_is_found_though_it_is_no_whole_number():
+    tone = Harmonics(joints=("J2",), orders=(101.37,))
+    model = ErrorModel(load_robot("abb-irb120"))
+    x = np.zeros(len(model + tone))
+    x[-2:] = 1.5e-4, -1e-4
+    model, campaign, truth, unseen = measured(150, true=tone, x=x)
+    found = explain(model, campaign, candidates=(SPECTRUM,), folds=3)
+    sharp = [effect for effect in found.calibration.model.effects if effect.joints == ("J2",)]
+    assert len(sharp) == 1
+    assert min(abs(order - 101.37) for order in sharp[0].orders) < 0.5
+    error = np.linalg.norm(found.calibration.predict(unseen) - truth.points(unseen), axis=2).mean()
+    assert error < 3e-5
+
+
+def test_regions_are_stretched_to_hold_what_they_say():
+    rng = np.random.default_rng(0)
+    for scale, nu in ((1.0, 1e3), (2.0, 8.0), (0.5, 1e3)):
+        square = 3.0 * scale * f.rvs(3, nu, size=4000, random_state=rng)
+        assert np.mean(square < stretch_of(square) * chi2.ppf(0.95, 3)) == pytest.approx(0.95, abs=0.012)
