@@ -123,9 +123,9 @@ def _sentence(found: Explanation) -> str:
     steps = [f"geometry leaves {first.cross_validated * 1e3:.4f} mm"]
     for stage in others:
         left = f"{stage.cross_validated * 1e3:.4f} mm"
-        steps.append(
-            f"{stage.name} takes it to {left}" if stage.accepted else f"{stage.name} would leave {left}, not taken"
-        )
+        together = bool(found.worths) and stage is others[-1]
+        name, takes = ("all effects together", "take") if together else (stage.name, "takes")
+        steps.append(f"{name} {takes} it to {left}" if stage.accepted else f"{name} would leave {left}, not taken")
     most = [stage.name for stage in found.worths if stage.accepted][:MOST_NAMED]
     if most:
         steps.append(f"most of it by {' and '.join(most)}")
