@@ -6,7 +6,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from taskcal.robot.catalogue import catalogue_names, load_robot
+from taskcal import catalogue_names, load_robot
 
 HEADER = ("name", "robot", "joints", "reach m", "sources")
 

@@ -258,7 +258,7 @@ def test_warm_compiles_everything_that_other_commands_need(cell: Path, tmp_path:
         "assert main(['identify', *robot, c + '/three.csv', '-o', o + '.json', '--loss', 'huber', '--keep', 'J2,J3']) == 0; "
         "assert main(['identify', *robot, c + '/poses.csv', '-o', o + '.json']) == 0; "
         "assert main(['validate', o + '.json', c + '/poses.csv', '--reregister']) == 0; "
-        "few = ['--count', '8', '--candidates', '50']; "
+        "few = ['--count', '8', '--candidates', '50', '--model-error-mm', '0.02']; "
         "assert main(['plan', *robot, '--task', c + '/list.toml', *few, '-o', o + '-plan.csv']) == 0; "
         "assert main(['report', o + '.json', '--task', c + '/list.toml', '-o', o + '.html']) == 0; "
         "assert main(['correct', '-c', o + '.json', c + '/path.csv', '-o', o + '-path.csv', '--accept-uncertain']) == 0; "

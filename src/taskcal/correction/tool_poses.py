@@ -11,8 +11,10 @@ from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.inverse import SAME_POSTURE_RAD, find_postures, solve_near
 from taskcal.robot.error_model import ErrorModel
+from taskcal.short_repr import short_repr
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ToolPoses:
     """Poses of the tool in the robot's base, and how they differ."""
@@ -34,6 +36,7 @@ class ToolPoses:
         return np.linalg.norm(se3.log(R), axis=1)
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ToolJoints:
     """Joint positions for tool poses."""

@@ -11,6 +11,7 @@ from taskcal.export.export import placed
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.robot.error_model import ErrorModel
+from taskcal.short_repr import short_repr
 
 LEVER = 0.1
 """Metres at which an error of orientation counts like one of position: the length of a tool."""
@@ -28,6 +29,7 @@ class Remaining:
     maximum: float
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ControllerOffsets:
     """Joint zeros, tool and base, and what they leave over a task, as `fit_offsets` finds them."""

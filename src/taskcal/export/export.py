@@ -10,6 +10,7 @@ from jaxtyping import Float
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
+from taskcal.short_repr import short_repr
 
 ROUNDING = 1e-8
 """Metres at the tool that the digits of a file may cost."""
@@ -68,6 +69,7 @@ class Loss:
         }
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Export:
     """A file for another program."""

@@ -134,7 +134,10 @@ def _table_of(path: Path, rows: dict[str, list[float]], nominal: Robot | None) -
     if nominal is None:
         lacking = [key for key in ("alpha", "a", "d") if key not in rows]
         if lacking and deltas:
-            raise FileError(path, "has deltas only; name the robot of its type, such as --nominal ur5e")
+            raise FileError(
+                path,
+                "has deltas only; name the robot of its type with --nominal; taskcal robots lists those of the catalogue",
+            )
         if lacking:
             raise FileError(
                 path, f"has no row '{lacking[0]} = […]'; it is neither a calibration.conf nor a urcontrol.conf of a UR"
@@ -145,7 +148,9 @@ def _table_of(path: Path, rows: dict[str, list[float]], nominal: Robot | None) -
             raise FileError(path, "has no deltas (delta_a = […]) to add to a nominal robot")
         described = nominal.description["joint"]
         if len(described) != len(JOINTS) or any("dh" not in joint for joint in described):
-            raise TaskcalError(f"{nominal.name} is not a UR with a standard table; name one such as ur5e")
+            raise TaskcalError(
+                f"{nominal.name} is not a UR with a standard table; taskcal robots lists those of the catalogue"
+            )
         dh = [joint["dh"] for joint in described]
         own = {
             "alpha": np.radians([row.get("alpha_deg", 0.0) for row in dh]),
