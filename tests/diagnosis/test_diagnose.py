@@ -101,6 +101,14 @@ def test_two_mistakes_are_found_together_and_the_mended_campaign_fits():
     assert identify(ErrorModel(robot), found.campaign).model_error[0] < 1e-3
 
 
+def test_joint_limits_tell_half_a_turn_from_the_sign_that_leaves_the_same_error():
+    robot = load_robot("abb-irb120")
+    wrong = of_id("joint-zero", virtual("abb-irb120"), robot, "J2 by 180")
+    first, *others = diagnose(wrong.campaign, robot).findings
+    assert (first.id, first.subject) == ("joint-zero", ("J2",))
+    assert ("joint-sign", ("J1",)) in {(f.id, f.subject) for f in others}
+
+
 def test_another_robot_is_named():
     findings = diagnose(virtual("ur10"), load_robot("ur5")).findings
     assert findings[0].id == "other-robot"

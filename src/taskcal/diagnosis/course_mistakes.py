@@ -11,8 +11,9 @@ from jaxtyping import Float
 
 from taskcal.diagnosis.linear_fit import LinearFit, frame_columns
 
-LEAST_GAIN = 25.0
-"""Of twice the logarithm of the likelihood: what a robot leaves unexplained is not white, and follows the rows by chance."""
+LEAST_GAIN = {"target-slipped": 25.0, "drift": 60.0}
+"""Of twice the logarithm of the likelihood. What a robot leaves unexplained is not white and follows the rows by chance: on 60
+drawn robots with gear errors, half of them measured in the order of their first joint, slips gained 4 at most, drifts 39."""
 
 LEAST_MEDIANS = 1.5
 """Median distances that a point has to move by, so that what is said matters."""
@@ -41,11 +42,16 @@ class CourseMistake:
     gain: float
     """Of twice the logarithm of the likelihood, less what the columns cost."""
 
+    @property
+    def confidence(self) -> float:
+        """0.63 for the least gain that is believed, up to 0.99."""
+        return float(np.clip(1.0 - np.exp(-self.gain / LEAST_GAIN[self.id]), 0.0, 0.99))
+
 
 def find_course_mistake(fit: LinearFit, weight: Float[np.ndarray, " m"], count: int) -> CourseMistake | None:
     """The most likely slip or drift, if there is one beyond doubt."""
     found = [m for m in (_slip(fit, weight, count), _drift(fit, weight)) if m is not None]
-    sure = [m for m in found if m.gain > LEAST_GAIN and m.move > max(LEAST_MOVE, LEAST_MEDIANS * fit.median)]
+    sure = [m for m in found if m.gain > LEAST_GAIN[m.id] and m.move > max(LEAST_MOVE, LEAST_MEDIANS * fit.median)]
     return max(sure, key=lambda m: m.gain, default=None)
 
 

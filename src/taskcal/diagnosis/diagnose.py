@@ -176,7 +176,6 @@ def _of_rows(fault: RowFault, case: Case) -> Local:
 
 def _of_course(mistake: CourseMistake, explanation: Explanation, fit: LinearFit) -> Local:
     campaign = explanation.case.campaign
-    confidence = float(np.clip(1.0 - np.exp(-mistake.gain / 40.0), 0.0, 0.99))
     if mistake.id == "drift":
         fix = (
             f"tracker or base moved by about {mistake.move * 1e3:.1f} mm from the first row to the last: measure again, with "
@@ -198,7 +197,7 @@ def _of_course(mistake: CourseMistake, explanation: Explanation, fit: LinearFit)
         subject=subject,
         error_before=explanation.error,
         error_after=after,
-        confidence=confidence,
+        confidence=mistake.confidence,
         fix=fix,
     )
     return finding, mended

@@ -59,9 +59,13 @@ def _signs(case: Case) -> Iterator[Supposition]:
 
 def _zeros(case: Case) -> Iterator[Supposition]:
     joints = case.robot.joint_names
-    for (j, name), degrees in itertools.product(enumerate(joints), (90.0, -90.0, 180.0)):
+    limits = np.clip(case.robot.limits, -1e3, 1e3)
+    # of the two ways to half a turn the one that leads towards the middle of the limits
+    half_turns = np.where(np.median(case.campaign.q, axis=0) > limits.mean(axis=1), -180.0, 180.0)
+    for (j, name), turn in itertools.product(enumerate(joints), (90.0, -90.0, None)):
         if case.robot.prismatic[j]:
             continue
+        degrees = float(half_turns[j]) if turn is None else turn
         shift = np.zeros(len(joints))
         shift[j] = np.radians(degrees)
         yield Supposition(

@@ -1,0 +1,57 @@
+"""The doctor on measured robots: none of their campaigns is called wrong, and mistakes put into them are found.
+
+Thresholds were chosen on drawn robots (`taskcal.diagnosis`); nothing was fitted to these campaigns.
+"""
+
+import numpy as np
+import pytest
+
+from taskcal.diagnosis.diagnose import diagnose
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.reader import read_campaign
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.dh_table import read_dh_table
+from taskcal.robot.robot import Robot
+from tests.diagnosis.mistakes import every
+
+pytestmark = pytest.mark.realdata
+
+FOLDERS = {
+    "ur5": "ur5_tracker",
+    "ur10": "ur10_tmac",
+    "barrett-wam": "wam_tracker",
+    "abb-irb120": "irb120_faro",
+    "fanuc-r2000ic-165f": "fanuc_r2000_tracker",
+}
+ROWS = 60
+
+
+def sixty_rows(data_folder, name: str, robot: Robot) -> Campaign:
+    whole = read_campaign(data_folder / FOLDERS[name] / "measurements.csv", robot)
+    rows = np.random.default_rng(1).permutation(len(whole))[:ROWS]
+    return whole.take(np.sort(rows))
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_a_measured_campaign_has_no_findings(data_folder, name):
+    robot = load_robot(name)
+    assert diagnose(sixty_rows(data_folder, name, robot), robot).findings == ()
+
+
+@pytest.mark.parametrize(("name", "mistaken"), {"ur5": "mdh", "abb-irb120": "dh"}.items())
+def test_a_table_of_the_other_convention_is_found(data_folder, name, mistaken):
+    (table,) = (data_folder / FOLDERS[name]).glob("nominal_*.csv")
+    campaign = sixty_rows(data_folder, name, load_robot(name))
+    assert diagnose(campaign, read_dh_table(table, mistaken)).findings[0].id == "dh-convention"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", FOLDERS)
+def test_nearly_every_mistake_in_a_measured_campaign_is_found(data_folder, name):
+    """Exchanged joints that were hardly moved, or zeros that other mistakes equal, leave no trace; they are counted as missed."""
+    robot = load_robot(name)
+    mistakes = every(sixty_rows(data_folder, name, robot), robot)
+    found = [[f.id for f in diagnose(mistake.campaign, robot).findings] for mistake in mistakes]
+    pairs = list(zip(found, mistakes, strict=True))
+    assert np.mean([ids[:1] == [mistake.id] for ids, mistake in pairs]) >= 0.85
+    assert np.mean([mistake.id in ids[:3] for ids, mistake in pairs]) >= 0.9
