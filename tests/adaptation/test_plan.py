@@ -5,50 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.adaptation.candidates import enlarge, find_measurable, keep_measurable
+from taskcal.adaptation.candidates import keep_measurable
 from taskcal.adaptation.expected_error import design
 from taskcal.adaptation.experiment import make_experiment
-from taskcal.adaptation.plan import Plan, plan
-from taskcal.adaptation.plan_options import PlanOptions
+from taskcal.adaptation.plan import plan
 from taskcal.adaptation.plan_prior import PlanPrior
-from taskcal.demo.reference import reference_task
 from taskcal.errors import CampaignError, ReachError
 from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.identify import identify
-from taskcal.kinematics.clearance import clear_of_itself, place_links
 from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import Compliance, EncoderGain
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from taskcal.task.task import Task, TaskPoses, reach_task
-from tests.adaptation.test_plan_station import cell
+from tests.adaptation.measuring_cell import TASK
 from tests.laws.robots import irb6660_description
-
-TASK = reference_task()
-
-
-@pytest.fixture(scope="module")
-def model():
-    return ErrorModel(load_robot("abb-irb6660-205-1.9"))
-
-
-@pytest.fixture(scope="module")
-def listed(model) -> Task:
-    """The task as a list of poses whose joints are known, so that planning needs no search for them."""
-    reached = reach_task(model, TASK, 100, 3)
-    return Task(name="listed", poses=reached.T, joints=reached.q, accuracy=5e-5)
-
-
-@pytest.fixture(scope="module")
-def pool(model) -> np.ndarray:
-    """Joints of poses that can be measured."""
-    return find_measurable(model, TASK, None, 400, 0).q
-
-
-@pytest.fixture(scope="module")
-def small(model) -> Plan:
-    return plan(model, TASK, 12, candidates=400)
 
 
 def test_the_same_seed_gives_the_same_plan(model, small):
@@ -86,26 +57,6 @@ def test_what_a_plan_assumes_of_the_model_error_is_said(model, listed, pool):
     assert said["model_error_mm"] == pytest.approx(0.05)
     assert said["expected_with_model_error_mm"] == pytest.approx(np.hypot(said["expected_error_mm"], np.sqrt(3) * 0.05))
     assert (assumed.enough or 99) > exact.enough
-
-
-def test_planned_poses_are_inside_the_room_that_measuring_may_take(model, small):
-    assert model.robot.inside_limits(small.q).all()
-    assert clear_of_itself(place_links(model, small.q)).all()
-    T = model.poses(small.q)
-    space = enlarge(TASK, model).workspace
-    # refinement moves each joint by a few tenths of a radian at most
-    assert np.all(np.abs(T[:, :3, 3] - space.center) <= 0.5 * space.size + 0.8)
-    unrefined = model.poses(plan(model, TASK, 12, candidates=100, refine=0).q)
-    assert np.all(np.abs(unrefined[:, :3, 3] - space.center) <= 0.5 * space.size + 1e-9)
-    tilt = np.arccos((unrefined[:, :3, 2] * TASK.workspace.orientations[0].rotation[:, 2]).sum(axis=1))
-    assert tilt.max() <= np.radians(45.0) + 1e-9
-
-
-def test_refinement_never_makes_a_plan_worse(model, listed):
-    for seed in range(2):
-        expected = [plan(model, listed, 6, candidates=80, refine=rounds, seed=seed).expected for rounds in (0, 1, 2)]
-        assert np.all(np.diff(expected) <= 1e-12)
-        assert expected[2] < expected[0]
 
 
 @pytest.mark.parametrize("criterion", ["D", "E"])
@@ -147,61 +98,6 @@ def test_extending_a_campaign_lowers_the_expected_error_and_goes_where_it_helps(
     again, _ = simulate(model, np.concatenate([first.q, more.q]), rng=np.random.default_rng(0), x=np.zeros(len(model)))
     together = design(model, again, reach_task(model, listed), **scales).expected_error(np.arange(len(model)))
     assert more.expected == pytest.approx(together, rel=0.01)
-
-
-def test_a_calibration_stands_for_the_campaign_it_is_from(model, listed, pool):
-    """Effects included: the poses added are worth the same, whether the rows are given or what they taught."""
-    extended = model + Compliance() + EncoderGain()
-    campaign, _ = simulate(extended, pool[:40], rng=np.random.default_rng(4))
-    fitted = identify(extended, campaign)
-    assert fitted.model_error[0] == 0.0
-    by_rows = plan(extended, listed, 6, candidates=pool, campaign=campaign)
-    by_covariance = plan(extended, listed, 6, candidates=pool, calibration=fitted)
-    assert by_covariance.expected == pytest.approx(by_rows.expected, rel=0.02)
-    np.testing.assert_allclose(by_covariance.by_count, by_rows.by_count, rtol=0.05)
-    assert by_covariance.expected < by_covariance.random.min()
-    assert by_covariance.by_count[0] < by_covariance.before
-    # what it starts from is what the calibration says of its own predictions
-    goal = reach_task(extended, listed, 200, 0)
-    said = np.trace(fitted.predict_covariance(goal.q)[:, 0], axis1=1, axis2=2)
-    assert by_covariance.before == pytest.approx(np.sqrt(goal.weights @ said), rel=2e-3)
-    # and what it promises is what the covariance becomes with the poses added, frames and effects included
-    more, _ = simulate(
-        extended, np.concatenate([campaign.q, by_covariance.q]), rng=np.random.default_rng(0), x=fitted.estimate
-    )
-    again = identify(extended, more, prior_scale=fitted.prior_scale, model_error=0.0)
-    said = np.trace(again.predict_covariance(goal.q)[:, 0], axis1=1, axis2=2)
-    assert by_covariance.expected == pytest.approx(np.sqrt(goal.weights @ said), rel=0.03)
-
-
-def test_a_calibration_of_some_parameters_plans_for_these(model, listed, pool):
-    campaign, _ = simulate(model, pool[:40], rng=np.random.default_rng(4))
-    fitted = identify(model, campaign, keep=["J2", "J3"])
-    made = plan(model, listed, 4, candidates=pool, calibration=fitted)
-    assert made.expected < made.before < plan(model, listed, 4, candidates=pool).before
-
-
-def test_calibrations_that_cannot_be_planned_on_are_refused(model, pool):
-    def calibrate(**options):
-        campaign, _ = simulate(model, pool[:30], rng=np.random.default_rng(0), **options)
-        return campaign, identify(model, campaign)
-
-    campaign, fitted = calibrate()
-    with pytest.raises(ValueError, match="count it twice"):
-        plan(model, TASK, 6, candidates=pool, campaign=campaign, calibration=fitted)
-    with pytest.raises(CampaignError, match="another robot or model"):
-        plan(model + EncoderGain(), TASK, 6, candidates=pool, calibration=fitted)
-    with pytest.raises(CampaignError, match="this one is from poses"):
-        plan(model, TASK, 6, candidates=pool, calibration=calibrate(pose=True)[1])
-    with pytest.raises(CampaignError, match="held tracker frame"):
-        plan(model, TASK, 6, candidates=pool, calibration=identify(model, campaign, frames="fixed"))
-    with pytest.raises(CampaignError, match="has no prior"):
-        plan(model, TASK, 6, candidates=pool, calibration=identify(model, campaign, keep=["J2.tx"], prior=None))
-    several = calibrate(targets={"smr": np.zeros(3), "ball": np.full(3, 0.1)})[1]
-    with pytest.raises(CampaignError, match="several targets; say with a station"):
-        plan(model, TASK, 6, candidates=pool, calibration=several)
-    with pytest.raises(CampaignError, match="another order than the calibration's targets; write smr, ball"):
-        plan(model, TASK, 6, candidates=pool, calibration=several, station=cell())
 
 
 def test_a_plan_among_given_joints_takes_these(model):
@@ -259,13 +155,6 @@ def test_the_poses_needed_are_those_that_bring_a_single_pose_within_the_accuracy
     assert hopeless.enough is None
 
 
-def test_an_option_that_a_plan_does_not_have_is_refused_by_name(model):
-    with pytest.raises(TypeError, match=r"no option 'candidate' of a plan; there are seed, station, .*progress"):
-        plan(model, TASK, 12, candidate=400)
-    chosen = PlanOptions.of(options=PlanOptions(seed=3, refine=0), refine=1)
-    assert (chosen.seed, chosen.refine) == (3, 1)
-
-
 def test_a_list_of_poses_is_planned_for_too(model):
     reached = reach_task(model, TASK, 30)
     made = plan(model, Task(name="listed", poses=reached.T), 10, candidates=200, refine=0)
@@ -293,12 +182,6 @@ def test_planned_poses_give_half_the_error_of_random_ones_and_promise_what_they_
     assert sixty == pytest.approx(plans[0].expected, rel=0.06)
     assert thirty == pytest.approx(plans[1].expected, rel=0.08)
     assert random == pytest.approx(plans[0].random.mean(), rel=0.06)
-
-
-def test_refined_poses_stay_in_the_room_that_measuring_may_take():
-    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
-    made = plan(model, TASK, 20, candidates=400, refine=3)
-    assert enlarge(TASK, model).workspace.contains(model.poses(made.q)).all()
 
 
 def test_what_a_count_gives_agrees_with_the_plan_where_there_is_a_model_error():

@@ -17,8 +17,7 @@ from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Backlash, Compliance
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
-
-REFLECTORS = {"a": np.zeros(3), "b": np.array([0.1, 0.0, 0.05]), "c": np.array([0.0, 0.1, 0.02])}
+from tests.correction.cells import CUTTER, PART, REFLECTORS
 
 
 @pytest.fixture(scope="session")
@@ -141,3 +140,10 @@ def corrected(robot, make_moves, shifted):
         return trajectory, Subdivision(pieces=np.ones(m, dtype=np.int64), nodes=nodes, deviation=np.zeros(m))
 
     return build
+
+
+@pytest.fixture(scope="session")
+def cutting(robot, make_moves, middle):
+    """A motion with a cutter on a part."""
+    tool, part = Frame(name="Cutter", T=robot.T_flange_tool @ CUTTER), Frame(name="PART", T=PART)
+    return make_moves([se3.inverse(PART) @ middle @ CUTTER], tool=tool, part=part)[0]

@@ -1,12 +1,14 @@
 """One small run of the published procedure for all tests of what is made of it."""
 
+import numpy as np
 import pytest
 
 from taskcal.demo.procedure import Procedure, run_procedure
-from taskcal.demo.reference import ROBOT
+from taskcal.demo.reference import ROBOT, reference_task
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
+from taskcal.task.task import reach_task
 
 
 @pytest.fixture(scope="session")
@@ -17,3 +19,8 @@ def robot() -> Robot:
 @pytest.fixture(scope="session")
 def procedure(robot: Robot) -> Procedure:
     return run_procedure(ErrorModel(robot), count=30, seed=3, held_out=40)
+
+
+@pytest.fixture(scope="session")
+def q(robot):
+    return reach_task(ErrorModel(robot), reference_task(np.radians(20.0)), 20).q

@@ -4,27 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError
 from taskcal.measurement.reader import read_campaign
-from taskcal.robot.file import robot_from
-
-ROBOT = robot_from({
-    "name": "arm",
-    "joint": [
-        {"name": "J1", "limits_deg": [-170.0, 170.0]},
-        {"name": "Elbow", "limits_deg": [-90.0, 90.0], "steps": [{"tx_mm": 500.0}]},
-        {"name": "slide", "type": "prismatic", "limits_mm": [0.0, 800.0]},
-    ],
-    "coupled_limit": [{"of": "Elbow - J1", "range_deg": [-100.0, 100.0]}],
-})  # fmt: skip
-
-JOINTS = "J1_deg,Elbow_deg,slide_mm"
-HEADER = f"id,{JOINTS},x_mm,y_mm,z_mm"
-ROWS = ["a,10,20,300,1000,-200,50.5", "b,-30.5,4,0,900,100,60"]
-
-
-def write(folder, header=HEADER, rows=ROWS):
-    path = folder / "campaign.csv"
-    path.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
-    return path
+from tests.measurement.campaign_files import HEADER, JOINTS, ROBOT, ROWS, write
 
 
 def test_a_sound_campaign_is_in_metres_and_radians(tmp_path):
@@ -40,38 +20,6 @@ def test_a_sound_campaign_is_in_metres_and_radians(tmp_path):
     assert campaign.temperature is None
     assert campaign.reference_points == {}
     assert campaign.source == "campaign.csv"
-
-
-SPELLINGS = {
-    "of the robot": "J1_deg,Elbow_deg,slide_mm",
-    "J numbers": "J1_deg,J2_deg,J3_mm",
-    "q numbers": "q1_deg,q2_deg,q3_mm",
-    "small letters": "j1_deg,elbow_deg,slide_mm",
-    "capitals": "J1_DEG,ELBOW_DEG,SLIDE_MM",
-    "mixed": "q1_deg,Elbow_deg,J3_mm",
-}
-
-
-@pytest.mark.parametrize("joints", SPELLINGS.values(), ids=list(SPELLINGS))
-def test_every_spelling_of_the_joints_means_the_same(tmp_path, joints):
-    expected = read_campaign(write(tmp_path), ROBOT)
-    campaign = read_campaign(write(tmp_path, f"ID,{joints},X_mm,y_MM,z_mm"), ROBOT)
-    np.testing.assert_array_equal(campaign.q, expected.q)
-    np.testing.assert_array_equal(campaign.points, expected.points)
-
-
-def test_radians_and_metres_and_any_order_of_columns_mean_the_same(tmp_path):
-    expected = read_campaign(write(tmp_path), ROBOT)
-    rows = []
-    for text in ROWS:
-        name, *numbers = text.split(",")
-        j1, j2, j3, x, y, z = map(float, numbers)
-        j1, j2 = (float(np.radians(v)) for v in (j1, j2))
-        rows.append(f"{z},{j2!r},{x},{j1!r},{y},{j3 / 1e3!r},{name}")
-    campaign = read_campaign(write(tmp_path, "z_mm,q2_rad,x_mm,J1_rad,y_mm,slide_m,id", rows), ROBOT)
-    assert campaign.ids == expected.ids
-    np.testing.assert_allclose(campaign.q, expected.q, rtol=1e-15)
-    np.testing.assert_array_equal(campaign.points, expected.points)
 
 
 def test_semicolons_and_tabs_separate_as_well_as_commas(tmp_path):
@@ -91,37 +39,6 @@ def test_a_lost_beam_is_empty_or_all_zero_in_its_target_alone(tmp_path):
     np.testing.assert_allclose(campaign.points[2], [[0, 1e-3, 0], [7e-3, 8e-3, 9e-3]])
 
 
-TARGETS = f"id,{JOINTS}," + ",".join(f"{t}_{a}_mm" for t in ("smr1", "base1", "Base2", "smr2") for a in "xyz")
-TARGET_ROW = ["a,0,0,0," + ",".join(map(str, range(1, 13)))]
-
-
-@pytest.mark.parametrize(
-    ("targets", "reference_points", "read", "fixed"),
-    [
-        (None, None, ("smr1", "smr2"), {"base1", "Base2"}),
-        (["SMR2"], None, ("smr2",), {"base1", "Base2"}),
-        (["smr2", "smr1"], None, ("smr2", "smr1"), {"base1", "Base2"}),
-        (["base1", "smr1"], None, ("base1", "smr1"), {"Base2"}),
-        (None, ["smr1"], ("base1", "Base2", "smr2"), {"smr1"}),
-        (None, [], ("smr1", "base1", "Base2", "smr2"), set()),
-        (["smr1"], ["smr2"], ("smr1",), {"smr2"}),
-    ],
-)
-def test_targets_and_reference_points_are_chosen_by_name_and_reference_points_begin_with_base(
-    tmp_path, targets, reference_points, read, fixed
-):
-    campaign = read_campaign(
-        write(tmp_path, TARGETS, TARGET_ROW), ROBOT, targets=targets, reference_points=reference_points
-    )
-    assert campaign.targets == read
-    assert set(campaign.reference_points) == fixed
-    first = {"smr1": 1, "base1": 4, "Base2": 7, "smr2": 10}
-    for t, name in enumerate(read):
-        np.testing.assert_allclose(campaign.points[0, t], (first[name] + np.arange(3)) / 1e3)
-    for name in fixed:
-        np.testing.assert_allclose(campaign.reference_points[name][0], (first[name] + np.arange(3)) / 1e3)
-
-
 def test_a_pose_has_its_quaternion_with_the_scalar_last(tmp_path):
     R = Rotation.from_euler("xyz", [0.3, -0.2, 1.0])
     quaternion = ",".join(f"{v:.6f}" for v in R.as_quat())
@@ -131,14 +48,6 @@ def test_a_pose_has_its_quaternion_with_the_scalar_last(tmp_path):
     np.testing.assert_allclose(campaign.rotations[0], R.as_matrix(), atol=2e-6)
     np.testing.assert_allclose(campaign.rotations[0] @ campaign.rotations[0].T, np.eye(3), atol=1e-14)
     np.testing.assert_array_equal(campaign.valid, [[True], [False]])
-
-
-def test_uncertainty_is_stated_for_all_targets_or_each(tmp_path):
-    campaign = read_campaign(write(tmp_path, HEADER + ",u_mm", [row + ",0.02" for row in ROWS]), ROBOT)
-    np.testing.assert_allclose(campaign.uncertainty, [[2e-5], [2e-5]])
-    header = f"id,{JOINTS},A_x_mm,A_y_mm,A_z_mm,B_x_mm,B_y_mm,B_z_mm"
-    campaign = read_campaign(write(tmp_path, header + ",A_u_mm,u_mm", ["a,0,0,0,1,2,3,4,5,6,0.01,0.05"]), ROBOT)
-    np.testing.assert_allclose(campaign.uncertainty, [[1e-5, 5e-5]])
 
 
 def test_what_means_nothing_to_a_campaign_is_left_out_and_said(tmp_path):

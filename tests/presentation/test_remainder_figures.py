@@ -5,35 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.analysis.sensitivity import sensitivity
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.identify import identify
-from taskcal.identification.residual_analysis import Explained, ResidualAnalysis, analyse_residuals
-from taskcal.measurement.virtual_cell import simulate
-from taskcal.presentation.content import Chart, Table
-from taskcal.presentation.effect_tables import tabulate_effects
+from taskcal.identification.residual_analysis import Explained, ResidualAnalysis
 from taskcal.presentation.fit_figures import draw_parameters
 from taskcal.presentation.remainder_figures import draw_against, draw_shares
 from taskcal.presentation.remainder_section import remainder_section
 from taskcal.presentation.theme import BLUE
-from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import Compliance, EncoderGain, Harmonics
-from taskcal.robot.error_model import ErrorModel
-
-TARGETS = {"a": np.zeros(3), "b": np.array([0.1, 0.0, 0.0]), "c": np.array([0.0, 0.12, 0.05])}
-
-
-@pytest.fixture(scope="module")
-def fitted() -> tuple[Calibration, ResidualAnalysis]:
-    """A robot whose third joint errs three times in a turn, which the model does not have."""
-    model, rng = ErrorModel(load_robot("ur5")), np.random.default_rng(0)
-    true = model + Harmonics(orders=(3,), joints=("J3",))
-    q = rng.uniform(-1.2, 1.2, (80, 6))
-    x = np.zeros(len(true))
-    x[-2] = 1e-3
-    campaign, _ = simulate(true, q, rng=rng, x=x, targets=TARGETS)
-    calibration = identify(model + Compliance() + EncoderGain(), campaign)
-    return calibration, analyse_residuals(calibration, campaign, permutations=99)
 
 
 def test_effects_are_drawn_in_panels_of_their_units(fitted: tuple[Calibration, ResidualAnalysis]) -> None:
@@ -43,15 +20,6 @@ def test_effects_are_drawn_in_panels_of_their_units(fitted: tuple[Calibration, R
     assert titles == ["defect (mm)", "defect (mrad)", "effect (mrad/m)", "effect (mrad/rad)"]
     drawn = np.concatenate([np.asarray(trace.y, dtype=float) for trace in figure.data])
     np.testing.assert_allclose(np.sort(drawn), np.sort(calibration.estimate * 1e3))
-
-
-def test_tables_of_effects_name_their_units(fitted: tuple[Calibration, ResidualAnalysis]) -> None:
-    model = fitted[0].model
-    q = np.random.default_rng(0).uniform(-1.0, 1.0, (10, 6))
-    rows = {row[0]: row for _, group in tabulate_effects(sensitivity(model, q)).groups for row in group}
-    assert rows["J2.gain"][1] == "mm/(mrad/rad)"
-    assert rows["J2.sag_tool"][1] == "mm/(mrad/m)"
-    assert rows["J2.gain"][10] == "0.3 mrad/rad"
 
 
 def test_shares_and_the_first_quantity(fitted: tuple[Calibration, ResidualAnalysis]) -> None:
@@ -69,17 +37,6 @@ def test_shares_and_the_first_quantity(fitted: tuple[Calibration, ResidualAnalys
     near = np.interp(points.x, line.x, line.y)
     assert np.corrcoef(near, points.y)[0, 1] > 0.9
     assert 0.5 < np.ptp(line.y) < 3.0  # a milliradian to both sides, less what geometry takes up
-
-
-def test_the_section_says_what_is_proven(fitted: tuple[Calibration, ResidualAnalysis]) -> None:
-    _, found = fitted
-    section = remainder_section(found, "80 poses")
-    words = str([getattr(block, "items", ()) for block in section.blocks])
-    assert "position of J3, by the turn of J3" in words
-    assert "move as one body" in words
-    assert sum(isinstance(block, Chart) for block in section.blocks) == 2
-    table = next(block for block in section.blocks if isinstance(block, Table))
-    assert len(table) == len(found.explained)
 
 
 def test_bars_are_blue_where_the_sentences_call_the_share_proven(fitted: tuple[Calibration, ResidualAnalysis]) -> None:

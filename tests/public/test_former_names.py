@@ -9,7 +9,6 @@ import pytest
 
 from taskcal import analysis
 from taskcal.analysis.identifiability import eliminate
-from taskcal.arguments import renamed_arguments
 from taskcal.errors import UnknownName
 from taskcal.identification.calibration_file import load_calibration
 from taskcal.identification.identify import identify
@@ -32,18 +31,6 @@ def drawn(model: ErrorModel, count: int = 40) -> Campaign:
     move = rng.uniform(-1.0, 1.0, size=q.shape)
     conditions = Conditions(approach=np.sign(move), move=move, temperature=rng.uniform(18.0, 28.0, size=count))
     return simulate(model, q, rng=rng, conditions=conditions)[0]
-
-
-def test_a_function_takes_an_argument_by_its_former_name() -> None:
-    @renamed_arguments(old="new")
-    def double(new: int = 1) -> int:
-        return 2 * new
-
-    with pytest.warns(DeprecationWarning, match="the argument 'old' is called 'new' now") as given:
-        assert double(old=4) == double(new=4) == 8  # pyright: ignore[reportCallIssue]
-    assert [warning.filename for warning in given] == [__file__]
-    with pytest.raises(TypeError, match="'old' is the former name of 'new'; give one of them"):
-        double(old=4, new=4)  # pyright: ignore[reportCallIssue]
 
 
 def test_nests_are_reference_points_now(tmp_path: Path) -> None:

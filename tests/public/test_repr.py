@@ -2,7 +2,6 @@
 
 import dataclasses
 import inspect
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
@@ -11,7 +10,6 @@ import pytest
 
 import taskcal as tc
 from taskcal.programs.program import Program
-from taskcal.short_repr import LONGEST, short_repr
 
 MOST = 400
 NAMESPACES = ["taskcal", *(f"taskcal.{name}" for name in set(dir(tc)) - set(tc.__all__) - {"__version__"})]
@@ -125,27 +123,3 @@ def test_programs_of_every_language_are_short() -> None:
     kinds = Program.__subclasses__()
     assert len(kinds) >= 4
     assert not [kind for kind in kinds if is_generated(kind)]
-
-
-def test_what_is_long_is_counted_and_what_is_empty_left_out() -> None:
-    @short_repr
-    @dataclass(frozen=True)
-    class Result:
-        q: np.ndarray
-        names: tuple[str, ...]
-        text: str
-        value: float
-        nothing: None = None
-        empty: tuple[()] = ()
-
-    shown = repr(Result(np.zeros((7, 6)), tuple(f"parameter {i}" for i in range(50)), "x" * 500, 1 / 3))
-    assert shown.startswith("Result(q=<7×6>, names=<50>, text='xxx")
-    assert shown.endswith("value=0.3333)")
-    assert len(shown) < 200
-
-
-def test_many_fields_end_with_an_ellipsis() -> None:
-    made = dataclasses.make_dataclass("Wide", [(f"a_field_{i}", str) for i in range(40)])
-    shown = repr(short_repr(made)(*["some words"] * 40))
-    assert shown.endswith(", …)")
-    assert len(shown) <= LONGEST + len("Wide(, …)")

@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.stats import kstest
 
 from taskcal.demo.reference import reference_task
@@ -14,52 +12,12 @@ from taskcal.geometry import se3
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, load_task, reach_task
-from taskcal.task.workspace import Orientation, Workspace
-from tests.laws.campaigns import random_pose
-from tests.laws.robots import generators
-
-BOX = """
-name = "pocket"
-[workspace]
-frame = "part"
-shape = "box"
-center_mm = [100.0, 0.0, 50.0]
-size_mm = [500.0, 700.0, 300.0]
-[[workspace.orientation]]
-quaternion = [0.0, 0.955, 0.0, 0.296]
-cone_deg = 20.0
-spin = "free"
-[[workspace.orientation]]
-quaternion = [0.0, 1.0, 0.0, 0.0]
-[frames.part]
-position_mm = [1600.0, 30.0, 1400.0]
-quaternion = [0.0, 0.0, 0.70710678, 0.70710678]
-[accuracy]
-position_mm = 0.1
-"""
-CYLINDER = """
-name = "ring"
-[workspace]
-shape = "cylinder"
-center_mm = [1700.0, 0.0, 1400.0]
-radius_mm = 200.0
-height_mm = 300.0
-axis = [1.0, 1.0, 0.0]
-[[workspace.orientation]]
-quaternion = [0.0, 0.955, 0.0, 0.296]
-spin_deg = 15.0
-"""
+from tests.task.task_files import BOX, CYLINDER, written
 
 
 @pytest.fixture(scope="module")
 def model():
     return ErrorModel(load_robot("abb-irb6660-205-1.9"))
-
-
-def written(folder, text: str, name: str = "task.toml"):
-    path = folder / name
-    path.write_text(text, encoding="utf-8")
-    return path
 
 
 def listed(T: np.ndarray, weights: np.ndarray | None = None) -> str:
@@ -183,34 +141,6 @@ def test_a_list_of_poses_with_weights(tmp_path, model):
     np.testing.assert_allclose(model.poses(found.q), T, atol=1e-8)
 
 
-rooms = st.tuples(st.floats(0, np.pi), st.sampled_from([0.0, 0.3, np.pi]))
-
-
-@given(generators, rooms, st.sampled_from(["box", "cylinder"]))
-def test_sampled_poses_are_inside_shape_cone_and_spin(rng, room, shape):
-    cone, spin = room
-    size = rng.uniform(0.1, 1.0, 3)
-    if shape == "cylinder":
-        size[1] = size[0]
-    orientations = tuple(Orientation(rotation=random_pose(rng, 1)[:3, :3], cone=cone, spin=spin) for _ in range(2))
-    space = Workspace(
-        T_base_frame=random_pose(rng, 2), shape=shape, center=rng.uniform(-1, 1, 3), size=size,
-        turned=random_pose(rng, 1)[:3, :3], orientations=orientations,
-    )  # fmt: skip
-    T = se3.inverse(space.T_base_frame) @ space.sample(60, seed=int(rng.integers(100)))
-    local = (T[:, :3, 3] - space.center) @ space.turned
-    assert np.all(np.abs(local) <= 0.5 * size + 1e-12)
-    if shape == "cylinder":
-        assert np.all(np.hypot(local[:, 0], local[:, 1]) <= 0.5 * size[0] + 1e-12)
-    for k, orientation in enumerate(orientations):
-        relative = orientation.rotation.T @ T[k::2, :3, :3]
-        tilt = np.arccos(np.clip(relative[:, 2, 2], -1, 1))
-        assert np.all(tilt <= cone + 1e-7)
-        if cone < 1e-3:  # without tilt the rest is the spin
-            turned = np.arctan2(relative[:, 1, 0], relative[:, 0, 0])
-            assert np.all(np.abs(turned) <= spin + cone + 1e-7)
-
-
 def test_sampled_poses_are_spread_more_evenly_than_chance_and_by_seed():
     space = reference_task(np.radians(20.0)).workspace
     T = space.sample(1000)
@@ -222,13 +152,6 @@ def test_sampled_poses_are_spread_more_evenly_than_chance_and_by_seed():
     assert kstest(share, "uniform").statistic < 0.015  # even over the cap
     np.testing.assert_array_equal(space.sample(50, seed=3), space.sample(50, seed=3))
     assert np.abs(space.sample(50, seed=3) - space.sample(50, seed=4)).max() > 0.1
-
-
-def test_orientations_take_turns(tmp_path):
-    space = load_task(written(tmp_path, BOX)).workspace
-    T = space.sample(7)
-    down = space.T_base_frame[:3, :3] @ space.orientations[1].rotation
-    np.testing.assert_allclose(T[1::2, :3, :3], np.tile(down, (3, 1, 1)), atol=1e-12)
 
 
 def test_what_the_robot_does_not_reach_is_reported(model):
@@ -294,28 +217,3 @@ def test_a_list_out_of_reach_is_refused(model):
     q = np.full((2, 6), 4.0)
     with pytest.raises(ReachError, match=r"reaches none of the 2 poses of task 'measured'.*move"):
         reach_task(model, Task(name="measured", poses=T[:2], joints=q))
-
-
-@given(generators, st.sampled_from(["box", "cylinder"]))
-def test_a_workspace_contains_its_own_samples_and_none_moved_out_of_it(rng, shape):
-    size = rng.uniform(0.1, 1.0, 3)
-    if shape == "cylinder":
-        size[1] = size[0]
-    room = Orientation(rotation=random_pose(rng, 1)[:3, :3], cone=rng.uniform(0, 1), spin=rng.uniform(0, 1))
-    space = Workspace(
-        T_base_frame=random_pose(rng, 2), shape=shape, center=rng.uniform(-1, 1, 3), size=size,
-        turned=random_pose(rng, 1)[:3, :3], orientations=(room,),
-    )  # fmt: skip
-    T = space.sample(40)
-    assert space.contains(T).all()
-    out = T.copy()
-    axis = space.T_base_frame[:3, :3] @ space.turned[:, int(rng.integers(3))]
-    out[:, :3, 3] += 1.01 * size.max() * axis
-    assert not space.contains(out).any()
-    tilted = T.copy()
-    tilted[:, :3, :3] = T[:, :3, :3] @ se3.exp(np.array([2.0 * room.cone + 0.01, 0.0, 0.0]))
-    assert not space.contains(tilted).any()
-    spun = space.middle().copy()
-    spun[:, :3, :3] = spun[:, :3, :3] @ se3.exp(np.array([0.0, 0.0, room.spin + 0.01]))
-    assert not space.contains(spun).any()
-    assert space.contains(space.middle()).all()

@@ -2,21 +2,17 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import Compliance, effect_from
+from taskcal.robot.effects import Compliance
 from taskcal.robot.effects.compliance import MIN_STATED_SHARE, STATED_ERROR_SHARE
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from taskcal.robot.load import Load
 from tests.laws import robots, statics
-
-CUT = np.array([150.0, -220.0, -300.0])
-PAYLOAD = {"mass_kg": 25.0, "centre_mm": [30.0, -40.0, 210.0]}
-LOAD = Load(mass=25.0, centre=(0.03, -0.04, 0.21), force=(150.0, -220.0, -300.0))
+from tests.robot.effects.loads import CUT, LOAD, PAYLOAD
 
 
 def reference(name: str, rng: np.random.Generator):
@@ -44,40 +40,6 @@ def test_a_robot_of_stated_stiffness_comes_to_rest_where_its_energy_is_least(nam
         np.testing.assert_allclose(T[:3, 3] - nominal[:3, 3], moved, atol=3e-3 * np.linalg.norm(moved))
 
 
-@given(robots.cases(max_joints=6))
-def test_the_torque_is_what_the_energy_loses_in_a_turn_of_the_motor(case):
-    rng = np.random.default_rng(1)
-    description = {**statics.weighed(case.description, rng), "gravity": rng.normal(size=3).tolist()}
-    robot = robot_from(description)
-    term = Compliance(load=LOAD).term(robot)
-    for row, factor in zip(case.q, term.basis(case.q), strict=True):
-        expected = statics.torques(description, row, CUT, PAYLOAD)
-        np.testing.assert_allclose(factor, expected, atol=1e-9 * (1 + np.abs(expected).max()))
-    assert term.names == tuple(f"{name}.compliance" for name in robot.joint_names)
-    assert term.nominal.tolist() == pytest.approx([1 / k for k in robot.statics.stiffness])
-
-
-@pytest.mark.parametrize("axes", ["base", "tool"])
-@pytest.mark.parametrize("name", ["abb-irb6660-205-1.9", "ur5"])
-def test_a_moment_works_by_the_rotation_of_the_tool(name, axes):
-    rng = np.random.default_rng(2)
-    robot = robot_from(statics.weighed(load_robot(name).description, rng))
-    force, moment = np.array([100.0, 30.0, -60.0]), np.array([20.0, -35.0, 50.0])
-    q = rng.uniform([-1, -0.4, 0.1, -1, -1, -1], [1, 0.4, 0.6, 1, 1, 1], (5, 6))
-    stiff = ErrorModel(robot)
-    pushed = Compliance(load=Load(force=tuple(force), moment=tuple(moment), axes=axes)).term(robot)
-    added = pushed.basis(q) - Compliance().term(robot).basis(q)
-    h = 1e-6
-    motor = [list(map(tuple, pushed.pairs)).index((j, j)) for j in range(6)]
-    for j in range(6):
-        step = h * np.eye(6)[j]
-        before, after = stiff.poses(q - step), stiff.poses(q + step)
-        turn = Rotation.from_matrix(after[:, :3, :3] @ before[:, :3, :3].swapaxes(1, 2)).as_rotvec()
-        R = stiff.poses(q)[:, :3, :3] if axes == "tool" else np.eye(3)[None]
-        work = np.sum((R @ force) * (after - before)[:, :3, 3] + (R @ moment) * turn, axis=1) / (2 * h)
-        np.testing.assert_allclose(added[:, motor[j]], work, atol=1e-6)
-
-
 def test_a_robot_on_the_wall_yields_as_one_that_stands_and_is_turned_with_its_gravity():
     rng = np.random.default_rng(3)
     description = statics.weighed(robots.industrial(rng), rng)
@@ -96,24 +58,6 @@ def test_a_robot_on_the_wall_yields_as_one_that_stands_and_is_turned_with_its_gr
     np.testing.assert_allclose(hung.poses(q)[:, :3, 3], upright.poses(q)[:, :3, 3] @ R.T, atol=1e-12)
     without = {k: v for k, v in wall.items() if k != "gravity"}
     assert np.abs((ErrorModel(robot_from(without)) + Compliance()).poses(q) - hung.poses(q)).max() > 1e-5
-
-
-@pytest.mark.parametrize("name", ["ur5", "abb-irb6660-205-1.9"])
-def test_weights_at_the_joints_are_a_combination_of_lumped_weights(name):
-    """Masses at the origins of joints 2 to 6: each lumped parameter is then compliance times weight."""
-    description = load_robot(name).description
-    joints = [
-        {**j, "mass_kg": 10.0 * (i + 1), "centre_mm": [0.0, 0.0, 0.0]} for i, j in enumerate(description["joint"])
-    ]
-    robot = robot_from({**description, "joint": joints})
-    q = np.random.default_rng(4).uniform([-1, -0.4, 0.1, -1, -1, -1], [1, 0.4, 0.6, 1, 1, 1], (40, 6))
-    known, lumped = Compliance().term(robot), Compliance().term(load_robot(name))
-    for j in range(6):
-        own = [k for k, (c, p) in enumerate(lumped.pairs) if c == j and lumped.names[p].startswith(f"J{j + 1}.")]
-        column = known.basis(q)[:, list(map(tuple, known.pairs)).index((j, j))]
-        span = lumped.basis(q)[:, own]
-        left = column - span @ np.linalg.lstsq(span, column, rcond=None)[0]
-        assert np.linalg.norm(left) <= 1e-9 + 1e-6 * np.linalg.norm(column)
 
 
 def test_tolerances_come_from_the_stated_stiffness_or_from_the_largest_torque_and_not_from_the_load():
@@ -153,27 +97,6 @@ def test_a_model_under_another_load_keeps_its_parameters_and_moves_by_the_added_
         model.under(Load(mass=0.0)).poses(q, x),
         (ErrorModel(robot_from({**description, "payload": {"mass_kg": 0.0}})) + Compliance()).poses(q, x),
     )
-
-
-def test_a_load_survives_its_description():
-    for effect in (Compliance(load=LOAD), Compliance(joints=("J2",), load=Load(axes="tool", moment=(1.0, 2.0, 3.0)))):
-        assert effect_from(effect.to_json()) == effect
-    assert effect_from({"kind": "Compliance", "joints": None, "tolerance": 3e-4}) == Compliance()
-
-
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        ({"force": (1.0, 2.0)}, "force is .* three finite numbers"),
-        ({"moment": (1.0, np.nan, 2.0)}, "moment is .* three finite numbers"),
-        ({"mass": -1.0}, "mass is -1 kg"),
-        ({"centre": (0.0, 0.0, 0.1)}, "a centre but no mass"),
-        ({"axes": "flange"}, "axes are 'flange'; give 'base' or 'tool'"),
-    ],
-)
-def test_what_is_no_load_is_refused(wrong, words):
-    with pytest.raises(TaskcalError, match=words):
-        Load(**wrong)
 
 
 def test_loads_need_masses_and_a_model_that_yields():

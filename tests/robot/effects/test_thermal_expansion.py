@@ -10,36 +10,10 @@ from taskcal.errors import TaskcalError, UnknownName
 from taskcal.geometry import se3, walk
 from taskcal.kinematics.inverse import solve_near
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Compliance, Thermal, WarmUp, effect_from
 from taskcal.robot.error_model import ErrorModel
 from tests.laws.robots import Case, cases
-
-WARMTH = 25.0
-"""How much warmer than the reference, K."""
-
-
-def thermal(model: ErrorModel, joints: tuple[str, ...] | None = None) -> ErrorModel:
-    return model + Thermal(joints=joints, reference=21.0)
-
-
-def warm(q: np.ndarray) -> Conditions:
-    return Conditions(temperature=np.full(len(q), 21.0 + WARMTH))
-
-
-def with_value(model: ErrorModel, **values: float) -> np.ndarray:
-    x = np.zeros(len(model))
-    for name, value in values.items():
-        x[model.names.index(name.replace("__", "."))] = value
-    return x
-
-
-REVOLUTE = ["ur5", "fanuc-r2000ic-165f", "barrett-wam", "abb-irb6660-205-1.9"]
-
-
-def positions(model: ErrorModel, count: int = 6) -> np.ndarray:
-    limits = np.clip(model.robot.limits, -0.4, 0.4)
-    return np.random.default_rng(0).uniform(limits[:, 0], limits[:, 1], (count, len(limits)))
+from tests.robot.effects.warm_robots import REVOLUTE, WARMTH, positions, thermal, warm, with_value
 
 
 @pytest.mark.parametrize("name", REVOLUTE)
@@ -98,18 +72,6 @@ def test_columns_are_the_derivative_of_the_poses(case: Case):
         np.testing.assert_allclose(found[:, :, k], expected, atol=1e-6 * max(1.0, np.abs(expected).max()))
 
 
-@given(cases())
-def test_at_the_reference_temperature_and_without_one_the_robot_is_as_it_was(case: Case):
-    model = thermal(case.model)
-    x = np.concatenate([case.x, np.full(7, 1e-4)])
-    plain = case.model.poses(case.q, case.x)
-    unknown = np.full(len(case.q), np.nan)
-    for conditions in (None, Conditions(), *(Conditions(temperature=t) for t in (unknown, np.full(len(case.q), 21.0)))):
-        np.testing.assert_allclose(model.poses(case.q, x, conditions), plain, atol=1e-12)
-    by_joint = case.model.joint_jacobian(case.q, case.x)
-    np.testing.assert_allclose(model.joint_jacobian(case.q, x), by_joint, atol=1e-9)
-
-
 def test_inverse_kinematics_leads_back_beside_other_effects():
     model = thermal(ErrorModel(load_robot("abb-irb6660-205-1.9")) + Compliance())
     q = positions(model)
@@ -125,21 +87,6 @@ def test_joints_that_cannot_be_meant_are_refused():
         ErrorModel(robot) + Thermal(joints=("J9",))
     with pytest.raises(TaskcalError, match="behind J4 of abb-irb120 there is no length that could grow"):
         ErrorModel(robot) + Thermal(joints=("J2", "J4"))
-
-
-@pytest.mark.parametrize(("reference", "cold"), [(None, -1.0), (1800.0, np.exp(-1.0) - 1.0), (0.0, 0.0)])
-def test_a_robot_warms_up_by_an_exponential_of_its_time_at_work(reference, cold):
-    """Parameters are what a robot grows from cold to warm; at the reference, and without a time, they are zero."""
-    plain = ErrorModel(load_robot("ur5"))
-    model, q = plain + WarmUp(time_constant=1800.0, reference=reference), positions(plain)
-    x = with_value(model, thermal__expansion=3e-4)
-    time = np.array([0.0, 600.0, 1800.0, 7200.0, 1e6, np.nan])
-    rise = np.append(cold + 1.0 - np.exp(-time[:5] / 1800.0), 0.0)
-    expected = plain.poses(q)
-    expected[:, :3, 3] *= (1.0 + 3e-4 * rise)[:, None]
-    np.testing.assert_allclose(model.poses(q, x, Conditions(time=time)), expected, atol=1e-12)
-    for conditions in (None, Conditions(temperature=np.full(6, 80.0))):
-        np.testing.assert_array_equal(model.poses(q, x, conditions), model.poses(q))
 
 
 def test_a_model_grows_with_the_temperature_or_the_time_but_not_with_both():

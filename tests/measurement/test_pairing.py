@@ -1,0 +1,57 @@
+"""Joints in one file, points in another."""
+
+import numpy as np
+import pytest
+
+from taskcal.errors import FileError
+from taskcal.measurement.reader import ReadOptions, read_campaign
+from tests.measurement.measured_files import NAMED, ROBOT, measured, write
+
+
+def two_files(folder, ids, kept=None, joint_rows=None):
+    q, _, points = measured(40)
+    some = np.arange(40) if kept is None else kept
+    mine = np.arange(40) if joint_rows is None else joint_rows
+    first = [[*([f"p{k}"] if ids else []), *np.degrees(q[k])] for k in mine]
+    second = [[*([f"p{k}"] if ids else []), *points["A"][k] * 1e3] for k in some]
+    name = "id " if ids else ""
+    return (
+        write(folder, "j.txt", name + NAMED, first),
+        write(folder, "p.txt", f"{name}x_mm y_mm z_mm", second),
+        q,
+        points["A"],
+    )
+
+
+@pytest.mark.parametrize(
+    ("ids", "kept", "joint_rows", "note"),
+    [
+        (True, np.random.default_rng(0).permutation(40), None, "by 40 ids"),
+        (True, np.arange(3, 39), None, "by 36 ids; 4 ids are in one file only and left out"),
+        (False, None, None, "by their order, 40 of each"),
+        (False, np.arange(3, 40), None, "by geometry: 37 fit together, 100% of the shorter file"),
+        (False, np.delete(np.arange(40), [17, 30]), None, "by geometry: 38 fit together"),
+        (
+            False,
+            np.delete(np.arange(40), 20),
+            np.delete(np.arange(40), [3, 33]),
+            "by geometry: 37 fit together, 97% of",
+        ),
+    ],
+    ids=["shuffled", "some", "order", "shifted", "lost", "both"],
+)
+def test_joints_and_points_of_two_files_find_each_other(tmp_path, ids, kept, joint_rows, note):
+    joints, points, q, p = two_files(tmp_path, ids, kept, joint_rows)
+    campaign = read_campaign(joints, ROBOT, options=ReadOptions(points=points))
+    assert note in campaign.notes[-1]
+    for row in range(len(campaign)):
+        k = int(np.argmin(np.abs(q - campaign.q[row]).max(axis=1)))
+        np.testing.assert_allclose(campaign.points[row, 0], p[k], atol=1e-9)
+
+
+def test_rows_that_cannot_be_paired_are_refused(tmp_path):
+    joints, points, _, _ = two_files(tmp_path, False, np.random.default_rng(0).permutation(40)[:30])
+    with pytest.raises(FileError, match=r"p\.txt has 30 rows, j\.txt 40, .* give both files ids"):
+        read_campaign(joints, ROBOT, options=ReadOptions(points=points))
+    with pytest.raises(FileError, match="both files hold joints"):
+        read_campaign(joints, ROBOT, options=ReadOptions(points=joints))

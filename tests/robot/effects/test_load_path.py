@@ -1,0 +1,67 @@
+"""What loads put on drives: derivatives, and torques by virtual work."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.robot.catalogue import catalogue_names, load_robot
+from taskcal.robot.effects import Compliance, MotorHarmonics, Spring
+from taskcal.robot.error_model import ErrorModel
+from tests.robot.effects.dressed import BESIDE, dressed, positions
+
+
+@pytest.mark.parametrize("name", [*catalogue_names(), "dressed abb-irb6660-205-1.9", "dressed fanuc-r2000ic-165f"])
+@pytest.mark.parametrize("effect", [*BESIDE, Spring(joints=("J2",))], ids=repr)
+def test_the_slope_of_what_goes_through_the_load_path_is_that_of_differences(name, effect):
+    """Differences of two steps, extrapolated (Richardson), as the referee; dressed robots have masses, springs and gears."""
+    known = name.startswith("dressed ")
+    robot = dressed(name.removeprefix("dressed ")) if known else load_robot(name)
+    if (effect == BESIDE[1] and not known) or (isinstance(effect, MotorHarmonics) and not known):
+        pytest.skip("the robot file states neither masses nor gear ratios")
+    if "J2" not in robot.joint_names and effect.joints:
+        effect = replace(effect, joints=(robot.joint_names[1],))
+    term, q = effect.term(robot), positions(ErrorModel(robot))
+
+    def difference(h: float) -> np.ndarray:
+        steps = h * np.eye(q.shape[1])
+        return np.stack([(term.basis(q + step) - term.basis(q - step)) / (2 * h) for step in steps], axis=2)
+
+    h = 1e-5 if isinstance(effect, MotorHarmonics) else 1e-3
+    expected = (4.0 * difference(h / 2) - difference(h)) / 3.0
+    found = term.by_joint(q)
+    np.testing.assert_allclose(found, expected, atol=1e-6 * max(1.0, float(np.abs(expected).max())))
+
+
+@pytest.mark.parametrize("name", catalogue_names())
+def test_a_weight_puts_on_a_motor_the_torque_of_virtual_work(name):
+    """The weight at the tool point lowers it by lever · turn; the lever is minus the motor's column of its height."""
+    model = ErrorModel(load_robot(name))
+    term = Compliance().term(model.robot)
+    q = positions(model)
+    factor = term.basis(q)
+    height = model.joint_jacobian(q)[:, 2] if model.robot.four_bar else _by_coordinate(model, q)[:, 2]
+    for k, (coordinate, parameter) in enumerate(term.pairs):
+        if term.names[parameter].endswith("sag_tool"):
+            joint = term.names[parameter].split(".")[0]
+            j = model.robot.joint_names.index(joint)
+            gear = model.robot.joint_map.matrix[coordinate, j] if model.robot.four_bar else 1.0
+            np.testing.assert_allclose(factor[:, k], -gear * height[:, j], atol=1e-9)
+
+
+def _by_coordinate(model, q):
+    return model.joint_jacobian(q) @ np.linalg.inv(model.robot.joint_map.matrix)
+
+
+def test_through_a_parallelogram_the_forearms_moment_goes_to_the_cranks_motor():
+    """The lower arm's motor does not feel how far the forearm reaches out; the crank's motor does."""
+    robot = load_robot("abb-irb6660-205-1.9")
+    term = Compliance().term(robot)
+    folded, stretched = np.zeros((1, 6)), np.zeros((1, 6))
+    folded[0, 2], stretched[0, 2] = np.radians(60.0), np.radians(10.0)
+    moved = term.basis(stretched) - term.basis(folded)
+    motor = np.array([term.names[p].split(".")[0] for _, p in term.pairs])
+    # whatever hangs on the forearm pulls at the lower arm's end: one lever, and one parameter, for all of it
+    assert [name for name in term.names if name.startswith("J2.")] == ["J2.sag_J3"]
+    np.testing.assert_allclose(moved[:, motor == "J2"], 0.0, atol=1e-12)
+    assert np.abs(moved[:, motor == "J3"]).max() > 0.1

@@ -1,0 +1,71 @@
+"""Poses spread over a workspace."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taskcal.geometry import se3
+from taskcal.task.task import load_task
+from taskcal.task.workspace import Orientation, Workspace
+from tests.laws.campaigns import random_pose
+from tests.laws.robots import generators
+from tests.task.task_files import BOX, written
+
+rooms = st.tuples(st.floats(0, np.pi), st.sampled_from([0.0, 0.3, np.pi]))
+
+
+@given(generators, rooms, st.sampled_from(["box", "cylinder"]))
+def test_sampled_poses_are_inside_shape_cone_and_spin(rng, room, shape):
+    cone, spin = room
+    size = rng.uniform(0.1, 1.0, 3)
+    if shape == "cylinder":
+        size[1] = size[0]
+    orientations = tuple(Orientation(rotation=random_pose(rng, 1)[:3, :3], cone=cone, spin=spin) for _ in range(2))
+    space = Workspace(
+        T_base_frame=random_pose(rng, 2), shape=shape, center=rng.uniform(-1, 1, 3), size=size,
+        turned=random_pose(rng, 1)[:3, :3], orientations=orientations,
+    )  # fmt: skip
+    T = se3.inverse(space.T_base_frame) @ space.sample(60, seed=int(rng.integers(100)))
+    local = (T[:, :3, 3] - space.center) @ space.turned
+    assert np.all(np.abs(local) <= 0.5 * size + 1e-12)
+    if shape == "cylinder":
+        assert np.all(np.hypot(local[:, 0], local[:, 1]) <= 0.5 * size[0] + 1e-12)
+    for k, orientation in enumerate(orientations):
+        relative = orientation.rotation.T @ T[k::2, :3, :3]
+        tilt = np.arccos(np.clip(relative[:, 2, 2], -1, 1))
+        assert np.all(tilt <= cone + 1e-7)
+        if cone < 1e-3:  # without tilt the rest is the spin
+            turned = np.arctan2(relative[:, 1, 0], relative[:, 0, 0])
+            assert np.all(np.abs(turned) <= spin + cone + 1e-7)
+
+
+def test_orientations_take_turns(tmp_path):
+    space = load_task(written(tmp_path, BOX)).workspace
+    T = space.sample(7)
+    down = space.T_base_frame[:3, :3] @ space.orientations[1].rotation
+    np.testing.assert_allclose(T[1::2, :3, :3], np.tile(down, (3, 1, 1)), atol=1e-12)
+
+
+@given(generators, st.sampled_from(["box", "cylinder"]))
+def test_a_workspace_contains_its_own_samples_and_none_moved_out_of_it(rng, shape):
+    size = rng.uniform(0.1, 1.0, 3)
+    if shape == "cylinder":
+        size[1] = size[0]
+    room = Orientation(rotation=random_pose(rng, 1)[:3, :3], cone=rng.uniform(0, 1), spin=rng.uniform(0, 1))
+    space = Workspace(
+        T_base_frame=random_pose(rng, 2), shape=shape, center=rng.uniform(-1, 1, 3), size=size,
+        turned=random_pose(rng, 1)[:3, :3], orientations=(room,),
+    )  # fmt: skip
+    T = space.sample(40)
+    assert space.contains(T).all()
+    out = T.copy()
+    axis = space.T_base_frame[:3, :3] @ space.turned[:, int(rng.integers(3))]
+    out[:, :3, 3] += 1.01 * size.max() * axis
+    assert not space.contains(out).any()
+    tilted = T.copy()
+    tilted[:, :3, :3] = T[:, :3, :3] @ se3.exp(np.array([2.0 * room.cone + 0.01, 0.0, 0.0]))
+    assert not space.contains(tilted).any()
+    spun = space.middle().copy()
+    spun[:, :3, :3] = spun[:, :3, :3] @ se3.exp(np.array([0.0, 0.0, room.spin + 0.01]))
+    assert not space.contains(spun).any()
+    assert space.contains(space.middle()).all()
