@@ -67,6 +67,11 @@ CELLS = {
     "X actual": ("position", 0, "", None),
     "X nominal": ("nominal", 0, "", None),
     "Dev": ("nominal", 0, "", None),
+    "Goal x": ("nominal", 0, "", None),
+    "x_dif": ("nominal", 0, "", None),
+    "x_vel": ("nominal", 0, "", None),
+    "X [ft]": ("position", 0, "", "ft"),
+    "measurement_std_y": ("uncertainty", 1, "measurement", None),
     "sx": ("uncertainty", 0, "", None),
     "u_mm": ("uncertainty", 3, "", "mm"),
     "smr1_u_mm": ("uncertainty", 3, "smr1", "mm"),
@@ -108,3 +113,13 @@ def test_a_row_of_units_counts_as_much_as_a_unit_in_the_name():
 
 def test_a_joint_too_many_is_one_where_its_unit_is_an_angle():
     assert [m and m.index for m in meanings(["J7_deg", "A7"], ["", ""], JOINTS)] == [6, None]
+
+
+@pytest.mark.parametrize(("said", "measured"), [("target", "actual"), ("tcp", "tracker"), ("T", "SMR1")])
+def test_what_the_controller_says_beside_what_was_measured_is_no_target(said, measured):
+    def kinds(*prefixes):
+        names = [f"{prefix}_{axis}_mm" for prefix in prefixes for axis in "xyz"]
+        return {m.kind for m in meanings(names, [""] * len(names), JOINTS)[:3]}
+
+    assert kinds(said, measured) == {"nominal"}
+    assert kinds(said) == kinds(said, "base1") == {"position"}

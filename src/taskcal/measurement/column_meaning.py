@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-LENGTHS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "cm": 1e-2, "in": 0.0254}
+LENGTHS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "cm": 1e-2, "in": 0.0254, "ft": 0.3048}
 """Metres in each unit of length."""
 
-ANGLES = {"deg": 0.017453292519943295, "rad": 1.0, "mrad": 1e-3}
+ANGLES = {"deg": 0.017453292519943295, "rad": 1.0, "mrad": 1e-3, "gon": 0.015707963267948967}
 """Radians in each unit of angle."""
 
 TIMES = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
@@ -18,8 +18,8 @@ _UNITS = {
     "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
     "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
     "um": "um", "µm": "um", "μm": "um", "micron": "um", "microns": "um", "cm": "cm",
-    "in": "in", "inch": "in", "inches": "in",
-    "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg",
+    "in": "in", "inch": "in", "inches": "in", "ft": "ft", "foot": "ft", "feet": "ft",
+    "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg", "gon": "gon",
     "rad": "rad", "radian": "rad", "radians": "rad", "mrad": "mrad",
     "c": "C", "°c": "C", "degc": "C", "celsius": "C",
     "s": "s", "sec": "s", "seconds": "s", "ms": "ms", "min": "min", "h": "h",
@@ -70,7 +70,16 @@ _JOINT_FROM_ZERO = re.compile(
 )
 
 _FILLER = r"(?:pos|position|coord|coordinate|koordinate|meas|measured|actual|act|ist|messwert|p|tcp position)"
-_NOMINAL = re.compile(r"(?:.* )?(?:nom|nominal|soll|design|dev|deviation|delta|abw|abweichung|diff)(?: .*)?|d[xyz]")
+_NOMINAL = re.compile(
+    r"(?:.* )?(?:nom|nominal|soll|sollwert|design|goal|desired|commanded|command|cmd|setpoint|programmed)(?: .*)?"
+    r"|(?:.* )?(?:dev|deviation|delta|abw|abweichung|dif|diff|difference|residual|error|err|fehler)(?: .*)?"
+    r"|(?:.* )?(?:[xyz] (?:vel|velocity|speed|acc|acceleration|force)|(?:vel|velocity|speed|acc|acceleration|force) [xyz])"
+    r"|[dv][xyz]"
+)
+"""What was asked for, how far the robot was off it, and how it moved: nothing that says where it stood."""
+
+CALCULATED = frozenset({"target", "tcp", "controller", "fk", "t"})
+"""Names of positions that the controller was sent to or says of itself, where others beside them were measured."""
 _AXIS = re.compile(
     rf"(?:(?P<before>.+?) )??(?:{_FILLER} )?(?P<axis>[xyz])"
     r"(?: (?:coord|coordinate|koordinate|pos|position|act|actual|ist|meas|measured))?"
@@ -134,7 +143,19 @@ def meanings(names: Sequence[str], units: Sequence[str], joints: Sequence[str]) 
             out.append(Meaning(kind="euler", index=angles[k][1], form=angles[k][0], unit=unit))
         else:
             out.append(_meaning(text, unit, names[k], own, len(joints)))
-    return out
+    return _without_calculated(out)
+
+
+def _without_calculated(known: list[Meaning | None]) -> list[Meaning | None]:
+    """Positions that the controller calculates are none of a target where others were measured."""
+    named = {m.target.casefold() for m in known if m is not None and m.kind == "position"}
+    calculated = named & CALCULATED
+    if not any(name not in calculated and not name.startswith("base") for name in named):
+        return known
+    return [
+        Meaning(kind="nominal") if m is not None and m.kind == "position" and m.target.casefold() in calculated else m
+        for m in known
+    ]
 
 
 def _spoken(name: str) -> str:

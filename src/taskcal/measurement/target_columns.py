@@ -1,12 +1,14 @@
 """Positions of targets in a table of measurements: columns for each target, or a row for each."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.measurement.column_meaning import LENGTHS, Meaning
+from taskcal.errors import shown
+from taskcal.measurement.column_meaning import CALCULATED, LENGTHS, Meaning
 from taskcal.tabular.faults import Faults
 from taskcal.tabular.table import Table
 
@@ -14,6 +16,11 @@ LEAVE_EMPTY = "give a number, or leave all the target's cells empty"
 
 MAX_TARGETS = 100
 """On one tool; plates for trackers carry up to a dozen reflectors, and the fit's matrices grow with the square."""
+
+_OFF = re.compile(
+    r"(?:^|[\s_.\-])(?:dif|diff|difference|dev|deviation|delta|err|error|residual|abw|abweichung)(?:$|[\s_.\-])", re.I
+)
+"""Names of how far the robot was off."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,6 +52,7 @@ def target_columns(table: Table, meanings: Sequence[Meaning | None]) -> TargetCo
             twice = f"'{table.header[axes[meaning.index]]}' and '{table.header[k]}'"
             raise table.header_error(f"{twice} are both the {'xyz'[meaning.index]} of one target; keep one")
         axes[meaning.index] = k
+    _refuse_goals(table, meanings, places)
     if len(places) > 10 * MAX_TARGETS:
         raise table.header_error(f"names {len(places)} targets; Taskcal fits {MAX_TARGETS} at most: choose some")
     units = {low: _unit(table, meanings, names[low], axes) for low, axes in places.items()}
@@ -63,6 +71,22 @@ def target_columns(table: Table, meanings: Sequence[Meaning | None]) -> TargetCo
         uncertainty = _uncertainty(table, meanings, default="mm" if True in stated else None)
     faults.raise_any()
     return TargetColumns(points=points, uncertainty=uncertainty, unit_stated=stated != {False})
+
+
+def _refuse_goals(table: Table, meanings: Sequence[Meaning | None], places: dict[str, dict[int, int]]) -> None:
+    """Goals, and how far the robot was off them, are not what was measured, though it follows from both."""
+    if not places or not places.keys() <= CALCULATED:
+        return
+    off = [
+        name for name, m in zip(table.header, meanings, strict=True) if m and m.kind == "nominal" and _OFF.search(name)
+    ]
+    if off:
+        goal = table.header[min(k for axes in places.values() for k in axes.values())]
+        message = (
+            f"has goals ('{shown(goal)}') and differences from them ('{shown(off[0])}'), not points; add columns of what was "
+            "measured"
+        )
+        raise table.header_error(message)
 
 
 def _unit(table: Table, meanings: Sequence[Meaning | None], name: str, axes: dict[int, int]) -> str | None:

@@ -14,8 +14,8 @@ MAX_COLUMNS = 100_000
 """No instrument writes more."""
 
 UNITS = frozenset({
-    "mm", "m", "um", "µm", "μm", "cm", "in", "inch", "inches", "ft", "deg", "degree", "degrees", "grad", "°", "rad", "radian",
-    "radians", "mrad",
+    "mm", "m", "um", "µm", "μm", "cm", "in", "inch", "inches", "ft", "deg", "degree", "degrees", "grad", "gon", "°", "rad",
+    "radian", "radians", "mrad",
     "s", "sec", "ms", "h", "min", "c", "°c", "degc", "k", "celsius", "-", "1",
 })  # fmt: skip
 """What may stand under a column's name in a row of units."""
