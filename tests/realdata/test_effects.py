@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.special import chdtri
 
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.effect_selection import with_field
+from taskcal.identification.effect_selection import explain, with_field
 from taskcal.identification.identify import identify
 from taskcal.identification.residual_analysis import analyse_residuals
 from taskcal.identification.validation import validate
@@ -141,3 +142,32 @@ def test_what_remains_on_the_wam_without_effects_goes_with_the_approach_of_its_f
     assert first.regressor.name == "approach of J1"
     assert first.share > 0.15
     assert first.p_value == pytest.approx(0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "rows", "splits", "bound_mm"),
+    [
+        pytest.param("ur5", 60, 3, 0.074, id="ur5, 60 rows"),
+        pytest.param("ur5", 700, 1, 0.047, id="ur5, 700 rows"),
+        pytest.param("abb-irb120", 60, 3, 0.34, id="irb120, 60 rows"),
+        pytest.param("abb-irb120", 430, 1, 0.26, id="irb120, 430 rows"),
+        pytest.param("barrett-wam", 0.7, 3, 1.43, id="wam, 70 %"),
+        pytest.param("ur10", 0.7, 1, 0.09, id="ur10, 70 %"),
+    ],
+)
+def test_all_effects_at_once_predict_what_was_not_fitted_and_how_well(data_folder, name, rows, splits, bound_mm):
+    campaign, model = campaign_of(data_folder, name), ErrorModel(load_robot(name))
+    count = round(rows * len(campaign)) if rows < 1 else int(rows)
+    means, inside = [], []
+    for seed in range(splits):
+        order = np.random.default_rng(seed).permutation(len(campaign))
+        held = campaign.take(order[count:])
+        found = explain(model, campaign.take(order[:count])).calibration
+        error = found.residuals_on(held)[held.valid][:, :3]
+        C = found.predict_covariance(held.q, held.conditions) + held.covariances()
+        solved = np.linalg.solve(C[held.valid][:, :3, :3], error[..., None])[..., 0]
+        means.append(np.linalg.norm(error, axis=1).mean() * 1e3)
+        inside.append(np.mean(np.einsum("ni,ni->n", error, solved) < chdtri(3, 0.05)))
+    assert np.median(means) <= bound_mm
+    assert 0.88 <= np.median(inside) <= 0.985

@@ -35,9 +35,6 @@ STANDS_STILL = 0.1
 FRAME_SCALE = 1e-3
 """Unit of tracker frame and targets in the equations, metres and radians."""
 
-SCEPTICAL = -4.0
-"""Expected logarithm of the factor of an effect's variance: most joints have little of most effects. Geometry has 0."""
-
 GEOMETRY = "geometry"
 
 
@@ -70,8 +67,7 @@ class OneModel:
     @cached_property
     def groups(self) -> Groups:
         """As the equations take them."""
-        location = np.array([0.0 if label.effect == GEOMETRY else SCEPTICAL for label in self.labels])
-        width = np.full(len(self.labels), SIZE_WIDTH)
+        location, width = np.zeros(len(self.labels)), np.full(len(self.labels), SIZE_WIDTH)
         if self.geometry_factor is not None:
             own = [i for i, label in enumerate(self.labels) if label.effect == GEOMETRY]
             location[own], width[own] = np.log(self.geometry_factor), 0.0
