@@ -53,7 +53,7 @@ def test_what_a_plan_assumes_of_the_model_error_is_said(model, listed, pool):
     assert assumed.model_error_origin == model.robot.model_error.source
     assert assumed.expected > 2.0 * exact.expected
     assert exact.expected_at_a_pose == exact.expected
-    said = assumed.to_json()
+    said = assumed.summary()
     assert said["model_error_mm"] == pytest.approx(0.05)
     assert said["expected_with_model_error_mm"] == pytest.approx(np.hypot(said["expected_error_mm"], np.sqrt(3) * 0.05))
     assert (assumed.enough or 99) > exact.enough
@@ -149,7 +149,7 @@ def test_the_poses_needed_are_those_that_bring_a_single_pose_within_the_accuracy
         accuracy = float(np.hypot(small.by_count[n - 1], np.sqrt(3.0) * deviation)) * (1 + 1e-9)
         made = replace(small, accuracy=accuracy, model_error=deviation)
         assert made.enough == 1 + int(np.argmax(small.by_count <= small.by_count[n - 1]))
-        assert made.to_json()["poses_needed_without_model_error"] <= made.enough
+        assert made.summary()["poses_needed_without_model_error"] <= made.enough
     hopeless = replace(small, accuracy=8e-5, model_error=deviation)
     assert hopeless.geometry_allowance == 0.0
     assert hopeless.enough is None

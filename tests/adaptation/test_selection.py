@@ -70,7 +70,7 @@ def test_a_model_error_that_is_assumed_is_said_and_leaves_fewer_parameters_worth
     assumed, exact = (select(model, reference_task(), count=60, model_error=u) for u in (None, 0.0))
     assert len(assumed.kept) < len(exact.kept)
     assert assumed.ladder[0].expected > 2.0 * exact.ladder[0].expected
-    assert assumed.to_json()["model_error_mm"] == pytest.approx(0.05)
+    assert assumed.summary()["model_error_mm"] == pytest.approx(0.05)
     assert assumed.model_error_origin == model.robot.model_error.source
     assert (exact.model_error, exact.model_error_origin) == (0.0, "as given")
 
@@ -104,7 +104,7 @@ def test_every_rung_is_what_the_model_without_the_dropped_ones_is_expected_to_le
     assert np.all(np.diff([nested.expected for nested in chosen.ladder]) >= -1e-12)
     assert chosen.ladder[-1].expected == pytest.approx(chosen.before, rel=1e-9)
     again = select(model, reference_task(), count=60)
-    assert (again.kept, again.to_json()) == (chosen.kept, chosen.to_json())
+    assert (again.kept, again.summary()) == (chosen.kept, chosen.summary())
 
 
 def test_a_robot_of_which_nothing_is_published_is_compared_with_the_identifiable_set_alone():
@@ -125,7 +125,7 @@ def test_the_former_name_of_the_hyperparameters_still_works_and_warns(model, lis
     known = Hyperparameters.of_deviations((1e-4,), 2.0)
     with pytest.warns(DeprecationWarning, match="'scales' is called 'hyperparameters'"):
         former = select(model, listed, scales=known)
-    assert former.to_json() == select(model, listed, hyperparameters=known).to_json()
+    assert former.summary() == select(model, listed, hyperparameters=known).summary()
     assert former.model_error == pytest.approx(1e-4)
 
 
@@ -135,6 +135,6 @@ def test_a_campaign_of_poses_states_its_model_error_in_milliradians_too(model, l
     campaign = replace(campaign, rotations=off @ campaign.rotations)
     chosen = select(model, listed, campaign, folds=2)
     found = identify(model, campaign).model_error
-    assert chosen.to_json()["model_error_mrad"] == pytest.approx(found[1] * 1e3)
+    assert chosen.summary()["model_error_mrad"] == pytest.approx(found[1] * 1e3)
     assert found[1] > 1e-4
-    assert "model_error_mrad" not in select(model, listed).to_json()
+    assert "model_error_mrad" not in select(model, listed).summary()

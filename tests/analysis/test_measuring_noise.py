@@ -19,7 +19,7 @@ def test_tracker_and_model_error_add_in_squares():
     noise = measuring_noise(MODEL, Q, model_error=2e-4)
     assert noise.total == pytest.approx(np.sqrt(noise.tracker**2 + 4e-8))
     assert measuring_noise(MODEL, Q, model_error=0.0).total == noise.tracker
-    said = noise.to_json()
+    said = noise.summary()
     assert said["noise_mm"] ** 2 == pytest.approx(said["tracker_mm"] ** 2 + said["model_error_mm"] ** 2)
 
 

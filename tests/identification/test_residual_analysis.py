@@ -44,7 +44,7 @@ def test_noise_goes_with_nothing(model):
     assert {"position of J3", "gravity on J2", "order of measurement", "temperature", "tilt of the tool"} < set(by_name)
     assert max(e.share for e in found.explained) < 0.03
     assert found.rms == pytest.approx(found.tracker, rel=0.25)
-    assert (found.apart, found.together) == (None, None)
+    assert (found.non_rigid, found.rigid) == (None, None)
 
 
 def test_a_joint_that_errs_often_in_a_turn_is_named_and_drawn(model):
@@ -100,11 +100,11 @@ def test_targets_that_move_as_one_are_the_robot_and_others_are_not(model):
     rng = np.random.default_rng(7)
     common = campaign.points + 3e-4 * rng.normal(size=(60, 1, 3))
     found = analyse_residuals(identify(model, campaign), replace(campaign, points=common), permutations=1)
-    assert found.together > 2e-4
-    assert found.apart == pytest.approx(found.tracker, rel=0.25)
+    assert found.rigid > 2e-4
+    assert found.non_rigid == pytest.approx(found.tracker, rel=0.25)
     single = campaign.points + 3e-4 * rng.normal(size=(60, 3, 3))
     found = analyse_residuals(identify(model, campaign), replace(campaign, points=single), permutations=1)
-    assert found.apart == pytest.approx(3e-4, rel=0.2)
+    assert found.non_rigid == pytest.approx(3e-4, rel=0.2)
 
 
 def test_lost_beams_and_short_campaigns(model):
@@ -116,7 +116,7 @@ def test_lost_beams_and_short_campaigns(model):
     found = analyse_residuals(identify(model, gaps), gaps, permutations=1)
     assert found.residual.shape == (59, 3)
     assert np.isfinite(found.residual).all()
-    json.dumps(found.to_json(), allow_nan=False)
+    json.dumps(found.summary(), allow_nan=False)
     with pytest.raises(CampaignError, match="29 poses are too few"):
         analyse_residuals(identify(model, campaign), campaign.take(slice(0, 29)))
     with pytest.raises(CampaignError, match="the campaign's targets are a, the calibration's a, b, c"):

@@ -129,8 +129,8 @@ def test_what_remains_on_the_irb120_is_the_robot_and_goes_with_nothing_more(data
     assert {"approach of J1", "last move of J1"} == {e.regressor.name for e in plain.explained[:2]}
     effects = (EncoderGain(), Compliance(), Settling())
     found = analyse_residuals(identify(model_of(name, effects), campaign), campaign, permutations=19)
-    assert found.apart < 5e-6
-    assert 0.2e-3 < found.together < 0.24e-3
+    assert found.non_rigid < 5e-6
+    assert 0.2e-3 < found.rigid < 0.24e-3
     assert found.rms < 0.72 * plain.rms
     assert found.explained[0].share < 0.01
 

@@ -21,6 +21,7 @@ from taskcal.errors import CampaignError
 from taskcal.estimation.blas import single_threaded
 from taskcal.estimation.experiment_design import choose
 from taskcal.measurement.virtual_cell import simulate
+from taskcal.public_names import FormerName
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, TaskPoses, reach_task
 
@@ -96,8 +97,8 @@ class Plan:
         met = np.flatnonzero(self.by_count <= error)
         return int(met[0]) + 1 if len(met) else None
 
-    def to_json(self) -> dict[str, Any]:
-        """Machine-readable, in millimetres."""
+    def summary(self) -> dict[str, Any]:
+        """The report, in millimetres."""
         return {
             "count": len(self.q),
             "criterion": self.criterion,
@@ -118,6 +119,8 @@ class Plan:
             "lost": self.lost,
             "exchanges": self.exchanges,
         }
+
+    to_json = FormerName("summary")
 
 
 @single_threaded

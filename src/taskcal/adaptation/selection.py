@@ -24,6 +24,7 @@ from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.identify import identify
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.virtual_cell import simulate
+from taskcal.public_names import FormerName
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, TaskPoses, reach_task
 
@@ -82,8 +83,8 @@ class Selection:
             f"{shortened(', '.join(self.kept), 120)}; {shortened(self.why, 120)})"
         )
 
-    def to_json(self) -> dict[str, Any]:
-        """Machine-readable, in millimetres."""
+    def summary(self) -> dict[str, Any]:
+        """The report, in millimetres."""
         return {
             "kept": list(self.kept),
             "dropped": dict(self.dropped),
@@ -103,6 +104,8 @@ class Selection:
                 for nested in self.ladder
             ],
         }
+
+    to_json = FormerName("summary")
 
 
 @renamed_arguments(scales="hyperparameters")

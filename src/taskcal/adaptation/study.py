@@ -26,7 +26,7 @@ from taskcal.adaptation.selection import select
 from taskcal.adaptation.study_options import StudyChoices, StudyOptions
 from taskcal.adaptation.workers import side_by_side
 from taskcal.analysis.elimination_table import published_kept
-from taskcal.arguments import expect_kinds
+from taskcal.arguments import expect_kinds, warn_renamed
 from taskcal.errors import FileError, TaskcalError
 from taskcal.files import write_whole
 from taskcal.identification.fit_options import FitOptions
@@ -112,7 +112,8 @@ class Study:
         }
 
     def to_json(self) -> dict[str, Any]:
-        """Machine-readable, in millimetres."""
+        """Former report: `summary`, and what the study rests on."""
+        warn_renamed("Study.to_json", "summary", stacklevel=2)
         return {
             "robots": self.robots,
             "seed": self.seed,

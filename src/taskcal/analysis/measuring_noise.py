@@ -10,6 +10,7 @@ from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.measurement.virtual_cell import TRACKER_POSE
+from taskcal.public_names import FormerName
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.model_error import ModelError, model_error_of
 
@@ -33,14 +34,16 @@ class MeasuringNoise:
             f"{self.model_error.position * 1e3:.3g} mm ({self.model_error.source})"
         )
 
-    def to_json(self) -> dict[str, Any]:
-        """Machine-readable, in millimetres."""
+    def summary(self) -> dict[str, Any]:
+        """The report, in millimetres."""
         return {
             "noise_mm": self.total * 1e3,
             "tracker_mm": self.tracker * 1e3,
             "model_error_mm": self.model_error.position * 1e3,
             "model_error_origin": self.model_error.source,
         }
+
+    to_json = FormerName("summary")
 
 
 def measuring_noise(

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import shortened
+from taskcal.public_names import FormerName
 
 SMALLEST = 0.05
 """Share of a direction's largest coefficient under which one is left out of its description."""
@@ -57,8 +58,8 @@ class ToldApart:
         """Directions that are independent exactly and not told apart, the weakest first."""
         return self.directions[: len(self.directions) - self.count]
 
-    def to_json(self) -> dict[str, Any]:
-        """Machine-readable; coefficients in units of the tolerances."""
+    def summary(self) -> dict[str, Any]:
+        """The report; coefficients in units of the tolerances."""
         return {
             "count": self.count,
             "rank": len(self.directions),
@@ -66,6 +67,8 @@ class ToldApart:
                 {"coefficients": d.leading, "information": d.information, "left": d.left} for d in self.directions
             ],
         }
+
+    to_json = FormerName("summary")
 
     def __repr__(self) -> str:
         weakest = f"; weakest: {shortened(', '.join(self.directions[0].leading), 80)}" if self.directions else ""

@@ -3,8 +3,6 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from taskcal.cli.effects import is_harmonic, show_harmonics
 from taskcal.cli.errors_table import show_errors
 from taskcal.cli.output import show_facts, show_table
@@ -14,11 +12,7 @@ from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration
 from taskcal.presentation.model_error_origin import model_error_origin, prior_scale_origin
-from taskcal.presentation.seen import seen_parameters
 from taskcal.presentation.unobservable import describe_unobservable
-
-CORRELATIONS = 6
-"""How many of the largest correlations are named."""
 
 
 def report(
@@ -34,23 +28,15 @@ def report(
     """
     rest = measured.take(list(others)) if others else None
     predictable = rest is not None and bool(rest.valid.any())
-    rotation = calibration.model_error[1:]
     wrong = {row.row for row in calibration.left_out}
     fitted = [row for row in chosen if row not in wrong]
     return {
-        "robot": calibration.model.robot.name,
-        "effects": [effect.to_json() for effect in calibration.model.effects],
-        "field": calibration.field is not None or any(effect.key == "field" for effect in calibration.model.effects),
+        **calibration.summary(),
         "rows": len(chosen),
         "fitted": validate(calibration, measured.take(fitted)).summary(),
         "held_out": validate(calibration, rest).summary() if rest is not None and predictable else None,
-        "model_error_mm": calibration.model_error[0] * 1e3,
-        **({"model_error_mrad": rotation[0] * 1e3} if rotation else {}),
-        "prior_scale": calibration.prior_scale,
         "model_error_origin": model_error_origin(calibration),
         "prior_scale_origin": prior_scale_origin(calibration) or None,
-        "parameters": _parameters(calibration),
-        "correlations": _correlations(calibration),
         "tracker_frame": placement(calibration.T_tracker_base),
         "registration": _registered(calibration.layout.registration),
         "targets": {
@@ -62,62 +48,11 @@ def report(
                 strict=True,
             )
         },
-        "left_out": [
-            {
-                "row": row.row,
-                "line": row.line,
-                "id": row.id,
-                "distance_mm": row.distance * 1e3,
-                "studentised": row.studentised,
-            }
-            for row in calibration.left_out
-        ],
-        "outliers": [
-            {
-                "row": o.row,
-                "line": o.line,
-                "id": o.id,
-                "target": o.target,
-                "residual_mm": o.residual * 1e3,
-                "studentised": o.studentised,
-            }
-            for o in calibration.outliers
-        ],
-        "reason": calibration.reason,
-        "remarks": list(calibration.remarks),
-        "iterations": calibration.iterations,
-        "rounds": calibration.rounds,
     }
 
 
 def _registered(registration: Registration) -> dict[str, str | None]:
     return {"method": registration.method, "file": registration.file or None}
-
-
-def _parameters(calibration: Calibration) -> list[dict[str, Any]]:
-    out: list[dict[str, Any]] = []
-    seen = seen_parameters(calibration)
-    for i in calibration.estimated:
-        p = calibration.model.parameters[i]
-        unit = p.shown
-        values = {
-            f"estimate_{unit.key}": float(calibration.estimate[i]) * unit.factor,
-            f"standard_error_{unit.key}": float(calibration.standard_errors[i]) * unit.factor,
-            f"tolerance_{unit.key}": p.tolerance * unit.factor,
-        }
-        out.append({"name": p.name, "symbol": p.symbol, "unit": unit.name, **values, "seen": seen[p.name]})
-    return out
-
-
-def _correlations(calibration: Calibration) -> list[dict[str, Any]]:
-    """The largest, between estimated parameters, tracker frame and targets."""
-    p, size = len(calibration.model), len(calibration.all_names)
-    fitted = np.concatenate([calibration.estimated, np.arange(p, size)])
-    names = [calibration.all_names[i] for i in fitted]
-    correlation = calibration.correlation[np.ix_(fitted, fitted)]
-    i, j = np.triu_indices(len(names), 1)
-    largest = np.argsort(-np.abs(correlation[i, j]), kind="stable")[:CORRELATIONS]
-    return [{"a": names[i[k]], "b": names[j[k]], "correlation": float(correlation[i[k], j[k]])} for k in largest]
 
 
 def show(result: Mapping[str, Any]) -> None:

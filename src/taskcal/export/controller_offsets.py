@@ -10,6 +10,7 @@ from taskcal.export.calibrated_chain import spread_poses
 from taskcal.export.export import placed
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
+from taskcal.public_names import FormerName
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 
@@ -53,8 +54,8 @@ class ControllerOffsets:
     corrected programs are left with where the tool is measured as well."""
     poses: int
 
-    def to_json(self) -> dict[str, Any]:
-        """In millimetres and degrees."""
+    def summary(self) -> dict[str, Any]:
+        """The report, in millimetres and degrees."""
         return {
             "joint_offsets": {
                 f"{name}_{'mm' if slides else 'deg'}": float(value) * (1e3 if slides else 180.0 / np.pi)
@@ -67,6 +68,8 @@ class ControllerOffsets:
             "zeros_tool_and_base": _left(self.with_zeros, self.uncertainty),
             "program_correction": _left(Remaining(rms=0.0, maximum=0.0), self.uncertainty),
         }
+
+    to_json = FormerName("summary")
 
 
 def _left(remaining: Remaining, uncertainty: float) -> dict[str, float]:

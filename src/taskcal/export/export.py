@@ -10,6 +10,7 @@ from jaxtyping import Float
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
+from taskcal.public_names import FormerName
 from taskcal.short_repr import short_repr
 
 ROUNDING = 1e-8
@@ -59,14 +60,16 @@ class Loss:
             "correct programs with the whole model (taskcal correct), or accept the loss (--accept-loss)"
         )
 
-    def to_json(self) -> dict[str, Any]:
-        """In millimetres."""
+    def summary(self) -> dict[str, Any]:
+        """The report, in millimetres."""
         return {
             "rms_mm": self.rms * 1e3,
             "max_mm": self.maximum * 1e3,
             "poses": self.poses,
             "not_held": list(self.reasons),
         }
+
+    to_json = FormerName("summary")
 
 
 @short_repr

@@ -1,6 +1,6 @@
 # The public names of this folder, each once: __init__.py reads this list and loads them as they are used.
 
-from taskcal.identification.effect_selection import EffectSearch as EffectSearch
+from taskcal.identification.effect_search import EffectSearch as EffectSearch
 from taskcal.identification.effect_selection import select_effects as select_effects
 from taskcal.identification.explanation import Explanation as Explanation
 from taskcal.identification.explanation import Stage as Stage

@@ -16,7 +16,9 @@ from taskcal.geometry import se3, walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
 from taskcal.geometry.covariance_propagation import propagate
 from taskcal.geometry.observations import Observations, Points
+from taskcal.identification.approach_covariance import approach_covariance
 from taskcal.identification.calibration_content import describe_calibration
+from taskcal.identification.calibration_summary import summarise_calibration
 from taskcal.identification.field import ResidualField
 from taskcal.identification.outlier import LeftOut, Outlier
 from taskcal.identification.problem import FrameLayout
@@ -213,7 +215,7 @@ class Calibration:
         nowhere = Observations(position=np.zeros((*shape, 3)), rotation=T, valid=np.ones(shape, dtype=bool))
         _, covariance = propagate(at, nowhere, self.z_covariance)
         if conditions is None and self.model.conditioned:
-            covariance = covariance + self._sides(q)
+            covariance = covariance + approach_covariance(self, q)
         if not model_error:
             return covariance
         if any(self.joint_error):
@@ -231,31 +233,6 @@ class Calibration:
             part = slice(first, first + 3)
             covariance[:, :, part, part] += (R * variance[:, None, part] @ R.T)[:, None]
         return covariance
-
-    def _sides(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n targets b b"]:
-        """Covariance of the targets where the last moves are unknown.
-
-        Each joint came from either side with even chance. Its share of the largest move is evenly spread between nothing and
-        all, so that the mean of its square is 1/3, and of its product with the side 1/2.
-        """
-        middle = self.target_poses(q)
-        out = np.zeros((*middle.shape[:2], 6, 6))
-        for j in range(q.shape[1]):
-            way = np.broadcast_to(np.eye(q.shape[1])[j], q.shape)
-            side, move = (self._moved(q, middle, c) for c in (Conditions(approach=way), Conditions(move=way)))
-            both = side[..., :, None] * move[..., None, :]
-            out += side[..., :, None] * side[..., None, :] + 0.5 * (both + np.swapaxes(both, -1, -2))
-            out += move[..., :, None] * move[..., None, :] / 3.0
-        return out if self.layout.pose else out[..., :3, :3]
-
-    def _moved(
-        self, q: Float[np.ndarray, "n joints"], middle: Float[np.ndarray, "n targets 4 4"], conditions: Conditions
-    ) -> Float[np.ndarray, "n targets 6"]:
-        """How far the targets move and turn under some conditions."""
-        ends = self.target_poses(q, conditions)
-        moved = ends[..., :3, 3] - middle[..., :3, 3]
-        turned = se3.log(ends[..., :3, :3] @ np.swapaxes(middle[..., :3, :3], -1, -2))
-        return np.concatenate([moved, turned], axis=-1)
 
     def predict_tool(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
@@ -328,6 +305,10 @@ class Calibration:
         """
         model = self.model.under(load)
         return replace(self, model=model, layout=replace(self.layout, model=model))
+
+    def summary(self) -> dict[str, Any]:
+        """The report, in millimetres and milliradians."""
+        return summarise_calibration(self)
 
     def save(self, path: str | Path) -> None:
         """Write a versioned JSON file, all at once; `load_calibration` reads it back exactly.

@@ -22,49 +22,22 @@ from taskcal.estimation.blas import single_threaded
 from taskcal.estimation.group_variances import without
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.cross_validation import mean_over_rows, predict_left_out, split_postures
+from taskcal.identification.effect_search import EffectSearch, ExplainChoices
 from taskcal.identification.explanation import Explanation, Stage
 from taskcal.identification.field import learn_field
-from taskcal.identification.fit_options import FitChoices, FitOptions
+from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.identify import identify
 from taskcal.identification.one_search import OneModelFound, find_one_model
 from taskcal.measurement.campaign import Campaign
 from taskcal.robot.effects import Effect, JointField
 from taskcal.robot.effects import candidates as default_candidates
 from taskcal.robot.error_model import ErrorModel
-from taskcal.short_repr import short_repr
 
 MIN_EVIDENCE_GAIN = 3.0
 """Fall of log evidence without it from which on an effect is called proven, odds of 20 to 1."""
 
 MANY = 100
 """Parameters of an effect from which on it is not asked what geometry repeats of them: their sum counts, not each."""
-
-
-@short_repr
-@dataclass(frozen=True, kw_only=True)
-class EffectSearch:
-    """What may be added to the geometry, and how it is put to the proof."""
-
-    effects: Sequence[Effect] | None = None
-    """Those to add without proof; None to try the candidates."""
-    candidates: Sequence[Effect] | None = None
-    """Effects that compete; None for what every effect that is defined proposes for the robot (`Effect.candidates`)."""
-    field: bool = False
-    """Try a residual field."""
-    folds: int = 5
-    """Of the cross-validation."""
-    seed: int = 0
-    """Of its folds."""
-
-
-class ExplainChoices(FitChoices, total=False):
-    """Keywords of `explain`: those of `EffectSearch`, and of `identify`."""
-
-    effects: Sequence[Effect] | None
-    candidates: Sequence[Effect] | None
-    field: bool
-    folds: int
-    seed: int
 
 
 def _silent(_: str) -> None:

@@ -7,6 +7,7 @@ from taskcal.analysis.collinearity import Collinearity
 from taskcal.arguments import warn_renamed
 from taskcal.errors import shortened
 from taskcal.identification.calibration import Calibration
+from taskcal.public_names import FormerName
 from taskcal.robot.effects import Effect
 
 
@@ -63,7 +64,7 @@ class Explanation:
         warn_renamed("Explanation.alike", "collinearities", stacklevel=2)
         return self.collinearities
 
-    def to_json(self) -> list[dict[str, Any]]:
+    def summary(self) -> list[dict[str, Any]]:
         """The table, in millimetres."""
         return [
             {
@@ -78,3 +79,5 @@ class Explanation:
             }
             for stage in self.stages
         ]
+
+    to_json = FormerName("summary")

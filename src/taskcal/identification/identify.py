@@ -15,6 +15,7 @@ from taskcal.identification.considered import Outcome, consider, fitted_alone, f
 from taskcal.identification.fit_options import FitChoices, FitOptions
 from taskcal.identification.gross_errors import fit_right_rows
 from taskcal.identification.hyperparameters import MAX_ROUNDS, Fitted, fit_with_hyperparameters
+from taskcal.identification.informed_parameters import UNSEEN_SHARE
 from taskcal.identification.outlier import studentise
 from taskcal.identification.problem import FrameLayout, Problem, observe
 from taskcal.identification.provenance import Provenance
@@ -23,9 +24,6 @@ from taskcal.measurement.consensus import find_consensus
 from taskcal.measurement.plausibility import check_plausible, check_targets
 from taskcal.measurement.registration import Registration, check_rows, nominal_poses, register
 from taskcal.robot.error_model import ErrorModel
-
-UNSEEN_SHARE = 0.95
-"""Share of the prior's standard deviation from which on a standard error says that nothing was learnt."""
 
 WORTHLESS_SIZE = 3e-4
 """Model error, metres per axis, with which a robot that shows none of its tolerances is not a nearly perfect one."""

@@ -17,6 +17,7 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.cross_validation import split_postures
 from taskcal.identification.regressor import Regressor, list_regressors
 from taskcal.measurement.campaign import Campaign
+from taskcal.public_names import FormerName
 from taskcal.short_repr import short_repr
 
 MIN_POSES = 30
@@ -56,26 +57,30 @@ class ResidualAnalysis:
     """Of its length, metres."""
     tracker: float
     """What the tracker's noise alone would leave of it, metres rms."""
-    apart: float | None
+    non_rigid: float | None
     """Where three targets or more were seen: rms per coordinate, metres, by which they move against each other, which no
     motion of the robot explains; None otherwise."""
-    together: float | None
+    rigid: float | None
     """The same of their common motion as one rigid body."""
     explained: tuple[Explained, ...]
     """The largest share first."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Machine-readable, in millimetres."""
+    def summary(self) -> dict[str, Any]:
+        """The report, in millimetres."""
         return {
             "rms_mm": self.rms * 1e3,
             "tracker_mm": self.tracker * 1e3,
-            "targets_apart_mm": None if self.apart is None else self.apart * 1e3,
-            "targets_together_mm": None if self.together is None else self.together * 1e3,
+            "targets_apart_mm": None if self.non_rigid is None else self.non_rigid * 1e3,
+            "targets_together_mm": None if self.rigid is None else self.rigid * 1e3,
             "explained": [
                 {"quantity": e.regressor.name, "moves": e.regressor.moves, "share": e.share, "p_value": e.p_value}
                 for e in self.explained
             ],
         }
+
+    apart = FormerName("non_rigid")
+    together = FormerName("rigid")
+    to_json = FormerName("summary")
 
 
 def analyse_residuals(
@@ -106,7 +111,7 @@ def analyse_residuals(
     noise = np.where(campaign.valid, np.trace(campaign.covariances()[..., :3, :3], axis1=2, axis2=3), 0.0)
     tracker = float(np.sqrt(np.mean(noise.sum(axis=1) / campaign.valid.sum(axis=1) ** 2)))
     ends = calibration.target_poses(campaign.q, campaign.conditions)[..., :3, 3]
-    together, apart = _move_as_one(each, ends @ calibration.T_tracker_base[:3, :3])
+    rigid, non_rigid = _move_as_one(each, ends @ calibration.T_tracker_base[:3, :3])
     parts = split_postures(campaign.q, folds, seed)
     rng = np.random.default_rng(seed)
     explained = [_explain(r, residual, parts, permutations, rng) for r in list_regressors(calibration, campaign)]
@@ -114,8 +119,8 @@ def analyse_residuals(
         residual=residual,
         rms=float(np.sqrt((residual**2).sum(axis=1).mean())),
         tracker=tracker,
-        apart=apart,
-        together=together,
+        non_rigid=non_rigid,
+        rigid=rigid,
         explained=tuple(sorted(explained, key=lambda e: -e.share)),
     )
 
@@ -215,6 +220,6 @@ def _move_as_one(
     M = se3.by_twist(offset).reshape(len(offset), 3 * targets, 6)
     moved = each[whole].reshape(len(offset), -1)
     common = np.einsum("nij,nj->ni", M, np.einsum("nij,nj->ni", np.linalg.pinv(M), moved))
-    apart = (moved - common).ravel()
+    non_rigid = (moved - common).ravel()
     # six of a pose's coordinates go into its motion
-    return float(np.sqrt(np.mean(common**2))), float(np.sqrt((apart**2).sum() / (len(moved) * (3 * targets - 6))))
+    return float(np.sqrt(np.mean(common**2))), float(np.sqrt((non_rigid**2).sum() / (len(moved) * (3 * targets - 6))))

@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from taskcal.adaptation.task_uncertainty import Uncertainty
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.informed_parameters import informed_parameters
 from taskcal.identification.residual_analysis import ResidualAnalysis
 from taskcal.identification.validation import Validation
 from taskcal.measurement.registration import Registration
@@ -14,9 +15,8 @@ from taskcal.presentation.content import Block, Chart, Numbers, Section, Table, 
 from taskcal.presentation.errors_table import tabulate_errors
 from taskcal.presentation.fit_figures import draw_parameters, draw_residuals
 from taskcal.presentation.model_error_origin import model_error_origin, prior_scale_origin
-from taskcal.presentation.remainder_section import remainder_section
 from taskcal.presentation.report import report_html
-from taskcal.presentation.seen import seen_parameters
+from taskcal.presentation.residual_analysis_section import residual_analysis_section
 from taskcal.presentation.task_figures import draw_bands, draw_maps
 from taskcal.presentation.unobservable import describe_unobservable
 
@@ -35,7 +35,7 @@ def calibration_html(
     model, source = calibration.model, calibration.provenance
     sections = [_summary(calibration, over), _residuals(calibration)]
     if remainder is not None:
-        sections.append(remainder_section(remainder, f"{len(remainder.residual)} poses"))
+        sections.append(residual_analysis_section(remainder, f"{len(remainder.residual)} poses"))
     if over is not None:
         sections.append(_uncertainty(over))
     sections += [_parameters(calibration), _provenance(calibration)]
@@ -168,7 +168,7 @@ def _uncertainty(over: Uncertainty) -> Section:
 
 def _parameters(calibration: Calibration) -> Section:
     rows: list[tuple[str, ...]] = []
-    seen = seen_parameters(calibration)
+    informed = informed_parameters(calibration)
     for i in calibration.estimated:
         p = calibration.model.parameters[i]
         unit = p.shown
@@ -178,7 +178,7 @@ def _parameters(calibration: Calibration) -> Section:
                 p.label,
                 unit.name,
                 *(f"{v * unit.factor:.4f}" for v in values),
-                "not seen" if seen[p.name] is False else "",
+                "not seen" if informed[p.name] is False else "",
             )
         )
     blocks: list[Block] = []

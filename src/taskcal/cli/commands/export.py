@@ -90,7 +90,7 @@ def command(
         from taskcal.export.controller_offsets import fit_offsets
 
         offsets = fit_offsets(calibrated, q, None if reached is None else reached.weights)
-        result: dict[str, Any] = {"robot": robot.name, "form": form.value, **offsets.to_json()}
+        result: dict[str, Any] = {"robot": robot.name, "form": form.value, **offsets.summary()}
         if output is not None:
             outputs.write({output: json.dumps(plain(result), indent=1, allow_nan=False) + "\n"})
         if out.as_json:
@@ -126,7 +126,7 @@ def _say(export: "Export", calibration: "Calibration", form: Form, output: Path,
     if as_json:
         frames = {name: placed(T) for name, T in export.frames.items()}
         name = calibration.model.robot.name
-        write_json({"robot": name, "form": form.value, "file": output, "loss": export.loss.to_json(), "frames": frames})
+        write_json({"robot": name, "form": form.value, "file": output, "loss": export.loss.summary(), "frames": frames})
         return
     tell(f"wrote {output}: {calibration.model.robot.name} as {form.value}")
     for name, T in export.frames.items():
@@ -143,7 +143,7 @@ def _place(T: "np.ndarray") -> str:
 
 
 def _show_offsets(robot: str, offsets: "ControllerOffsets", task: Path | None) -> None:
-    result = offsets.to_json()
+    result = offsets.summary()
     facts = [
         (name.rpartition("_")[0], f"{value:+.5f} {name.rpartition('_')[2]}")
         for name, value in result["joint_offsets"].items()

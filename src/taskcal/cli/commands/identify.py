@@ -192,7 +192,7 @@ def _explained(explanation: "Explanation | None") -> dict[str, Any]:
     from taskcal.cli.effects import collinearities_json
 
     return {
-        "explanation": explanation.to_json(),
+        "explanation": explanation.summary(),
         "tracker_mm": explanation.tracker * 1e3,
         "collinear": collinearities_json(explanation),
         "near_dependent": collinearities_json(explanation),  # former key, until the next release

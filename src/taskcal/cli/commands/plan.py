@@ -131,7 +131,7 @@ def command(
             say("page")
             contents[page.report] = _page(setting, chosen, choice.seed)
         outputs.write(contents)
-    result = {"plan": output, "robot": robot.name, **chosen.to_json(), **_visible(chosen, setting.station)}
+    result = {"plan": output, "robot": robot.name, **chosen.summary(), **_visible(chosen, setting.station)}
     result["measured_before"] = setting.measured
     if of.calibration is not None:
         result["calibration"] = of.calibration

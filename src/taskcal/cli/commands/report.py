@@ -83,7 +83,7 @@ def _result(
             "target_mm": uncertainty.target * 1e3,
         }
     if remainder is not None:
-        result["remainder"] = remainder.to_json()
+        result["remainder"] = remainder.summary()
     return result
 
 

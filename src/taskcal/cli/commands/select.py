@@ -69,7 +69,7 @@ def command(
         info(f"cross-validating {len(model) + 1} sizes of the model on {len(campaign)} rows")
     accuracy = None if accuracy_mm is None else accuracy_mm * 1e-3
     selection = select(model, described, campaign, accuracy, seed=seed, hyperparameters=known, model_error=stated)
-    result = selection.to_json()
+    result = selection.summary()
     if page.report is not None:
         with working("maps over the task"):
             outputs.write({page.report: _page(model, described, campaign, selection, accuracy, seed)})

@@ -71,7 +71,7 @@ def command(
     result = _result(influence, elimination, unreachable)
     noise = measuring_noise(model, q, campaign, stated)
     told_apart = elimination.eliminations["poses"].told_apart(noise=noise.total)
-    result["told_apart"] = {**told_apart.to_json(), **noise.to_json()}
+    result["told_apart"] = {**told_apart.summary(), **noise.summary()}
     if sort is Order.influence:
         result["parameters"].sort(key=lambda p: -p["tolerance_scaled_um"]["space"])
     contents: dict[Path, str | bytes] = {}

@@ -216,7 +216,16 @@ def _progress(total: int) -> Generator[Callable[[int, int], None], None, None]:
 
 def _result(robot: str, study: "Study", output: Path | None, report: Path | None) -> dict[str, Any]:
     files = {name: path for name, path in (("rows", output), ("report", report)) if path is not None}
-    return {"robot": robot, **study.to_json(), **files}
+    return {
+        "robot": robot,
+        "robots": study.robots,
+        "seed": study.seed,
+        "accuracy_mm": None if study.accuracy is None else study.accuracy * 1e3,
+        "model_error_mm": study.model_error * 1e3,
+        "model_error_origin": study.model_error_origin,
+        "summary": study.summary(),
+        **files,
+    }
 
 
 def _show(study: "Study", result: Mapping[str, Any], task: str) -> None:

@@ -8,8 +8,8 @@ import pytest
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.residual_analysis import Explained, ResidualAnalysis
 from taskcal.presentation.fit_figures import draw_parameters
-from taskcal.presentation.remainder_figures import draw_against, draw_shares
-from taskcal.presentation.remainder_section import remainder_section
+from taskcal.presentation.residual_analysis_figures import draw_against, draw_shares
+from taskcal.presentation.residual_analysis_section import residual_analysis_section
 from taskcal.presentation.theme import BLUE
 
 
@@ -52,6 +52,6 @@ def test_bars_are_blue_where_the_sentences_call_the_share_proven(fitted: tuple[C
     )
     for found, blue in ((nothing, 0), (something, 1)):
         assert list(draw_shares(found).data[0].marker.color).count(BLUE) == blue
-        words = str([getattr(block, "items", ()) for block in remainder_section(found, "80 poses").blocks])
+        words = str([getattr(block, "items", ()) for block in residual_analysis_section(found, "80 poses").blocks])
         assert ("Nothing that was tried is proven to explain 1 % of it." in words) == (blue == 0)
         assert words.count("of the variance") == blue

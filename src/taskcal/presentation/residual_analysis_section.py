@@ -2,10 +2,10 @@
 
 from taskcal.identification.residual_analysis import MAX_P_VALUE, MIN_SHARE, ResidualAnalysis
 from taskcal.presentation.content import Block, Chart, Numbers, Points, Section, Table, Text
-from taskcal.presentation.remainder_figures import draw_against, draw_shares
+from taskcal.presentation.residual_analysis_figures import draw_against, draw_shares
 
 
-def remainder_section(found: ResidualAnalysis, rows: str) -> Section:
+def residual_analysis_section(found: ResidualAnalysis, rows: str) -> Section:
     """The section.
 
     Args:
@@ -16,10 +16,10 @@ def remainder_section(found: ResidualAnalysis, rows: str) -> Section:
         (f"{found.rms * 1e3:.4f}", "mm", "is left in space (rms, mean of the targets)"),
         (f"{found.tracker * 1e3:.4f}", "mm", "of it would be left by the tracker's noise alone"),
     ]
-    if found.apart is not None and found.together is not None:
+    if found.non_rigid is not None and found.rigid is not None:
         numbers += [
-            (f"{found.together * 1e3:.4f}", "mm", "per coordinate is motion of all targets as one body (rms)"),
-            (f"{found.apart * 1e3:.4f}", "mm", "per coordinate is motion of targets against each other (rms)"),
+            (f"{found.rigid * 1e3:.4f}", "mm", "per coordinate is motion of all targets as one body (rms)"),
+            (f"{found.non_rigid * 1e3:.4f}", "mm", "per coordinate is motion of targets against each other (rms)"),
         ]
     blocks: list[Block] = [Numbers(tuple(numbers)), Points(_said(found))]
     if any(e.p_value is not None for e in found.explained):
@@ -75,7 +75,7 @@ def _said(found: ResidualAnalysis) -> tuple[str, ...]:
     ]
     if not proven:
         out = [f"Nothing that was tried is proven to explain {100 * MIN_SHARE:.0f} % of it."]
-    if found.apart is not None and found.together is not None and found.together > 3.0 * found.apart:
+    if found.non_rigid is not None and found.rigid is not None and found.rigid > 3.0 * found.non_rigid:
         out.append(
             "The targets move as one body: what is left is the motion of the robot or of its stand, not of single measurements."
         )

@@ -3,12 +3,12 @@
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.residual_analysis import ResidualAnalysis
 from taskcal.presentation.content import Chart, Table
-from taskcal.presentation.remainder_section import remainder_section
+from taskcal.presentation.residual_analysis_section import residual_analysis_section
 
 
 def test_the_section_says_what_is_proven(fitted: tuple[Calibration, ResidualAnalysis]) -> None:
     _, found = fitted
-    section = remainder_section(found, "80 poses")
+    section = residual_analysis_section(found, "80 poses")
     words = str([getattr(block, "items", ()) for block in section.blocks])
     assert "position of J3, by the turn of J3" in words
     assert "move as one body" in words

@@ -1,10 +1,15 @@
-"""Which parameters the data of a calibration say anything of."""
+"""Which parameters the data of a calibration inform, and which its prior alone holds."""
 
-from taskcal.identification.calibration import Calibration
-from taskcal.identification.identify import UNSEEN_SHARE
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from taskcal.identification.calibration import Calibration
+
+UNSEEN_SHARE = 0.95
+"""Share of the prior's standard deviation from which on a standard error says that nothing was learnt."""
 
 
-def seen_parameters(calibration: Calibration) -> dict[str, bool | None]:
+def informed_parameters(calibration: "Calibration") -> dict[str, bool | None]:
     """For each kept parameter whether its standard error fell below that of the prior.
 
     None where that cannot be said: without a prior, or with one that is not the tolerances'.
