@@ -54,6 +54,7 @@ def test_a_sound_campaign_of_poses_has_no_findings():
         ("fanuc-r2000ic-165f", "coupling", "J3 +1"),
         ("abb-irb6660-205-1.9", "joint-order", "J4 and J5"),
         ("ur5", "joints-in-radians", ""),
+        ("barrett-wam", "joints-in-radians", ""),
         ("abb-irb120", "points-in-metres", ""),
         ("ur5", "left-handed", ""),
         ("ur5", "rows-shifted", "+3"),

@@ -13,20 +13,27 @@ from taskcal.measurement.campaign import Campaign
 SWAP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """x and y exchanged."""
 
+NARROW, WIDE = 0.02, 5.0
+"""Spreads of the points, of the reach, beyond which they may be in another unit. Any points fit any robot that hardly moves once
+they are made a thousand times smaller."""
+
 
 def frame_mistakes(case: Case) -> Iterator[Supposition]:
     """All that can be wrong with how a campaign's measurements are written, one at a time."""
     names = case.campaign.targets
-    for factor, said in (
-        (1e3, "_m instead of _mm: they hold metres"),
-        (1e-3, "_mm instead of _m: they hold millimetres"),
-    ):
-        yield Supposition(
-            id="points-in-metres",
-            subject=names,
-            measured=partial(_scaled, factor=factor),
-            fix=f"name the points' columns with {said}",
-        )
+    spread = float(np.nanstd(case.campaign.points, axis=0).max())
+    scales = (
+        (1e3, "_m instead of _mm: they hold metres", spread < NARROW * case.model.robot.reach),
+        (1e-3, "_mm instead of _m: they hold millimetres", spread > WIDE * case.model.robot.reach),
+    )
+    for factor, said, possible in scales:
+        if possible:
+            yield Supposition(
+                id="points-in-metres",
+                subject=names,
+                measured=partial(_scaled, factor=factor),
+                fix=f"name the points' columns with {said}",
+            )
     yield Supposition(
         id="left-handed",
         subject=names,
