@@ -97,6 +97,10 @@ _ANGLES = {
     "wpr": (("w", "p", "r"),),
     "rpy": (("roll", "pitch", "yaw"),),
 }
+_ACTUAL = re.compile(r"(?:act|actual|ist|measured|meas|feedback) (?=.)")
+_ASKED = re.compile(r"(?:cmd|command|commanded|target|desired|soll|goal|setpoint|nominal) (?=.)")
+"""Before a joint: where it stood, and where it was sent."""
+
 _APPROACH = re.compile(r"(?P<joint>.+) approach")
 _MOVE = re.compile(r"(?P<joint>.+) move")
 
@@ -129,7 +133,12 @@ def meanings(names: Sequence[str], units: Sequence[str], joints: Sequence[str]) 
     split = [split_unit(name) for name in names]
     parted = [(text, unit or _UNITS.get(under)) for (text, unit), under in zip(split, units, strict=True)]
     texts = [text for text, _ in parted]
-    joint_at = _joints(parted, joints)
+    stood = [("" if _ASKED.match(text) else _ACTUAL.sub("", text), unit) for text, unit in parted]
+    sent = [(_ASKED.sub("", text), unit) for text, unit in parted]
+    joint_at = _joints(stood, joints) or _joints(sent, joints)
+    left = (
+        set[int]() if any(_ASKED.match(texts[k]) for k in joint_at) else _joints(sent, joints).keys() - joint_at.keys()
+    )
     numbered = _numbered_quaternion(texts, joint_at)
     angles = _angles(texts, joint_at)
     own = {_spoken(joint): k for k, joint in enumerate(joints)}
@@ -137,13 +146,38 @@ def meanings(names: Sequence[str], units: Sequence[str], joints: Sequence[str]) 
     for k, (text, unit) in enumerate(parted):
         if k in joint_at:
             out.append(Meaning(kind="joint", index=joint_at[k], unit=unit))
+        elif k in left and _ASKED.match(text):
+            out.append(Meaning(kind="nominal"))
         elif k in numbered:
             out.append(Meaning(kind="quaternion", index=numbered[k]))
         elif k in angles:
             out.append(Meaning(kind="euler", index=angles[k][1], form=angles[k][0], unit=unit))
         else:
             out.append(_meaning(text, unit, names[k], own, len(joints)))
-    return _without_calculated(out)
+    return _with_translation(_without_calculated(out))
+
+
+def contradiction(name: str, under: str) -> tuple[str, str] | None:
+    """The units of a column's name and of the row of units, where they differ."""
+    unit, other = split_unit(name)[1], _UNITS.get(under)
+    return (unit, other) if unit and other and unit != other else None
+
+
+def _with_translation(known: list[Meaning | None]) -> list[Meaning | None]:
+    """The last column of a matrix of three or four rows and four columns is the position, where no other columns are."""
+    at = {m.index: k for k, m in enumerate(known) if m is not None and m.kind == "matrix"}
+    if len(at) < 12 or any(m is not None and m.kind == "position" for m in known):
+        return known
+    first = min(index % 10 for index in at)
+    places = [at.get(10 * (first + axis) + first + 3) for axis in range(3)]
+    if None in places:
+        return known
+    out = list(known)
+    for axis, k in enumerate(places):
+        assert k is not None
+        meaning = known[k]
+        out[k] = Meaning(kind="position", index=axis, unit=None if meaning is None else meaning.unit)
+    return out
 
 
 def _without_calculated(known: list[Meaning | None]) -> list[Meaning | None]:

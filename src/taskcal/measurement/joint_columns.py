@@ -1,16 +1,27 @@
 """Joint positions in a table of measurements."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.measurement.column_meaning import ANGLES, LENGTHS, Meaning
+from taskcal.errors import FileError
+from taskcal.measurement.column_meaning import ANGLES, LENGTHS, Meaning, split_unit
 from taskcal.robot.robot import Robot
 from taskcal.tabular.column_groups import LEAVE_OUT
 from taskcal.tabular.faults import Faults
 from taskcal.tabular.table import Table
+
+_OTHER_AXIS = re.compile(
+    r"(?:e|ext|eax|external|external axis|zusatzachse) ?[1-6]|(?:linear axis|linearachse|rail|track)"
+    r"|(?:j|joint|a|axis|achse|q) ?(?P<number>\d{1,2})"
+)
+"""Axes beside the robot's own, as controllers call them."""
+
+_STILL = 1e-3
+"""Range of an axis that stands still, in any unit: what an encoder flickers."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,3 +89,29 @@ def _values(table: Table, meanings: Sequence[Meaning | None], robot: Robot, at: 
     faults.raise_any()
     columns = tuple(table.header[at[number]] for number in range(len(at)))
     return JointColumns(columns=columns, values=values * scale, unit_stated=bool(stated & turning) or not turning)
+
+
+def refuse_other_axes(table: Table, meanings: Sequence[Meaning | None], robot: Robot) -> None:
+    """See that no axis moved that the robot does not have: rails carry it, and what is left out would seem an error of it.
+
+    Raises:
+        FileError: one did.
+    """
+    faults = Faults()
+    for name, meaning in zip(table.header, meanings, strict=True):
+        match = _OTHER_AXIS.fullmatch(split_unit(name)[0])
+        if meaning is not None or match is None or (match["number"] and int(match["number"]) <= len(robot.joints)):
+            continue
+        try:
+            values = table.numbers(name, empty=True, largest=np.inf)
+        except FileError:
+            continue
+        seen = values[~np.isnan(values)]
+        if len(seen) and np.ptp(seen) > _STILL:
+            message = (
+                f"is an axis that {robot.name} does not have, and it moves ({seen.min():g} to {seen.max():g}); describe the robot "
+                "with it, or take rows in which it stands still"
+            )
+            with faults.collecting():
+                raise table.header_error(message, name)
+    faults.raise_any()

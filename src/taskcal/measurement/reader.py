@@ -24,6 +24,9 @@ from taskcal.robot.conditions import Conditions
 from taskcal.robot.robot import Robot
 from taskcal.tabular.csv_form import TableForm
 
+LARGEST_IN_RADIANS = 10.0
+"""A turn and a half: joints that stay within it in degrees hardly move."""
+
 _COUNT = re.compile(r"[0-9]{1,15}")
 
 
@@ -117,6 +120,8 @@ def _with_units(readings: Readings, robot: Robot) -> Readings:
         column = readings.joint_columns[int(np.argmin(robot.prismatic))]
         message = f"the unit is not stated; name the column {column}_deg or {column}_rad"
         raise FileError(readings.path, message, line=1, column=column)
+    if not fitting and points is not None and angles == {"deg"} and not readings.joint_unit_stated:
+        _refuse_small_angles(readings, robot, readings.q)
     if points is not None and not readings.length_unit_stated and len({unit for _, unit in fitting}) != 1:
         raise FileError(readings.path, _unit_of_points(fitting), line=1, column="x")
     notes: list[str] = []
@@ -130,6 +135,20 @@ def _with_units(readings: Readings, robot: Robot) -> Readings:
         return out
     unit = fitting[0][1]
     return _scaled(out, unit, f"positions without a unit are read in {unit}, by how far {robot.name} moved")
+
+
+def _refuse_small_angles(readings: Readings, robot: Robot, q: np.ndarray) -> None:
+    """Angles that look like radians, are beyond the robot's limits as such, and as degrees would hardly move it."""
+    turning = ~np.array(robot.prismatic)
+    if np.abs(q[:, turning]).max() > LARGEST_IN_RADIANS:
+        return
+    row, reason = robot.outside_limits(q)[0]
+    column = readings.joint_columns[int(np.argmax(turning))]
+    message = (
+        f"the unit is not stated: as degrees the joints would not move the flange as far as the points, as radians {reason}; "
+        f"name the column {column}_deg or {column}_rad, and look at this row"
+    )
+    raise FileError(readings.path, message, line=int(readings.lines[row]), column=column)
 
 
 def _with_length(readings: Readings, robot: Robot) -> Readings:

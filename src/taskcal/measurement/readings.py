@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import FileError, shown
-from taskcal.measurement.column_meaning import ANGLES, LENGTHS, TIMES, Meaning, meanings
-from taskcal.measurement.joint_columns import JointColumns, joint_columns
+from taskcal.measurement.column_meaning import ANGLES, LENGTHS, TIMES, Meaning, contradiction, meanings
+from taskcal.measurement.joint_columns import JointColumns, joint_columns, refuse_other_axes
 from taskcal.measurement.rotation_columns import AngleForm, rotations
+from taskcal.measurement.summary_rows import without_summaries
 from taskcal.measurement.target_columns import TargetColumns, target_columns
 from taskcal.measurement.unnamed_columns import name_columns
 from taskcal.robot.robot import Robot
@@ -105,12 +106,14 @@ def read_readings(
         FileError: with all that is wrong in it, the first twenty faults.
     """
     laid = name_columns(lay_out_file(path, form), robot)
+    known = meanings(laid.table.header, laid.units, robot.joint_names)
+    laid = without_summaries(laid, known)
     table = laid.table
     faults = Faults()
     for fault in laid.faults:
         with faults.collecting():
             raise fault
-    known = meanings(table.header, laid.units, robot.joint_names)
+    _refuse_two_units(laid, faults)
     joints: JointColumns | None = None
     with faults.collecting():
         joints = joint_columns(table, known, robot)
@@ -130,6 +133,8 @@ def read_readings(
         approach, move = _approaches(table, known, robot), _moves(table, known, robot)
     with faults.collecting():
         _refuse_nearly_known(table, known, robot)
+    with faults.collecting():
+        refuse_other_axes(table, known, robot)
     faults.raise_any()
     if not len(table):
         raise FileError(table.path, "has no measurements below its header")
@@ -152,6 +157,15 @@ def read_readings(
         targets_by_row=_texts(table, known, "target"),
         notes=(*laid.notes, *rotation_notes, *_left_out(laid, known)),
     )
+
+
+def _refuse_two_units(laid: Laid, faults: Faults) -> None:
+    """Note columns whose names state one unit and the row of units another."""
+    for name, under in zip(laid.table.header, laid.units, strict=True):
+        if units := contradiction(name, under):
+            message = f"the name states {units[0]}, the row of units {units[1]}; mend one of them"
+            with faults.collecting():
+                raise laid.table.header_error(message, name)
 
 
 def _posed(targets: TargetColumns, rows: int) -> Bool[np.ndarray, " rows"]:

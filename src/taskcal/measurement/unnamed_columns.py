@@ -19,9 +19,10 @@ def name_columns(laid: Laid, robot: Robot) -> Laid:
     Raises:
         FileError: it names no columns, and they can be read in no way, or in several.
     """
-    table = laid.table
-    if any(table.header):
+    if any(laid.table.header):
         return laid
+    laid = _without_numbering(laid)
+    table = laid.table
     width = len(table.header)
     joints, position = list(robot.joint_names), ["x", "y", "z"]
     readings = {len(joints): joints, 3: position, len(joints) + 3: [*joints, *position]}
@@ -44,6 +45,18 @@ def name_columns(laid: Laid, robot: Robot) -> Laid:
     header = tuple(name if name != "-" else f"column {k}" for k, name in enumerate(named, start=1))
     note = f"the file names no columns; they are read as {' '.join(named)} (--columns states others)"
     return replace(laid, table=replace(table, header=header), notes=(*laid.notes, note))
+
+
+def _without_numbering(laid: Laid) -> Laid:
+    """Without a first row that only numbers the columns, as programs write that know no names."""
+    table = laid.table
+    width = len(table.header)
+    numbering = [tuple(str(k + first) for k in range(width)) for first in (0, 1)]
+    if width < 3 or len(table) < 2 or table.rows[0] not in numbering:
+        return laid
+    note = f"line {table.lines[0]} numbers the columns, and is left out"
+    rest = replace(table, rows=table.rows[1:], lines=table.lines[1:])
+    return replace(laid, table=rest, notes=(*laid.notes, note))
 
 
 def _three_numbers(laid: Laid) -> bool:

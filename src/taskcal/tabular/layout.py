@@ -159,7 +159,7 @@ def _laid(
     header_line: int | None,
     preamble: tuple[str, ...],
 ) -> Laid:
-    rows, lines = sheet.rows[begin:], sheet.lines[begin:]
+    rows, lines, second = _first_table(sheet, header, begin)
     while len(header) > 1 and any(header) and not header[-1] and not any(any(row[len(header) - 1 :]) for row in rows):
         # every line ends with a separator
         header = header[:-1]
@@ -182,9 +182,34 @@ def _laid(
         table=table,
         units=tuple(map(bare_unit, units)),
         preamble=preamble,
-        faults=faults,
+        faults=(*faults, *second),
         notes=sheet.notes,
     )
+
+
+def _first_table(
+    sheet: Sheet, header: tuple[str, ...], begin: int
+) -> tuple[tuple[tuple[str, ...], ...], tuple[int, ...], tuple[FileError, ...]]:
+    """The rows before another row of names, their lines, and a fault where that begins a second table.
+
+    Names that stand again, as at the head of each printed page, are left out.
+    """
+    rows, lines = sheet.rows[begin:], sheet.lines[begin:]
+    kept = [k for k, row in enumerate(rows) if row != header]
+    rows, lines = tuple(rows[k] for k in kept), tuple(lines[k] for k in kept)
+    for k in range(1, len(rows) - 1):
+        if _names_anew(rows[k - 1], rows[k], rows[k + 1]):
+            example = shown(" ".join(rows[k]), 40)
+            message = f"names columns again ('{example}'): a second table begins here; give each a file of its own"
+            return rows[:k], lines[:k], (FileError(sheet.path, message, line=lines[k]),)
+    return rows, lines, ()
+
+
+def _names_anew(before: Sequence[str], row: Sequence[str], after: Sequence[str]) -> bool:
+    """Whether texts stand where the row before has numbers, and numbers follow."""
+    under = [row[j] for j in range(min(len(before), len(row))) if _NUMBER.fullmatch(before[j])]
+    texts = all(under) and not any(map(_NUMBER.fullmatch, row))
+    return len(under) > 1 and texts and len(after) == len(row) and _is_numbers(after)
 
 
 def _fitted(row: tuple[str, ...], width: int, *, padded: bool) -> tuple[str, ...]:

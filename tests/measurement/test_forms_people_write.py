@@ -1,0 +1,167 @@
+"""Files as people and programs write them: read as they are meant, or refused, never taken for something else in silence."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from taskcal.errors import FileError
+from taskcal.measurement.reader import read_campaign, read_measurements
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+
+ROBOT = load_robot("ur5")
+N = 12
+Q = np.random.default_rng(0).uniform(-2, 2, (N, 6))
+T = ErrorModel(ROBOT).poses(Q)
+R = Rotation.from_euler("z", 0.7).as_matrix() @ T[:, :3, :3]
+P = T[:, :3, 3] @ Rotation.from_euler("z", 0.7).as_matrix().T + R @ [0.02, 0.03, 0.1] + [2, -1, 0.3]
+DEG, MM, WXYZ = np.degrees(Q), P * 1e3, Rotation.from_matrix(R).as_quat()[:, [3, 0, 1, 2]]
+BARE = [f"J{k}" for k in range(1, 7)]
+JOINTS, XYZ = [f"{joint}_deg" for joint in BARE], ["x_mm", "y_mm", "z_mm"]
+
+
+def lines(*parts, separator=","):
+    """The rows of a table from columns of numbers or one text a row."""
+    columns = [np.reshape(part, (N, -1)) for part in parts]
+    return [
+        separator.join(f"{v:.9g}" if isinstance(v, float) else str(v) for c in columns for v in c[k].tolist())
+        for k in range(N)
+    ]
+
+
+def write(folder, header, rows, encoding="utf-8"):
+    path = folder / "file.csv"
+    head = [",".join(header)] if header else []
+    path.write_bytes("\r\n".join([*head, *rows, ""]).encode(encoding))
+    return path
+
+
+ONE = np.ones((N, 1))
+POSES = np.concatenate([R, MM[:, :, None]], axis=2)
+NUMBERED = [f"p{k}" for k in range(N)]
+ANGLES = Rotation.from_matrix(R).as_euler("ZYX", degrees=True)
+
+READ = {
+    "RoboDK": ([*BARE, "X", "Y", "Z"], lines(DEG, MM)),
+    "nominal, measured, deviation": (
+        ["Name", *(f"{w} {a}" for w in ("Nominal", "Measured", "Dev") for a in "XYZ"), *BARE],
+        lines(NUMBERED, MM + 1, MM, 0 * MM + 1, DEG),
+    ),
+    "goal and measurement": (
+        [*(f"Goal {a}" for a in "xyz"), *JOINTS, *(f"measurement_{a}_mm" for a in "xyz")],
+        lines(P + 0.001, DEG, MM),
+    ),
+    "target and actual": (
+        [*(f"{w}_{a}" for w in ("target", "actual") for a in "xyz"), *JOINTS],
+        lines(MM + 0.5, MM, DEG),
+    ),
+    "tcp and tracker": ([*JOINTS, *(f"{w}_{a}_mm" for w in ("tcp", "tracker") for a in "xyz")], lines(DEG, MM + 3, MM)),
+    "commanded and actual joints": (
+        [*(f"{w}_{joint}" for w in ("cmd", "act") for joint in JOINTS), *XYZ],
+        lines(DEG + 0.1, DEG, MM),
+    ),
+    "target and actual joints from zero": (
+        [*(f"{w}_q_{k}" for w in ("target", "actual") for k in range(6)), *XYZ],
+        lines(Q + 0.1, Q, MM),
+    ),
+    "matrix with its position": (
+        [*JOINTS, *(f"T{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3, 4))],
+        lines(DEG, POSES.reshape(N, 12)),
+    ),
+    "matrix of four rows from zero": (
+        [*JOINTS, *(f"m{i}{j}" for i in range(4) for j in range(4))],
+        lines(DEG, POSES.reshape(N, 12), 0 * ONE, 0 * ONE, 0 * ONE, ONE),
+    ),
+    "scalar first by name": ([*JOINTS, *XYZ, "qw", "qx", "qy", "qz"], lines(DEG, MM, WXYZ)),
+    "KUKA": (["A1", "A2", "A3", "A4", "A5", "A6", "X", "Y", "Z", "A", "B", "C"], lines(DEG, MM, ANGLES)),
+    "feet": ([*JOINTS, "X [ft]", "Y [ft]", "Z [ft]"], lines(DEG, P / 0.3048)),
+    "gon": ([f"Achse {k} [gon]" for k in range(1, 7)] + XYZ, lines(DEG / 0.9, MM)),
+    "units in a row": ([*BARE, "X", "Y", "Z"], ["deg,deg,deg,deg,deg,deg,mm,mm,mm", *lines(DEG, MM)]),
+    "columns numbered from one": (None, ["1,2,3,4,5,6,7,8,9", *lines(DEG, MM)]),
+    "columns numbered from zero": (None, ["0,1,2,3,4,5,6,7,8", *lines(DEG, MM)]),
+    "mean and scatter below": (
+        ["id", *JOINTS, *XYZ],
+        [*lines(NUMBERED, DEG, MM), "Mean" + 9 * ",1", "Std. Dev." + 9 * ",2"],
+    ),
+    "an axis that stands still": ([*JOINTS, "E1", *XYZ], lines(DEG, 250.0 * ONE, MM)),
+    "names again on each page": (
+        [*JOINTS, *XYZ],
+        [*lines(DEG, MM)[:5], ",".join([*JOINTS, *XYZ]), *lines(DEG, MM)[5:]],
+    ),
+    "two comments": (["comment", *JOINTS, *XYZ, "comment"], lines(NUMBERED, DEG, MM, NUMBERED)),
+}
+
+
+@pytest.mark.parametrize("form", READ)
+def test_what_was_measured_is_read(tmp_path, form):
+    campaign = read_campaign(write(tmp_path, *READ[form]), ROBOT)
+    assert len(campaign.targets) == 1
+    np.testing.assert_allclose(campaign.q, Q, atol=1e-6)
+    np.testing.assert_allclose(campaign.points[:, 0], P, atol=1e-6)
+    if campaign.rotations is not None:
+        np.testing.assert_allclose(campaign.rotations, R, atol=1e-6)
+
+
+def test_poses_are_read_with_their_rotations(tmp_path):
+    for form in ("matrix with its position", "matrix of four rows from zero", "scalar first by name", "KUKA"):
+        assert read_measurements(write(tmp_path, *READ[form]), ROBOT).rotations is not None
+
+
+def beyond(turned):
+    out = turned.copy()
+    out[4, 5] = 7.0
+    return out
+
+
+REFUSED = {
+    "goals and differences": (
+        [*(f"{a}_{w}" for w in ("t", "dif") for a in "xyz"), *(f"joint_{k}" for k in range(1, 7))],
+        lines(MM, 0 * MM + 0.5, DEG),
+        r"has goals \('x_t'\) and differences from them \('x_dif'\), not points",
+    ),
+    "units that contradict": (
+        [*JOINTS, *XYZ],
+        ["deg,deg,deg,deg,deg,deg,m,m,m", *lines(DEG, P)],
+        "column 'x_mm': the name states mm, the row of units m",
+    ),
+    "radians as A B C": ([*JOINTS, *XYZ, "A", "B", "C"], lines(DEG, MM, np.radians(ANGLES)), "they may be radians"),
+    "radians beyond a limit": (
+        [*BARE, *XYZ],
+        lines(beyond(Q), MM),
+        r":6: column 'J1': the unit is not stated: as degrees",
+    ),
+    "an axis that moves": (
+        [*JOINTS, "E1_mm", *XYZ],
+        lines(DEG, np.arange(N) * 10.0, MM),
+        "'E1_mm': is an axis that ur5 does not",
+    ),
+    "a seventh joint": (
+        [*BARE, "J7", *XYZ],
+        lines(DEG, np.arange(N) * 10.0, MM),
+        "'J7': is an axis that ur5 does not have",
+    ),
+    "a second table": (
+        ["id", *JOINTS],
+        [*lines(NUMBERED, DEG), "", "id,x_mm,y_mm,z_mm", *lines(NUMBERED, MM)],
+        r":15: names columns again \('id x_mm y_mm z_mm'\): a second table begins here",
+    ),
+    "positions twice": ([*JOINTS, *XYZ, *XYZ], lines(DEG, MM, MM + 1), "are both the x of one target"),
+}
+
+
+@pytest.mark.parametrize("form", REFUSED)
+def test_what_cannot_be_meant_is_refused_and_named(tmp_path, form):
+    header, rows, message = REFUSED[form]
+    with pytest.raises(FileError, match=message):
+        read_campaign(write(tmp_path, header, rows), ROBOT)
+
+
+def test_what_is_left_out_is_said(tmp_path):
+    def notes(form):
+        return " ".join(read_campaign(write(tmp_path, *READ[form]), ROBOT).notes)
+
+    assert "rows that sum others up are left out: Mean (line 14), Std. Dev. (line 15)" in notes(
+        "mean and scatter below"
+    )
+    assert "line 1 numbers the columns, and is left out" in notes("columns numbered from one")
+    assert "tcp_x_mm, tcp_y_mm, tcp_z_mm" in notes("tcp and tracker")
