@@ -1,0 +1,54 @@
+"""The truth of a virtual robot, written and read back."""
+
+import json
+
+import numpy as np
+import pytest
+
+from taskcal.cli.truth_file import read_truth, truth_text
+from taskcal.errors import FileError
+from taskcal.measurement.virtual_cell import simulate
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+
+TARGETS = {"a": np.array([0.1, 0.0, 0.05]), "b": np.array([-0.1, 0.08, 0.0])}
+
+
+@pytest.fixture(scope="module")
+def model() -> ErrorModel:
+    return ErrorModel(load_robot("ur5"))
+
+
+@pytest.fixture(scope="module")
+def written(model):
+    rng = np.random.default_rng(0)
+    _, truth = simulate(model, rng.uniform(-1.0, 1.0, (5, 6)), rng=rng, targets=TARGETS)
+    return truth, truth_text(truth, tuple(TARGETS))
+
+
+def test_a_truth_reads_back_to_the_last_bit(model, written, tmp_path):
+    truth, text = written
+    path = tmp_path / "truth.json"
+    path.write_text(text)
+    known = read_truth(path, model)
+    np.testing.assert_array_equal(known.x, truth.x)
+    np.testing.assert_array_equal(known.T_tracker_base, truth.T_tracker_base)
+    assert list(known.targets) == list(TARGETS)
+    np.testing.assert_array_equal([*known.targets.values()], truth.T_tool_target[:, :3, 3])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"robot": "ur10"}, "is the truth of ur10, not of ur5"),
+        ({"x": {}}, "differ in parameter"),
+        ({"targets": {}}, "holds no whole truth"),
+        ({"T_tracker_base": [1.0]}, "holds no whole truth"),
+        ({"x": None}, "holds no truth of a virtual robot"),
+    ],
+)
+def test_what_is_not_the_robots_truth_is_refused(model, written, tmp_path, change, message):
+    path = tmp_path / "truth.json"
+    path.write_text(json.dumps({**json.loads(written[1]), **change}))
+    with pytest.raises(FileError, match=message):
+        read_truth(path, model)
