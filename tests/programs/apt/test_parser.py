@@ -1,6 +1,5 @@
 """Statements of APT: every word where it stands, whatever lines, blanks and comments lie between."""
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,15 +20,6 @@ def test_a_statement_is_its_words_wherever_its_lines_are_broken(parts):
     assert [token.text for token in statement.tokens] == expected
     assert all(text[token.start : token.end] == token.text for token in statement.tokens)
     assert text[statement.start : statement.end].split("/")[0].startswith(expected[0])
-
-
-@pytest.mark.parametrize(
-    ("text", "number"),
-    [("1", 1.0), ("-.5", -0.5), ("+2.5E3", 2500.0), ("1E99", None), ("1.5.", None), ("MM", None), (".", None)],
-)
-def test_numbers_are_those_of_a_path(text, number):
-    (statement,) = parse(f"GOTO/{text}")
-    assert statement.tokens[2].number == number
 
 
 def test_comments_and_lines_of_text_hold_no_words():

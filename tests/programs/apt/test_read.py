@@ -58,20 +58,6 @@ def test_a_path_of_nx_whose_arcs_stay_as_they_are():
     ]
 
 
-def test_inches_feeds_and_increments_by_hand():
-    program = read(
-        "UNITS/INCH\nFEDRAT/30,IPM\nFROM/0,0,1\nGODLTA/1,0,0\nUNITS/MM\nFEDRAT/60\nGODLTA/0,0,-25.4\nGODLTA/-2\n"
-    )
-    np.testing.assert_allclose(
-        points(program), 0.0254 * np.array([[1, 0, 1], [1, 0, 0], [1, 0, -2 / 25.4]]), atol=1e-15
-    )
-    np.testing.assert_allclose([m.speed for m in program.moves], [0.0127, 0.0254, 0.0254])  # 60 in the unit stated: IPM
-    assert [m.follows for m in program.moves] == [None, 0, 1]
-    assert read("FEDRAT/0.2,MMPR\nGOTO/0,0,0").moves[0].speed is None
-    assert read("FEDRAT/PERMIN,120\nGOTO/0,0,0").moves[0].speed == pytest.approx(0.002)
-    assert read("UNITS/INCH\nFEDRAT/6\nGOTO/0,0,0").moves[0].speed == pytest.approx(0.00254)
-
-
 def test_a_tool_axis_stays_until_another_one_is_stated():
     program = read("GOTO/0,0,0\nTLAXIS/1,0,0\nGOTO/1,0,0\nGOTO/2,0,0,0,1,0\nMULTAX/OFF\nGOTO/3,0,0\n")
     np.testing.assert_allclose(axes(program), [[0, 0, 1], [1, 0, 0], [0, 1, 0], [0, 1, 0]], atol=1e-15)
@@ -119,12 +105,6 @@ def test_what_moves_coordinates_leaves_motions_as_they_are_until_it_is_cleared(t
 def test_motions_whose_frame_or_tool_is_not_known_are_refused(text):
     assert all(diagnostic.rejected for diagnostic in read(text.format("GOTO/1,2,3\nGODLTA/1,0,0\n")).diagnostics)
     assert not any(diagnostic.rejected for diagnostic in read(NX).diagnostics)
-
-
-@pytest.mark.parametrize("word", ["UNIT", "UNITS"])
-def test_either_word_sets_the_unit(word):
-    np.testing.assert_allclose(points(read(f"{word}/INCH\nGOTO/1,2,3\n")), [[0.0254, 0.0508, 0.0762]], atol=1e-15)
-    np.testing.assert_allclose(points(read(f"{word}/MM\nGOTO/1,2,3\n")), [[0.001, 0.002, 0.003]], atol=1e-15)
 
 
 def test_a_tool_that_waits_in_the_magazine_is_not_loaded():
@@ -176,31 +156,6 @@ def test_points_of_a_moved_frame_are_refused_where_their_frame_cannot_be_told(te
     assert any(
         word in program.diagnostics[0].text for word in ("another frame is stated", "the tool axis does not tell")
     )
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("GOTO/P1", "path.apt:1: GOTO has not three or six numbers"),
-        ("GOTO/1,2,3,0,0,1,0,0,1", "GOTO has not three or six numbers"),
-        ("GOTO/1,,3", "GOTO has not three or six numbers"),
-        ("GOTO/1,2,1E999", "GOTO has not three or six numbers"),
-        ("GOTO", "GOTO has not three or six numbers"),
-        ("GOTO/1,2,3,0,0,0", "the tool axis has length 0 instead of 1"),
-        ("GODLTA/1,2,3", "GODLTA counts from a place that is not known"),
-        ("TLLFT,GOFWD/L1,PAST,L2", "TLLFT is not read"),
-        ("INDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,5),ON,(LINE/0,0,0,0,5,0)", "begins at a place that is not known"),
-        ("GOTO/5,0,0\nINDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,6),ON,(LINE/0,0,0,0,6,0)", "does not lie on its circle"),
-        ("GOTO/5,0,0\nINDIRV/1,0,0\nTLON,GOFWD/(CIRCLE/0,0,0,5),ON,(LINE/0,0,0,0,5,0)", "do not lie on one circle"),
-        ("GOTO/5,0,0\nINDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,5),ON,2,INTOF,(LINE/0,0,0,0,5,0)", "another meeting"),
-        ("GOTO/5,0,0\nINDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,5),ON,2,INTOF,(LINE/0,0,0,5,0,0)", "a full circle"),
-        ("GOTO/5,0,0\nINDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,5),TANTO,(LINE/0,0,0,5,0,0)", "only arcs between points"),
-        ("FROBNI/ON\nFROBNI/OFF", "path.apt:1: 'FROBNI' is not known; it is taken to move nothing"),
-    ],
-)
-def test_what_is_not_read_is_said_by_line(text, said):
-    (diagnostic,) = read(text).diagnostics
-    assert said in str(diagnostic)
 
 
 def test_a_file_is_refused_without_a_tool_or_where_it_is_no_text():

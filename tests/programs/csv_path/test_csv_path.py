@@ -1,7 +1,5 @@
 """Paths in CSV: what is read, and that rewriting touches nothing but the numbers it owns."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,23 +7,14 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError, TaskcalError
-from taskcal.programs.csv_path.read import CsvProgram, read_csv_path
-from taskcal.programs.program import Frame, Waypoint
+from taskcal.programs.program import Waypoint
 from taskcal.programs.source import Source
-from taskcal.robot.catalogue import load_robot
 from taskcal.tabular.csv_form import parse_csv
 from tests.laws.robots import generators
 from tests.programs.csv_path.generator import generate
-
-TOOL = Frame(name="mill", T=np.eye(4))
-ROBOT = load_robot("abb-irb120")
+from tests.programs.csv_path.texts import ARC, ROBOT, TOOL, read
 
 paths = generators.map(generate)
-
-
-def read(text: str | bytes, **given_: object) -> CsvProgram:
-    data = text if isinstance(text, bytes) else text.encode()
-    return read_csv_path([Source.of(Path("path.csv"), data)], **{"tool": TOOL, **given_})
 
 
 def cells(source: Source) -> list[list[str]]:
@@ -77,16 +66,6 @@ def test_a_tool_axis_points_back_into_the_holder_and_leaves_the_spin_open(rng):
     assert np.linalg.det(R) == pytest.approx(1.0)
 
 
-def test_joints_are_read_by_number_or_by_the_robots_own_names():
-    numbered = read("id,J1_deg,J2_deg,J3_deg,J4_deg,J5_deg,J6_deg\n0,90,0,0,0,45,-180\n")
-    own = read("id,j1_deg,q2_deg,J3_rad,J4_deg,J5_deg,J6_deg\n0,90,0,0,0,45,-180\n", robot=ROBOT)
-    for program in (numbered, own):
-        (move,) = program.moves
-        assert (move.kind, move.end.T) == ("axes", None)
-        np.testing.assert_allclose(move.end.q, np.radians([90, 0, 0, 0, 45, -180]), atol=1e-15)
-    assert read("J1_deg\n5\n").moves[0].end.q.shape == (1,)
-
-
 def test_without_a_tool_the_robots_own_one_moves():
     program = read(POSES, tool=None, robot=ROBOT)
     np.testing.assert_array_equal(program.moves[0].tool.T, ROBOT.T_flange_tool)
@@ -94,23 +73,6 @@ def test_without_a_tool_the_robots_own_one_moves():
         FileError, match=r"path\.csv: does not say what its positions are of; give the tool, or the robot"
     ):
         read(POSES, tool=None)
-
-
-ARC = """move;x_mm;y_mm;z_mm;qx;qy;qz;qw
-joint;0;0;0;0;0;0;1
-via;10;10;0;0;0;0;1
-circular;20;0;0;0;0;0;1
-linear;30;0;0;0;0;0;1
-"""
-
-
-def test_an_arc_has_a_row_for_the_point_on_its_way():
-    program = read(ARC)
-    assert [move.kind for move in program.moves] == ["joint", "circular", "linear"]
-    assert [move.follows for move in program.moves] == [None, 0, 1]
-    arc = program.moves[1]
-    np.testing.assert_allclose(arc.via.T[:3, 3], [0.01, 0.01, 0.0])
-    assert (arc.place.line, arc.via.place.line) == (4, 3)
 
 
 def test_an_arc_becomes_lines_or_stays_an_arc():
@@ -133,54 +95,6 @@ def test_more_waypoints_become_rows_before_the_motions_own():
     (source,) = program.rewrite(ROBOT, {1: (to(shifted(end, -0.005)), to(end))})
     head, start, *more = POSES.splitlines()
     assert source.text.splitlines() == [head, start, more[0].replace("110", "105.000000"), more[0]]
-
-
-WRONG = {
-    "id,x_mm,y_mm,z_mm\n0,1,2,3\n": r"path\.csv:1: has positions without the tool's orientation",
-    "x_mm,y_mm,i,j,k\n": r"path\.csv:1: has 'x_mm' but no column 'z_mm'",
-    "x,y,z,i,j,k\n": r"path\.csv:1: column 'x': the unit is not stated; name the column x_mm",
-    "x_mm,y_mm,z_mm,i,j,k,feed\n": r"path\.csv:1: unknown column 'feed'; a path has",
-    "x_mm,y_mm,z_mm,i,j,k,X_MM\n": r"path\.csv:1: two columns are named 'x_mm' but",
-    "x_mm,y_mm,z_mm,i,j,k,qx,qy,qz,qw\n": r"path\.csv:1: has both a quaternion and a tool axis",
-    "qx,qy,qz,qw,J1_deg\n": r"path\.csv:1: has orientations without positions",
-    "id\n1\n": r"path\.csv:1: has neither positions x_mm y_mm z_mm nor joints",
-    "J2_deg\n1\n": r"path\.csv:1: has no column for joint 1, such as J1_deg",
-    "x_mm,y_mm,z_mm,i,j,k\n1,2,,0,0,1\n": r"path\.csv:2: column 'z_mm': the cell is empty while its others are not",
-    "x_mm,y_mm,z_mm,i,j,k\n\n1,2,3,0,0,2\n": r"path\.csv:3: column 'i': the tool axis has length 2\.0000",
-    "x_mm,y_mm,z_mm,qx,qy,qz,qw\n1,2,3,0,0,0,0\n": r"path\.csv:2: column 'qx': the quaternion has length 0\.0000",
-    "x_mm,y_mm,z_mm,i,j,k\n1,2,3,0,0,one\n": r"path\.csv:2: column 'k': 'one' is not a number",
-    "x_mm,y_mm,z_mm,i,j,k,J1_deg\n1,2,3,0,0,1,5\n": r"path\.csv:2: the row has a pose and joint positions",
-    "x_mm,y_mm,z_mm,i,j,k,J1_deg\n,,,,,,\n1,2,3,0,0,1,\n,,,,,,5\nx,,,,,,\n": r"path\.csv:5: column 'x_mm': 'x' is not a number",
-    "id,J1_deg\n7,\n": r"path\.csv:2: the row has no target",
-    "x_mm,y_mm,z_mm,i,j,k,move\n1,2,3,0,0,1,hop\n": r"path\.csv:2: column 'move': 'hop' is not a motion to a pose; write joint,",
-    "x_mm,y_mm,z_mm,i,j,k,move\n1,2,3,0,0,1,via\n": r"path\.csv:2: a via point must be followed",
-    "x_mm,y_mm,z_mm,i,j,k,move\n1,2,3,0,0,1,circular\n": r"path\.csv:2: column 'move': a row 'via' .* before the end",
-    "J1_deg,move\n1,linear\n": r"path\.csv:2: column 'move': 'linear' needs a pose",
-    "J1_deg,speed_mm_s\n1,-5\n": r"path\.csv:2: column 'speed_mm_s': -5 is not a speed",
-    "J1_deg,stop\n1,maybe\n": r"path\.csv:2: column 'stop': 'maybe' is neither yes nor no",
-    'J1_deg,name\n1,"a ""b"""\n': r"path\.csv: has quotes inside cells",
-    'J1_deg,J2_deg\n1,2\n1,"2': r"path\.csv:3: has a quote that does not end",
-}
-
-
-@pytest.mark.parametrize("text", WRONG)
-def test_what_is_no_path_is_refused_with_its_place(text):
-    with pytest.raises(FileError, match=WRONG[text]):
-        read(text)
-
-
-def test_a_joint_that_the_robot_lacks_is_named():
-    with pytest.raises(FileError, match=r"path\.csv:1: has 'J1_deg' but no column 'J6_deg' of abb-irb120"):
-        read("J1_deg,J2_deg,J3_deg,J4_deg,J5_deg\n", robot=ROBOT)
-    with pytest.raises(FileError, match=r"joint J1 is given twice, by 'J1_deg' and 'q1_rad'; keep one"):
-        read("J1_deg,q1_rad\n", robot=ROBOT)
-
-
-def test_rows_of_another_tool_stay_as_they_are():
-    program = read("tool,x_mm,y_mm,z_mm,i,j,k\nmill,1,2,3,0,0,1\nsaw,1,2,3,0,0,1\nmill,1,2,4,0,0,1\n")
-    assert [move.place.line for move in program.moves] == [2, 4]
-    assert program.moves[1].follows is None
-    assert str(program.diagnostics[0]).startswith("path.csv:3: tool 'saw' is not known; only 'mill' was given")
 
 
 def test_what_the_columns_cannot_hold_is_refused():

@@ -1,30 +1,15 @@
-import re
-
 import numpy as np
 import pytest
 from hypothesis import given
 
 from taskcal.errors import FileError
 from taskcal.programs.krl.position import rotation
-from taskcal.programs.krl.read import KrlProgram, read_krl
+from taskcal.programs.krl.read import read_krl
 from taskcal.programs.krl.status import Status
 from tests.laws.robots import generators
 from tests.programs.krl.generator import generate
 from tests.programs.krl.samples import CONFIG_DAT, handling, milling, source
-
-FRAMES = "$TOOL={X 0,Y 0,Z 100,A 0,B 0,C 0}\n$BASE=$NULLFRAME\n"
-POSE = "{X 900,Y 0,Z 800,A 0,B 90,C 0}"
-
-
-def read(body: str, dat: str = "", config: str = CONFIG_DAT, more: str = "") -> KrlProgram:
-    sources = [source("part.src", f"DEF PART( )\n{body}\nEND\n{more}")]
-    if dat:
-        sources.append(source("part.dat", f"DEFDAT PART\n{dat}\nENDDAT\n"))
-    return read_krl([*sources, source("$config.dat", config)])
-
-
-def texts(program: KrlProgram) -> list[str]:
-    return [str(diagnostic) for diagnostic in program.diagnostics]
+from tests.programs.krl.small_programs import FRAMES, POSE, read, texts
 
 
 def frame(x: float, y: float, z: float, A: float, B: float, C: float) -> np.ndarray:
@@ -141,111 +126,6 @@ def test_the_robots_place_in_the_world_counts():
         world.part.T, np.linalg.inv(frame(100, 0, 50, 90, 0, 0)) @ frame(900, 0, 400, 0, 0, 0), atol=1e-12
     )
     np.testing.assert_allclose(own.part.T, np.eye(4), atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("body", "reason"),
-    [
-        (f"LIN {POSE}", r"part\.src:2: LIN stays as it is: \$TOOL is not set before it"),
-        (f"$TOOL=TOOL_DATA[9]\nLIN {POSE}", r"TOOL_DATA\[9\] is not in the files given; pass \$config\.dat"),
-        (f"$TOOL=TOOL_DATA[N]\nLIN {POSE}", "is set to something that the text does not state as a frame"),
-        (f"BAS(#TOOL,N)\nLIN {POSE}", "which element of TOOL_DATA is meant is not stated as a number"),
-        (f"{FRAMES}$BASE.X=5\nLIN {POSE}", r"\$BASE.X is changed on its own"),
-        (f"{FRAMES}BAS(#INITMOV,0)\nLIN {POSE}", r"BAS\(#INITMOV\) resets tool and base"),
-        (f"{FRAMES}BAS(#EX_BASE,1)\nLIN {POSE}", "a base that moves"),
-        (f"{FRAMES}LIN XP1", r"XP1 is not in the files given; pass the \.dat that states it"),
-        (f"{FRAMES}LIN $POS_ACT", r"\$POS_ACT is not in the files given$"),
-        (f"{FRAMES}LIN {{A1 0,A2 0,A3 0,A4 0,A5 0,A6 0}}", "LIN is given axis positions"),
-        (f"{FRAMES}PTP {{A1 0,A2 0}}", "A3 is not stated"),
-        (f"{FRAMES}LIN {{X 1,Y 2,Z 3,A 0,B 0,C 0,E1 100.0}}", r"E1 is 100\.0"),
-        (f"{FRAMES}SPLINE\nSLIN {POSE}\nENDSPLINE", "part of a spline"),
-        (f"{FRAMES}IF $IN[1] THEN\n$BASE=BASE_DATA[1]\nENDIF\nLIN {POSE}", "set in one branch of the IF before"),
-        (f"{FRAMES}LOOP\nLIN {POSE}\n$BASE=BASE_DATA[1]\nENDLOOP", "set further down in the same loop"),
-        (
-            f"{FRAMES}LOOP\nIF $IN[1] THEN\nEXIT\nENDIF\n$BASE=BASE_DATA[1]\nENDLOOP\nLIN {POSE}",
-            "one branch of the LOOP",
-        ),
-        (f"{FRAMES}AGAIN:\nLIN {POSE}", "can be reached by a GOTO"),
-        (f"$TOOL=$NULLFRAME\n$BASE=$NULLFRAME\n$IPO_MODE=MODE\nLIN {POSE}", r"\$IPO_MODE\) is not stated"),
-    ],
-)
-def test_motions_that_the_text_does_not_tell_are_left_with_a_reason(body, reason):
-    program = read(body)
-    assert not program.moves
-    (diagnostic,) = program.diagnostics
-    assert re.search(reason, str(diagnostic))
-
-
-@pytest.mark.parametrize(
-    "body",
-    [
-        f"IF $IN[1] THEN\n$BASE=BASE_DATA[1]\nELSE\n$BASE=BASE_DATA[1]\nENDIF\nLIN {POSE}",
-        f"SWITCH N\nCASE 1\n$BASE=BASE_DATA[1]\nDEFAULT\n$BASE=BASE_DATA[1]\nENDSWITCH\nLIN {POSE}",
-        f"$BASE=BASE_DATA[1]\nFOR I=1 TO 3\n$OUT[I]=TRUE\nENDFOR\nLIN {POSE}",
-        f"WHILE TRUE\n$BASE=BASE_DATA[1]\nLIN {POSE}\nENDWHILE",
-        f"BAS(#BASE,1)\nLIN {POSE}",
-    ],
-)
-def test_what_holds_on_every_way_holds(body):
-    (move,) = read(f"$TOOL=$NULLFRAME\n{body}").moves
-    assert move.part.name == "BASE_DATA[1]"
-
-
-def test_frames_pass_from_a_caller_to_what_it_calls():
-    more = f"DEF SUB( )\nLIN {POSE}\nEND\n"
-    program = read(f"{FRAMES}SUB( )\nLIN {POSE}", more=more)
-    assert [(m.routine, m.follows) for m in program.moves] == [("PART", None), ("SUB", None)]
-    program = read(f"SUB( )\n{FRAMES}SUB( )", more=more)
-    assert not program.moves
-    assert "SUB is called with different ones" in texts(program)[0]
-    program = read(f"{FRAMES}SUB( )\nLIN {POSE}", more="DEF SUB( )\n$BASE=BASE_DATA[1]\nEND\n")
-    assert "SUB sets it" in texts(program)[0]
-    program = read(f"{FRAMES}LIN {POSE}\nSUB( )", more=f"DEF SUB( )\nLIN {POSE}\nSUB( )\nEND\n")
-    assert "SUB is called in a circle" in texts(program)[0]
-
-
-@pytest.mark.parametrize(
-    "change", ["XP1.X=5", "XP1=XP2", "MEASURE(XP1)", "N=MEASURE(1,XP1)", "XP1={X 1,Y 0,Z 0,A 0,B 0,C 0}"]
-)
-def test_points_that_the_program_changes_are_no_constants(change):
-    program = read(f"{FRAMES}LIN XP1\n{change}", dat=f"DECL E6POS XP1={POSE}\nDECL E6POS XP2={POSE}")
-    assert not program.moves
-    assert "XP1 is changed by the program, at part.src:5" in texts(program)[0]
-
-
-@pytest.mark.parametrize(
-    ("change", "stays"), [("BASE_DATA[2].X=5", True), ("BASE_DATA[1].X=5", False), ("BASE_DATA[N]=F", False)]
-)
-def test_elements_of_an_array_change_one_by_one(change, stays):
-    program = read(f"$TOOL=$NULLFRAME\n$BASE=BASE_DATA[1]\nLIN {POSE}\n{change}")
-    assert len(program.moves) == stays
-
-
-def test_own_points_come_before_those_of_the_system_and_local_ones_before_both():
-    shared = CONFIG_DAT.replace("ENDDAT", "DECL E6POS XP1={X 1,Y 0,Z 0,A 0,B 0,C 0}\nENDDAT")
-    (move,) = read(f"{FRAMES}LIN XP1", dat="DECL E6POS XP1={X 2,Y 0,Z 0,A 0,B 0,C 0}", config=shared).moves
-    assert move.end.T is not None
-    assert move.end.T[0, 3] == pytest.approx(0.002)
-    (move,) = read(f"{FRAMES}LIN XP1", config=shared).moves
-    assert move.end.T is not None
-    assert move.end.T[0, 3] == pytest.approx(0.001)
-    assert not read(f"DECL E6POS XP1\n{FRAMES}LIN XP1", config=shared).moves
-
-
-def test_points_of_another_program_are_its_own():
-    other = source("other.dat", f"DEFDAT OTHER\nDECL E6POS XP1={POSE}\nDECL GLOBAL E6POS XP2={POSE}\nENDDAT\n")
-    src = source("part.src", f"DEF PART( )\n{FRAMES}LIN XP1\nLIN XP2\nEND\n")
-    program = read_krl([src, other])
-    assert [m.end.name for m in program.moves] == ["XP2"]
-
-
-def test_routines_of_one_name_in_two_files_count_as_one():
-    one, two = (
-        source(f"{name}.src", f"DEF {name}( )\n{FRAMES}SUB( )\nLIN {POSE}\nEND\nDEF SUB( )\n{line}\nEND\n")
-        for name, line in (("one", "HALT"), ("two", "$BASE=$NULLFRAME"))
-    )
-    assert [m.routine for m in read_krl([one]).moves] == ["ONE"]
-    assert not read_krl([one, two]).moves
 
 
 def test_joint_positions_need_no_frames():

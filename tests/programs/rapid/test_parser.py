@@ -5,11 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskcal.programs.rapid.expressions import DEPTH
 from taskcal.programs.rapid.lexer import tokenize
 from taskcal.programs.rapid.parser import parse
 from taskcal.programs.rapid.read import read_rapid
-from taskcal.programs.rapid.syntax import Branches, Instruction, Loop
 from tests.laws.robots import generators
 from tests.programs.rapid.generator import generate
 from tests.programs.rapid.samples import module
@@ -30,51 +28,6 @@ def test_words_of_each_kind():
     assert [token.text for token in tokenize(text)] == [
         "MODULE", "m", "x1", ":=", "-", ".5E+3", "<>", "0x1F", ";", '"a ""b"" c!"', "\\", "Y", "",
     ]  # fmt: skip
-
-
-def test_the_tree_of_a_routine():
-    text = (
-        "MODULE m(SYSMODULE)\n"
-        "RECORD pair num a; robtarget b; ENDRECORD\n"
-        "LOCAL CONST num n{2,2}:=[[1,2],[3,4]];\n"
-        "FUNC num f(num x \\num y|switch z, INOUT robtarget p{*}) RETURN x; ENDFUNC\n"
-        "PROC main() VAR bool b:=TRUE; IF b THEN ELSEIF NOT b THEN Stop; ELSE Stop; ENDIF\n"
-        "WHILE TRUE DO Stop; ENDWHILE FOR i FROM 1 TO 2 DO Stop; ENDFOR TEST 1 CASE 1: Stop; ENDTEST\n"
-        "UNDO Stop; ERROR(ERR_A,10) TRYNEXT; ENDPROC\n"
-        "TRAP t Stop; ENDTRAP\n"
-        "ENDMODULE"
-    )
-    (module,), problems = parse(text)
-    assert not problems
-    assert [record.components for record in module.records] == [(("a", "num"), ("b", "robtarget"))]
-    assert [declaration.name.text for declaration in module.declarations] == ["n"]
-    function, main, trap = module.routines
-    assert [(p.name.text, p.optional, p.changed) for p in function.parameters] == [
-        ("x", False, False), ("y", True, False), ("z", False, False), ("p", False, True),
-    ]  # fmt: skip
-    assert [type(statement) for statement in main.body] == [Branches, Loop, Loop, Branches]
-    assert [len(handler) for handler in main.handlers] == [1, 1]
-    assert isinstance(trap.body[0], Instruction)
-
-
-@pytest.mark.parametrize(
-    "body",
-    [
-        "x:=" + "(" * 5000,
-        "x:=" + "-" * 5000 + "1;",
-        "x:=1" + "+1" * 5000 + ";",
-        "x:=" + "(" * 9 + "1" + ("+1" * 50 + ")") * 9 + ";",
-        "x:=" + "[" * 5000 + "]" * 5000 + ";",
-        "x:=a{" + "a{" * 5000,
-        "x:=f(" + "f(" * 5000,
-        "Set " + "f(\\a:=" * 5000,
-        "IF a THEN " * 5000,
-        "IF a " * 5000 + "Stop;",
-    ],
-)
-def test_deep_nesting_is_reported(body):
-    program = read_rapid([module(body)])
-    assert any(f"nested deeper than {DEPTH}" in diagnostic.text for diagnostic in program.diagnostics)
 
 
 def test_data_that_refer_to_each_other_deeply():

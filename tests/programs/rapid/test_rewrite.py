@@ -6,33 +6,16 @@ import pytest
 from hypothesis import given
 
 from taskcal.errors import TaskcalError
-from taskcal.programs.program import Program, Waypoint
+from taskcal.programs.program import Waypoint
 from taskcal.programs.rapid.configuration import Configuration
 from taskcal.programs.rapid.read import read_rapid
 from taskcal.programs.source import Source
 from taskcal.robot.catalogue import load_robot
 from tests.laws.robots import generators
+from tests.programs.rapid.beside import ROBOT, Q, rewritten, shifted
 from tests.programs.rapid.generator import generate
 from tests.programs.rapid.rewriting import check_rewriting, nearby_waypoints
 from tests.programs.rapid.samples import IRC5, IRC5_FRAMES, POINTS, S4C, module, source
-
-ROBOT = load_robot("abb-irb6660-205-1.9")
-Q = np.radians([10.0, 20.0, 15.0, -100.0, 40.0, 200.0])  # quadrants 0, -2, 2
-
-
-def shifted(program: Program, *numbers: int, mm=(1.0, 0.0, 0.0), q=Q) -> dict[int, tuple[Waypoint, ...]]:
-    """Motions that end a little beside."""
-    out = {}
-    for i in numbers:
-        T = program.moves[i].end.T.copy()
-        T[:3, 3] += np.array(mm) / 1e3
-        out[i] = (Waypoint(kind=program.moves[i].kind, q=q, T=T, via=None),)
-    return out
-
-
-def rewritten(source_: Source, *numbers: int, **how) -> str:
-    program = read_rapid([source_])
-    return program.rewrite(ROBOT, shifted(program, *numbers, **how))[0].text
 
 
 def lines_that_differ(a: str, b: str) -> list[str]:
@@ -245,36 +228,6 @@ def test_an_arc_becomes_lines_or_stays_an_arc():
     third = program.reread(program.rewrite(ROBOT, two)).moves[3]
     assert third.kind == "circular"
     np.testing.assert_allclose(third.via.T, arc.via.T, atol=1e-9)
-
-
-def test_numbers_that_stay_keep_their_text_and_the_quaternion_its_sign():
-    declaration = "CONST robtarget p:=[[1.500,-0.0,7e1],[-0.707,0,-.7072136,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];"
-    body = "MoveL p,v100,fine,tool0;"
-    assert "[[2.5,-0.0,7e1],[-0.707,0,-.7072136,0]" in rewritten(module(body, declaration), 0)
-    program = read_rapid([module(body, declaration)])
-    T = program.moves[0].end.T @ np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
-    text = program.rewrite(ROBOT, {0: (Waypoint(kind="linear", q=Q, T=T),)})[0].text
-    q = [float(v) for v in re.search(r"7e1\],\[([^]]*)\]", text)[1].split(",")]
-    assert q[0] < 0.0
-    assert np.linalg.norm(q) == pytest.approx(1.0, abs=6e-8)
-
-
-def test_clones_are_written_in_the_style_of_their_declaration():
-    declaration = (
-        "PERS  robtarget p := [ [ 1.5, 2, 3 ],\n    [ 1,0,0,0 ], ! upright\n"
-        "    [ 0,-2,2,0 ], [9E9,9E9,9E9,9E9,9E9,9E9] ] ; ! first\nVAR num n;"
-    )
-    after = rewritten(module("MoveL p,v100,fine,tool0;MoveL p,v5,fine,tool0;", declaration), 0)
-    clone = "PERS  robtarget p_2 := [ [ 2.5, 2, 3 ],\n    [ 1,0,0,0 ], ! upright\n    [ 0,-2,2,0 ], [9E9,9E9,9E9,9E9,9E9,9E9] ];"
-    assert f"! first\n{clone}\nVAR num n;" in after
-
-
-def test_external_axes_keep_their_text():
-    target = "[[0,0,0],[1,0,0,0],[0,-2,2,0],[ 100.50,9E9,9E+09,9E9,9E9,9E9]]"
-    program = read_rapid([module(f"MoveL {target},v5,fine,tool0;")])
-    waypoints = {0: shifted(program, 0)[0] * 2}
-    assert program.rewrite(ROBOT, waypoints)[0].text.count("[100.50,9E9,9E+09,9E9,9E9,9E9]") == 1
-    assert program.rewrite(ROBOT, waypoints)[0].text.count("[ 100.50,9E9,9E+09,9E9,9E9,9E9]") == 1
 
 
 @pytest.mark.parametrize("encoding", ["latin-1", "utf-8", "utf-8-sig"])

@@ -1,0 +1,55 @@
+"""What the lines of a program mean, and why some motions stay as they are."""
+
+import re
+
+import pytest
+
+from tests.programs.krl.small_programs import FRAMES, POSE, read
+
+
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        (f"LIN {POSE}", r"part\.src:2: LIN stays as it is: \$TOOL is not set before it"),
+        (f"$TOOL=TOOL_DATA[9]\nLIN {POSE}", r"TOOL_DATA\[9\] is not in the files given; pass \$config\.dat"),
+        (f"$TOOL=TOOL_DATA[N]\nLIN {POSE}", "is set to something that the text does not state as a frame"),
+        (f"BAS(#TOOL,N)\nLIN {POSE}", "which element of TOOL_DATA is meant is not stated as a number"),
+        (f"{FRAMES}$BASE.X=5\nLIN {POSE}", r"\$BASE.X is changed on its own"),
+        (f"{FRAMES}BAS(#INITMOV,0)\nLIN {POSE}", r"BAS\(#INITMOV\) resets tool and base"),
+        (f"{FRAMES}BAS(#EX_BASE,1)\nLIN {POSE}", "a base that moves"),
+        (f"{FRAMES}LIN XP1", r"XP1 is not in the files given; pass the \.dat that states it"),
+        (f"{FRAMES}LIN $POS_ACT", r"\$POS_ACT is not in the files given$"),
+        (f"{FRAMES}LIN {{A1 0,A2 0,A3 0,A4 0,A5 0,A6 0}}", "LIN is given axis positions"),
+        (f"{FRAMES}PTP {{A1 0,A2 0}}", "A3 is not stated"),
+        (f"{FRAMES}LIN {{X 1,Y 2,Z 3,A 0,B 0,C 0,E1 100.0}}", r"E1 is 100\.0"),
+        (f"{FRAMES}SPLINE\nSLIN {POSE}\nENDSPLINE", "part of a spline"),
+        (f"{FRAMES}IF $IN[1] THEN\n$BASE=BASE_DATA[1]\nENDIF\nLIN {POSE}", "set in one branch of the IF before"),
+        (f"{FRAMES}LOOP\nLIN {POSE}\n$BASE=BASE_DATA[1]\nENDLOOP", "set further down in the same loop"),
+        (
+            f"{FRAMES}LOOP\nIF $IN[1] THEN\nEXIT\nENDIF\n$BASE=BASE_DATA[1]\nENDLOOP\nLIN {POSE}",
+            "one branch of the LOOP",
+        ),
+        (f"{FRAMES}AGAIN:\nLIN {POSE}", "can be reached by a GOTO"),
+        (f"$TOOL=$NULLFRAME\n$BASE=$NULLFRAME\n$IPO_MODE=MODE\nLIN {POSE}", r"\$IPO_MODE\) is not stated"),
+    ],
+)
+def test_motions_that_the_text_does_not_tell_are_left_with_a_reason(body, reason):
+    program = read(body)
+    assert not program.moves
+    (diagnostic,) = program.diagnostics
+    assert re.search(reason, str(diagnostic))
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        f"IF $IN[1] THEN\n$BASE=BASE_DATA[1]\nELSE\n$BASE=BASE_DATA[1]\nENDIF\nLIN {POSE}",
+        f"SWITCH N\nCASE 1\n$BASE=BASE_DATA[1]\nDEFAULT\n$BASE=BASE_DATA[1]\nENDSWITCH\nLIN {POSE}",
+        f"$BASE=BASE_DATA[1]\nFOR I=1 TO 3\n$OUT[I]=TRUE\nENDFOR\nLIN {POSE}",
+        f"WHILE TRUE\n$BASE=BASE_DATA[1]\nLIN {POSE}\nENDWHILE",
+        f"BAS(#BASE,1)\nLIN {POSE}",
+    ],
+)
+def test_what_holds_on_every_way_holds(body):
+    (move,) = read(f"$TOOL=$NULLFRAME\n{body}").moves
+    assert move.part.name == "BASE_DATA[1]"

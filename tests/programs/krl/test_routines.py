@@ -1,0 +1,27 @@
+"""Routines and those that call them."""
+
+from taskcal.programs.krl.read import read_krl
+from tests.programs.krl.samples import source
+from tests.programs.krl.small_programs import FRAMES, POSE, read, texts
+
+
+def test_frames_pass_from_a_caller_to_what_it_calls():
+    more = f"DEF SUB( )\nLIN {POSE}\nEND\n"
+    program = read(f"{FRAMES}SUB( )\nLIN {POSE}", more=more)
+    assert [(m.routine, m.follows) for m in program.moves] == [("PART", None), ("SUB", None)]
+    program = read(f"SUB( )\n{FRAMES}SUB( )", more=more)
+    assert not program.moves
+    assert "SUB is called with different ones" in texts(program)[0]
+    program = read(f"{FRAMES}SUB( )\nLIN {POSE}", more="DEF SUB( )\n$BASE=BASE_DATA[1]\nEND\n")
+    assert "SUB sets it" in texts(program)[0]
+    program = read(f"{FRAMES}LIN {POSE}\nSUB( )", more=f"DEF SUB( )\nLIN {POSE}\nSUB( )\nEND\n")
+    assert "SUB is called in a circle" in texts(program)[0]
+
+
+def test_routines_of_one_name_in_two_files_count_as_one():
+    one, two = (
+        source(f"{name}.src", f"DEF {name}( )\n{FRAMES}SUB( )\nLIN {POSE}\nEND\nDEF SUB( )\n{line}\nEND\n")
+        for name, line in (("one", "HALT"), ("two", "$BASE=$NULLFRAME"))
+    )
+    assert [m.routine for m in read_krl([one]).moves] == ["ONE"]
+    assert not read_krl([one, two]).moves

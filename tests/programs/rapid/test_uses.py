@@ -1,0 +1,23 @@
+"""Where a program may change its data."""
+
+from taskcal.programs.rapid.read import read_rapid
+from tests.programs.rapid.diagnosed import reasons
+from tests.programs.rapid.samples import POINTS, source
+
+
+def test_what_a_routine_is_given_does_not_change_its_data_unless_the_routine_does_so():
+    routine = "PROC go(PERS tooldata t, INOUT robtarget a, INOUT robtarget b) b:=a; ENDPROC\n"
+    declarations = "VAR" + POINTS.splitlines()[0][5:] + "VAR" + POINTS.splitlines()[1][5:]
+    main = "PROC main()\ngo tool0,p1,p2;\nMoveL p1,v5,fine,tool0;\nMoveL p2,v5,fine,tool0;\nENDPROC\n"
+    text = f"MODULE m {declarations}\n{main}{routine}ENDMODULE"
+    program = read_rapid([source(text)])
+    assert [move.end.name for move in program.moves] == ["p1"]
+    assert any("'p2' is assigned to in part.mod:3" in text for text in reasons(program))
+
+
+def test_the_target_of_a_routine_that_is_given_it_is_reported():
+    text = f"MODULE m\n{POINTS}PROC main()\ngo p1;\nENDPROC\nPROC go(robtarget p)\nMoveL p,v5,fine,tool0;\nENDPROC\nENDMODULE"
+    assert reasons(read_rapid([source(text)])) == [
+        "part.mod:12: the target that 'go' is given stays as it is: motions to a routine's parameter are not read",
+        "part.mod:15: MoveL stays as it is: 'p' is a parameter of the routine 'go'",
+    ]
