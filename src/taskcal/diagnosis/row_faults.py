@@ -14,7 +14,7 @@ from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration, register_closely
 
 FAR_MEDIANS = 10.0
-"""Of the robust fit's residuals: on measured robots the longest is below six."""
+"""Of the robust fit's residuals; chosen as `consensus.FAR_SIGMAS` is."""
 
 FAR = 1e-3
 """Metres; nearer than that a row is not grossly wrong."""
