@@ -30,7 +30,7 @@ ALTERNATIVES = 0.6
 MOST_ALTERNATIVES = 2
 
 SHARPNESS = 3.0
-"""How fast an explanation's share falls with the logarithm of its error; chosen, not calibrated against how often answers are right."""
+"""How fast an explanation's share falls with the logarithm of its error; chosen, not calibrated against right answers."""
 
 IN_COURSE_SHARE = 0.1
 """Of the reach: with more left than this, nothing that happened in a campaign's course is told."""
