@@ -11,22 +11,9 @@ from taskcal.identification.calibration_file import load_calibration
 from taskcal.identification.identify import identify
 from taskcal.identification.problem import observe
 from taskcal.measurement.registration import register
-from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from tests.identification.arms import KINDS, arm, defects
 from tests.laws.campaigns import measure
-from tests.laws.robots import industrial, industrial_positions
-
-KINDS = {
-    "one target": {},
-    "three targets and lost beams": {"targets": 3, "lost": 0.2},
-    "poses": {"pose": True, "rotation_sigma": 5e-5},
-}
-
-
-def arm(seed, tolerance_mm=0.5):
-    rng = np.random.default_rng(seed)
-    tolerance = {"translation_mm": tolerance_mm, "rotation_mrad": tolerance_mm}
-    return rng, ErrorModel(robot_from({**industrial(rng), "tolerance": tolerance}))
+from tests.laws.robots import industrial_positions
 
 
 def dense_jacobian(layout, campaign, z):
@@ -37,14 +24,6 @@ def dense_jacobian(layout, campaign, z):
 
     steps = 1e-6 * np.eye(len(z))
     return np.stack([(residual(z - h) - residual(z + h)) / 2e-6 for h in steps], axis=-1)
-
-
-def defects(rng, model, factor=1.0):
-    return factor * rng.normal(size=len(model)) * model.tolerances
-
-
-def true_points(model, truth, q):
-    return (truth.T_tracker_base @ model.poses(q, truth.x)[:, None] @ truth.T_tool_target)[..., :3, 3]
 
 
 def tiny_campaign(seed):

@@ -7,7 +7,7 @@ and a program that was read can be rewritten and read again.
 import sys
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -52,6 +52,14 @@ def mutated(rng: np.random.Generator, data: bytes, marks: bytes = b"[](){}\\;:=\
                 data = data[:at] + bytes(rng.choice(list(marks), size).tolist()) + data[at + 1 :]
             case _:
                 data = data[:at] + data[at : at + 20 * size] + data[at:]
+    return data
+
+
+def damaged(data: bytes, damages: Iterable[tuple[int, bytes, int]]) -> bytes:
+    """Bytes inserted and removed, one damage after another: where, what comes in, and how many bytes go."""
+    for position, inserted, removed in damages:
+        position = min(position, len(data))
+        data = data[:position] + inserted + data[position + removed :]
     return data
 
 

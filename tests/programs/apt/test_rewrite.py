@@ -12,6 +12,7 @@ from taskcal.programs.program import Waypoint
 from tests.laws.robots import generators
 from tests.programs.apt.generator import generate
 from tests.programs.apt.samples import CATIA, ROBOT, moved, points, read
+from tests.programs.fuzz import damaged
 
 programs = generators.map(generate)
 
@@ -104,9 +105,7 @@ damages = st.lists(st.tuples(st.integers(0, 800), st.binary(max_size=3), st.inte
 
 @given(programs, damages)
 def test_damaged_programs_are_read_with_remarks_or_refused_but_never_changed(data, damages):
-    for position, inserted, removed in damages:
-        position = min(position, len(data))
-        data = data[:position] + inserted + data[position + removed :]
+    data = damaged(data, damages)
     program, refusal = None, ""
     try:
         program = read(data)

@@ -13,6 +13,7 @@ from taskcal.tabular.csv_form import parse_csv
 from tests.laws.robots import generators
 from tests.programs.csv_path.generator import generate
 from tests.programs.csv_path.texts import ARC, ROBOT, TOOL, read
+from tests.programs.fuzz import damaged
 
 paths = generators.map(generate)
 
@@ -140,9 +141,7 @@ def test_rewriting_changes_only_the_numbers_of_the_motions_named(data, rng):
     paths, st.lists(st.tuples(st.integers(0, 400), st.binary(max_size=3), st.integers(0, 3)), min_size=1, max_size=4)
 )
 def test_damaged_files_are_read_or_refused_but_never_changed(data, damages):
-    for position, inserted, removed in damages:
-        position = min(position, len(data))
-        data = data[:position] + inserted + data[position + removed :]
+    data = damaged(data, damages)
     program, refusal = None, ""
     try:
         program = read(data)
