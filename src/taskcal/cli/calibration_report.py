@@ -5,12 +5,13 @@ from typing import Any
 
 from taskcal.cli.effects import is_harmonic, show_harmonics
 from taskcal.cli.errors_table import show_errors
-from taskcal.cli.output import show_facts, show_table
+from taskcal.cli.output import show, show_facts
 from taskcal.cli.robot_sheet import placement
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration
+from taskcal.presentation.calibration_tables import tabulate_left_out, tabulate_outliers, tabulate_parameters
 from taskcal.presentation.model_error_origin import model_error_origin, prior_scale_origin
 from taskcal.presentation.unobservable import describe_unobservable
 
@@ -55,57 +56,19 @@ def _registered(registration: Registration) -> dict[str, str | None]:
     return {"method": registration.method, "file": registration.file or None}
 
 
-def show(result: Mapping[str, Any]) -> None:
-    """Print what `report` says."""
+def show_report(calibration: Calibration, result: Mapping[str, Any]) -> None:
+    """Print a calibration and what `report` says of it."""
     summaries = {"fitted": result["fitted"]}
     if result["held_out"] is not None:
         summaries["held out"] = result["held_out"]
-    rows = [
-        (
-            p["name"],
-            p["symbol"],
-            _signed(_value(p, "estimate")),
-            f"{_value(p, 'standard_error'):.4f}",
-            p["unit"],
-            "not seen" if p["seen"] is False else "",
-        )
-        for p in result["parameters"]
-        if not is_harmonic(p["name"])
-    ]
-    if rows:
-        show_table("Parameters", ("parameter", "symbol", "estimate", "± 1σ", "unit", ""), rows, left=(0, 1, 4, 5))
+    parameters = tabulate_parameters(calibration, leave_out=is_harmonic)
+    if len(parameters):
+        show(parameters)
     show_harmonics(result["parameters"])
     show_errors(f"Position error of {result['robot']}: axes of the robot's base, then in space", summaries)
-    if result["left_out"]:
-        cells = [
-            (
-                str(row["row"]),
-                "–" if row["line"] is None else str(row["line"]),
-                row["id"],
-                f"{row['distance_mm']:.2f}",
-                f"{row['studentised']:.0f}",
-            )
-            for row in result["left_out"]
-        ]
-        show_table(
-            "Rows that cannot be right beside all others, left out: measure again",
-            ("row", "line", "id", "off by mm", "over its 1σ"),
-            cells,
-            left=(2,),
-        )
-    if result["outliers"]:
-        header = ("row", "line", "id", "target", "residual mm", "over its 1σ")
-        cells = [
-            (
-                *("–" if o[key] is None else str(o[key]) for key in ("row", "line")),
-                o["id"],
-                o["target"],
-                f"{o['residual_mm']:.3f}",
-                f"{o['studentised']:.1f}",
-            )
-            for o in result["outliers"]
-        ]
-        show_table("Outliers, too far for chance: measure again, or leave out", header, cells, left=(2, 3))
+    for table in (tabulate_left_out(calibration), tabulate_outliers(calibration)):
+        if len(table):
+            show(table)
     show_facts(_facts(result))
 
 
@@ -138,16 +101,6 @@ def _found_from(registration: Mapping[str, str | None]) -> str:
     file = f"{registration['file']}, " if registration["file"] else ""
     from_circles = registration["method"] == "circles"
     return f"; registered from {file}{'circles' if from_circles else 'poses'}" if file or from_circles else ""
-
-
-def _value(parameter: Mapping[str, Any], kind: str) -> float:
-    """The entry of a kind, whatever the unit in its name."""
-    return next(value for key, value in parameter.items() if key.startswith(f"{kind}_"))
-
-
-def _signed(value: float) -> str:
-    text = f"{value:+.4f}"
-    return text if float(text) else " 0.0000"
 
 
 def _point(placed: Mapping[str, Any]) -> str:

@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping
 
-from taskcal.cli.output import show_table
+from taskcal.cli.output import show
 
 
 def show_errors(title: str, summaries: Mapping[str, Mapping[str, float | int]]) -> None:
     """Print a row for each labelled `Validation.summary`; axes are those of the robot's base."""
     from taskcal.presentation.errors_table import tabulate_errors
 
-    table = tabulate_errors(title, summaries)
-    show_table(table.title, table.header, table.rows, left=table.text_columns)
+    show(tabulate_errors(title, summaries))

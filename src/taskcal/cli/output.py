@@ -17,6 +17,8 @@ from taskcal.errors import printable, shortened
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from taskcal.presentation.content import Table
+
 MESSAGE_CHARACTERS = 4000
 """Of one message; whatever it repeats of its input is cut."""
 
@@ -131,6 +133,11 @@ def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]],
     if title:  # above the table, not in it: it may be the wider of the two
         out.print(Text(for_terminal(title), style="bold"))
     out.print(table)
+
+
+def show(table: "Table") -> None:
+    """Print a table that a page shows as well."""
+    show_table(table.title, table.header, table.rows, left=table.text_columns)
 
 
 def show_facts(facts: Iterable[tuple[str, str]]) -> None:

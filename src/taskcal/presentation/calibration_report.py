@@ -7,10 +7,10 @@ from jaxtyping import Float
 
 from taskcal.adaptation.task_uncertainty import Uncertainty
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.informed_parameters import informed_parameters
 from taskcal.identification.residual_analysis import ResidualAnalysis
 from taskcal.identification.validation import Validation
 from taskcal.measurement.registration import Registration
+from taskcal.presentation.calibration_tables import tabulate_left_out, tabulate_outliers, tabulate_parameters
 from taskcal.presentation.content import Block, Chart, Numbers, Section, Table, Text
 from taskcal.presentation.errors_table import tabulate_errors
 from taskcal.presentation.fit_figures import draw_parameters, draw_residuals
@@ -72,29 +72,11 @@ def _summary(calibration: Calibration, over: Uncertainty | None) -> Section:
         items.append(
             (f"{over.target * 1e3:.4f}", "mm", f"uncertainty of the target over {over.task} (1σ in space, rms)")
         )
-    outliers = [
-        (
-            "–" if o.row is None else str(o.row),
-            "–" if o.line is None else str(o.line),
-            o.id,
-            o.target,
-            f"{o.residual * 1e3:.3f}",
-            f"{o.studentised:.1f}",
-        )
-        for o in calibration.outliers
-    ]
     blocks: list[Block] = [Numbers(tuple(items))]
-    if outliers:
-        blocks.append(
-            Table.of_rows(
-                "Outliers, too far for chance: measure again, or leave out",
-                ("row", "line", "id", "target", "residual mm", "over its 1σ"),
-                outliers,
-                text_columns=(2, 3),
-                note="Rows of the campaign, counted from 0, and lines of its file, counted from 1.",
-            )
-        )
-    else:
+    for table in (tabulate_left_out(calibration), tabulate_outliers(calibration)):
+        if len(table):
+            blocks.append(table)
+    if not calibration.outliers:
         blocks.append(Text(("No point is too far for chance.",)))
     described = zip(calibration.targets, describe_unobservable(calibration.layout.registration), strict=True)
     unobservable = tuple(f"Target {name}: {sentence}." for name, sentence in described if sentence)
@@ -167,22 +149,9 @@ def _uncertainty(over: Uncertainty) -> Section:
 
 
 def _parameters(calibration: Calibration) -> Section:
-    rows: list[tuple[str, ...]] = []
-    informed = informed_parameters(calibration)
-    for i in calibration.estimated:
-        p = calibration.model.parameters[i]
-        unit = p.shown
-        values = calibration.estimate[i], calibration.standard_errors[i], p.tolerance
-        rows.append(
-            (
-                p.label,
-                unit.name,
-                *(f"{v * unit.factor:.4f}" for v in values),
-                "not seen" if informed[p.name] is False else "",
-            )
-        )
+    table = tabulate_parameters(calibration)
     blocks: list[Block] = []
-    if rows:
+    if len(table):
         blocks.append(
             Chart(
                 title="Estimated parameters",
@@ -190,16 +159,7 @@ def _parameters(calibration: Calibration) -> Section:
                 note="Bars are two standard errors. Parameters that repeat each other share what is found.",
             )
         )
-    blocks.append(
-        Table.of_rows(
-            f"The {len(rows)} identified parameters",
-            ("parameter", "unit", "estimate", "± 1σ", "tolerance", ""),
-            rows,
-            text_columns=(0, 1, 5),
-            note="Not seen: the measurements say nothing of it, its standard error is that of the prior.",
-            folded=True,
-        )
-    )
+    blocks.append(table)
     return Section(title="Parameters", blocks=tuple(blocks))
 
 

@@ -6,6 +6,7 @@ from taskcal.adaptation.plan import Plan
 from taskcal.presentation.content import Chart, Numbers, Section, Table, Text
 from taskcal.presentation.model_error_origin import state_model_error
 from taskcal.presentation.plan_figures import draw_by_count, draw_plan
+from taskcal.presentation.plan_tables import tabulate_by_count, tabulate_expected_errors
 from taskcal.presentation.report import report_html
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
@@ -27,6 +28,7 @@ def plan_html(model: ErrorModel, task: Task, made: Plan, *, seed: int, version: 
             title="What it is worth",
             blocks=(
                 Numbers(_numbers(made)),
+                tabulate_expected_errors(made, task.name),
                 Text(
                     (
                         f"Model error: {state_model_error(made.model_error * 1e3, made.model_error_origin)}. It counts as noise of "
@@ -42,6 +44,7 @@ def plan_html(model: ErrorModel, task: Task, made: Plan, *, seed: int, version: 
                     figure=draw_by_count(made),
                     note="The line is the greedy choice; exchange and refinement improve the plan at its end. Logarithmic scale.",
                 ),
+                tabulate_by_count(made),
             ),
         ),
         Section(

@@ -3,12 +3,13 @@
 from taskcal.adaptation.selection import Selection
 from taskcal.adaptation.task_errors import TaskCurves, TaskMaps
 from taskcal.analysis.sensitivity import Sensitivity
-from taskcal.presentation.content import Chart, Numbers, Points, Section, Table, Text
+from taskcal.presentation.content import Chart, Numbers, Points, Section, Text
 from taskcal.presentation.effect_figures import draw_effects
 from taskcal.presentation.effect_tables import tabulate_effects
 from taskcal.presentation.model_error_origin import state_model_error
 from taskcal.presentation.report import report_html
 from taskcal.presentation.selection_figures import REFERENCES, draw_ladder
+from taskcal.presentation.selection_tables import tabulate_dropped, tabulate_ladder
 from taskcal.presentation.task_section import task_section
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
@@ -84,6 +85,7 @@ def _how_many(model: ErrorModel, selection: Selection, accuracy: float | None) -
                 figure=draw_ladder(selection, accuracy),
                 note=_LADDER + (_CROSSED if chosen.cross_validated is not None else ""),
             ),
+            tabulate_ladder(selection),
         ),
     )
 
@@ -95,13 +97,7 @@ def _which(model: ErrorModel, selection: Selection, effects: Sensitivity) -> Sec
         title="Which, and why not the others",
         blocks=(
             Text((f"Kept: {', '.join(labels[name] for name in selection.kept) or 'none, the frames alone'}.",)),
-            Table.of_rows(
-                f"The {len(selection.dropped)} dropped parameters, in the order in which they went",
-                ("parameter", "why"),
-                [(labels[name], reason) for name, reason in selection.dropped.items()],
-                text_columns=(0, 1),
-                folded=True,
-            ),
+            tabulate_dropped(selection, model),
             Chart(title="Effect of every parameter on the tool point", figure=draw_effects(effects), note=_EFFECTS),
             tabulate_effects(effects),
         ),

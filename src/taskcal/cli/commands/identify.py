@@ -153,7 +153,7 @@ def command(
     if out.as_json:
         write_json(result)
     else:
-        _show(result, explanation)
+        _show(calibration, result, explanation)
 
 
 def _explained_refusal(refusal: TaskcalError, campaign: Path, robot: "Robot") -> TaskcalError:
@@ -199,10 +199,10 @@ def _explained(explanation: "Explanation | None") -> dict[str, Any]:
     }
 
 
-def _show(result: dict[str, Any], explanation: "Explanation | None") -> None:
-    from taskcal.cli.calibration_report import show
+def _show(calibration: "Calibration", result: dict[str, Any], explanation: "Explanation | None") -> None:
+    from taskcal.cli.calibration_report import show_report
 
-    show(result)
+    show_report(calibration, result)
     if explanation is not None:
         from taskcal.cli.effects import show_explanation
 

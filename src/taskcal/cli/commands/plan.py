@@ -13,7 +13,7 @@ from taskcal.cli.measuring_program import MeasuringOptions
 from taskcal.cli.model_options import ModelOptions
 from taskcal.cli.option_groups import grouped
 from taskcal.cli.options import ModelErrorOption, PageOptions, SeedOption, TaskOption, check_model_error
-from taskcal.cli.output import show_facts, show_table, working, write_json
+from taskcal.cli.output import show, show_facts, working, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
 
 if TYPE_CHECKING:
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from taskcal.measurement.station import Station
     from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import Task
-
-COUNTS = (5, 8, 10, 12, 15, 20, 25, 30, 40, 50, 60, 80, 100, 150, 200, 300, 500)
-"""Numbers of poses whose expected error is printed."""
 
 
 class CriterionChoice(StrEnum):
@@ -142,7 +139,7 @@ def command(
     if page.as_json:
         write_json(result)
     else:
-        _show(result, setting.task)
+        _show(result, chosen, setting.task)
 
 
 def _check_sources(of: ModelOptions, measured: MeasuredOptions, choice: PlanOptions) -> None:
@@ -182,6 +179,7 @@ def _plan(setting: Setting, choice: PlanOptions, source: Path | None, progress: 
         ReachError: fewer poses can be measured than were asked for, or the task's accuracy is out of reach.
     """
     from taskcal.adaptation.plan import plan
+    from taskcal.adaptation.plan_demands import check_demands
     from taskcal.errors import CampaignError, FileError
 
     try:
@@ -202,39 +200,8 @@ def _plan(setting: Setting, choice: PlanOptions, source: Path | None, progress: 
         if source is None:
             raise
         raise FileError(source, str(error)) from error
-    _check(chosen, choice.count)
+    check_demands(chosen, choice.count)
     return chosen
-
-
-def _check(chosen: "Plan", count: int) -> None:
-    """See that the plan gives what was asked.
-
-    Raises:
-        ReachError: fewer poses can be measured than were asked for, or the task's accuracy is out of reach.
-    """
-    from taskcal.errors import ReachError
-
-    if len(chosen.q) < count:
-        lost = ", ".join(f"{number} {reason}" for reason, number in chosen.lost.items() if number)
-        raise ReachError(
-            f"only {chosen.candidates} candidate poses can be measured, {count} were asked for ({lost or 'none fell away'}); "
-            "give more --candidates, or ask for fewer poses"
-        )
-    # where the model error alone takes the accuracy, the poses are worth measuring all the same: it may turn out smaller
-    wanted = chosen.geometry_allowance or chosen.accuracy
-    if wanted is not None and len(chosen.q) * (chosen.expected / wanted) ** 2 > chosen.candidates > 0:
-        raise ReachError(
-            f"the task's accuracy of {(chosen.accuracy or wanted) * 1e3:g} mm is out of reach: {count} poses are expected to "
-            f"leave {chosen.expected * 1e3:.4f} mm rms{_allowed(chosen)}, and not even all {chosen.candidates} that can be "
-            "measured would do; state an accuracy that can be had, or leave it out of the task"
-        )
-
-
-def _allowed(chosen: "Plan") -> str:
-    """How much of the accuracy the model error of a single pose takes, in words."""
-    if not chosen.geometry_allowance or not chosen.model_error:
-        return ""
-    return f", the model error of {chosen.model_error * 1e3:.3g} mm per axis allows {chosen.geometry_allowance * 1e3:.4f} mm"
 
 
 def _visible(chosen: "Plan", station: "Station | None") -> dict[str, Any]:
@@ -252,39 +219,20 @@ def _page(setting: Setting, chosen: "Plan", seed: int) -> str:
     return plan_html(setting.model, setting.task, chosen, seed=seed, version=package_version())
 
 
-def _show(result: Mapping[str, Any], task: "Task") -> None:
+def _show(result: Mapping[str, Any], chosen: "Plan", task: "Task") -> None:
+    from taskcal.adaptation.plan_demands import describe_accuracy, describe_lost
     from taskcal.presentation.model_error_origin import state_model_error
+    from taskcal.presentation.plan_tables import tabulate_by_count, tabulate_expected_errors
 
-    low, high = result["random_expected_error_range_mm"]
-    count = result["count"]
-    rows = [
-        ("this plan", f"{result['expected_error_mm']:.4f}", ""),
-        ("random poses", f"{result['random_expected_error_mm']:.4f}", f"{low:.4f} to {high:.4f}"),
-        ("poses spread evenly", f"{result['grid_expected_error_mm']:.4f}", ""),
-        (
-            "calibration as it is" if "calibration" in result else "nominal robot, frames found",
-            f"{result['before_mm']:.4f}",
-            "",
-        ),
-    ]
-    before = result["measured_before"]
-    added = f" added to {before}" if before else ""
-    title = f"Error to be expected over '{task.name}' from {count} poses{added}: rms in space, mm"
-    show_table(title, ("", "expected", "range of 20 plans"), rows)
-    by_count = result["by_count_mm"]
-    shown = sorted({n for n in COUNTS if n < count} | {count})
-    cells = [(str(n), f"{by_count[n - 1]:.4f}") for n in shown if by_count[n - 1] < result["before_mm"]]
-    show_table("After so many poses, chosen one by one", ("poses", "expected"), cells, left=())
+    show(tabulate_expected_errors(chosen, task.name, measured_before=result["measured_before"]))
+    show(tabulate_by_count(chosen))
     single = f"a single pose is expected to be {result['expected_with_model_error_mm']:.4f} mm off (rms in space)"
     facts = [
-        ("accuracy", _accuracy(result)),
+        ("accuracy", describe_accuracy(chosen)),
         ("model error", state_model_error(result["model_error_mm"], result["model_error_origin"])),
         ("with it", single),
-    ]
-    lost = ", ".join(f"{number} {reason}" for reason, number in result["lost"].items() if number)
-    facts += [
-        ("candidates", f"{result['candidates']} can be measured; fell away: {lost or 'none'}"),
-        ("criterion", f"{result['criterion']}; {result['exchanges']} exchanges after the greedy start"),
+        ("candidates", f"{chosen.candidates} can be measured; fell away: {describe_lost(chosen) or 'none'}"),
+        ("criterion", f"{chosen.criterion}; {chosen.exchanges} exchanges after the greedy start"),
         ("plan", f"wrote {result['plan']}, in the order in which to visit the poses"),
     ]
     if "visible" in result:
@@ -295,23 +243,3 @@ def _show(result: Mapping[str, Any], task: "Task") -> None:
     if "report" in result:
         facts.append(("report", f"wrote {result['report']}"))
     show_facts(facts)
-
-
-def _accuracy(result: Mapping[str, Any]) -> str:
-    wanted, allowed = result["accuracy_mm"], result["geometry_allowance_mm"]
-    if wanted is None:
-        return "the task states none"
-    if not allowed:
-        alone = 3.0**0.5 * result["model_error_mm"]
-        return (
-            f"the {wanted:g} mm of the task are not met by any number of poses: the model error alone leaves {alone:.4f} mm "
-            "(rms in space); what identifies it, effects above all, is worth more than poses"
-        )
-    if result["poses_needed"] is not None:
-        return (
-            f"the {wanted:g} mm of the task are met by the first {result['poses_needed']} chosen, with the model error"
-        )
-    if result["expected_error_mm"] <= allowed:
-        return f"the {wanted:g} mm of the task are met by the whole plan, with the model error"
-    poses = result["count"] * (result["expected_error_mm"] / allowed) ** 2
-    return f"the {wanted:g} mm of the task are not met; some {poses:.0f} poses would be needed, with the model error"

@@ -74,14 +74,11 @@ def command(
 
 def _frames(registration: "Registration", model: "ErrorModel", campaign: "Campaign") -> dict[str, Any]:
     """Frames and residuals, in millimetres."""
-    import numpy as np
-
     from taskcal.cli.robot_sheet import placement
-    from taskcal.measurement.registration import distances, nominal_poses
+    from taskcal.measurement.registration_residuals import registration_residuals
     from taskcal.presentation.unobservable import describe_unobservable
 
-    off = distances(registration, campaign, nominal_poses(model, campaign)) * 1e3
-    seen = off[np.isfinite(off)]
+    left = registration_residuals(registration, model, campaign)
     return {
         "rows": len(campaign),
         "tracker_frame": placement(registration.T_tracker_base),
@@ -91,16 +88,14 @@ def _frames(registration: "Registration", model: "ErrorModel", campaign: "Campai
                 campaign.targets, registration.T_tool_target, describe_unobservable(registration), strict=True
             )
         },
-        "mean_mm": float(seen.mean()),
-        "rms_mm": float(np.sqrt((seen**2).mean())),
-        "max_mm": float(seen.max()),
+        **left.summary(),
         "residuals": [
             {
                 "row": campaign.row_of(i),
                 "id": name,
                 **dict(zip((f"{t}_mm" for t in campaign.targets), values, strict=True)),
             }
-            for i, (name, values) in enumerate(zip(campaign.ids, off, strict=True))
+            for i, (name, values) in enumerate(zip(campaign.ids, left.distances * 1e3, strict=True))
         ],
     }
 

@@ -16,7 +16,7 @@ from taskcal.cli.options import (
     check_above_zero,
     check_model_error,
 )
-from taskcal.cli.output import info, show_facts, show_table, working, write_json
+from taskcal.cli.output import info, show, show_facts, working, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def command(
     if page.as_json:
         write_json(result)
     else:
-        _show(model, result)
+        _show(model, selection, result)
 
 
 def _page(
@@ -104,31 +104,14 @@ def _page(
     return selection_html(model, task, selection, effects, maps, accuracy=accuracy, measured=poses, version=version)
 
 
-def _show(model: Any, result: Mapping[str, Any]) -> None:
+def _show(model: "ErrorModel", selection: "Selection", result: Mapping[str, Any]) -> None:
     from taskcal.presentation.model_error_origin import state_model_error
+    from taskcal.presentation.selection_tables import tabulate_dropped, tabulate_ladder
 
-    symbols = {p.name: p.symbol for p in model.parameters}
-    crossed = any(nested["cross_validated_mm"] is not None for nested in result["ladder"])
-    chosen = len(result["kept"])
-    rows = [
-        (
-            str(nested["size"]),
-            f"{nested['expected_mm']:.4f}",
-            *(
-                ["" if nested["cross_validated_mm"] is None else f"{nested['cross_validated_mm']:.4f}"]
-                if crossed
-                else []
-            ),
-            "chosen" if nested["size"] == chosen else "",
-        )
-        for nested in result["ladder"]
-    ]
-    header = ("parameters", "expected mm (rms)", *(["cross-validated mm (mean)"] if crossed else []), "")
-    show_table("Error in space over the task, by size of the model", header, rows, left=(len(header) - 1,))
-    dropped = [(name, symbols[name], reason) for name, reason in result["dropped"].items()]
-    show_table("Dropped", ("parameter", "symbol", "why"), dropped, left=range(3))
+    show(tabulate_ladder(selection))
+    show(tabulate_dropped(selection, model))
     facts = [
-        ("kept", f"{chosen}: {', '.join(result['kept'])}"),
+        ("kept", f"{len(selection.kept)}: {', '.join(selection.kept)}"),
         ("why", result["why"]),
         (
             "model error",

@@ -18,7 +18,7 @@ from taskcal.cli.options import (
     check_model_error,
     split_names,
 )
-from taskcal.cli.output import info, show_facts, show_table, write_json
+from taskcal.cli.output import info, show, show_facts, write_json
 from taskcal.cli.outputs import check_outputs, count_as_written, files_of_task
 
 if TYPE_CHECKING:
@@ -232,8 +232,7 @@ def _show(study: "Study", result: Mapping[str, Any], task: str) -> None:
     from taskcal.presentation.model_error_origin import state_model_error
     from taskcal.presentation.study_table import tabulate_study
 
-    table = tabulate_study(study, task)
-    show_table(table.title, table.header, table.rows, left=table.text_columns)
+    show(tabulate_study(study, task))
     facts = [("robots", f"{result['robots']} {result['robot']} drawn from the tolerances, seed {result['seed']}")]
     facts.append(("model error", state_model_error(result["model_error_mm"], result["model_error_origin"])))
     facts.append(
