@@ -17,7 +17,7 @@ def tabulate_expected_errors(plan: Plan, task: str, *, measured_before: int = 0)
     """
     low, high = plan.random.min() * 1e3, plan.random.max() * 1e3
     added = f" added to {measured_before}" if measured_before else ""
-    before = "calibration as it is" if plan.extends else "nominal robot, frames fitted"
+    before = "calibration as it is" if plan.extends else "nominal robot, frames found"
     rows = [
         ("this plan", f"{plan.expected * 1e3:.4f}", ""),
         ("random poses", f"{plan.random.mean() * 1e3:.4f}", f"{low:.4f} to {high:.4f}"),

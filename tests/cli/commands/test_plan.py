@@ -96,7 +96,7 @@ def test_the_tables_for_people(run: Run, ask: list[object]) -> None:
         "spread evenly",
         "After so many",
         "not reached",
-        "met by the first",
+        "poses chosen meet the task",
         "plan.csv",
     ):
         assert part in ended.out
