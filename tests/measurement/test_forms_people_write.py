@@ -1,5 +1,7 @@
 """Files as people and programs write them: read as they are meant, or refused, never taken for something else in silence."""
 
+import time
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -165,3 +167,21 @@ def test_what_is_left_out_is_said(tmp_path):
     )
     assert "line 1 numbers the columns, and is left out" in notes("columns numbered from one")
     assert "tcp_x_mm, tcp_y_mm, tcp_z_mm" in notes("tcp and tracker")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "x " * 250_000 + "_mm,y,z\n1,2,3\n4,5,6\n",
+        "# a b c\n" * 120_000 + "1,2,3\n4,5,6\n",
+        "c," * 100_000 + "\n" + "1," * 100_000,
+    ],
+    ids=["one long name", "many comments", "many columns"],
+)
+def test_a_megabyte_of_nonsense_is_refused_soon(tmp_path, content):
+    path = tmp_path / "file.csv"
+    path.write_text(content)
+    begun = time.process_time()
+    with pytest.raises(FileError):
+        read_campaign(path, ROBOT)
+    assert time.process_time() - begun < 2.0

@@ -67,3 +67,14 @@ def test_damaged_workbooks_are_refused_or_read(position, noise):
         except TaskcalError as refusal:
             if "a.xlsx" not in str(refusal):
                 raise
+
+
+def test_a_sheet_that_does_not_state_its_size_ends_with_its_last_cells():
+    from openpyxl import Workbook
+
+    workbook, packed = Workbook(write_only=True), io.BytesIO()
+    sheet = workbook.create_sheet("all")
+    for k in range(1500):
+        sheet.append([k, 0.5])
+    workbook.save(packed)
+    assert read_workbook(Path("a.xlsx"), packed.getvalue()).rows == tuple((str(k), "0.5") for k in range(1500))

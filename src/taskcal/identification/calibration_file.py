@@ -88,6 +88,7 @@ class ProvenanceSection(Section):
     version: str
     created: str
     options: dict[str, Any]
+    notes: tuple[str, ...] = ()
 
 
 class CalibrationFile(Section):

@@ -25,6 +25,8 @@ class Provenance:
     created: str
     options: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """Of the identification: parameters kept, prior, loss, noise, and what was given instead of estimated."""
+    notes: tuple[str, ...] = ()
+    """What the reader of the campaign left out and decided."""
 
     @classmethod
     def of(cls, model: ErrorModel, campaign: Campaign, options: Mapping[str, Any]) -> "Provenance":
@@ -38,6 +40,7 @@ class Provenance:
             version=package_version(),
             created=datetime.now(UTC).isoformat(timespec="seconds"),
             options=options,
+            notes=campaign.notes,
         )
 
 

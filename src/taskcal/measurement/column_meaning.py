@@ -14,6 +14,9 @@ ANGLES = {"deg": 0.017453292519943295, "rad": 1.0, "mrad": 1e-3, "gon": 0.015707
 TIMES = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 """Seconds in each unit of time."""
 
+LONGEST_NAME = 200
+"""Letters of a column's name that may mean something; longer ones are text."""
+
 _UNITS = {
     "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
     "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
@@ -130,15 +133,10 @@ def meanings(names: Sequence[str], units: Sequence[str], joints: Sequence[str]) 
         units: from a row of units, empty where it states none.
         joints: names of the robot's joints, in order.
     """
-    split = [split_unit(name) for name in names]
+    split = [split_unit(name) if len(name) <= LONGEST_NAME else ("", None) for name in names]
     parted = [(text, unit or _UNITS.get(under)) for (text, unit), under in zip(split, units, strict=True)]
     texts = [text for text, _ in parted]
-    stood = [("" if _ASKED.match(text) else _ACTUAL.sub("", text), unit) for text, unit in parted]
-    sent = [(_ASKED.sub("", text), unit) for text, unit in parted]
-    joint_at = _joints(stood, joints) or _joints(sent, joints)
-    left = (
-        set[int]() if any(_ASKED.match(texts[k]) for k in joint_at) else _joints(sent, joints).keys() - joint_at.keys()
-    )
+    joint_at, left = _joints_stood(parted, joints)
     numbered = _numbered_quaternion(texts, joint_at)
     angles = _angles(texts, joint_at)
     own = {_spoken(joint): k for k, joint in enumerate(joints)}
@@ -146,7 +144,7 @@ def meanings(names: Sequence[str], units: Sequence[str], joints: Sequence[str]) 
     for k, (text, unit) in enumerate(parted):
         if k in joint_at:
             out.append(Meaning(kind="joint", index=joint_at[k], unit=unit))
-        elif k in left and _ASKED.match(text):
+        elif k in left:
             out.append(Meaning(kind="nominal"))
         elif k in numbered:
             out.append(Meaning(kind="quaternion", index=numbered[k]))
@@ -195,6 +193,20 @@ def _without_calculated(known: list[Meaning | None]) -> list[Meaning | None]:
 def _spoken(name: str) -> str:
     """A name in small letters, its words parted by one blank."""
     return " ".join(re.split(r"[\s_\-./]+", name.strip().casefold()))
+
+
+def _joints_stood(parted: Sequence[tuple[str, str | None]], joints: Sequence[str]) -> tuple[dict[int, int], set[int]]:
+    """The joint of each column that holds where one stood, or else was sent; and the columns of the latter beside the former."""
+    asked = {k for k, (text, _) in enumerate(parted) if _ASKED.match(text)}
+    stood = _joints(
+        [("" if k in asked else _ACTUAL.sub("", text), unit) for k, (text, unit) in enumerate(parted)], joints
+    )
+    if not asked:
+        return stood, set()
+    sent = _joints(
+        [(_ASKED.sub("", text) if k in asked else "", unit) for k, (text, unit) in enumerate(parted)], joints
+    )
+    return (stood, asked & sent.keys()) if stood else (sent, set())
 
 
 def _joints(parted: Sequence[tuple[str, str | None]], joints: Sequence[str]) -> dict[int, int]:

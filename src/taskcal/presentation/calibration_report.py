@@ -172,6 +172,7 @@ def _provenance(calibration: Calibration) -> Section:
         ("residual field", "none" if calibration.field is None else f"of {len(calibration.field.q)} rows"),
         ("campaign", source.campaign),
         ("campaign, digest", source.campaign_digest),
+        *(("campaign, as read", note) for note in source.notes),
         ("rows", str(source.rows)),
         ("registration", _registered(calibration.layout.registration)),
         ("made", source.created),

@@ -10,8 +10,8 @@ from taskcal.tabular.delimited import separator_of, split_line
 from taskcal.tabular.sheet import Sheet
 from taskcal.tabular.table import Table
 
-MAX_COLUMNS = 100_000
-"""No instrument writes more."""
+MAX_COLUMNS = 20_000
+"""A spreadsheet holds 16 384, motion capture of many bodies writes some thousand."""
 
 UNITS = frozenset({
     "mm", "m", "um", "µm", "μm", "cm", "in", "inch", "inches", "ft", "deg", "degree", "degrees", "grad", "gon", "°", "rad",
@@ -21,6 +21,9 @@ UNITS = frozenset({
 """What may stand under a column's name in a row of units."""
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|[+-]?(?:nan|inf)", re.ASCII | re.IGNORECASE)
+
+_COMMENTS = 200
+"""Comments from the beginning, and as many from the end, that may name columns."""
 
 _LABEL = re.compile(r"[^\W\d_][^:]*:\s*\S")
 
@@ -144,7 +147,7 @@ def _only_names(sheet: Sheet) -> Laid:
 def _from_comments(sheet: Sheet, first: int, width: int) -> Laid:
     """Names from the last comment with as many words as columns, or none."""
     preamble = (*(" ".join(filter(None, row)) for row in sheet.rows[:first]), *sheet.comments)
-    for comment in reversed(sheet.comments):
+    for comment in reversed((*sheet.comments[:_COMMENTS], *sheet.comments[_COMMENTS:][-_COMMENTS:])):
         words = split_line(comment, separator_of([comment]))
         if len(words) == width and _is_text(words):
             return _laid(sheet, words, first, (), None, preamble)

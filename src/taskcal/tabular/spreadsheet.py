@@ -16,9 +16,6 @@ MAX_UNPACKED_MB = 200.0
 MAX_CELLS = 20_000_000
 """Of a sheet; a cell with a far address makes the rows between it and the others."""
 
-MAX_COLUMNS = 16_384
-"""What the format itself allows."""
-
 
 def is_workbook(content: bytes) -> bool:
     """Whether bytes are a workbook (.xlsx): a packed folder with a part that lists its sheets."""
@@ -91,7 +88,9 @@ def _rows(path: Path, sheet: Any) -> list[tuple[int, tuple[str, ...]]]:
     """The rows of a sheet that have cells, each with its number."""
     out: list[tuple[int, tuple[str, ...]]] = []
     count = 0
-    for number, cells in enumerate(sheet.iter_rows(values_only=True, max_col=MAX_COLUMNS), start=1):
+    # rows end with their own last cell: what the sheet says of its size may be missing or wrong
+    sheet.reset_dimensions()
+    for number, cells in enumerate(sheet.iter_rows(values_only=True), start=1):
         count += len(cells) + 1
         if count > MAX_CELLS:
             raise FileError(path, f"has more than {MAX_CELLS} cells, most of them empty; save the table alone as CSV")
