@@ -49,10 +49,32 @@ def test_a_coupling_survives_its_description():
 def test_couplings_that_cannot_be():
     with pytest.raises(UnknownName, match="no joint 'J9'"):
         Coupling(pairs=(("J4", "J9"),)).term(load_robot("ur5"))
-    with pytest.raises(TaskcalError, match="J4 cannot be coupled to J4"):
+    with pytest.raises(TaskcalError, match="J4 cannot be coupled to itself"):
         Coupling(pairs=(("J4", "J4"),)).term(load_robot("ur5"))
     with pytest.raises(TaskcalError, match="no wrist of three joints"):
         Coupling().term(robot_from({"name": "two", "joint": [{"name": "J1"}, {"name": "J2"}]}))
-    slide = {"name": "arm", "joint": [{"name": "z", "type": "prismatic"}, {"name": "J2"}]}
-    with pytest.raises(TaskcalError, match="J2 cannot be coupled to z"):
-        Coupling(pairs=(("z", "J2"),)).term(robot_from(slide))
+
+
+def test_the_shaft_of_a_scara_slides_as_it_turns():
+    model = ErrorModel(load_robot("denso-hsr065a1")) + Coupling()
+    assert model.effect_names == ("J3.by_J4",)
+    assert model.parameters[-1].unit == "m/rad"
+    assert Coupling().suits(model.robot)
+    q = np.random.default_rng(0).uniform(-0.1, 0.2, (6, 4))
+    x = np.zeros(len(model))
+    x[-1] = 2e-4
+    lowered = ErrorModel(model.robot).poses(q)
+    lowered[:, 2, 3] += 2e-4 * q[:, 3]
+    np.testing.assert_allclose(model.poses(q, x), lowered, atol=1e-14)
+
+
+def test_joints_that_slide_can_drive_and_be_driven():
+    joints = [{"name": "z", "type": "prismatic"}, {"name": "x", "type": "prismatic"}, {"name": "J3"}]
+    robot = robot_from({"name": "arm", "joint": joints})
+    model = ErrorModel(robot) + Coupling(pairs=(("z", "x"), ("x", "J3"), ("J3", "z")))
+    assert [p.unit for p in model.parameters[-3:]] == ["m/m", "rad/m", "m/rad"]
+    q = np.random.default_rng(0).uniform(-0.5, 0.5, (6, 3))
+    x = np.zeros(len(model))
+    x[-3:] = 1e-3, 2e-3, -3e-3
+    moved = q + np.stack([-3e-3 * q[:, 2], 1e-3 * q[:, 0], 2e-3 * q[:, 1]], axis=1)
+    np.testing.assert_allclose(model.poses(q, x), ErrorModel(robot).poses(moved), atol=1e-14)

@@ -18,7 +18,8 @@ MEETING_DISTANCE = 1e-6
 class Coupling(Effect):
     """A share of one joint's motion that another makes too: wrists whose drives run through each other.
 
-    By default the robot's last three joints: the middle one by the first, the last one by both.
+    By default the robot's last three joints: the middle one by the first, the last one by both. Of a shaft that slides and turns,
+    as at the end of a SCARA, the slide by the turn: the nut of its screw stands still while the shaft turns in it.
     """
 
     key = "coupling"
@@ -29,21 +30,23 @@ class Coupling(Effect):
     """Names of the joint that drives and of the joint that it moves; those of the wrist by default."""
 
     def suits(self, robot: Robot) -> bool:
-        """Whether its last three axes meet in a point: drives of such wrists run through each other."""
+        """Whether its last three axes meet in a point, or its last joints are of one shaft: such drives run through each other."""
+        if _shaft(robot) is not None:
+            return True
         return len(robot.joints) > 2 and not any(robot.prismatic[-3:]) and _meet(robot)
 
     def term(self, robot: Robot) -> LinearTerm:
-        """Parameters ``J5.by_J4`` …, radians per radian, with `tolerance` as their standard deviation.
+        """Parameters ``J5.by_J4`` …, a share of the motion that drives, with `tolerance` as standard deviation.
 
         Raises:
             UnknownName: a joint that the robot does not have.
-            TaskcalError: a joint moved by itself, a sliding joint, or a robot without a wrist.
+            TaskcalError: a joint moved by itself, or a robot without a wrist.
         """
         names, moved = robot.joint_names, self.chosen(robot)
         pairs = [(drives, moves) for drives, moves in self._pairs(robot) if moves in moved]
         for i, j in pairs:
-            if i == j or robot.prismatic[i] or robot.prismatic[j]:
-                raise TaskcalError(f"{names[j]} cannot be coupled to {names[i]}: name two different joints that turn")
+            if i == j:
+                raise TaskcalError(f"{names[j]} cannot be coupled to itself: name two different joints")
         by = np.array([i for i, _ in pairs], dtype=np.int64)
         middle = robot.joint_map(np.zeros((1, len(names))))[0]
         return at_joints(
@@ -53,13 +56,15 @@ class Coupling(Effect):
             [self.tolerance] * len(pairs),
             lambda q: (robot.joint_map(q) - middle)[:, by],
             by_joint=lambda q: np.broadcast_to(robot.joint_map.matrix[by], (len(q), *robot.joint_map.matrix[by].shape)),
-            share=True,
+            share=by,
         )
 
     def _pairs(self, robot: Robot) -> list[tuple[int, int]]:
         names = robot.joint_names
         if self.pairs is None:
-            last = len(names) - 1
+            last, shaft = len(names) - 1, _shaft(robot)
+            if shaft is not None:
+                return [shaft]
             if last < 2:
                 raise TaskcalError(
                     f"{robot.name} has no wrist of three joints; name the pairs of joints that are coupled"
@@ -69,6 +74,19 @@ class Coupling(Effect):
             if name not in names:
                 raise UnknownName("joint", name, names, f"of {robot.name}")
         return [(names.index(drives), names.index(moves)) for drives, moves in self.pairs]
+
+
+def _shaft(robot: Robot) -> tuple[int, int] | None:
+    """The turn and the slide of the last two joints, where they lie along each other; None where they do not."""
+    last = len(robot.joints) - 1
+    if last < 1 or robot.prismatic[last] == robot.prismatic[last - 1]:
+        return None
+    between = np.eye(4)
+    for part in (*robot.joints[last - 1].after, *robot.joints[last].before):
+        between = between @ part.transform
+    if abs(between[2, 2]) < 1.0 - MEETING_DISTANCE:
+        return None
+    return (last - 1, last) if robot.prismatic[last] else (last, last - 1)
 
 
 def _meet(robot: Robot) -> bool:

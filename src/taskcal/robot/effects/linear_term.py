@@ -73,7 +73,7 @@ def at_joints(
     *,
     given: ConditionedBasis | None = None,
     by_joint: Basis | None = None,
-    share: bool = False,
+    share: bool | Int[np.ndarray, " p"] = False,
 ) -> LinearTerm:
     """A term of which each parameter moves one coordinate.
 
@@ -86,12 +86,16 @@ def at_joints(
         given: the same under conditions, for effects that depend on them; `basis` is then where nothing is known of them.
         by_joint: derivative of `basis` by joint positions, (n, p, joints). Where it is not given, `basis` is evaluated at
             complex positions: NumPy's sums, products and analytic functions can be, but not `abs`, `arctan2` or comparisons.
-        share: whether the parameters are shares of a motion, radians per radian.
+        share: whether the parameters are shares of a motion, radians per radian; or the number of the coordinate whose motion
+            each one is a share of, where that is another.
     """
-    units = ["m" if robot.prismatic[c] else "rad" for c in coordinates]
+    units = _units(robot, coordinates)
+    if share is not False:
+        driving = _units(robot, coordinates if isinstance(share, bool) else share)
+        units = [f"{unit}/{of}" for unit, of in zip(units, driving, strict=True)]
     return LinearTerm(
         names=tuple(names),
-        units=tuple(f"{unit}/{unit}" if share else unit for unit in units),
+        units=tuple(units),
         tolerances=tuple(tolerances),
         pairs=np.stack([coordinates, np.arange(len(names))], axis=1),
         coordinates=len(robot.joints),
@@ -99,3 +103,7 @@ def at_joints(
         given=given,
         by_joint=by_joint,
     )
+
+
+def _units(robot: Robot, coordinates: Int[np.ndarray, " p"]) -> list[str]:
+    return ["m" if robot.prismatic[c] else "rad" for c in coordinates]
