@@ -12,6 +12,15 @@ from taskcal.measurement.station import Reflector
 from tests.adaptation.measuring_cell import TASK, cell
 
 
+def test_a_reflector_that_is_never_visible_is_refused_with_the_reasons(model):
+    blind = Reflector(name="smr", position=np.zeros(3), axis=np.array([0, 0, -1.0]), acceptance=np.radians(1.0))
+    with pytest.raises(ReachError, match=r"none of 100 candidate poses.*no reflector visible; move the tracker"):
+        plan(model, TASK, 12, candidates=100, station=cell(reflectors=(blind,)))
+    everywhere = Box(pose=se3.translation(1.5, 0.0, 1.2), size=np.full(3, 3.0))
+    with pytest.raises(ReachError, match=r"none of 100 .* in a keep-out box"):
+        plan(model, TASK, 12, candidates=100, station=cell(keep_out=(everywhere,)))
+
+
 def test_planned_poses_are_inside_the_room_that_measuring_may_take(model, small):
     assert model.robot.inside_limits(small.q).all()
     assert clear_of_itself(place_links(model, small.q)).all()
@@ -23,12 +32,3 @@ def test_planned_poses_are_inside_the_room_that_measuring_may_take(model, small)
     assert np.all(np.abs(unrefined[:, :3, 3] - space.center) <= 0.5 * space.size + 1e-9)
     tilt = np.arccos((unrefined[:, :3, 2] * TASK.workspace.orientations[0].rotation[:, 2]).sum(axis=1))
     assert tilt.max() <= np.radians(45.0) + 1e-9
-
-
-def test_a_reflector_that_is_never_visible_is_refused_with_the_reasons(model):
-    blind = Reflector(name="smr", position=np.zeros(3), axis=np.array([0, 0, -1.0]), acceptance=np.radians(1.0))
-    with pytest.raises(ReachError, match=r"none of 100 candidate poses.*no reflector visible; move the tracker"):
-        plan(model, TASK, 12, candidates=100, station=cell(reflectors=(blind,)))
-    everywhere = Box(pose=se3.translation(1.5, 0.0, 1.2), size=np.full(3, 3.0))
-    with pytest.raises(ReachError, match=r"none of 100 .* in a keep-out box"):
-        plan(model, TASK, 12, candidates=100, station=cell(keep_out=(everywhere,)))

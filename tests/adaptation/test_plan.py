@@ -22,6 +22,12 @@ from tests.adaptation.measuring_cell import TASK
 from tests.laws.robots import irb6660_description
 
 
+def test_a_task_out_of_reach_is_refused(model):
+    far = replace(TASK, workspace=replace(TASK.workspace, center=np.array([6.0, 0.0, 1.0])))
+    with pytest.raises(ReachError, match="does not reach"):
+        plan(model, far, 12, candidates=100)
+
+
 def test_the_same_seed_gives_the_same_plan(model, small):
     again = plan(model, TASK, 12, candidates=400)
     np.testing.assert_array_equal(again.q, small.q)
@@ -67,12 +73,6 @@ def test_other_criteria_plan_as_well_but_not_better_for_the_task(model, listed, 
     assert other.criterion == criterion
     assert own.expected <= other.expected * 1.01
     assert other.expected < other.before
-
-
-def test_a_task_out_of_reach_is_refused(model):
-    far = replace(TASK, workspace=replace(TASK.workspace, center=np.array([6.0, 0.0, 1.0])))
-    with pytest.raises(ReachError, match="does not reach"):
-        plan(model, far, 12, candidates=100)
 
 
 def test_too_few_poses_are_refused_and_as_many_as_the_message_says_are_planned(model):
