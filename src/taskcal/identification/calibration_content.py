@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taskcal.identification.packed_covariance import describe_covariance
 from taskcal.measurement.registration_file import describe_registration
 
 if TYPE_CHECKING:
@@ -13,7 +14,8 @@ if TYPE_CHECKING:
 FORMAT = "taskcal-calibration"
 FORMAT_VERSION = 4
 """Version 1 held estimate and covariance of the parameters that were estimated, and of no others; versions 1 and 2 counted
-the rows of outliers among those fitted, and named no line; before version 4 no joint had an error of its own."""
+the rows of outliers among those fitted, and named no line; before version 4 no joint had an error of its own, and no
+covariance was packed."""
 
 
 def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
@@ -33,7 +35,7 @@ def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
         "registration": describe_registration(calibration.layout.registration),
         "names": list(calibration.all_names),
         "estimate": calibration.z.tolist(),
-        "covariance": calibration.z_covariance.tolist(),
+        "covariance": describe_covariance(calibration.z_covariance),
         "T_tracker_base": calibration.T_tracker_base.tolist(),
         "T_tool_target": calibration.T_tool_target.tolist(),
         "model_error": list(calibration.model_error),

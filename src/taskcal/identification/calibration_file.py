@@ -16,6 +16,7 @@ from taskcal.identification.calibration_content import FORMAT, FORMAT_VERSION
 from taskcal.identification.considered import spread_out
 from taskcal.identification.field import ResidualField
 from taskcal.identification.outlier import LeftOut, Outlier
+from taskcal.identification.packed_covariance import unpack_covariance
 from taskcal.identification.problem import FrameLayout
 from taskcal.identification.provenance import Provenance
 from taskcal.measurement.registration_file import RegistrationSection
@@ -260,6 +261,11 @@ def load_calibration(path: str | Path) -> Calibration:
             f"has format version {shown(repr(format_version))}, this Taskcal reads 1 to {FORMAT_VERSION}; identify again, or use "
             "the Taskcal that wrote it",
         )
+    if isinstance(data.get("covariance"), dict):
+        try:
+            data["covariance"] = unpack_covariance(data["covariance"]).tolist()
+        except TaskcalError as error:
+            raise FileError(path, f"{error}; it may have been edited: identify again") from error
     try:
         content = CalibrationFile.model_validate(data)
     except ValidationError as error:
