@@ -98,7 +98,7 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and leave.")
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
     modules: Annotated[
         list[str] | None,
@@ -120,7 +120,7 @@ def options(
     cls=Command,
     context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
     add_help_option=False,
-    help="The whole road on a virtual robot.",
+    help="Run the whole procedure on a virtual robot.",
 )
 def run_demo(context: typer.Context) -> None:
     """Hand all arguments to the demonstration, which is imported only now."""

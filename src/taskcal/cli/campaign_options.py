@@ -48,7 +48,7 @@ class CampaignOptions(TableOptions):
             "--points",
             metavar="FILE",
             readable=False,
-            help="Another file with the points, where the campaign holds joints only.",
+            help="Separate file with the measured points, if the campaign holds joints only.",
         ),
     ] = None
     rows: Annotated[
@@ -62,7 +62,7 @@ class CampaignOptions(TableOptions):
     targets: Annotated[
         str | None,
         typer.Option(
-            "--targets", metavar="NAME,…", help="Targets to use; all that are not reference points by default."
+            "--targets", metavar="NAME,…", help="Targets to use; by default all that are not reference points."
         ),
     ] = None
     reference_points: Annotated[
@@ -70,14 +70,14 @@ class CampaignOptions(TableOptions):
         typer.Option(
             "--reference-points",
             metavar="NAME,…",
-            help="Fixed points beside the robot; names beginning with 'base' by default.",
+            help="Fixed points beside the robot; by default those whose names begin with 'base'.",
         ),
     ] = None
     drift: Annotated[
         DriftChoice,
         typer.Option(
             "--drift",
-            help="Follow the reference points beside the robot, where they moved by more than their noise, or ignore them.",
+            help="Compensate drift by the reference points if they moved by more than their noise, or ignore them.",
         ),
     ] = DriftChoice.follow
 
@@ -133,7 +133,7 @@ class MeasuredOptions(CampaignOptions):
 
     campaign: Annotated[
         Path | None,
-        typer.Option("--campaign", metavar="CAMPAIGN.csv", readable=False, help="Measurements to go by."),
+        typer.Option("--campaign", metavar="CAMPAIGN.csv", readable=False, help="Measurements to use."),
     ] = None
 
     def __post_init__(self) -> None:

@@ -63,18 +63,18 @@ def refer_to(campaign: Campaign, effects: list[Effect] | None) -> list[Effect] |
     return None if effects is None else [effect.referred(campaign.conditions) for effect in effects]
 
 
-def show_explanation(found: Explanation) -> None:
+def show_explanation(explanation: Explanation) -> None:
     """Print what each step was worth, and what each effect is among all others."""
     header = ("beside what is above", "parameters", "left mm", "± 1σ mm", "taken", "because")
     title = "What explains the measurements: mean error in space on rows left out"
-    show_table(title, header, [_row(stage, stage.cross_validated) for stage in found.steps], left=(0, 4, 5))
-    if found.worths:
+    show_table(title, header, [_row(stage, stage.cross_validated) for stage in explanation.steps], left=(0, 4, 5))
+    if explanation.worths:
         header = ("effect among all others", "parameters", "worth mm", "± 1σ mm", "proven", "because")
         title = "What each effect is worth: how far that error rises without it"
-        show_table(title, header, [_row(stage, stage.worth or 0.0) for stage in found.worths], left=(0, 4, 5))
-    facts = [("explained", _sentence(found))]
-    if found.collinearities:
-        facts.append(("hardly told apart", _collinear(found)))
+        show_table(title, header, [_row(stage, stage.worth or 0.0) for stage in explanation.worths], left=(0, 4, 5))
+    facts = [("explained", _sentence(explanation))]
+    if explanation.collinearities:
+        facts.append(("hardly told apart", _collinear(explanation)))
     show_facts(facts)
 
 
@@ -89,7 +89,7 @@ def _row(stage: Stage, metres: float) -> tuple[str, ...]:
     )
 
 
-def collinearities_json(found: Explanation) -> list[dict[str, Any]]:
+def collinearities_json(explanation: Explanation) -> list[dict[str, Any]]:
     """Parameters of effects that geometry nearly repeats, for JSON; an infinite inflation is None."""
     return [
         {
@@ -98,13 +98,14 @@ def collinearities_json(found: Explanation) -> list[dict[str, Any]]:
             "variance_inflation": near.inflation if math.isfinite(near.inflation) else None,
             "explained_by": dict(near.by),
         }
-        for near in found.collinearities
+        for near in explanation.collinearities
     ]
 
 
-def _collinear(found: Explanation) -> str:
+def _collinear(explanation: Explanation) -> str:
     named = [
-        f"{near.name} is {_percent(near.share)} explained by {', '.join(near.by)}" for near in found.collinearities
+        f"{near.name} is {_percent(near.share)} explained by {', '.join(near.by)}"
+        for near in explanation.collinearities
     ]
     more = f"; and {len(named) - REPEATED} more" if len(named) > REPEATED else ""
     return (
@@ -118,18 +119,18 @@ def _percent(share: float) -> str:
     return f"{math.floor(min(share + 1e-9, 1.0) * 1e4) / 1e2:g} %"
 
 
-def _sentence(found: Explanation) -> str:
-    first, *others = found.steps
+def _sentence(explanation: Explanation) -> str:
+    first, *others = explanation.steps
     steps = [f"geometry leaves {first.cross_validated * 1e3:.4f} mm"]
     for stage in others:
         left = f"{stage.cross_validated * 1e3:.4f} mm"
-        together = bool(found.worths) and stage is others[-1]
+        together = bool(explanation.worths) and stage is others[-1]
         name, takes = ("all effects together", "take") if together else (stage.name, "takes")
         steps.append(f"{name} {takes} it to {left}" if stage.accepted else f"{name} would leave {left}, not taken")
-    most = [stage.name for stage in found.worths if stage.accepted][:MOST_NAMED]
+    most = [stage.name for stage in explanation.worths if stage.accepted][:MOST_NAMED]
     if most:
         steps.append(f"most of it by {' and '.join(most)}")
-    return f"{', '.join(steps)}; the tracker alone would leave {found.tracker * 1e3:.4f} mm"
+    return f"{', '.join(steps)}; the tracker alone would leave {explanation.tracker * 1e3:.4f} mm"
 
 
 def strongest_harmonics(parameters: Sequence[Mapping[str, Any]]) -> list[tuple[str, float, float, float]]:
@@ -139,14 +140,14 @@ def strongest_harmonics(parameters: Sequence[Mapping[str, Any]]) -> list[tuple[s
         match = _SHAPE.match(parameter["name"])
         if match is not None:
             parts[match[1], float(match[2])].append(parameter)
-    found: list[tuple[str, float, float, float]] = []
+    harmonics: list[tuple[str, float, float, float]] = []
     for (joint, order), (a, b) in ((key, pair) for key, pair in parts.items() if len(pair) == 2):
         x, y = a["estimate_mrad"], b["estimate_mrad"]
         size = (x**2 + y**2) ** 0.5
         errors = a["standard_error_mrad"], b["standard_error_mrad"]
         spread = ((x * errors[0]) ** 2 + (y * errors[1]) ** 2) ** 0.5 / size if size else max(errors)
-        found.append((joint, order, size, spread))
-    return sorted(found, key=lambda row: -row[2])
+        harmonics.append((joint, order, size, spread))
+    return sorted(harmonics, key=lambda row: -row[2])
 
 
 _SHAPE = re.compile(r"(.+)\.(?:cos|sin)(\d+(?:\.\d+)?)$")
@@ -159,13 +160,14 @@ def is_harmonic(name: str) -> bool:
 
 def show_harmonics(parameters: Sequence[Mapping[str, Any]]) -> None:
     """Print the strongest harmonics, if there are any."""
-    found = strongest_harmonics(parameters)
-    if not found:
+    harmonics = strongest_harmonics(parameters)
+    if not harmonics:
         return
     title = "Harmonics of the joints' angles"
-    if len(found) > STRONGEST:
-        title += f", the {STRONGEST} strongest of {len(found)}"
+    if len(harmonics) > STRONGEST:
+        title += f", the {STRONGEST} strongest of {len(harmonics)}"
     rows = [
-        (joint, str(order), f"{size:.4f}", f"{error:.4f}", "mrad") for joint, order, size, error in found[:STRONGEST]
+        (joint, str(order), f"{size:.4f}", f"{error:.4f}", "mrad")
+        for joint, order, size, error in harmonics[:STRONGEST]
     ]
     show_table(title, ("joint", "periods in a turn", "amplitude", "± 1σ", "unit"), rows, left=(0, 4))

@@ -17,15 +17,18 @@ RobotOption = Annotated[
 ]
 TaskOption = Annotated[Path, typer.Option("--task", "-t", metavar="TASK.toml", readable=False, help="Task file.")]
 CampaignArgument = Annotated[
-    Path, typer.Argument(metavar="CAMPAIGN.csv", readable=False, help="Joints and where the targets were seen.")
+    Path,
+    typer.Argument(
+        metavar="CAMPAIGN.csv", readable=False, help="Measurements: joint positions and measured target positions."
+    ),
 ]
 CalibrationArgument = Annotated[
     Path, typer.Argument(metavar="CAL.json", readable=False, help="Calibration written by taskcal identify.")
 ]
 CountOption = Annotated[
-    int, typer.Option("--count", "-n", min=1, metavar="N", help="Poses to spread over the task's workspace.")
+    int, typer.Option("--count", "-n", min=1, metavar="N", help="Number of poses spread over the task's workspace.")
 ]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, metavar="N", help="Seed of everything random.")]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, metavar="N", help="Seed of the random number generator.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON, alone on standard output.")]
 ForceOption = Annotated[
     bool, typer.Option("--force", help="Replace files that this command did not write, or that were edited since.")

@@ -40,9 +40,9 @@ def register_by(method: Method, model: "ErrorModel", campaign: "Campaign") -> "R
     from taskcal.measurement.plausibility import check_plausible
     from taskcal.measurement.registration import register
 
-    found = register_from_circles(model, campaign) if method is Method.circles else register(model, campaign)
-    check_plausible(found, model, campaign)
-    return found
+    registered = register_from_circles(model, campaign) if method is Method.circles else register(model, campaign)
+    check_plausible(registered, model, campaign)
+    return registered
 
 
 def registration_of(chosen: str, model: "ErrorModel", campaign: "Campaign") -> "Registration | None":

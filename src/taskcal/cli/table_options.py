@@ -41,16 +41,16 @@ class TableOptions:
     columns: Annotated[
         str | None,
         typer.Option(
-            "--columns", metavar="'NAME …'", help="Names of the columns, parted by blanks; - for one that is left out."
+            "--columns", metavar="'NAME …'", help="Names of the columns, separated by spaces; - for a column to skip."
         ),
     ] = None
     decimal: Annotated[
-        DecimalChoice | None, typer.Option("--decimal", help="The decimal mark, where the numbers do not tell it.")
+        DecimalChoice | None, typer.Option("--decimal", help="Decimal mark, where the numbers alone are ambiguous.")
     ] = None
-    sheet: Annotated[str | None, typer.Option("--sheet", metavar="NAME", help="Sheet of a workbook.")] = None
+    sheet: Annotated[str | None, typer.Option("--sheet", metavar="NAME", help="Sheet to read from a workbook.")] = None
     angles: Annotated[
         AngleChoice | None,
-        typer.Option("--angles", help="What the three angles of a pose are, where their columns do not say."),
+        typer.Option("--angles", help="Convention of a pose's three angles, where the column names do not state it."),
     ] = None
 
     @property

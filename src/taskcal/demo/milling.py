@@ -184,11 +184,11 @@ class _Writer:
         points = [(cut, T) for cut in cuts for T in (cut.via, cut.T) if T is not None]
         inward = se3.inverse(self.tools[tool]) @ self.robot.T_flange_tool
         poses = np.array([self.parts[part] @ T @ inward for _, T in points])
-        found = trace(self.model, poses, self.home)
-        if not found.reached.all():
+        traced = trace(self.model, poses, self.home)
+        if not traced.reached.all():
             raise ValueError(f"the robot does not reach all of {name}; move the workspace")
         texts: dict[int, list[str]] = {}
-        for (cut, T), q in zip(points, found.q, strict=True):
+        for (cut, T), q in zip(points, traced.q, strict=True):
             x, y, z = (real(float(v), 5) for v in T[:3, 3] * 1e3)
             qx, qy, qz, qw = se3.to_quaternion(T[:3, :3])
             rotation = ",".join(quaternion_texts((qw, qx, qy, qz)))

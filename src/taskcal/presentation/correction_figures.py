@@ -31,13 +31,13 @@ def draw_errors(program: Program, lines: Mapping[str, Deviations], title: str) -
     """Error in space along a program, in two or three lines by what they are called, on a logarithmic scale."""
     figure = go.Figure()
     colours = (VERMILION, ORANGE, BLUE) if len(lines) > 2 else (VERMILION, BLUE)
-    for (label, found), colour in zip(lines.items(), colours, strict=True):
-        rows = _thinned(len(found.error))
-        line = [program.moves[i].place.line for i in found.move[rows]]
+    for (label, deviations), colour in zip(lines.items(), colours, strict=True):
+        rows = _thinned(len(deviations.error))
+        line = [program.moves[i].place.line for i in deviations.move[rows]]
         figure.add_trace(
             go.Scatter(
-                x=found.move[rows] + found.share[rows],
-                y=np.maximum(found.length[rows] * 1e3, FLOOR),
+                x=deviations.move[rows] + deviations.share[rows],
+                y=np.maximum(deviations.length[rows] * 1e3, FLOOR),
                 mode="lines",
                 name=label,
                 line={"color": colour, "width": 1.2},
@@ -59,13 +59,13 @@ def with_decades(figure: go.Figure, title: str) -> go.Figure:
 def draw_errors_per_axis(correction: Correction) -> go.Figure:
     """Distribution of the errors along the part's axes at targets, before and after."""
     figure = go.Figure()
-    for label, found, colour in (("before", correction.before, VERMILION), ("after", correction.after, BLUE)):
-        rows = np.flatnonzero(found.at_target)
+    for label, deviations, colour in (("before", correction.before, VERMILION), ("after", correction.after, BLUE)):
+        rows = np.flatnonzero(deviations.at_target)
         for axis, name in enumerate("XYZ"):
             figure.add_trace(
                 go.Box(
                     x=[name] * len(rows),
-                    y=found.error[rows, axis] * 1e3,
+                    y=deviations.error[rows, axis] * 1e3,
                     name=label,
                     legendgroup=label,
                     showlegend=axis == 0,
@@ -83,12 +83,12 @@ def draw_errors_per_axis(correction: Correction) -> go.Figure:
 
 def draw_program(correction: Correction) -> go.Figure:
     """Where the program takes the tool, coloured by its error before; in each part's own frame."""
-    found = correction.before
-    position = _positions(correction, found)
+    deviations = correction.before
+    position = _positions(correction, deviations)
     figure = go.Figure()
     moves = correction.program.moves
-    own = np.array([moves[i].part.name for i in found.move])
-    top = float(found.length.max() * 1e3) if len(found.error) else 1.0
+    own = np.array([moves[i].part.name for i in deviations.move])
+    top = float(deviations.length.max() * 1e3) if len(deviations.error) else 1.0
     for name in dict.fromkeys(own.tolist()):
         rows = np.flatnonzero((own == name) & np.isfinite(position[:, 0]))
         rows = rows[_thinned(len(rows))]
@@ -104,7 +104,7 @@ def draw_program(correction: Correction) -> go.Figure:
                 name=name or "base",
                 marker={
                     "size": 2.5,
-                    "color": found.length[rows] * 1e3,
+                    "color": deviations.length[rows] * 1e3,
                     "cmin": 0.0,
                     "cmax": top,
                     "colorscale": "Cividis",
@@ -130,11 +130,13 @@ def _room(position: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "3 2"]:
     return np.stack([middle - 1.05 * half, middle + 1.05 * half], axis=1)
 
 
-def _positions(correction: Correction, found: Deviations) -> Float[np.ndarray, "k 3"]:
+def _positions(correction: Correction, deviations: Deviations) -> Float[np.ndarray, "k 3"]:
     """Wanted tool points in the part; a target is known where the start of its way is not."""
     wanted = correction.wanted
     return np.where(
-        found.at_target[:, None], wanted.end[found.move, :3, 3], wanted.at(found.move, found.share)[:, :3, 3]
+        deviations.at_target[:, None],
+        wanted.end[deviations.move, :3, 3],
+        wanted.at(deviations.move, deviations.share)[:, :3, 3],
     )
 
 

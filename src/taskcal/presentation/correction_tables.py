@@ -40,9 +40,11 @@ def tabulate_errors(correction: Correction) -> Table:
     rows: list[tuple[str, ...]] = []
     for where, label in (("targets", "at targets"), ("between", "between targets")):
         for when in ("before", "after"):
-            found = summary[when][where]
-            if found is not None:
-                rows.append((f"{label}, {when}", str(found["count"]), *(f"{found[key]:.4f}" for key in _COLUMNS)))
+            deviations = summary[when][where]
+            if deviations is not None:
+                rows.append(
+                    (f"{label}, {when}", str(deviations["count"]), *(f"{deviations[key]:.4f}" for key in _COLUMNS))
+                )
     return Table.of_rows(
         "Predicted error of the true tool, without its uncertainty",
         ("", "points", "max mm", "rms mm", "mean mm", "max x", "max y", "max z", "max turn °"),
@@ -118,15 +120,15 @@ def tabulate_correction(correction: Correction) -> list[tuple[str, str]]:
         )
     )
     for label, key, unit in (("joint speed", "joint_speed", "/s"), ("joint acceleration", "joint_acceleration", "/s²")):
-        found = summary[key]
-        if not found:
+        deviations = summary[key]
+        if not deviations:
             facts.append((label, "not known: no speed is programmed along lines and arcs"))
             continue
         scale = dict(zip(robot.joint_names, ("mm" if slides else "°" for slides in robot.prismatic), strict=True))
         words = [
             f"{name} {entry['largest']:.1f}{scale[name]}{unit}"
             + (f" of {entry['limit']:.0f}" if entry["limit"] is not None else "")
-            for name, entry in found.items()
+            for name, entry in deviations.items()
         ]
         facts.append((label, ", ".join(words)))
     if np.isfinite(motion.conditioning):

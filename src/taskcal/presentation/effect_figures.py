@@ -10,10 +10,10 @@ FOR_TOLERANCE = "effect of its tolerance (µm)"
 PER_UNIT = "effect per unit (mm/mm, mm/mrad …)"
 
 
-def draw_effects(found: Sensitivity) -> go.Figure:
+def draw_effects(sensitivities: Sensitivity) -> go.Figure:
     """Largest and root mean square effect of every parameter on X, Y, Z and in space, for its tolerance or per unit."""
-    names = [p.symbol or p.name for p in found.model.parameters]
-    hover = [p.name + (f" ({p.symbol})" if p.symbol else "") for p in found.model.parameters]
+    names = [p.symbol or p.name for p in sensitivities.model.parameters]
+    hover = [p.name + (f" ({p.symbol})" if p.symbol else "") for p in sensitivities.model.parameters]
     figure = make_subplots(
         rows=2,
         cols=1,
@@ -21,11 +21,12 @@ def draw_effects(found: Sensitivity) -> go.Figure:
         vertical_spacing=0.16,
         subplot_titles=["largest over the poses", "root mean square"],
     )
-    to_shown = found.to_shown()
+    to_shown = sensitivities.to_shown()
     scaled: list[list[float]] = []
     raw: list[list[float]] = []
     for row, (per_axis, in_space) in enumerate(
-        ((found.maximum, found.maximum_in_space), (found.rms_per_axis, found.rms)), start=1
+        ((sensitivities.maximum, sensitivities.maximum_in_space), (sensitivities.rms_per_axis, sensitivities.rms)),
+        start=1,
     ):
         scaled += [*(per_axis(scaled=True) * 1e6).tolist(), (in_space(scaled=True) * 1e6).tolist()]
         raw += [*(per_axis() * to_shown).tolist(), (in_space() * to_shown).tolist()]

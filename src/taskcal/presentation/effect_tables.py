@@ -4,18 +4,23 @@ from taskcal.analysis.sensitivity import Sensitivity
 from taskcal.presentation.content import Table
 
 
-def tabulate_effects(found: Sensitivity) -> Table:
+def tabulate_effects(sensitivities: Sensitivity) -> Table:
     """Largest and root mean square effect of every parameter: per unit, and for its tolerance."""
-    raw = [*found.maximum(), found.maximum_in_space(), *found.rms_per_axis(), found.rms()]
-    scaled = [
-        *found.maximum(scaled=True),
-        found.maximum_in_space(scaled=True),
-        *found.rms_per_axis(scaled=True),
-        found.rms(scaled=True),
+    raw = [
+        *sensitivities.maximum(),
+        sensitivities.maximum_in_space(),
+        *sensitivities.rms_per_axis(),
+        sensitivities.rms(),
     ]
-    to_shown = found.to_shown()
+    scaled = [
+        *sensitivities.maximum(scaled=True),
+        sensitivities.maximum_in_space(scaled=True),
+        *sensitivities.rms_per_axis(scaled=True),
+        sensitivities.rms(scaled=True),
+    ]
+    to_shown = sensitivities.to_shown()
     rows: list[tuple[str, ...]] = []
-    for i, p in enumerate(found.model.parameters):
+    for i, p in enumerate(sensitivities.model.parameters):
         rows.append(
             (
                 p.label,

@@ -9,14 +9,14 @@ from taskcal.presentation.theme import BLUE, GREEN, GREY, INK, ORANGE, VERMILION
 from taskcal.task.workspace import Workspace
 
 
-def draw_by_count(made: Plan) -> go.Figure:
+def draw_by_count(plan: Plan) -> go.Figure:
     """Expected error over the number of poses, with random and even plans of the same size beside it."""
     figure = go.Figure()
-    count = len(made.q)
-    numbers = np.arange(1, len(made.by_count) + 1)
-    error = made.by_count * 1e3
+    count = len(plan.q)
+    numbers = np.arange(1, len(plan.by_count) + 1)
+    error = plan.by_count * 1e3
     # the first few poses do not even find the frames; what is worse than before is not worth the room
-    shown = error <= 3.0 * made.before * 1e3
+    shown = error <= 3.0 * plan.before * 1e3
     figure.add_scatter(
         x=numbers[shown],
         y=error[shown],
@@ -26,19 +26,19 @@ def draw_by_count(made: Plan) -> go.Figure:
         marker={"size": 5},
         hovertemplate="%{x} poses: %{y:.4f} mm<extra>chosen one by one</extra>",
     )
-    low, mean, high = made.random.min() * 1e3, made.random.mean() * 1e3, made.random.max() * 1e3
+    low, mean, high = plan.random.min() * 1e3, plan.random.mean() * 1e3, plan.random.max() * 1e3
     figure.add_scatter(
         x=[count],
         y=[mean],
         error_y={"symmetric": False, "array": [high - mean], "arrayminus": [mean - low], "width": 6, "thickness": 1.8},
         mode="markers",
-        name=f"random poses: mean and range of {len(made.random)} plans",
+        name=f"random poses: mean and range of {len(plan.random)} plans",
         marker={"color": ORANGE, "symbol": "square", "size": 10},
         hovertemplate="%{y:.4f} mm<extra>random poses</extra>",
     )
     for value, name, colour, symbol in (
-        (made.grid, "poses spread evenly", GREEN, "triangle-up"),
-        (made.expected, "this plan, after exchange and refinement", VERMILION, "diamond"),
+        (plan.grid, "poses spread evenly", GREEN, "triangle-up"),
+        (plan.expected, "this plan, after exchange and refinement", VERMILION, "diamond"),
     ):
         figure.add_scatter(
             x=[count],
@@ -48,11 +48,11 @@ def draw_by_count(made: Plan) -> go.Figure:
             marker={"color": colour, "symbol": symbol, "size": 12},
             hovertemplate="%{y:.4f} mm<extra>" + name + "</extra>",
         )
-    start = "calibration as it is" if made.extends else "nominal robot, frames found"
-    levels = [(made.before, start, GREY, "dot")]
-    if made.geometry_allowance:
-        less = ", less the model error" if made.model_error else ""
-        levels.append((made.geometry_allowance, f"accuracy that the task needs{less}", INK, "dash"))
+    start = "calibration as it is" if plan.extends else "nominal robot, frames found"
+    levels = [(plan.before, start, GREY, "dot")]
+    if plan.geometry_allowance:
+        less = ", less the model error" if plan.model_error else ""
+        levels.append((plan.geometry_allowance, f"accuracy that the task needs{less}", INK, "dash"))
     for value, name, colour, dash in levels:
         figure.add_scatter(
             x=[0, count * 1.03],

@@ -12,39 +12,39 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
 
 
-def plan_html(model: ErrorModel, task: Task, made: Plan, *, seed: int, version: str) -> str:
+def plan_html(model: ErrorModel, task: Task, plan: Plan, *, seed: int, version: str) -> str:
     """The page of a plan.
 
     Args:
         model: the model that is to be identified.
         task: what the plan is for.
-        made: the plan.
+        plan: the plan.
         seed: of the plan, for the footer.
         version: of the package, for the footer.
     """
-    T = model.poses(made.q)
+    T = model.poses(plan.q)
     sections = [
         Section(
             title="What it is worth",
             blocks=(
-                Numbers(_numbers(made)),
-                tabulate_expected_errors(made, task.name),
+                Numbers(_numbers(plan)),
+                tabulate_expected_errors(plan, task.name),
                 Text(
                     (
-                        f"Model error: {state_model_error(made.model_error * 1e3, made.model_error_origin)}. It counts as noise of "
-                        f"the measurements; with it a single pose is expected to be {made.expected_at_a_pose * 1e3:.4f} mm off. ",
+                        f"Model error: {state_model_error(plan.model_error * 1e3, plan.model_error_origin)}. It counts as noise of "
+                        f"the measurements; with it a single pose is expected to be {plan.expected_at_a_pose * 1e3:.4f} mm off. ",
                         "Expected errors are root mean squares in space over the task, of the measured targets in the tracker's "
-                        f"frame, from {_sources(made)} alone: no true robot is simulated. Random poses and poses spread "
+                        f"frame, from {_sources(plan)} alone: no true robot is simulated. Random poses and poses spread "
                         "evenly lie in the task's own workspace; the plan may leave it a little and turn the tool farther, which "
                         "is where much of its advantage comes from.",
                     )
                 ),
                 Chart(
                     title="Expected error over the number of measured poses",
-                    figure=draw_by_count(made),
+                    figure=draw_by_count(plan),
                     note="The line is the greedy choice; exchange and refinement improve the plan at its end. Logarithmic scale.",
                 ),
-                tabulate_by_count(made),
+                tabulate_by_count(plan),
             ),
         ),
         Section(
@@ -55,8 +55,8 @@ def plan_html(model: ErrorModel, task: Task, made: Plan, *, seed: int, version: 
                     figure=draw_plan(T[:, :3, 3], T[:, :3, 2], task.workspace),
                     note="In the robot's base. Turn it with the mouse.",
                 ),
-                _joints(model, made),
-                _lost(made),
+                _joints(model, plan),
+                _lost(plan),
             ),
         ),
     ]
@@ -64,53 +64,53 @@ def plan_html(model: ErrorModel, task: Task, made: Plan, *, seed: int, version: 
     return report_html(
         f"Measuring poses for {task.name}",
         sections,
-        lead=f"{len(made.q)} poses of the {robot}, chosen among {made.candidates} that can be measured.",
-        footer=f"Taskcal {version}; robot {model.robot.name}; criterion {made.criterion}; seed {seed}.",
+        lead=f"{len(plan.q)} poses of the {robot}, chosen among {plan.candidates} that can be measured.",
+        footer=f"Taskcal {version}; robot {model.robot.name}; criterion {plan.criterion}; seed {seed}.",
     )
 
 
-def _sources(made: Plan) -> str:
+def _sources(plan: Plan) -> str:
     return (
         "the calibration's covariance, its model error and noise"
-        if made.extends
+        if plan.extends
         else "tolerances, model error and noise"
     )
 
 
-def _numbers(made: Plan) -> tuple[tuple[str, str, str], ...]:
+def _numbers(plan: Plan) -> tuple[tuple[str, str, str], ...]:
     items = [
-        (f"{made.expected * 1e3:.4f}", "mm", "expected after measuring this plan"),
-        (f"{made.random.mean() * 1e3:.4f}", "mm", "expected after as many random poses, on average"),
-        (f"{made.before * 1e3:.4f}", "mm", "expected of the calibration as it is")
-        if made.extends
-        else (f"{made.before * 1e3:.3f}", "mm", "expected of the nominal robot, frames found from the same poses"),
+        (f"{plan.expected * 1e3:.4f}", "mm", "expected after measuring this plan"),
+        (f"{plan.random.mean() * 1e3:.4f}", "mm", "expected after as many random poses, on average"),
+        (f"{plan.before * 1e3:.4f}", "mm", "expected of the calibration as it is")
+        if plan.extends
+        else (f"{plan.before * 1e3:.3f}", "mm", "expected of the nominal robot, frames found from the same poses"),
     ]
-    if made.accuracy is not None and made.geometry_allowance is not None:
-        enough = made.enough
-        if enough is None and made.expected <= made.geometry_allowance:
-            enough = len(made.q)
-        reached = f"poses are enough for the task's {made.accuracy * 1e3:g} mm, with the model error"
-        missed = f"of these sizes reaches {made.accuracy * 1e3:g} mm with the model error"
+    if plan.accuracy is not None and plan.geometry_allowance is not None:
+        enough = plan.enough
+        if enough is None and plan.expected <= plan.geometry_allowance:
+            enough = len(plan.q)
+        reached = f"poses are enough for the task's {plan.accuracy * 1e3:g} mm, with the model error"
+        missed = f"of these sizes reaches {plan.accuracy * 1e3:g} mm with the model error"
         items.append((str(enough), "", reached) if enough else ("none", "", missed))
     return tuple(items)
 
 
-def _joints(model: ErrorModel, made: Plan) -> Table:
+def _joints(model: ErrorModel, plan: Plan) -> Table:
     slides = np.asarray(model.robot.prismatic)
-    q = made.q * np.where(slides, 1e3, 180.0 / np.pi)
+    q = plan.q * np.where(slides, 1e3, 180.0 / np.pi)
     units = ["mm" if s else "°" for s in slides]
     rows = [
-        (str(k), *(f"{value:.2f}" for value in row), *([str(int(seen.sum()))] if made.visible.shape[1] > 1 else []))
-        for k, (row, seen) in enumerate(zip(q, made.visible, strict=True))
+        (str(k), *(f"{value:.2f}" for value in row), *([str(int(seen.sum()))] if plan.visible.shape[1] > 1 else []))
+        for k, (row, seen) in enumerate(zip(q, plan.visible, strict=True))
     ]
     header = ("id", *(f"{name} ({unit})" for name, unit in zip(model.robot.joint_names, units, strict=True)))
-    if made.visible.shape[1] > 1:
+    if plan.visible.shape[1] > 1:
         header = (*header, "reflectors seen")
     return Table.of_rows(f"All {len(rows)} poses", header, rows, text_columns=(), folded=True)
 
 
-def _lost(made: Plan) -> Table:
-    rows = [("can be measured", str(made.candidates)), *((reason, str(number)) for reason, number in made.lost.items())]
+def _lost(plan: Plan) -> Table:
+    rows = [("can be measured", str(plan.candidates)), *((reason, str(number)) for reason, number in plan.lost.items())]
     return Table.of_rows(
         "Candidates", ("", "poses"), rows, note="Those that fell away are counted by the first reason found."
     )

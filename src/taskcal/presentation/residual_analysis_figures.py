@@ -15,9 +15,9 @@ SHORT = 0.3
 """Where a direction's movement is less than this share of its largest, the tool hardly tells a turn along it."""
 
 
-def draw_shares(found: ResidualAnalysis) -> go.Figure:
+def draw_shares(analysis: ResidualAnalysis) -> go.Figure:
     """Share of the remainder's variance that goes with each quantity; grey where it is not proven."""
-    rows = [e for e in found.explained[::-1] if e.p_value is not None]
+    rows = [e for e in analysis.explained[::-1] if e.p_value is not None]
     figure = go.Figure(
         go.Bar(
             x=[100.0 * e.share for e in rows],
@@ -33,14 +33,14 @@ def draw_shares(found: ResidualAnalysis) -> go.Figure:
     return figure
 
 
-def draw_against(found: ResidualAnalysis) -> go.Figure:
+def draw_against(analysis: ResidualAnalysis) -> go.Figure:
     """The remainder along the direction of each of the first quantities, against it, with the smooth that was fitted."""
     figure = go.Figure()
     owner: list[int] = []
-    choices = [e.regressor for e in found.explained[:SHOWN]]
+    choices = [e.regressor for e in analysis.explained[:SHOWN]]
     for k, regressor in enumerate(choices):
-        along, seen, unit = _along(regressor, found.residual)
-        smooth = fit_smooth(regressor, found.residual) * 1e3
+        along, seen, unit = _along(regressor, analysis.residual)
+        smooth = fit_smooth(regressor, analysis.residual) * 1e3
         u = regressor.values[:, 0] * regressor.scale
         order = np.argsort(u, kind="stable")
         names = list(AXIS_COLOURS) if along.shape[1] == 3 else [regressor.moves]

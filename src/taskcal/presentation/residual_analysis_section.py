@@ -5,37 +5,37 @@ from taskcal.presentation.content import Block, Chart, Numbers, Points, Section,
 from taskcal.presentation.residual_analysis_figures import draw_against, draw_shares
 
 
-def residual_analysis_section(found: ResidualAnalysis, rows: str) -> Section:
+def residual_analysis_section(analysis: ResidualAnalysis, rows: str) -> Section:
     """The section.
 
     Args:
-        found: the remainder.
+        analysis: the remainder.
         rows: which poses they are, in words.
     """
     numbers = [
-        (f"{found.rms * 1e3:.4f}", "mm", "is left in space (rms, mean of the targets)"),
-        (f"{found.tracker * 1e3:.4f}", "mm", "of it would be left by the tracker's noise alone"),
+        (f"{analysis.rms * 1e3:.4f}", "mm", "is left in space (rms, mean of the targets)"),
+        (f"{analysis.tracker * 1e3:.4f}", "mm", "of it would be left by the tracker's noise alone"),
     ]
-    if found.non_rigid is not None and found.rigid is not None:
+    if analysis.non_rigid is not None and analysis.rigid is not None:
         numbers += [
-            (f"{found.rigid * 1e3:.4f}", "mm", "per coordinate is motion of all targets as one body (rms)"),
-            (f"{found.non_rigid * 1e3:.4f}", "mm", "per coordinate is motion of targets against each other (rms)"),
+            (f"{analysis.rigid * 1e3:.4f}", "mm", "per coordinate is motion of all targets as one body (rms)"),
+            (f"{analysis.non_rigid * 1e3:.4f}", "mm", "per coordinate is motion of targets against each other (rms)"),
         ]
-    blocks: list[Block] = [Numbers(tuple(numbers)), Points(_said(found))]
-    if any(e.p_value is not None for e in found.explained):
+    blocks: list[Block] = [Numbers(tuple(numbers)), Points(_said(analysis))]
+    if any(e.p_value is not None for e in analysis.explained):
         blocks.append(
             Chart(
                 title="What the remainder goes with",
-                figure=draw_shares(found),
+                figure=draw_shares(analysis),
                 note="Each quantity by itself; quantities that go together share what they explain. Grey: not proven, as chance "
                 f"gives as much more often than once in {1 / MAX_P_VALUE:.0f} or the share is under {100 * MIN_SHARE:.0f} %.",
             )
         )
-    if found.explained:
+    if analysis.explained:
         blocks.append(
             Chart(
                 title="The remainder against each quantity",
-                figure=draw_against(found),
+                figure=draw_against(analysis),
                 note="Turns are those that the measured points ask of the joint; poses in which they hardly tell are left out.",
             )
         )
@@ -46,7 +46,7 @@ def residual_analysis_section(found: ResidualAnalysis, rows: str) -> Section:
             f"{100 * e.share:.1f}",
             "" if e.p_value is None else f"{e.p_value:.2g}",
         )
-        for e in found.explained
+        for e in analysis.explained
     ]
     blocks.append(
         Table.of_rows(
@@ -67,15 +67,15 @@ def residual_analysis_section(found: ResidualAnalysis, rows: str) -> Section:
     return Section(title="What is left, and what it goes with", blocks=(method, *blocks))
 
 
-def _said(found: ResidualAnalysis) -> tuple[str, ...]:
+def _said(analysis: ResidualAnalysis) -> tuple[str, ...]:
     """The evidence in sentences."""
-    proven = [e for e in found.explained if e.proven]
+    proven = [e for e in analysis.explained if e.proven]
     out = [
         f"{e.regressor.name}, by the {e.regressor.moves}: {100 * e.share:.0f} % of the variance." for e in proven[:5]
     ]
     if not proven:
         out = [f"Nothing that was tried is proven to explain {100 * MIN_SHARE:.0f} % of it."]
-    if found.non_rigid is not None and found.rigid is not None and found.rigid > 3.0 * found.non_rigid:
+    if analysis.non_rigid is not None and analysis.rigid is not None and analysis.rigid > 3.0 * analysis.non_rigid:
         out.append(
             "The targets move as one body: what is left is the motion of the robot or of its stand, not of single measurements."
         )

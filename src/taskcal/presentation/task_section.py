@@ -8,12 +8,12 @@ from taskcal.presentation.task_figures import draw_curves, draw_maps
 from taskcal.robot.error_model import ErrorModel
 
 
-def task_section(model: ErrorModel, found: TaskMaps | TaskCurves, identified: str, measured: str) -> Section:
+def task_section(model: ErrorModel, maps: TaskMaps | TaskCurves, identified: str, measured: str) -> Section:
     """Where in the task the errors are.
 
     Args:
         model: the model.
-        found: maps or curves.
+        maps: maps or curves.
         identified: which parameters are identified, in words.
         measured: at which poses, in words.
     """
@@ -23,8 +23,8 @@ def task_section(model: ErrorModel, found: TaskMaps | TaskCurves, identified: st
         "in closed form; the tolerances alone are in the robot's own base, where nothing is fitted."
     )
     blocks: tuple[Block, ...]
-    if isinstance(found, TaskCurves):
-        curves = {"tolerances alone": found.tolerance, "before": found.before, "after": found.after}
+    if isinstance(maps, TaskCurves):
+        curves = {"tolerances alone": maps.tolerance, "before": maps.before, "after": maps.after}
         blocks = (
             Text((frames,)),
             Chart(title="Error to be expected, pose by pose", figure=draw_curves(curves), note="Logarithmic scale."),
@@ -34,22 +34,20 @@ def task_section(model: ErrorModel, found: TaskMaps | TaskCurves, identified: st
         labels = {p.name: p.label for p in model.parameters}
         # the strongest first: it is what a reader sees before choosing
         strongest = sorted(
-            found.effects, key=lambda name: -max(float(np.nanmax(m, initial=0.0)) for m in found.effects[name])
+            maps.effects, key=lambda name: -max(float(np.nanmax(m, initial=0.0)) for m in maps.effects[name])
         )
         blocks = (
             Text((frames,)),
             Chart(
                 title="Error to be expected before identification and after",
                 figure=draw_maps(
-                    found.slices, {"after": found.after, "before": found.before, "tolerances": found.tolerance}
+                    maps.slices, {"after": maps.after, "before": maps.before, "tolerances": maps.tolerance}
                 ),
                 note=f"{shown} Each view has its own scale of colours.",
             ),
             Chart(
                 title="Effect of a single parameter's tolerance in space",
-                figure=draw_maps(
-                    found.coarse, {labels[name]: found.effects[name] for name in strongest}, from_zero=True
-                ),
+                figure=draw_maps(maps.coarse, {labels[name]: maps.effects[name] for name in strongest}, from_zero=True),
                 note="Choose the parameter in the list, which begins with the strongest. Each has its own scale of colours.",
             ),
         )

@@ -59,7 +59,7 @@ def test_what_the_remainder_goes_with(run: Run, cell: Path, tmp_path: Path) -> N
     assert all(e["share"] < 0.2 for e in remainder["explained"])
     assert figures(page) >= 3
     assert "What is left, and what it goes with" in page.read_text(encoding="utf-8")
-    assert "What the remainder of" in run("report", cal, "--campaign", cell / "one.csv", "-o", page).out
+    assert "What the residuals, " in run("report", cal, "--campaign", cell / "one.csv", "-o", page).out
     other = run("report", cal, "--campaign", cell / "three.csv", "-o", page)
     assert (other.status, other.out) == (1, "")
     assert f"{cell / 'three.csv'}: the campaign's targets are" in other.err

@@ -32,7 +32,7 @@ def command(
             "--points",
             metavar="FILE",
             readable=False,
-            help="Another file with the points, where the first holds joints.",
+            help="Separate file with the measured points, if the first holds joints only.",
         ),
     ] = None,
     *,

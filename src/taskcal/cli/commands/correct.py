@@ -40,7 +40,7 @@ class DestinationOptions:
             ".csv) is written as a new program.",
         ),
     ] = None
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the table, write no program.")] = False
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the table without writing a program.")] = False
     accept_uncertain: Annotated[
         bool,
         typer.Option(
@@ -116,11 +116,17 @@ class BoundsOptions:
     tolerance_mm: Annotated[
         float, typer.Option("--tolerance-mm", metavar="MM", help="The true tool keeps to lines and arcs within this.")
     ] = 0.02
-    max_shift_mm: Annotated[float, typer.Option("--max-shift-mm", metavar="MM", help="No target is moved farther.")] = (
-        5.0
-    )
+    max_shift_mm: Annotated[
+        float,
+        typer.Option(
+            "--max-shift-mm", metavar="MM", help="Largest shift of a target; beyond it the target is rejected."
+        ),
+    ] = 5.0
     max_turn_deg: Annotated[
-        float, typer.Option("--max-turn-deg", metavar="DEG", help="No target is turned farther.")
+        float,
+        typer.Option(
+            "--max-turn-deg", metavar="DEG", help="Largest rotation of a target; beyond it the target is rejected."
+        ),
     ] = 1.0
     max_joint_deg: Annotated[
         float, typer.Option("--max-joint-deg", metavar="DEG", help="No joint is moved farther at a target.")

@@ -73,8 +73,8 @@ def command(
         _show(found, campaign)
 
 
-def _show(found: "Diagnosis", campaign: Path) -> None:
-    if not found.findings:
+def _show(diagnosis: "Diagnosis", campaign: Path) -> None:
+    if not diagnosis.findings:
         tell(f"{campaign}: no mistake found")
         return
     rows = [
@@ -85,10 +85,10 @@ def _show(found: "Diagnosis", campaign: Path) -> None:
             f"{finding.error_after * 1e3:.2f}",
             f"{finding.confidence:.0%}",
         )
-        for finding in found.findings
+        for finding in diagnosis.findings
     ]
     show_table("", ("finding", "of", "before mm", "after mm", "sure"), rows, left=range(2))
-    for finding in found.findings:
+    for finding in diagnosis.findings:
         tell(f"{finding.id}: {finding.fix}")
 
 

@@ -63,12 +63,13 @@ def command(
     ],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="FILE", readable=False, help="File to write; offsets may do without."),
+        typer.Option("--output", "-o", metavar="FILE", readable=False, help="File to write; optional for offsets."),
     ] = None,
     *,
     poses: PosesOptions,
     accept_loss: Annotated[
-        bool, typer.Option("--accept-loss", help="Write the file although its form cannot hold all of the calibration.")
+        bool,
+        typer.Option("--accept-loss", help="Write the file even if its format cannot represent the whole calibration."),
     ] = False,
     out: OutputOptions,
 ) -> None:

@@ -79,7 +79,7 @@ def _of_path(measured: Path, commanded: Path | None) -> dict[str, Any]:
 
     cycles = read_path_cycles(measured, commanded)
     try:
-        found = assess_path(
+        performance = assess_path(
             cycles.commanded,
             cycles.attained,
             commanded_rotations=cycles.commanded_rotations,
@@ -87,11 +87,11 @@ def _of_path(measured: Path, commanded: Path | None) -> dict[str, Any]:
         )
     except CampaignError as error:
         raise FileError(measured, str(error)) from error
-    _ask_for_cycles("a path", found.cycles, PATH_CYCLES)
-    left_out = [cycles.sections[i] for i in found.left_out]
+    _ask_for_cycles("a path", performance.cycles, PATH_CYCLES)
+    left_out = [cycles.sections[i] for i in performance.left_out]
     if left_out:
         info(f"{len(left_out)} of {len(cycles.sections)} sections are not crossed by every pass and left out")
-    return {**found.summary(), "left_out": left_out}
+    return {**performance.summary(), "left_out": left_out}
 
 
 def _of_poses(measured: Path, pairs: Sequence[tuple[str, str]] | None) -> dict[str, list[dict[str, Any]]]:
@@ -101,11 +101,11 @@ def _of_poses(measured: Path, pairs: Sequence[tuple[str, str]] | None) -> dict[s
 
     cycles = read_pose_cycles(measured)
     try:
-        found = assess_cycles(cycles, pairs)
+        performance = assess_cycles(cycles, pairs)
     except CampaignError as error:
         raise FileError(measured, str(error)) from error
-    _ask_for_cycles("a pose", min(pose.cycles for pose in found.poses.values()), POSE_CYCLES)
-    return found.summary()
+    _ask_for_cycles("a pose", min(pose.cycles for pose in performance.poses.values()), POSE_CYCLES)
+    return performance.summary()
 
 
 def _ask_for_cycles(what: str, cycles: int, wanted: int) -> None:
@@ -124,7 +124,7 @@ def _show(title: str, results: Sequence[Mapping[str, Any]]) -> None:
 def _with_former_keys(result: Mapping[str, Any]) -> dict[str, Any]:
     """Rotations by their former names too, which go with the next release: AP_a_deg beside AP_rx_deg."""
     rotations = {key: ROTATION.fullmatch(key) for key in result}
-    former = {f"{found[1]}_{FORMER_AXES[found[2]]}_deg": result[key] for key, found in rotations.items() if found}
+    former = {f"{match[1]}_{FORMER_AXES[match[2]]}_deg": result[key] for key, match in rotations.items() if match}
     return {**result, **former}
 
 

@@ -59,7 +59,7 @@ def command(
     *,
     out: OutputOptions,
 ) -> None:
-    """Say where the tool is at joint positions, nominal and calibrated, or which joints bring it to poses."""
+    """Compute tool poses from joint positions, nominal and calibrated, or joint positions from tool poses."""
     outputs = check_outputs("poses", [("--output", output)], [table, of.robot, of.calibration], force=out.force)
     from taskcal.tabular.column_groups import ColumnGroups
     from taskcal.tabular.csv_form import read_csv

@@ -34,9 +34,9 @@ def command(
     seed: SeedOption = 0,
     out: OutputOptions,
 ) -> None:
-    """Make a page of a calibration: parameters, residuals, outliers, uncertainty over a task, what the remainder goes with.
+    """Make a page of a calibration: parameters, residuals, outliers, uncertainty over a task, and what the residuals depend on.
 
-    With --campaign it shows what the residuals on it go with: joints, gravity, approach, order, temperature.
+    With --campaign it shows what its residuals depend on: joints, gravity, approach, order, temperature.
     """
     inputs = [calibration, *files_of_task(task), *measured.inputs]
     outputs = check_outputs("report", [("--output", output)], inputs, force=out.force)
@@ -95,7 +95,7 @@ def show_remainder(remainder: "ResidualAnalysis") -> None:
         if e.p_value is not None and e.p_value <= 0.05
     ]
     size = f"{remainder.rms * 1e3:.4f} mm (rms in space; {remainder.tracker * 1e3:.4f} mm by the tracker alone)"
-    title = f"What the remainder of {size} goes with"
+    title = f"What the residuals, {size}, depend on"
     if rows:
         show_table(title, ("quantity", "moves", "share % of variance", "p"), rows, left=(0, 1))
     else:

@@ -116,7 +116,7 @@ class DescriptionOptions:
         typer.Option(
             "--units",
             metavar="UNITS",
-            help="Of a table whose columns do not state theirs: mm,deg or m,rad; else told by size.",
+            help="Units of a table whose columns do not state them: mm,deg or m,rad; otherwise inferred from the values.",
         ),
     ] = None
     nominal: Annotated[

@@ -69,7 +69,7 @@ class RunOptions:
         str, typer.Option("--engine", metavar="ENGINE", help="loky, threading, sequential, or dask:ADDRESS.")
     ] = "loky"
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, metavar="N", help="Side by side; one per core by default.")
+        int | None, typer.Option("--workers", min=1, metavar="N", help="Parallel workers; by default one per core.")
     ] = None
     resume: Annotated[
         Path | None,
@@ -77,7 +77,7 @@ class RunOptions:
             "--resume",
             metavar="FILE.json",
             readable=False,
-            help="Keep what is done here; after an interruption the study goes on from it.",
+            help="Save progress to this file, and resume from it after an interruption.",
         ),
     ] = None
 
