@@ -4,7 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from taskcal.identification.fit_options import FitChoices
-from taskcal.robot.effects import Effect
+from taskcal.measurement.campaign import Campaign
+from taskcal.robot.effects import Effect, JointField
+from taskcal.robot.effects import candidates as default_candidates
+from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 
 
@@ -33,3 +36,27 @@ class ExplainChoices(FitChoices, total=False):
     field: bool
     folds: int
     seed: int
+
+
+def competing_effects(model: ErrorModel, campaign: Campaign, search: EffectSearch) -> tuple[list[Effect], list[Effect]]:
+    """Effects that take part, those that were named or all that the campaign tells of; and those that may replace one.
+
+    Each parameter takes part once: the first effect that has it is taken, a later one may replace it.
+    """
+    conditions = campaign.conditions
+    if search.candidates is not None:
+        named = list(search.candidates)
+    else:
+        named = default_candidates(model.robot, conditions) if search.effects is None else []
+    if search.field and not any(isinstance(effect, JointField) for effect in named):
+        named.append(JointField())
+    out: list[Effect] = []
+    instead: list[Effect] = []
+    taken: set[str] = set()
+    for effect in named:
+        own = set(effect.term(model.robot).names)
+        if not effect.is_told(conditions) or own & set(model.names):
+            continue
+        (instead if own & taken else out).append(effect)
+        taken |= own
+    return out, instead

@@ -8,7 +8,6 @@ the difference at least.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from typing import Unpack
 
 import numpy as np
@@ -22,15 +21,15 @@ from taskcal.estimation.blas import single_threaded
 from taskcal.estimation.group_variances import without
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.cross_validation import mean_over_rows, predict_left_out, split_postures
-from taskcal.identification.effect_search import EffectSearch, ExplainChoices
+from taskcal.identification.effect_search import EffectSearch, ExplainChoices, competing_effects
 from taskcal.identification.explanation import Explanation, Stage
 from taskcal.identification.field import learn_field
 from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.identify import identify
 from taskcal.identification.one_search import OneModelFound, find_one_model
+from taskcal.identification.search_steps import ASKED_FOR, CHECK, GEOMETRY
 from taskcal.measurement.campaign import Campaign
-from taskcal.robot.effects import Effect, JointField
-from taskcal.robot.effects import candidates as default_candidates
+from taskcal.robot.effects import Effect
 from taskcal.robot.error_model import ErrorModel
 
 MIN_EVIDENCE_GAIN = 3.0
@@ -56,7 +55,7 @@ def explain(
     Args:
         model: the geometric model, possibly with effects that are certain, or expected whatever the data say.
         campaign: the measurements.
-        progress: told what is being done.
+        progress: told what is being done, in the order of `search_steps`.
         **choices: ``effects`` to add without proof; by default the candidates are tried. ``field``, to try a residual field.
             ``candidates``, effects that compete; by default what every effect that is defined proposes for the robot
             (`Effect.candidates`). ``folds`` of the cross-validation (5), ``seed`` of its folds (0). All others are those of
@@ -93,7 +92,7 @@ def select_effects(
         campaign: the measurements.
         search: what may be added.
         options: of every fit.
-        progress: told what is being done.
+        progress: told what is being done, in the order of `search_steps`.
 
     Raises:
         CampaignError: too few rows.
@@ -107,7 +106,7 @@ def select_effects(
         raise TaskcalError(
             "effects are found by their evidence, which needs a prior; name the effects, or keep the prior"
         )
-    progress("geometry")
+    progress(GEOMETRY)
     best = identify(model, campaign, options=options)
     # rows that are wrong for the geometry are wrong for all that is tried beside it
     left_out, said = best.left_out, best.remarks[:1] if best.left_out else ()
@@ -152,7 +151,12 @@ class _Trial:
 
     def errors_left_out(self, model: ErrorModel, options: FitOptions) -> Float[np.ndarray, "rows targets"]:
         """Errors where a row was not fitted, metres."""
-        return predict_left_out(partial(identify, model, options=options), self.campaign, self.parts)
+
+        def fit(campaign: Campaign) -> Calibration:
+            self.progress(CHECK)
+            return identify(model, campaign, options=options)
+
+        return predict_left_out(fit, self.campaign, self.parts)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -174,7 +178,7 @@ def _add(selection: _Selection, effects: Sequence[Effect], trial: _Trial) -> _Se
     model, options = selection.model, selection.options
     for effect in effects:
         model, options = _with(model, effect, options)
-    trial.progress("effects that were asked for")
+    trial.progress(ASKED_FOR)
     calibration, errors = trial.fit(model, options), trial.errors_left_out(model, options)
     name = ", ".join(effect.name for effect in effects)
     reason = "asked for, not put to the proof"
@@ -189,33 +193,9 @@ def _add(selection: _Selection, effects: Sequence[Effect], trial: _Trial) -> _Se
     )
 
 
-def _competing(model: ErrorModel, campaign: Campaign, search: EffectSearch) -> tuple[list[Effect], list[Effect]]:
-    """Effects that take part, those that were named or all that the campaign tells of; and those that may replace one.
-
-    Each parameter takes part once: the first effect that has it is taken, a later one may replace it.
-    """
-    conditions = campaign.conditions
-    if search.candidates is not None:
-        named = list(search.candidates)
-    else:
-        named = default_candidates(model.robot, conditions) if search.effects is None else []
-    if search.field and not any(isinstance(effect, JointField) for effect in named):
-        named.append(JointField())
-    out: list[Effect] = []
-    instead: list[Effect] = []
-    taken: set[str] = set()
-    for effect in named:
-        own = set(effect.term(model.robot).names)
-        if not effect.is_told(conditions) or own & set(model.names):
-            continue
-        (instead if own & taken else out).append(effect)
-        taken |= own
-    return out, instead
-
-
 def _find_all(selection: _Selection, trial: _Trial, search: EffectSearch) -> _Selection:
     """The one model, where it predicts better than what is there."""
-    competing, instead = _competing(selection.model, trial.campaign, search)
+    competing, instead = competing_effects(selection.model, trial.campaign, search)
     if not competing:
         return selection
     one = find_one_model(

@@ -18,6 +18,10 @@ from taskcal.measurement.campaign import Campaign
 from taskcal.robot.effects import SPECTRUM, Effect
 from taskcal.robot.error_model import ErrorModel
 
+TOGETHER = "geometry and all effects"
+SHARPENING = "orders of gears and motors"
+LEAVING_OUT = "cross-validation"
+
 LARGE = 2.0
 """Log variance of every group to start from: from a size that is next to nothing the scoring would hardly come back."""
 
@@ -68,7 +72,7 @@ def find_one_model(
     Raises:
         FitError: the fit ran away.
     """
-    progress("geometry and all effects")
+    progress(TOGETHER)
     effects = tuple(competing)
     fitted = _fit(base, campaign, effects, options, None)
     for other in instead:
@@ -81,7 +85,7 @@ def find_one_model(
     if SPECTRUM in effects:
         sharp: list[tuple[str, float]] = []
         for _ in range(SHARPENINGS):
-            progress("orders of gears and motors")
+            progress(SHARPENING)
             new = [order for order in find_sharp_orders(fitted, max(SPECTRUM.orders) + 0.5) if order not in sharp]
             if not new:
                 break
@@ -90,7 +94,7 @@ def find_one_model(
             fitted = _fit(base, campaign, effects, options, fitted, SHARPENING_ROUNDS)
         if sharp:
             fitted = _fit(base, campaign, effects, options, fitted)
-    progress("cross-validation")
+    progress(LEAVING_OUT)
     names = [effect.name for effect in (*base.model.effects, *effects)]
     errors = validate_groups(fitted, parts, names, np.random.default_rng(seed))
     calibration = calibrate(fitted, campaign, options, errors.stretch, np.random.default_rng(seed))

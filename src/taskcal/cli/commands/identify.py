@@ -10,7 +10,7 @@ from taskcal.cli.campaign_options import CampaignOptions, CampaignRead
 from taskcal.cli.fit_options import FitCommandOptions, PriorChoice
 from taskcal.cli.option_groups import grouped
 from taskcal.cli.options import CampaignArgument, OutputOptions, RobotOption, SeedOption
-from taskcal.cli.output import info, working, write_json
+from taskcal.cli.output import info, write_json
 from taskcal.cli.outputs import check_outputs
 from taskcal.errors import CampaignError, FileError, FitError, TaskcalError
 
@@ -173,10 +173,12 @@ def _explain(
     seed: int,
 ) -> "Explanation":
     from taskcal.cli.effects import refer_to
+    from taskcal.cli.steps_bar import bar_over
     from taskcal.identification.effect_selection import EffectSearch, select_effects
+    from taskcal.identification.search_steps import search_steps
 
     search = EffectSearch(effects=refer_to(measured, effects), field=field, seed=seed)
-    with working("geometry") as say:
+    with bar_over(search_steps(model, measured, search)) as say:
         return select_effects(model, measured, search, options=options, progress=say)
 
 

@@ -1,0 +1,34 @@
+"""The bar that knows its end."""
+
+import re
+
+import pytest
+
+from taskcal.cli.steps_bar import bar_over
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "100")
+
+
+def counted(text: str) -> list[str]:
+    """Fractions shown, each once in a row."""
+    shown = re.findall(r"\d+/\d+", re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", text))
+    return [one for i, one in enumerate(shown) if i == 0 or one != shown[i - 1]]
+
+
+def test_the_bar_counts_steps_to_their_end_and_passes_over_some(terminal, capsys):
+    with bar_over(["one", "two", "two", "three", "four"]) as begin:
+        for step in ("one", "two", "two", "something else", "four"):
+            begin(step)
+    error = capsys.readouterr().err
+    assert counted(error) == ["0/5", "1/5", "2/5", "4/5", "5/5"]
+    assert "something else" in error
+
+
+def test_nothing_is_written_where_nobody_watches(capsys):
+    with bar_over(["one", "two"]) as begin:
+        begin("one")
+    assert capsys.readouterr().err == ""
