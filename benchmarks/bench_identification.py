@@ -1,4 +1,4 @@
-"""One fit of 60 poses, 45 parameters, tracker frame and target, against SciPy's least squares."""
+"""One fit of 60 poses, 45 parameters, tracker frame and target, against SciPy's least squares; all effects, against that fit."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from scipy.optimize import least_squares
 from taskcal.estimation.least_squares import fit
 from taskcal.geometry import walk
 from taskcal.identification.belief import BASE_PRIOR, TARGET_PRIOR
+from taskcal.identification.effect_selection import explain
 from taskcal.identification.identify import identify
 from taskcal.identification.problem import FrameLayout, Problem, observe, whitener
 from taskcal.measurement.registration import register
@@ -104,4 +105,18 @@ def test_identification_against_scipy(race, model, campaign, fixed):
             "fit": fixed.ours,
         },
         rounds=7,
+    )
+
+
+def test_all_effects_in_one_model_against_geometry_alone(race, model, campaign):
+    """Some 700 parameters, their sizes, sharp orders and cross-validation, in the time of a few hundred fits of geometry."""
+    plain, found = identify(model, campaign), explain(model, campaign)
+    assert found.stages[0].parameters == len(plain.kept)
+    assert np.abs(found.calibration.predict(campaign.q) - plain.predict(campaign.q)).max() < 1e-4
+    race(
+        "all effects, 60 rows",
+        lambda: explain(model, campaign),
+        {"identify": lambda: identify(model, campaign)},
+        below=300.0,
+        rounds=3,
     )
