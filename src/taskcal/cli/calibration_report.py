@@ -5,7 +5,7 @@ from typing import Any
 
 from taskcal.cli.effects import is_harmonic, show_harmonics
 from taskcal.cli.errors_table import show_errors
-from taskcal.cli.output import show, show_facts
+from taskcal.cli.output import show, show_facts, tell
 from taskcal.cli.robot_sheet import placement
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.validation import validate
@@ -14,6 +14,13 @@ from taskcal.measurement.registration import Registration
 from taskcal.presentation.calibration_tables import tabulate_left_out, tabulate_outliers, tabulate_parameters
 from taskcal.presentation.model_error_origin import model_error_origin, prior_scale_origin
 from taskcal.presentation.unobservable import describe_unobservable
+from taskcal.robot.error_model import ErrorModel
+
+MAX_SHOWN = 40
+"""Parameters of effects that a terminal shows, whatever they are."""
+
+CLEAR = 2.0
+"""Standard errors from zero beyond which more of them are shown."""
 
 
 def report(
@@ -61,15 +68,35 @@ def show_report(calibration: Calibration, result: Mapping[str, Any]) -> None:
     summaries = {"fitted": result["fitted"]}
     if result["held_out"] is not None:
         summaries["held out"] = result["held_out"]
-    parameters = tabulate_parameters(calibration, leave_out=is_harmonic)
+    unclear = _unclear_effects(calibration)
+    parameters = tabulate_parameters(calibration, leave_out=lambda name: is_harmonic(name) or name in unclear)
     if len(parameters):
         show(parameters)
+    if unclear:
+        tell(
+            f"{len(unclear)} more parameters of effects, within {CLEAR:g} standard errors of zero or of the smooth field, are in "
+            "--json"
+        )
     show_harmonics(result["parameters"])
     show_errors(f"Position error of {result['robot']}: axes of the robot's base, then in space", summaries)
     for table in (tabulate_left_out(calibration), tabulate_outliers(calibration)):
         if len(table):
             show(table)
     show_facts(_facts(result))
+
+
+def _unclear_effects(calibration: Calibration) -> set[str]:
+    """Parameters of effects that stand for themselves and may be zero; those of harmonics are told by their amplitudes."""
+    geometry = set(ErrorModel(calibration.model.robot).names)
+    effects = [i for i in calibration.estimated if calibration.model.names[i] not in geometry]
+    if len(effects) <= MAX_SHOWN:
+        return set()
+    names = {calibration.model.names[i]: i for i in effects if not is_harmonic(calibration.model.names[i])}
+    return {
+        name
+        for name, i in names.items()
+        if abs(calibration.estimate[i]) < CLEAR * calibration.standard_errors[i] or ".field_" in name
+    }
 
 
 def _facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
