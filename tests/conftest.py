@@ -38,8 +38,8 @@ _UNCHECKED = {
         programs.rapid.frames programs.rapid.names programs.rapid.predefined programs.rapid.resolve
         programs.rapid.target_argument programs.rapid.values
     """,
-    "not arrays: names, texts, messages and loads, which refuse wrong ones themselves": """
-        __main__ arguments effects errors performance public_names robot.load short_repr text_file
+    "not arrays: names, texts, messages, options and loads, which refuse wrong ones themselves": """
+        __main__ adaptation.study_options arguments effects errors performance public_names robot.load short_repr text_file
     """,
 }
 
