@@ -26,7 +26,7 @@ Full = Annotated[
     bool,
     typer.Option(
         "--full",
-        help="Go on to a corrected milling program: plan, measure, identify and correct virtual robots (about half a minute for each).",
+        help="Go on to a corrected milling program: plan, measure, identify and correct virtual robots (half a minute each).",
     ),
 ]
 Robots = Annotated[
