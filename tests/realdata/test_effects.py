@@ -68,7 +68,7 @@ SEVERAL_A_TURN = (PERIODIC, Compliance())
         pytest.param("ur5", SEVERAL_A_TURN, 60, 0.085, id="ur5, 60 rows"),
         pytest.param("abb-irb120", (EncoderGain(), Compliance()), 430, 0.345, id="irb120, 430 rows"),
         pytest.param("abb-irb120", (EncoderGain(), Compliance()), 60, 0.45, id="irb120, 60 rows"),
-        pytest.param("ur10", (Harmonics(), *SEVERAL_A_TURN), 0.7, 0.12, id="ur10, 70 %", marks=pytest.mark.slow),
+        pytest.param("ur10", (Harmonics(), *SEVERAL_A_TURN), 0.7, 0.12, id="ur10, 70 %", marks=pytest.mark.long),
     ],
 )
 def test_effects_explain_what_geometry_leaves(data_folder, name, effects, rows, bound_mm):
@@ -80,7 +80,7 @@ def test_effects_explain_what_geometry_leaves(data_folder, name, effects, rows, 
     ("name", "effects", "rows", "bound_mm"),
     [
         pytest.param("ur5", SEVERAL_A_TURN, 700, 0.060, id="ur5, 700 rows"),
-        pytest.param("ur10", (Harmonics(), *SEVERAL_A_TURN), 0.7, 0.12, id="ur10, 70 %"),
+        pytest.param("ur10", (Harmonics(), *SEVERAL_A_TURN), 0.7, 0.12, id="ur10, 70 %", marks=pytest.mark.long),
     ],
 )
 def test_a_field_does_no_harm_where_effects_explain_nearly_all(data_folder, name, effects, rows, bound_mm):
@@ -177,3 +177,14 @@ def test_all_effects_at_once_predict_what_was_not_fitted_and_how_well(data_folde
         inside.append(np.mean(np.einsum("ni,ni->n", error, solved) < chdtri(3, 0.05)))
     assert np.median(means) <= bound_mm
     assert 0.88 <= np.median(inside) <= 0.985
+
+
+@pytest.mark.long
+def test_all_effects_at_once_predict_every_second_pose_of_the_coupled_robot_from_all_others(data_folder):
+    name = "fanuc-r2000ic-165f"
+    campaign, model = campaign_of(data_folder, name), ErrorModel(load_robot(name))
+    errors = []
+    for row in range(0, len(campaign), 2):
+        found = explain(model, campaign.take(np.setdiff1d(np.arange(len(campaign)), [row]))).calibration
+        errors.append(validate(found, campaign.take([row])).errors)
+    assert np.concatenate(errors).mean() * 1e3 <= 0.135
