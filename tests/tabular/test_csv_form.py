@@ -121,7 +121,7 @@ def test_a_file_that_cannot_be_read_says_why(tmp_path, name):
 
 
 def test_the_header_is_checked_in_time_that_grows_with_its_columns(tmp_path):
-    header = ",".join(f"c{i}" for i in range(40_000))
+    header = ",".join(f"c{i}" for i in range(15_000))
     began = time.perf_counter()
     with pytest.raises(FileError, match=r"two columns are named 'c0'"):
         read_csv(write(tmp_path, f"{header},c0\n"))
