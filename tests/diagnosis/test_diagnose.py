@@ -136,17 +136,3 @@ def test_findings_are_ranked_shares_of_known_mistakes_with_one_line_that_mends()
         assert set(finding.as_json()) == {
             "id", "subject", "error_before_mm", "error_after_mm", "confidence", "fix",
         }  # fmt: skip
-
-
-@pytest.mark.long
-def test_nearly_every_mistake_on_virtual_robots():
-    right, told, total = 0, 0, 0
-    for seed, name in enumerate(["ur5", "abb-irb120", "kuka-kr16-2", "staubli-rx160", "franka-panda"]):
-        robot = load_robot(name)
-        sound = virtual(name, seed, targets=1 + 2 * (seed % 2))
-        assert diagnose(sound, robot).findings == ()
-        for mistake in every(sound, robot, seed):
-            ids = [f.id for f in diagnose(mistake.campaign, robot).findings]
-            total, right, told = total + 1, right + (ids[:1] == [mistake.id]), told + (mistake.id in ids[:3])
-    assert right >= 0.9 * total
-    assert told >= 0.95 * total
