@@ -10,15 +10,27 @@ from taskcal.robot.effects import Compliance, MotorHarmonics, Spring
 from taskcal.robot.error_model import ErrorModel
 from tests.robot.effects.dressed import BESIDE, dressed, positions
 
+DRESSED = "dressed abb-irb6660-205-1.9", "dressed fanuc-r2000ic-165f"
+EFFECTS = (*BESIDE, Spring(joints=("J2",)))
+"""The second needs masses and motor harmonics gear ratios, which files of the catalogue do not state."""
 
-@pytest.mark.parametrize("name", [*catalogue_names(), "dressed abb-irb6660-205-1.9", "dressed fanuc-r2000ic-165f"])
-@pytest.mark.parametrize("effect", [*BESIDE, Spring(joints=("J2",))], ids=repr)
+
+@pytest.mark.parametrize(
+    ("name", "effect"),
+    [
+        *((name, effect) for name in DRESSED for effect in EFFECTS),
+        *(
+            (name, effect)
+            for name in catalogue_names()
+            for effect in EFFECTS
+            if effect != BESIDE[1] and not isinstance(effect, MotorHarmonics)
+        ),
+    ],
+    ids=str,
+)
 def test_the_slope_of_what_goes_through_the_load_path_is_that_of_differences(name, effect):
     """Differences of two steps, extrapolated (Richardson), as the referee; dressed robots have masses, springs and gears."""
-    known = name.startswith("dressed ")
-    robot = dressed(name.removeprefix("dressed ")) if known else load_robot(name)
-    if (effect == BESIDE[1] and not known) or (isinstance(effect, MotorHarmonics) and not known):
-        pytest.skip("the robot file states neither masses nor gear ratios")
+    robot = dressed(name.removeprefix("dressed ")) if name in DRESSED else load_robot(name)
     if "J2" not in robot.joint_names and effect.joints:
         effect = replace(effect, joints=(robot.joint_names[1],))
     term, q = effect.term(robot), positions(ErrorModel(robot))
