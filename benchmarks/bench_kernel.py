@@ -66,7 +66,9 @@ def test_normal_equations_against_numpy(race, model, joints, x, smoke, count):
     """45 parameters, tracker frame and target: JᵀWJ and JᵀWr of whitened points."""
     rng = np.random.default_rng(3)
     campaign = simulate(model, joints(300 if smoke else count), rng=rng)[0]
-    here = Registration(T_tracker_base=TRACKER_POSE, T_tool_target=np.eye(4)[None], rms=0.0, unlocated=np.zeros((3, 3)))
+    here = Registration(
+        T_tracker_base=TRACKER_POSE, T_tool_target=np.eye(4)[None], rms=0.0, unobservable=np.zeros((3, 3))
+    )
     layout = FrameLayout(
         model=model, kept=np.arange(len(model)), registration=here, targets=campaign.targets, pose=False
     )
