@@ -51,7 +51,6 @@ def _pid(_):
     return os.getpid()
 
 
-@pytest.mark.skipif(os.name != "posix", reason="processes have parents there")
 def test_workers_end_soon_after_a_parent_that_was_killed():
     code = (
         "import os, time; from taskcal.adaptation.workers import side_by_side\n"

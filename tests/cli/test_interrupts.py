@@ -1,4 +1,3 @@
-import os
 import signal
 import subprocess
 import sys
@@ -13,7 +12,6 @@ LOOPS = {
 }
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals are sent there")
 @pytest.mark.parametrize("kind", LOOPS)
 def test_an_interrupt_ends_the_program_soon_and_says_what_was_written(kind, tmp_path):
     table = tmp_path / "table.csv"

@@ -9,25 +9,15 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
 from taskcal.diagnosis.diagnose import diagnose
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.robot import Robot
 from tests.diagnosis.mistakes import every
 from tests.diagnosis.test_diagnose import virtual
+from tests.realdata.test_doctor import FOLDERS, sixty_rows
 
 VIRTUAL = "ur5", "abb-irb120", "kuka-kr16-2", "staubli-rx160", "franka-panda"
-MEASURED = {
-    "ur5": "ur5_tracker",
-    "ur10": "ur10_tmac",
-    "barrett-wam": "wam_tracker",
-    "abb-irb120": "irb120_faro",
-    "fanuc-r2000ic-165f": "fanuc_r2000_tracker",
-}
-ROWS = 60
 
 
 def campaigns(folder: Path | None) -> Iterator[tuple[str, Robot, Campaign, int]]:
@@ -36,11 +26,9 @@ def campaigns(folder: Path | None) -> Iterator[tuple[str, Robot, Campaign, int]]
         for seed, name in enumerate(VIRTUAL):
             yield name, load_robot(name), virtual(name, seed, targets=1 + 2 * (seed % 2)), seed
         return
-    for name, place in MEASURED.items():
+    for name in FOLDERS:
         robot = load_robot(name)
-        whole = read_campaign(folder / place / "measurements.csv", robot)
-        rows = np.random.default_rng(1).permutation(len(whole))[:ROWS]
-        yield name, robot, whole.take(np.sort(rows)), 0
+        yield name, robot, sixty_rows(folder, name, robot), 0
 
 
 def main(arguments: list[str]) -> None:

@@ -47,6 +47,15 @@ def test_what_unpacks_to_too_much_is_refused_before_it_is():
         read_workbook(Path("a.xlsx"), packed.getvalue())
 
 
+@pytest.mark.parametrize("share", [0.3, 0.7, 0.99])
+def test_a_workbook_that_was_cut_off_is_called_damaged(tmp_path, share):
+    whole, path = book(SHEET), tmp_path / "a.xlsx"
+    # the part that lists the sheets comes after the sheets; a file without it is any packed file
+    path.write_bytes(whole[: max(int(share * len(whole)), whole.index(b"xl/workbook.xml") + 20)])
+    with pytest.raises(FileError, match=r"a\.xlsx: is a damaged workbook .*; save it again, or as CSV"):
+        read_csv(path)
+
+
 def test_parts_that_define_entities_are_refused():
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as parts:

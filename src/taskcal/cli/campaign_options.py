@@ -42,15 +42,6 @@ class CampaignOptions(TableOptions):
         typer.BadParameter: a list has an empty name, or one that stands twice.
     """
 
-    points: Annotated[
-        Path | None,
-        typer.Option(
-            "--points",
-            metavar="FILE",
-            readable=False,
-            help="Separate file with the measured points, if the campaign holds joints only.",
-        ),
-    ] = None
     rows: Annotated[
         str | None,
         typer.Option(
@@ -106,7 +97,7 @@ class CampaignOptions(TableOptions):
             CampaignError: it does not have such a row.
         """
         from taskcal.cli.rows import choose_rows
-        from taskcal.measurement.reader import ReadOptions, read_campaign
+        from taskcal.measurement.reader import read_campaign
 
         chosen = split_names(self.targets, "--targets") or targets
         whole = read_campaign(
@@ -114,7 +105,7 @@ class CampaignOptions(TableOptions):
             robot,
             targets=chosen,
             reference_points=split_names(self.reference_points, "--reference-points"),
-            options=ReadOptions(form=self.form, angles=self.angle_form, points=self.points),
+            options=self.read_options,
         )
         for note in whole.notes:
             info(f"{path.name}: {note}")

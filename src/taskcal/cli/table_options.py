@@ -2,13 +2,14 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
-    from taskcal.measurement.rotation_columns import AngleForm
-    from taskcal.tabular.csv_form import TableForm
+    from taskcal.measurement.reader import ReadOptions
+    from taskcal.tabular.decimal_mark import DecimalMark
 
 
 class DecimalChoice(StrEnum):
@@ -52,18 +53,30 @@ class TableOptions:
         AngleChoice | None,
         typer.Option("--angles", help="Convention of a pose's three angles, where the column names do not state it."),
     ] = None
+    points: Annotated[
+        Path | None,
+        typer.Option(
+            "--points",
+            metavar="FILE",
+            readable=False,
+            help="Separate file with the measured points, if the campaign holds joints only.",
+        ),
+    ] = None
 
     @property
-    def form(self) -> "TableForm":
-        """What is stated of the table."""
+    def read_options(self) -> "ReadOptions":
+        """What is stated, as the reader takes it."""
+        from taskcal.measurement.reader import ReadOptions
         from taskcal.tabular.csv_form import TableForm
 
+        marks: dict[DecimalChoice | None, DecimalMark | None] = {
+            None: None,
+            DecimalChoice.point: ".",
+            DecimalChoice.comma: ",",
+        }
         columns = None if self.columns is None else tuple(self.columns.split())
-        if self.decimal is None:
-            return TableForm(columns=columns, sheet=self.sheet)
-        return TableForm(columns=columns, decimal="," if self.decimal is DecimalChoice.comma else ".", sheet=self.sheet)
-
-    @property
-    def angle_form(self) -> "AngleForm | None":
-        """What is stated of angles."""
-        return None if self.angles is None else self.angles.value
+        return ReadOptions(
+            form=TableForm(columns=columns, decimal=marks[self.decimal], sheet=self.sheet),
+            angles=None if self.angles is None else self.angles.value,
+            points=self.points,
+        )

@@ -17,15 +17,18 @@ MAX_CELLS = 20_000_000
 """Of a sheet; a cell with a far address makes the rows between it and the others."""
 
 
+_DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, RuntimeError)
+"""What unpacking raises: for a folder that is cut off or does not agree with itself, for contents that do not unpack or end too
+soon, for places beyond the file, for names and numbers that mean nothing, and for parts that are locked by a password or packed
+in a way of their own."""
+
+
 def is_workbook(content: bytes) -> bool:
-    """Whether bytes are a workbook (.xlsx): a packed folder with a part that lists its sheets."""
-    if not content.startswith(b"PK\x03\x04"):
-        return False
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as packed:
-            return "xl/workbook.xml" in packed.namelist()
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
-        return False
+    """Whether bytes are a workbook (.xlsx), whole or damaged: a packed folder with a part that lists its sheets.
+
+    Names of parts stand unpacked before their contents, so that a workbook that was cut off is known for one too.
+    """
+    return content.startswith(b"PK\x03\x04") and b"xl/workbook.xml" in content
 
 
 def read_workbook(path: Path, content: bytes, name: str | None = None) -> Sheet:
@@ -52,6 +55,7 @@ def read_workbook(path: Path, content: bytes, name: str | None = None) -> Sheet:
     except (FileError, UnknownName):
         raise
     except Exception as error:
+        # openpyxl raises what a damaged part happens to lead to: a KeyError, a TypeError, a parser's own error …
         raise FileError(path, f"is a damaged workbook ({shown(error)}); save it again, or as CSV") from error
     with_cells = [(title, rows) for title, rows in filled if rows]
     if not with_cells:
@@ -80,7 +84,7 @@ def _check_parts(path: Path, content: bytes) -> None:
                             raise FileError(
                                 path, f"has a document type in {shown(part.filename)}; save it again, or as CSV"
                             )
-    except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, RuntimeError, NotImplementedError) as error:
+    except _DAMAGED as error:
         raise FileError(path, f"is a damaged workbook ({shown(error)}); save it again, or as CSV") from error
 
 

@@ -26,15 +26,6 @@ def command(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="OUT.csv", readable=False, help="Write the CSV here.")
     ],
-    points: Annotated[
-        Path | None,
-        typer.Option(
-            "--points",
-            metavar="FILE",
-            readable=False,
-            help="Separate file with the measured points, if the first holds joints only.",
-        ),
-    ] = None,
     *,
     table: TableOptions,
     force: ForceOption = False,
@@ -43,13 +34,13 @@ def command(
 
     What the file did not say and was decided, and what was left out, is said in a line each.
     """
-    outputs = check_outputs("convert", [("--output", output)], [file, points, robot], force=force)
-    from taskcal.measurement.reader import ReadOptions, campaign_of, read_measurements
+    outputs = check_outputs("convert", [("--output", output)], [file, table.points, robot], force=force)
+    from taskcal.measurement.reader import campaign_of, read_measurements
     from taskcal.measurement.writer import campaign_text, readings_text
     from taskcal.robot.catalogue import load_robot
 
     of = load_robot(robot)
-    readings = read_measurements(file, of, ReadOptions(form=table.form, angles=table.angle_form, points=points))
+    readings = read_measurements(file, of, table.read_options)
     whole = readings.q is not None and readings.points and (readings.rotations is None or len(readings.points) == 1)
     text = campaign_text(campaign_of(readings, of), of) if whole else readings_text(readings, of)
     outputs.write({output: text})
