@@ -101,7 +101,7 @@ WRONG = {
     "two units of length": (
         HEADER.replace("z_mm", "z_m"),
         ROWS,
-        ":1: the axes of one target have different units: x_mm in mm, y_mm in mm, z_m in m",
+        r":1: the axes of one target have different units: 'x_mm' \(mm\), 'y_mm' \(mm\), 'z_m' \(m\); give all three in one unit",
     ),
     "points in degrees": (
         HEADER.replace("_mm,", "_deg,").replace("z_mm", "z_deg").replace("slide_deg", "slide_mm"),

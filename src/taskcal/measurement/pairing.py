@@ -44,8 +44,7 @@ def pair(joints: Readings, points: Readings, robot: Robot) -> Readings:
     if joints.q is None and points.q is not None:
         joints, points = points, joints
     if joints.q is None or points.q is not None or not points.points:
-        what = "both files hold joints" if points.q is not None else "neither file holds joints, or the other no points"
-        raise FileError(points.path, f"{what}; one must hold joints, the other points")
+        raise FileError(points.path, f"{_lacking(joints, points)}; one must hold joints, the other points")
     rows, note = _rows(joints, points, robot)
     mine, others = joints.take(rows[:, 0]), points.take(rows[:, 1])
     return replace(
@@ -61,6 +60,13 @@ def pair(joints: Readings, points: Readings, robot: Robot) -> Readings:
         targets_by_row=others.targets_by_row,
         notes=(*mine.notes, *others.notes, note),
     )
+
+
+def _lacking(joints: Readings, points: Readings) -> str:
+    """Why two files are no joints and points."""
+    if joints.q is None:
+        return "neither file holds joints"
+    return "both files hold joints" if points.q is not None else "neither file holds points"
 
 
 def _rows(joints: Readings, points: Readings, robot: Robot) -> tuple[Int[np.ndarray, "pairs 2"], str]:
@@ -128,11 +134,10 @@ def _in_si(
 ) -> list[tuple[Float[np.ndarray, "n joints"], Float[np.ndarray, "m 3"]]]:
     """Both in radians and metres, in every unit that can be meant."""
     assert joints.q is not None
-    fitting = infer_units(joints_robot := robot, joints.q, "rad" if joints.joint_unit_stated else None, None, None)
-    angles = [unit for unit, _ in fitting]
+    angles = [unit for unit, _ in infer_units(robot, joints.q, "rad" if joints.joint_unit_stated else None, None, None)]
     lengths = ["m"] if points.length_unit_stated else ["mm", "m", "in"]
     return [
-        (np.where(joints_robot.prismatic, joints.q, joints.q * ANGLES[angle]), measured * LENGTHS[length])
+        (np.where(robot.prismatic, joints.q, joints.q * ANGLES[angle]), measured * LENGTHS[length])
         for angle in angles
         for length in lengths
     ]

@@ -104,8 +104,8 @@ def _unit(table: Table, meanings: Sequence[Meaning | None], name: str, axes: dic
         bare = next(column for column, unit in columns.items() if unit is None)
         raise table.header_error(f"the unit is not stated; name the column {bare}_mm", bare)
     if len(units) > 1:
-        listed = ", ".join(f"{column} in {unit}" for column, unit in columns.items())
-        raise table.header_error(f"the axes of one target have different units: {listed}")
+        listed = ", ".join(f"'{column}' ({unit})" for column, unit in columns.items())
+        raise table.header_error(f"the axes of one target have different units: {listed}; give all three in one unit")
     unit = units.pop()
     if unit not in LENGTHS:
         raise table.header_error(f"'{unit}' is no unit of length; known: {', '.join(LENGTHS)}", have)

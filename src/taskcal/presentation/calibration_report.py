@@ -77,7 +77,7 @@ def _summary(calibration: Calibration, over: Uncertainty | None) -> Section:
         if len(table):
             blocks.append(table)
     if not calibration.outliers:
-        blocks.append(Text(("No point is too far for chance.",)))
+        blocks.append(Text(("No point is too far off for chance.",)))
     described = zip(calibration.targets, describe_unobservable(calibration.layout.registration), strict=True)
     unobservable = tuple(f"Target {name}: {sentence}." for name, sentence in described if sentence)
     if unobservable:

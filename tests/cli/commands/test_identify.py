@@ -212,7 +212,8 @@ def edited(source: Path, target: Path, row: int | None, column: str, cell: str) 
             None,
             "z_mm",
             "z_in",
-            "bad.csv:1: the axes of one target have different units: x_mm in mm, y_mm in mm, z_in in in\n",
+            "bad.csv:1: the axes of one target have different units: 'x_mm' (mm), 'y_mm' (mm), 'z_in' (in); "
+            "give all three in one unit\n",
         ),
     ],
 )
