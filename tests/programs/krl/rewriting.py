@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from taskcal.programs.krl.position import rotation
 from taskcal.programs.program import Move, Program, Waypoint
+from taskcal.programs.zyx_angles import rotation
 
 Q = np.radians([5.0, -70.0, 95.0, 10.0, -30.0, -20.0])
 """Joint positions of all of them: they decide status and turn only."""

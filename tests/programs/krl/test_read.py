@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given
 
 from taskcal.errors import FileError
-from taskcal.programs.krl.position import rotation
 from taskcal.programs.krl.read import read_krl
 from taskcal.programs.krl.status import Status
+from taskcal.programs.zyx_angles import rotation
 from tests.laws.robots import generators
 from tests.programs.krl.generator import generate
 from tests.programs.krl.samples import CONFIG_DAT, handling, milling, source

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskcal.programs.krl.position import rotation
 from taskcal.programs.krl.read import KrlProgram, read_krl
 from taskcal.programs.krl.status import Status
 from taskcal.programs.program import Move, Waypoint
 from taskcal.programs.source import Source
+from taskcal.programs.zyx_angles import rotation
 from taskcal.robot.catalogue import load_robot
 from tests.laws.robots import generators
 from tests.programs.fuzz import check_case
