@@ -22,7 +22,7 @@ from taskcal.identification.calibration import Calibration as Calibration
 from taskcal.identification.calibration_file import load_calibration as load_calibration
 from taskcal.identification.effect_selection import explain as explain
 from taskcal.identification.identify import identify as identify
-from taskcal.identification.validation import Validation as Validation
+from taskcal.identification.prediction_errors import Validation as Validation
 from taskcal.identification.validation import validate as validate
 from taskcal.measurement.campaign import Campaign as Campaign
 from taskcal.measurement.reader import read_campaign as read_campaign

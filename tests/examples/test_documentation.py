@@ -52,10 +52,10 @@ def test_the_tutorial_s_road_leads_where_it_says(tmp_path):
     identify = "identify --robot my-robot.toml --json"
     found = json.loads(taskcal(f"{identify} campaign.csv -o cal.json --holdout 0.4", tmp_path))
     one = json.loads(taskcal(f"{identify} other.csv -o one.json", tmp_path))
-    assert found["held_out"]["mean_mm"] == pytest.approx(0.0278, abs=0.001)
+    assert found["held_out"]["mean_mm"] == pytest.approx(0.0300, abs=0.001)
     assert not one["targets"]["tool"]["located"]
     predicted = json.loads(taskcal("validate cal.json other.csv --json", tmp_path))
-    assert predicted["mean_mm"] == pytest.approx(0.0269, abs=0.001)
+    assert predicted["mean_mm"] == pytest.approx(0.0259, abs=0.001)
     astray = json.loads(taskcal("validate one.json campaign.csv --json", tmp_path))
     assert astray["mean_mm"] == pytest.approx(0.558, abs=0.02)
     (use,) = blocks(page, "python")

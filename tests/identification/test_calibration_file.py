@@ -101,7 +101,7 @@ def test_the_file_is_plain_json_that_names_format_version_units_and_parameters(s
     found, text = saved
     data = json.loads(text, parse_constant=lambda constant: pytest.fail(f"{constant} is not JSON"))
     assert data["format"] == "taskcal-calibration"
-    assert data["format_version"] == 4
+    assert data["format_version"] == 5
     assert data["units"] == "metres and radians"
     assert data["names"] == list(found.all_names)
     assert data["provenance"]["rows"] == 50
@@ -169,6 +169,10 @@ def doubtless(C):
         C[i][j] = C[j][i] = r * (C[i][i] * C[j][j]) ** 0.5
     return C
 
+
+HELD_OUT = {
+    "by": "blocks", "folds": 0, "rows": [3], "part": [0], "residuals": [[[0.0, 0.0, 1e-4]]], "nominal": [[[0.0, 0.0, 1e-3]]],
+}  # fmt: skip
 
 BROKEN = {
     "scaled frame": (
@@ -259,7 +263,7 @@ BROKEN = {
     "foreign": (lambda text: '{"format": "other"}', "is JSON, but no calibration"),
     "later version": (
         lambda text: edit(text, "format_version", value=99),
-        r"has format version 99, this Taskcal reads 1 to 4",
+        r"has format version 99, this Taskcal reads 1 to 5",
     ),
     "no version": (lambda text: edit(text, "format_version", remove=True), "has format version None"),
     "no robot": (
@@ -290,6 +294,23 @@ BROKEN = {
     "provenance edited": (
         lambda text: edit(text, "provenance", "mood", value="good"),
         "provenance: 'mood' is not a known key",
+    ),
+    "joints of other rows": (lambda text: other(text, "q", lambda q: q[1:]), "is inconsistent: 'q' has shape"),
+    "held-out rows without residuals": (
+        lambda text: edit(text, "held_out", value=HELD_OUT | {"residuals": [[[None] * 3]]}),
+        "'held_out, residuals' holds not a single measured point",
+    ),
+    "held-out rows of another number": (
+        lambda text: edit(text, "held_out", value=HELD_OUT | {"part": [0, 1]}),
+        r"'held_out, part' has shape \(2,\), not \(1,\)",
+    ),
+    "a part beyond the rows held out": (
+        lambda text: edit(text, "held_out", value=HELD_OUT | {"part": [10**8]}),
+        "'held_out, part' counts 100000001 parts of 1 rows",
+    ),
+    "rows held out in another way": (
+        lambda text: edit(text, "held_out", value=HELD_OUT | {"by": "colour"}),
+        "held_out, by: must be",
     ),
     "registration lost": (lambda text: edit(text, "registration", "rms", remove=True), "registration, rms: is missing"),
 }

@@ -1,6 +1,6 @@
 """What ``taskcal identify`` says of a calibration."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from taskcal.cli.effects import is_harmonic, show_harmonics
@@ -12,6 +12,7 @@ from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration
 from taskcal.presentation.calibration_tables import tabulate_left_out, tabulate_outliers, tabulate_parameters
+from taskcal.presentation.held_out_section import describe_held_out
 from taskcal.presentation.model_error_origin import model_error_origin, prior_scale_origin
 from taskcal.presentation.unobservable import describe_unobservable
 from taskcal.robot.error_model import ErrorModel
@@ -23,26 +24,25 @@ CLEAR = 2.0
 """Standard errors from zero beyond which more of them are shown."""
 
 
-def report(
-    calibration: Calibration, measured: Campaign, chosen: Sequence[int], others: Sequence[int]
-) -> dict[str, Any]:
+def report(calibration: Calibration, measured: Campaign, nominal: Callable[[Campaign], Calibration]) -> dict[str, Any]:
     """Everything that a reader of the fit asks for, in millimetres and milliradians.
 
     Args:
-        calibration: the fit of the chosen rows.
-        measured: the whole campaign.
-        chosen: rows that were fitted.
-        others: rows that were held out.
+        calibration: the fit.
+        measured: the rows that were fitted, those that cannot be right among them.
+        nominal: the fit of tracker frame and targets of the nominal robot.
     """
-    rest = measured.take(list(others)) if others else None
-    predictable = rest is not None and bool(rest.valid.any())
-    wrong = {row.row for row in calibration.left_out}
-    fitted = [row for row in chosen if row not in wrong]
+    wrong = {row.id for row in calibration.left_out}
+    right = measured.take([i for i, name in enumerate(measured.ids) if name not in wrong])
+    held_out = calibration.held_out
+    before = validate(nominal(right), right) if held_out is None else held_out.nominal_validation
     return {
         **calibration.summary(),
-        "rows": len(chosen),
-        "fitted": validate(calibration, measured.take(fitted)).summary(),
-        "held_out": validate(calibration, rest).summary() if rest is not None and predictable else None,
+        "rows": len(measured),
+        "nominal": before.summary(),
+        "fitted": validate(calibration, right).summary(),
+        "held_out": None if held_out is None else held_out.validation.summary(),
+        "holdout": None if held_out is None else held_out.summary(),
         "model_error_origin": model_error_origin(calibration),
         "prior_scale_origin": prior_scale_origin(calibration) or None,
         "tracker_frame": placement(calibration.T_tracker_base),
@@ -65,7 +65,7 @@ def _registered(registration: Registration) -> dict[str, str | None]:
 
 def show_report(calibration: Calibration, result: Mapping[str, Any]) -> None:
     """Print a calibration and what `report` says of it."""
-    summaries = {"fitted": result["fitted"]}
+    summaries = {"nominal, frames only": result["nominal"], "fitted": result["fitted"]}
     if result["held_out"] is not None:
         summaries["held out"] = result["held_out"]
     unclear = _unclear_effects(calibration)
@@ -82,7 +82,8 @@ def show_report(calibration: Calibration, result: Mapping[str, Any]) -> None:
     for table in (tabulate_left_out(calibration), tabulate_outliers(calibration)):
         if len(table):
             show(table)
-    show_facts(_facts(result))
+    held_out = [] if calibration.held_out is None else [("held out", describe_held_out(calibration.held_out))]
+    show_facts([*held_out, *_facts(result)])
 
 
 def _unclear_effects(calibration: Calibration) -> set[str]:

@@ -20,6 +20,7 @@ from taskcal.identification.approach_covariance import approach_covariance
 from taskcal.identification.calibration_content import describe_calibration
 from taskcal.identification.calibration_summary import summarise_calibration
 from taskcal.identification.field import ResidualField
+from taskcal.identification.held_out import HeldOut
 from taskcal.identification.outlier import LeftOut, Outlier
 from taskcal.identification.problem import FrameLayout
 from taskcal.identification.provenance import Provenance
@@ -76,6 +77,10 @@ class Calibration:
     remarks: tuple[str, ...]
     """What a user should look at before believing the result."""
     provenance: Provenance
+    q: Float[np.ndarray, "n joints"] | None = None
+    """Joint positions of the rows that were fitted, radians; None where a file of an older version does not tell them."""
+    held_out: HeldOut | None = None
+    """What the fit predicted of rows that it had not seen, if any were held out."""
 
     def __repr__(self) -> str:
         scale = "" if self.prior_scale is None else f", prior × {self.prior_scale:.2g}"

@@ -10,12 +10,13 @@ from taskcal.measurement.registration_file import describe_registration
 
 if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
+    from taskcal.identification.held_out import HeldOut
 
 FORMAT = "taskcal-calibration"
-FORMAT_VERSION = 4
+FORMAT_VERSION = 5
 """Version 1 held estimate and covariance of the parameters that were estimated, and of no others; versions 1 and 2 counted
 the rows of outliers among those fitted, and named no line; before version 4 no joint had an error of its own, and no
-covariance was packed."""
+covariance was packed; before version 5 neither the joint positions nor what rows held out showed were kept."""
 
 
 def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
@@ -44,14 +45,27 @@ def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
         "log_evidence": calibration.log_evidence,
         "field": None if calibration.field is None else calibration.field.to_json(),
         "ids": list(calibration.ids),
+        "q": None if calibration.q is None else calibration.q.tolist(),
         "residuals": _without_nan(calibration.residuals),
         "studentised": _without_nan(calibration.studentised),
         "outliers": [asdict(outlier) for outlier in calibration.outliers],
         "left_out": [asdict(row) for row in calibration.left_out],
+        "held_out": None if calibration.held_out is None else _describe_held_out(calibration.held_out),
         "iterations": calibration.iterations,
         "rounds": calibration.rounds,
         "reason": calibration.reason,
         "remarks": list(calibration.remarks),
+    }
+
+
+def _describe_held_out(held_out: "HeldOut") -> dict[str, Any]:
+    return {
+        "by": held_out.by,
+        "folds": held_out.folds,
+        "rows": held_out.rows.tolist(),
+        "part": held_out.part.tolist(),
+        "residuals": _without_nan(held_out.residuals),
+        "nominal": _without_nan(held_out.nominal),
     }
 
 

@@ -15,6 +15,7 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.calibration_content import FORMAT, FORMAT_VERSION
 from taskcal.identification.considered import spread_out
 from taskcal.identification.field import ResidualField
+from taskcal.identification.held_out import HeldOut
 from taskcal.identification.outlier import LeftOut, Outlier
 from taskcal.identification.packed_covariance import unpack_covariance
 from taskcal.identification.problem import FrameLayout
@@ -78,6 +79,40 @@ class LeftOutSection(Section):
     studentised: Ratio
 
 
+class HeldOutSection(Section):
+    """Rows that were not fitted, and what was predicted of them."""
+
+    by: Literal["neighbours", "blocks", "rows", "chosen"]
+    folds: Count
+    rows: list[Count] = Field(min_length=1)
+    part: list[Count]
+    residuals: list[list[list[Finite | None]]]
+    nominal: list[list[list[Finite | None]]]
+
+    def held_out(self, targets: int, width: int) -> HeldOut:
+        """What it describes.
+
+        Raises:
+            TaskcalError: the parts do not belong together.
+        """
+        n = len(self.rows)
+        shape = n, targets, width
+        of_shape("held_out, part", np.array(self.part), (n,))
+        if max(self.part) >= n:
+            raise TaskcalError(f"'held_out, part' counts {max(self.part) + 1} parts of {n} rows")
+        residuals = array_of("held_out, residuals", self.residuals, shape)
+        if not np.isfinite(residuals[..., 0]).any():
+            raise TaskcalError("'held_out, residuals' holds not a single measured point")
+        return HeldOut(
+            by=self.by,
+            folds=self.folds,
+            rows=np.array(self.rows),
+            part=np.array(self.part),
+            residuals=residuals,
+            nominal=array_of("held_out, nominal", self.nominal, shape),
+        )
+
+
 class ProvenanceSection(Section):
     """Where a calibration comes from."""
 
@@ -118,10 +153,12 @@ class CalibrationFile(Section):
     log_evidence: Real | None
     field: FieldSection | None
     ids: Texts
+    q: Matrix | None = None
     residuals: list[list[list[Finite | None]]]
     studentised: list[list[Ratio | None]]
     outliers: list[OutlierSection]
     left_out: list[LeftOutSection] = Field(default=[])
+    held_out: HeldOutSection | None = None
     iterations: Count
     rounds: Count
     reason: str
@@ -178,6 +215,8 @@ class CalibrationFile(Section):
             outliers=tuple(section.outlier(self.format_version) for section in self.outliers),
             left_out=tuple(LeftOut(**section.model_dump()) for section in self.left_out),
             ids=tuple(self.ids),
+            q=None if self.q is None else array_of("q", self.q, (rows, len(robot.joints))),
+            held_out=None if self.held_out is None else self.held_out.held_out(len(self.targets), width),
             model_error=tuple(self.model_error),
             joint_error=tuple(self.joint_error),
             prior_scale=self.prior_scale,

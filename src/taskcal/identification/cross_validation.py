@@ -10,11 +10,9 @@ from jaxtyping import Float, Int
 
 from taskcal.errors import CampaignError
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.neighbouring_poses import SAME_POSTURE_RAD
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.repeated_poses import group_postures
-
-SAME_POSTURE_RAD = float(np.radians(0.5))
-"""Rows whose joints all differ by less, radians (metres where a joint slides), are left out together."""
 
 
 def split_postures(q: Float[np.ndarray, "n joints"], folds: int, seed: int) -> list[Int[np.ndarray, " _"]]:

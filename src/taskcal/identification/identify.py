@@ -190,6 +190,7 @@ def _conclude(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOpt
         outliers=outliers,
         left_out=(),
         ids=campaign.ids,
+        q=campaign.q,
         model_error=outcome.hyper.model_error,
         prior_scale=outcome.hyper.prior_scale if has_prior else None,
         log_evidence=fit.log_evidence if has_prior else None,

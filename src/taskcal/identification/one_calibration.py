@@ -62,6 +62,7 @@ def calibrate(
         outliers=outliers,
         left_out=(),
         ids=campaign.ids,
+        q=campaign.q,
         model_error=tuple(float(d) for d in np.sqrt(stretch * np.array(white))),
         joint_error=tuple(float(d) for d in np.sqrt(stretch * errors.joints)),
         prior_scale=float(np.exp(0.5 * np.mean(scales))) if scales else 1.0,

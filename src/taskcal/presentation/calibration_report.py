@@ -7,13 +7,14 @@ from jaxtyping import Float
 
 from taskcal.adaptation.task_uncertainty import Uncertainty
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.prediction_errors import Validation
 from taskcal.identification.residual_analysis import ResidualAnalysis
-from taskcal.identification.validation import Validation
 from taskcal.measurement.registration import Registration
 from taskcal.presentation.calibration_tables import tabulate_left_out, tabulate_outliers, tabulate_parameters
 from taskcal.presentation.content import Block, Chart, Numbers, Section, Table, Text
 from taskcal.presentation.errors_table import tabulate_errors
 from taskcal.presentation.fit_figures import draw_parameters, draw_residuals
+from taskcal.presentation.held_out_section import held_out_section
 from taskcal.presentation.model_error_origin import model_error_origin, prior_scale_origin
 from taskcal.presentation.report import report_html
 from taskcal.presentation.residual_analysis_section import residual_analysis_section
@@ -33,7 +34,7 @@ def calibration_html(
         remainder: what is left on a campaign, if one was named.
     """
     model, source = calibration.model, calibration.provenance
-    sections = [_summary(calibration, over), _residuals(calibration)]
+    sections = [_summary(calibration, over), held_out_section(calibration), _residuals(calibration)]
     if remainder is not None:
         sections.append(residual_analysis_section(remainder, f"{len(remainder.residual)} poses"))
     if over is not None:
@@ -52,6 +53,7 @@ def _summary(calibration: Calibration, over: Uncertainty | None) -> Section:
     length = _lengths(calibration)
     scale = calibration.prior_scale
     items = [
+        *_before_and_after(calibration),
         (f"{np.nanmean(length) * 1e3:.4f}", "mm", "mean residual in space on the fitted rows"),
         (f"{np.nanmax(length) * 1e3:.4f}", "mm", "largest residual in space"),
         (
@@ -83,6 +85,21 @@ def _summary(calibration: Calibration, over: Uncertainty | None) -> Section:
     if unobservable:
         blocks.append(Text(unobservable))
     return Section(title="In short", blocks=tuple(blocks))
+
+
+def _before_and_after(calibration: Calibration) -> list[tuple[str, str, str]]:
+    """What is left on rows that were not fitted, before and after."""
+    if calibration.held_out is None:
+        return []
+    before, after = calibration.held_out.nominal_validation, calibration.held_out.validation
+    return [
+        (
+            f"{before.mean * 1e3:.4f}",
+            "mm",
+            "mean error in space of the nominal robot, tracker frame and targets fitted",
+        ),
+        (f"{after.mean * 1e3:.4f}", "mm", "mean error in space on rows that were not fitted"),
+    ]
 
 
 def _in_brackets(words: str) -> str:

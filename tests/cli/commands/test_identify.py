@@ -64,7 +64,7 @@ def test_rows_by_range_and_by_file_are_the_same_rows(run: Run, cell: Path, tmp_p
     assert identify(run, cell / "one.csv", tmp_path / "a.json", "--rows", ":40", "--json").json == by_range
 
 
-def test_a_holdout_is_random_but_for_its_seed(run: Run, cell: Path, tmp_path: Path) -> None:
+def test_what_is_held_out_depends_on_the_seed_alone(run: Run, cell: Path, tmp_path: Path) -> None:
     options = ["--holdout", "0.3", "--json", "--seed"]
     first, again, other = (
         identify(run, cell / "one.csv", tmp_path / "a.json", *options, seed).json for seed in (1, 1, 2)
@@ -72,6 +72,27 @@ def test_a_holdout_is_random_but_for_its_seed(run: Run, cell: Path, tmp_path: Pa
     assert first == again
     assert first["held_out"]["n"] == 18
     assert first["held_out"] != other["held_out"]
+    assert (first["holdout"]["by"], first["holdout"]["parts"]) == ("neighbours", 6)
+    assert first["nominal"]["mean_mm"] > 5 * first["held_out"]["mean_mm"]
+
+
+@pytest.mark.parametrize("by", ["neighbours", "blocks", "rows"])
+def test_folds_hold_out_every_row_and_fit_all(run: Run, cell: Path, tmp_path: Path, by: str) -> None:
+    options = ["--folds", "3", "--holdout-by", by, "--json"]
+    result = identify(run, cell / "one.csv", tmp_path / "a.json", *options).json
+    assert result["rows"] == result["fitted"]["n"] == result["held_out"]["n"] == result["nominal"]["n"] == 60
+    assert result["holdout"]["folds"] == result["holdout"]["parts"] == 3
+    assert result["holdout"]["least_mm"] < result["held_out"]["mean_mm"] < result["holdout"]["largest_mm"]
+    kept = load_calibration(tmp_path / "a.json").held_out
+    assert kept is not None
+    assert kept.validation.summary() == result["held_out"]
+
+
+def test_every_fold_finds_its_own_effects(run: Run, cell: Path, tmp_path: Path) -> None:
+    options = ["--folds", "2", "--effects", "gain", "--keep", "J2,J3", "--json"]
+    result = identify(run, cell / "one.csv", tmp_path / "a.json", *options).json
+    assert len(result["explanation"]) == 2
+    assert result["held_out"]["n"] == 60
 
 
 def test_targets_and_kept_parameters(run: Run, cell: Path, tmp_path: Path) -> None:
@@ -151,6 +172,11 @@ def test_options_reach_the_fit(run: Run, cell: Path, tmp_path: Path) -> None:
         ["--rows", "60"],
         ["--holdout", "0"],
         ["--holdout", "1.5"],
+        ["--holdout", "0.3", "--folds", "3"],
+        ["--folds", "1"],
+        ["--rows", "0:40", "--folds", "3"],
+        ["--holdout-by", "rows"],
+        ["--holdout", "0.3", "--holdout-by", "colour"],
         ["--prior", "none", "--prior-scale", "2"],
         ["--prior", "flat"],
         ["--model-error-mm", "-1"],

@@ -8,13 +8,16 @@ import typer
 
 from taskcal.cli.campaign_options import CampaignOptions, CampaignRead
 from taskcal.cli.fit_options import FitCommandOptions, PriorChoice
+from taskcal.cli.holdout_options import HoldoutOptions
 from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import CampaignArgument, OutputOptions, RobotOption, SeedOption
+from taskcal.cli.options import CampaignArgument, OutputOptions, RobotOption
 from taskcal.cli.output import info, write_json
 from taskcal.cli.outputs import check_outputs
 from taskcal.errors import CampaignError, FileError, FitError, TaskcalError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from taskcal.identification.calibration import Calibration
     from taskcal.identification.explanation import Explanation
     from taskcal.identification.fit_options import FitOptions
@@ -22,36 +25,6 @@ if TYPE_CHECKING:
     from taskcal.robot.effects import Effect
     from taskcal.robot.error_model import ErrorModel
     from taskcal.robot.robot import Robot
-
-
-@dataclass(frozen=True, kw_only=True)
-class HoldoutOptions:
-    """Rows that are held out at random.
-
-    Raises:
-        typer.BadParameter: the share is not between 0 and 1.
-    """
-
-    holdout: Annotated[
-        float | None,
-        typer.Option("--holdout", metavar="SHARE", help="Hold this share of the rows out, at random, and predict it."),
-    ] = None
-    seed: SeedOption = 0
-
-    def __post_init__(self) -> None:
-        if self.holdout is not None and not 0 < self.holdout < 1:
-            raise typer.BadParameter(
-                f"{self.holdout:g} is not a share between 0 and 1, such as 0.3", param_hint="--holdout"
-            )
-
-    def divide(self, read: CampaignRead) -> tuple[list[int], list[int]]:
-        """Rows to fit and rows held out; those that were not chosen are held out too."""
-        import numpy as np
-
-        if self.holdout is None:
-            return list(read.rows), sorted(set(range(len(read.whole))) - set(read.rows))
-        fitted, held_out = read.whole.split(self.holdout, np.random.default_rng(self.seed))
-        return [fitted.row_of(i) for i in range(len(fitted))], [held_out.row_of(i) for i in range(len(held_out))]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,60 +73,88 @@ def command(
     ],
     reading: CampaignOptions,
     holdout: HoldoutOptions,
-    fit: FitCommandOptions,
+    fitting: FitCommandOptions,
     search: SearchOptions,
     out: OutputOptions,
 ) -> None:
     """Identify a robot's parameters from a campaign, with tracker frame and targets.
 
-    Rows that are not fitted, by --rows or --holdout, are predicted and reported beside the fitted ones.
+    Rows that are not fitted, by --rows or --holdout, are predicted and reported beside the fitted ones; with --folds, each row is,
+    once, by a fit of the other parts.
 
     With --effects or --field, every step is cross-validated on the fitted rows, and a table says what it was worth.
     """
-    if reading.rows is not None and holdout.holdout is not None:
+    if reading.rows is not None and holdout.asked:
         raise typer.BadParameter(
-            "choose one: rows that --rows leaves out are held out already", param_hint="--rows / --holdout"
+            "choose one: rows that --rows leaves out are held out already", param_hint="--rows / --holdout, --folds"
         )
-    if search.effects == "auto" and fit.prior is PriorChoice.none:
+    if search.effects == "auto" and fitting.prior is PriorChoice.none:
         raise typer.BadParameter(
             "effects are found by their evidence, which needs a prior; name them, or leave out --prior none",
             param_hint="--effects / --prior",
         )
     effects = search.named() if search.searching else []
-    inputs = [campaign, robot, reading.points, reading.rows, fit.registration_file]
+    inputs = [campaign, robot, reading.points, reading.rows, fitting.registration_file]
     outputs = check_outputs("identify", [("--output", output)], inputs, force=out.force)
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
 
-    model = ErrorModel(load_robot(robot), lengths_only=fit.lengths_only)
+    model = ErrorModel(load_robot(robot), lengths_only=fitting.lengths_only)
     try:
-        read = reading.read(campaign, model.robot, noise=fit.noise())
+        read = reading.read(campaign, model.robot, noise=fitting.noise())
     except FileError as refusal:
         raise _explained_refusal(refusal, campaign, model.robot) from refusal
-    if fit.mpe_to_sigma is not None and read.whole.uncertainty is not None:
+    if fitting.mpe_to_sigma is not None and read.whole.uncertainty is not None:
         info("--mpe-to-sigma has no effect: the campaign states its own uncertainties (u_mm)")
-    fitted, held_out = holdout.divide(read)
-    measured = read.whole.take(fitted)
-    options = fit.options(model, measured)
-    explanation = None
+    fit = _Fit(model=model, fitting=fitting, search=search, effects=effects, seed=holdout.seed, fits=holdout.fits)
     try:
-        if search.searching:
-            explanation = _explain(model, measured, effects, options, field=search.field, seed=holdout.seed)
-            calibration = explanation.calibration
-        else:
-            from taskcal.identification.identify import identify
-
-            calibration = identify(model, measured, options=options)
+        calibration = holdout.fit(read, fit, fit.nominal)
     except (CampaignError, FitError) as refusal:
         raise _explained_refusal(refusal, campaign, model.robot) from refusal
     for remark in calibration.remarks:
         info(remark)
     outputs.write({output: calibration.to_text()})
-    result = {"calibration": output, **_report(calibration, read, fitted, held_out), **_explained(explanation)}
+    reported = _report(calibration, read, holdout.fitted_rows(read), fit.nominal)
+    result = {"calibration": output, **reported, **_explained(fit.explanation)}
     if out.as_json:
         write_json(result)
     else:
-        _show(calibration, result, explanation)
+        _show(calibration, result, fit.explanation)
+
+
+@dataclass(kw_only=True)
+class _Fit:
+    """The fit of some rows of the campaign; the first one is that of the calibration."""
+
+    model: "ErrorModel"
+    fitting: FitCommandOptions
+    search: SearchOptions
+    effects: "list[Effect] | None"
+    seed: int
+    fits: int
+    explanation: "Explanation | None" = None
+    done: int = 0
+
+    def __call__(self, measured: "Campaign") -> "Calibration":
+        """Fit all rows of a campaign."""
+        options = self.fitting.options(self.model, measured)
+        self.done += 1
+        if not self.search.searching:
+            from taskcal.identification.identify import identify
+
+            return identify(self.model, measured, options=options)
+        part = f"fold {self.done - 1} of {self.fits - 1}: " if self.done > 1 else ""
+        explanation = _explain(
+            self.model, measured, self.effects, options, field=self.search.field, seed=self.seed, part=part
+        )
+        self.explanation = self.explanation or explanation
+        return explanation.calibration
+
+    def nominal(self, measured: "Campaign") -> "Calibration":
+        """Fit tracker frame and targets of the nominal robot."""
+        from taskcal.identification.nominal_fit import fit_nominal
+
+        return fit_nominal(self.model, measured, self.fitting.options(self.model, measured))
 
 
 def _explained_refusal(refusal: TaskcalError, campaign: Path, robot: "Robot") -> TaskcalError:
@@ -171,6 +172,7 @@ def _explain(
     *,
     field: bool,
     seed: int,
+    part: str,
 ) -> "Explanation":
     from taskcal.cli.effects import refer_to
     from taskcal.cli.steps_bar import bar_over
@@ -178,14 +180,16 @@ def _explain(
     from taskcal.identification.search_steps import search_steps
 
     search = EffectSearch(effects=refer_to(measured, effects), field=field, seed=seed)
-    with bar_over(search_steps(model, measured, search)) as say:
-        return select_effects(model, measured, search, options=options, progress=say)
+    with bar_over([f"{part}{step}" for step in search_steps(model, measured, search)]) as say:
+        return select_effects(model, measured, search, options=options, progress=lambda step: say(f"{part}{step}"))
 
 
-def _report(calibration: "Calibration", read: CampaignRead, fitted: list[int], held_out: list[int]) -> dict[str, Any]:
+def _report(
+    calibration: "Calibration", read: CampaignRead, fitted: list[int], nominal: "Callable[[Campaign], Calibration]"
+) -> dict[str, Any]:
     from taskcal.cli.calibration_report import report
 
-    return {**report(calibration, read.whole, fitted, held_out), "drift": read.drift}
+    return {**report(calibration, read.whole.take(fitted), nominal), "drift": read.drift}
 
 
 def _explained(explanation: "Explanation | None") -> dict[str, Any]:
