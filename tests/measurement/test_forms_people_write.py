@@ -8,35 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError
 from taskcal.measurement.reader import read_campaign, read_measurements
-from taskcal.robot.catalogue import load_robot
-from taskcal.robot.error_model import ErrorModel
-
-ROBOT = load_robot("ur5")
-N = 12
-Q = np.random.default_rng(0).uniform(-2, 2, (N, 6))
-T = ErrorModel(ROBOT).poses(Q)
-R = Rotation.from_euler("z", 0.7).as_matrix() @ T[:, :3, :3]
-P = T[:, :3, 3] @ Rotation.from_euler("z", 0.7).as_matrix().T + R @ [0.02, 0.03, 0.1] + [2, -1, 0.3]
-DEG, MM, WXYZ = np.degrees(Q), P * 1e3, Rotation.from_matrix(R).as_quat()[:, [3, 0, 1, 2]]
-BARE = [f"J{k}" for k in range(1, 7)]
-JOINTS, XYZ = [f"{joint}_deg" for joint in BARE], ["x_mm", "y_mm", "z_mm"]
-
-
-def lines(*parts, separator=","):
-    """The rows of a table from columns of numbers or one text a row."""
-    columns = [np.reshape(part, (N, -1)) for part in parts]
-    return [
-        separator.join(f"{v:.9g}" if isinstance(v, float) else str(v) for c in columns for v in c[k].tolist())
-        for k in range(N)
-    ]
-
-
-def write(folder, header, rows, encoding="utf-8"):
-    path = folder / "file.csv"
-    head = [",".join(header)] if header else []
-    path.write_bytes("\r\n".join([*head, *rows, ""]).encode(encoding))
-    return path
-
+from tests.measurement.known_campaign import BARE, DEG, JOINTS, MM, ROBOT, WXYZ, XYZ, N, P, Q, R, lines, write
 
 ONE = np.ones((N, 1))
 POSES = np.concatenate([R, MM[:, :, None]], axis=2)
@@ -162,9 +134,7 @@ def test_what_is_left_out_is_said(tmp_path):
     def notes(form):
         return " ".join(read_campaign(write(tmp_path, *READ[form]), ROBOT).notes)
 
-    assert "rows that sum others up are left out: Mean (line 14), Std. Dev. (line 15)" in notes(
-        "mean and scatter below"
-    )
+    assert "rows below the table are left out: Mean (line 14), Std. Dev. (line 15)" in notes("mean and scatter below")
     assert "line 1 numbers the columns, and is left out" in notes("columns numbered from one")
     assert "tcp_x_mm, tcp_y_mm, tcp_z_mm" in notes("tcp and tracker")
 

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from taskcal.measurement.joint_names import joints_called
+
 LENGTHS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "cm": 1e-2, "in": 0.0254, "ft": 0.3048}
 """Metres in each unit of length."""
 
@@ -17,7 +19,7 @@ TIMES = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 LONGEST_NAME = 200
 """Letters of a column's name that may mean something; longer ones are text."""
 
-_UNITS = {
+UNITS = {
     "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
     "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
     "um": "um", "µm": "um", "μm": "um", "micron": "um", "microns": "um", "cm": "cm",
@@ -30,7 +32,7 @@ _UNITS = {
 """Units as people write them. A German "Grad" is a degree; instruments on robots do not write the hundredth of a right angle."""
 
 Kind = Literal[
-    "id", "joint", "position", "quaternion", "matrix", "euler", "uncertainty", "temperature", "time", "target", "approach",
+    "id", "group", "joint", "position", "quaternion", "matrix", "euler", "uncertainty", "temperature", "time", "target", "approach",
     "move", "nominal",
 ]  # fmt: skip
 
@@ -46,7 +48,8 @@ class Meaning:
     target: str = ""
     """Whose position or uncertainty it is, where the name says."""
     form: str = ""
-    """Of angles: ``abc`` (KUKA), ``wpr`` (FANUC), ``rpy`` (roll, pitch, yaw) or ``rxyz`` (stated nowhere)."""
+    """Of angles: ``abc`` (KUKA), ``wpr`` (FANUC), ``rpy`` (roll, pitch, yaw), ``rotvec`` (a rotation vector) or ``rxyz`` (stated
+    nowhere)."""
     unit: str | None = None
     """None where the name states none."""
 
@@ -58,6 +61,9 @@ _ID = (
     "name", "label", "shot", "measurement", "messung", "frame",
 )  # fmt: skip
 """Names of rows, the surest first; the `index` of a meaning is the place here."""
+
+_GROUP = ("group", "point group", "gruppe", "punktgruppe")
+"""Of points with names of their own, as SpatialAnalyzer has them."""
 
 _TARGET = ("target", "reflector", "smr", "ziel", "reflektor", "prism", "prisma", "marker")
 _TEMPERATURE = ("temp", "temperature", "temperatur", "t robot", "robot temperature")
@@ -78,6 +84,8 @@ _NOMINAL = re.compile(
     r"|(?:.* )?(?:dev|deviation|delta|abw|abweichung|dif|diff|difference|residual|error|err|fehler)(?: .*)?"
     r"|(?:.* )?(?:[xyz] (?:vel|velocity|speed|acc|acceleration|force)|(?:vel|velocity|speed|acc|acceleration|force) [xyz])"
     r"|[dv][xyz]"
+    r"|(?:.* )?(?:normal|direction|dir|vector|force|moment|torque|gyro|omega|accel|magnet|field|euler|angle|rotation|rot|rotvec"
+    r"|rvec) [xyz]"
 )
 """What was asked for, how far the robot was off it, and how it moved: nothing that says where it stood."""
 
@@ -88,20 +96,27 @@ _AXIS = re.compile(
     r"(?: (?:coord|coordinate|koordinate|pos|position|act|actual|ist|meas|measured))?"
     r"(?: (?P<after>.+))?"
 )
+_AXIS_OF_MATRIX = re.compile(r"p(?P<axis>[xyz])")
+"""The position beside the axes ``n o a`` of a hand."""
 _AXIS_NUMBERED = re.compile(r"(?P<axis>[xyz])(?P<number>\d{1,3})")
 _SIGMA_AXIS = re.compile(r"(?:(?P<target>.+) )?(?:s|u|sigma|std|u)[ _]?(?P<axis>[xyz])")
 _QUATERNION = re.compile(r"(?:(?P<target>.+) )?(?:q|quat|quaternion|rot q|orientation) ?(?P<part>[xyzw])")
 _QUATERNION_NUMBERED = re.compile(r"q(?:uat)? ?(?P<number>[0-4])")
-_MATRIX = re.compile(r"(?P<letter>[rmt]) ?(?P<row>[0-4]) ?(?P<column>[0-4])")
+_MATRIX = re.compile(r"(?P<letter>[rmt])[ \[(]*(?P<row>[0-4])[\])]?[ \[(]*(?P<column>[0-4])[\])]?")
 _COLUMNS_OF_MATRIX = re.compile(r"(?P<column>[noa])(?P<row>[xyz])")
 _ANGLES = {
-    "rxyz": (("rx", "ry", "rz"), ("rotx", "roty", "rotz"), ("rot x", "rot y", "rot z"), ("r x", "r y", "r z")),
+    "rxyz": (
+        ("rx", "ry", "rz"),
+        ("rotx", "roty", "rotz"),
+        *(tuple(f"{name} {a}" for a in "xyz") for name in ("rot", "r", "rotation", "euler", "angle", "orientation")),
+    ),
     "abc": (("a", "b", "c"),),
     "wpr": (("w", "p", "r"),),
     "rpy": (("roll", "pitch", "yaw"),),
+    "rotvec": tuple(tuple(f"{name} {a}" for a in "xyz") for name in ("rotvec", "rvec", "rot vec", "rotation vector")),
 }
-_ACTUAL = re.compile(r"(?:act|actual|ist|measured|meas|feedback) (?=.)")
-_ASKED = re.compile(r"(?:cmd|command|commanded|target|desired|soll|goal|setpoint|nominal) (?=.)")
+_ACTUAL = re.compile(r"^(?:act|actual|ist|measured|meas|feedback) (?=.)")
+_ASKED = re.compile(r"^(?:cmd|command|commanded|target|desired|soll|goal|setpoint|nominal) (?=.)")
 """Before a joint: where it stood, and where it was sent."""
 
 _APPROACH = re.compile(r"(?P<joint>.+) approach")
@@ -113,12 +128,12 @@ def split_unit(name: str) -> tuple[str, str | None]:
     text = name.strip().casefold()
     bracketed = re.fullmatch(r"(.*?)\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*", text)
     unit: str | None = None
-    if bracketed and bracketed[2] in _UNITS:
-        text, unit = bracketed[1], _UNITS[bracketed[2]]
+    if bracketed and bracketed[2] in UNITS:
+        text, unit = bracketed[1], UNITS[bracketed[2]]
     text = " ".join(word for word in re.split(r"[\s_\-./,:]+(?!$)|[\s_\-./,:]+$", text) if word) or text
     words = text.split(" ")
-    if unit is None and len(words) > 1 and words[-1] in _UNITS and not (words[-1] == "grad" and len(words) == 1):
-        unit = _UNITS[words[-1]]
+    if unit is None and len(words) > 1 and words[-1] in UNITS and not (words[-1] == "grad" and len(words) == 1):
+        unit = UNITS[words[-1]]
         words = words[:-1]
         if words and words[-1] == "in" and len(words) > 1:
             words = words[:-1]
@@ -134,7 +149,7 @@ def meanings(names: Sequence[str], units: Sequence[str], joints: Sequence[str]) 
         joints: names of the robot's joints, in order.
     """
     split = [split_unit(name) if len(name) <= LONGEST_NAME else ("", None) for name in names]
-    parted = [(text, unit or _UNITS.get(under)) for (text, unit), under in zip(split, units, strict=True)]
+    parted = [(text, unit or UNITS.get(under)) for (text, unit), under in zip(split, units, strict=True)]
     texts = [text for text, _ in parted]
     joint_at, left = _joints_stood(parted, joints)
     numbered = _numbered_quaternion(texts, joint_at)
@@ -157,7 +172,7 @@ def meanings(names: Sequence[str], units: Sequence[str], joints: Sequence[str]) 
 
 def contradiction(name: str, under: str) -> tuple[str, str] | None:
     """The units of a column's name and of the row of units, where they differ."""
-    unit, other = split_unit(name)[1], _UNITS.get(under)
+    unit, other = split_unit(name)[1], UNITS.get(under)
     return (unit, other) if unit and other and unit != other else None
 
 
@@ -216,7 +231,7 @@ def _joints(parted: Sequence[tuple[str, str | None]], joints: Sequence[str]) -> 
     """
     texts = [text if unit not in ("C", "s") else "" for text, unit in parted]
     own = {_spoken(name): k for k, name in enumerate(joints)}
-    by_name = {k: own[text] for k, text in enumerate(texts) if text in own}
+    by_name = {k: own[text] for k, text in enumerate(texts) if text in own} or joints_called(texts, len(joints))
     from_one = {k: int(m["number"]) for k, text in enumerate(texts) if (m := _JOINT.fullmatch(text))}
     from_zero = {k: int(m["number"]) for k, text in enumerate(texts) if (m := _JOINT_FROM_ZERO.fullmatch(text))}
     if set(from_zero.values()) == set(range(len(joints))) and len(from_zero) == len(joints):
@@ -268,6 +283,7 @@ def _meaning(text: str, unit: str | None, name: str, own: dict[str, int], count:
         return Meaning(kind="temperature", unit=unit)
     kinds: tuple[tuple[Kind, tuple[str, ...]], ...] = (
         ("target", _TARGET),
+        ("group", _GROUP),
         ("id", _ID),
         ("temperature", _TEMPERATURE),
         ("time", _TIME),
@@ -302,6 +318,8 @@ def _measured(text: str, unit: str | None, name: str) -> Meaning | None:
         )
     if match := _AXIS_NUMBERED.fullmatch(text):
         return Meaning(kind="position", index="xyz".index(match["axis"]), target=f"target{match['number']}", unit=unit)
+    if match := _AXIS_OF_MATRIX.fullmatch(text):
+        return Meaning(kind="position", index="xyz".index(match["axis"]), unit=unit)
     if match := _AXIS.fullmatch(text):
         target = _target(" ".join(filter(None, (match["before"], match["after"]))), name)
         return Meaning(kind="position", index="xyz".index(match["axis"]), target=target, unit=unit)

@@ -11,6 +11,7 @@ from taskcal.measurement.column_meaning import ANGLES, LENGTHS
 from taskcal.measurement.readings import Readings
 from taskcal.measurement.registration import register
 from taskcal.measurement.registration_start import closed_form
+from taskcal.measurement.target_names import split_names
 from taskcal.measurement.unit_inference import infer_units
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -45,6 +46,7 @@ def pair(joints: Readings, points: Readings, robot: Robot) -> Readings:
         joints, points = points, joints
     if joints.q is None or points.q is not None or not points.points:
         raise FileError(points.path, f"{_lacking(joints, points)}; one must hold joints, the other points")
+    points = _with_poses_of(joints, points)
     rows, note = _rows(joints, points, robot)
     mine, others = joints.take(rows[:, 0]), points.take(rows[:, 1])
     return replace(
@@ -60,6 +62,17 @@ def pair(joints: Readings, points: Readings, robot: Robot) -> Readings:
         targets_by_row=others.targets_by_row,
         notes=(*mine.notes, *others.notes, note),
     )
+
+
+def _with_poses_of(joints: Readings, points: Readings) -> Readings:
+    """Points whose ids are those of the poses, where the file writes the target behind them."""
+    if joints.ids is None or points.ids is None or points.targets_by_row is not None or len(points.points) != 1:
+        return points
+    split = split_names(points.ids)
+    if split is None or len(set(split[0]) & set(joints.ids)) < MIN_SHARE * len(set(split[0])):
+        return points
+    note = f"ids such as '{points.ids[0]}' are read as pose '{split[0][0]}' and target '{split[1][0]}'"
+    return replace(points, ids=split[0], targets_by_row=split[1], notes=(*points.notes, note))
 
 
 def _lacking(joints: Readings, points: Readings) -> str:

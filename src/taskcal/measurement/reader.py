@@ -18,7 +18,10 @@ from taskcal.measurement.repeated_shots import average_shots
 from taskcal.measurement.rotation_columns import AngleForm
 from taskcal.measurement.rows_of_targets import side_by_side
 from taskcal.measurement.target_columns import MAX_TARGETS
+from taskcal.measurement.targets_in_names import with_targets_in_names
 from taskcal.measurement.unit_inference import infer_length, infer_units
+from taskcal.measurement.units_above import with_stated_units
+from taskcal.measurement.unnamed_means import without_means
 from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.robot import Robot
@@ -88,13 +91,19 @@ def read_measurements(path: str | Path, robot: Robot, options: ReadOptions | Non
         FileError: as of `read_campaign`, but for joints or points that are lacking.
     """
     options = options or ReadOptions()
-    readings = read_readings(path, robot, options.form, options.angles)
+    readings = _of_file(path, robot, options.form, options.angles)
     if options.points is not None:
-        others = read_readings(options.points, robot, replace(options.form, columns=None), options.angles)
+        others = _of_file(options.points, robot, replace(options.form, columns=None), options.angles)
         readings = pair(_averaged(readings), _averaged(others), robot)
     if readings.targets_by_row is not None:
         readings = side_by_side(readings)
     return _averaged(_with_units(readings, robot))
+
+
+def _of_file(path: str | Path, robot: Robot, form: TableForm, angles: AngleForm | None) -> Readings:
+    """What one file says, in its own words."""
+    readings = with_stated_units(read_readings(path, robot, form, angles), robot)
+    return with_targets_in_names(without_means(readings))
 
 
 def _averaged(readings: Readings) -> Readings:

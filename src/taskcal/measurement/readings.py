@@ -12,8 +12,10 @@ from taskcal.errors import FileError, shown
 from taskcal.measurement.column_meaning import ANGLES, LENGTHS, TIMES, Meaning, contradiction, meanings
 from taskcal.measurement.joint_columns import JointColumns, joint_columns, refuse_other_axes
 from taskcal.measurement.rotation_columns import AngleForm, rotations
+from taskcal.measurement.spherical_columns import with_positions
 from taskcal.measurement.summary_rows import without_summaries
 from taskcal.measurement.target_columns import TargetColumns, target_columns
+from taskcal.measurement.target_names import are_poses_and_targets
 from taskcal.measurement.unnamed_columns import name_columns
 from taskcal.robot.robot import Robot
 from taskcal.tabular.csv_form import TableForm, lay_out_file
@@ -63,6 +65,8 @@ class Readings:
     """Radians and metres."""
     targets_by_row: tuple[str, ...] | None
     """Whose position each row holds, where a column says."""
+    preamble: tuple[str, ...]
+    """Lines above the table and comments."""
     notes: tuple[str, ...]
     """What was decided on the way."""
 
@@ -105,7 +109,7 @@ def read_readings(
     Raises:
         FileError: with all that is wrong in it, the first twenty faults.
     """
-    laid = name_columns(lay_out_file(path, form), robot)
+    laid = with_positions(name_columns(lay_out_file(path, form), robot))
     known = meanings(laid.table.header, laid.units, robot.joint_names)
     laid = without_summaries(laid, known)
     table = laid.table
@@ -123,9 +127,12 @@ def read_readings(
     R, rotation_notes = None, ()
     with faults.collecting():
         R, rotation_notes = rotations(table, known, _posed(targets, len(table)), angles)
-    ids: tuple[str, ...] | None = None
+    ids, targets_by_row = None, _texts(table, known, "target")
     with faults.collecting():
         ids = _ids(table, known)
+    groups = _texts(table, known, "group")
+    if targets_by_row is None and ids and groups and are_poses_and_targets(groups, ids):
+        ids, targets_by_row = groups, ids
     temperature = time = approach = move = None
     with faults.collecting():
         temperature, time = _temperature(table, known), _time(table, known)
@@ -154,8 +161,9 @@ def read_readings(
         time=time,
         approach=approach,
         move=move,
-        targets_by_row=_texts(table, known, "target"),
-        notes=(*laid.notes, *rotation_notes, *_left_out(laid, known)),
+        targets_by_row=targets_by_row,
+        preamble=laid.preamble,
+        notes=(*laid.notes, *targets.notes, *rotation_notes, *_left_out(laid, known)),
     )
 
 

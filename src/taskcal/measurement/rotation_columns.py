@@ -110,7 +110,7 @@ def _of_angles(
     cells = np.stack([table.numbers(name, empty=True) for name in names], axis=1)
     _refuse_empty(table, cells, names, needed, "a pose needs all three angles")
     cells[~needed] = 0.0
-    if form is None and first.unit is None and 0.0 < np.abs(cells).max() <= np.pi:
+    if form is None and first.unit is None and what != "rotation-vector" and 0.0 < np.abs(cells).max() <= np.pi:
         message = f"no angle of {listed} is beyond 3.14: they may be radians; name the columns {names[0]}_deg … or {names[0]}_rad …"
         raise table.header_error(message, names[0])
     angles = cells * ANGLES[unit]
@@ -122,8 +122,8 @@ def _of_angles(
 def _stated(first: Meaning, form: AngleForm | None) -> tuple[str | None, str | None]:
     """What angles mean and their unit, by the user's word or by the columns' names; None for what neither says."""
     if form is None:
-        by_name = None if first.form == "rxyz" else first.form
-        return by_name, first.unit or ("deg" if by_name in ("abc", "wpr") else None)
+        by_name = {"rxyz": None, "rotvec": "rotation-vector"}.get(first.form, first.form)
+        return by_name, first.unit or {"abc": "deg", "wpr": "deg", "rotvec": "rad"}.get(first.form)
     what, _, unit = form.rpartition("-")
     if form in ("abc", "wpr"):
         return form, "deg"

@@ -10,9 +10,10 @@ from taskcal.measurement.repeated_shots import SAME_POSE_RAD, mean_of_seen, refu
 
 
 def side_by_side(readings: Readings) -> Readings:
-    """One row for each pose, with the position of every target: rows of one id, or without ids successive rows of the same joints.
+    """One row for each pose, with the position of every target.
 
-    Shots of one target in one pose are averaged.
+    Rows of one id are one pose; where no id stands twice, or there are none, successive rows of the same joints. Shots of
+    one target in one pose are averaged.
 
     Raises:
         FileError: a row names no target, rows of one id have different joints, or there is more than one position a row.
@@ -40,10 +41,12 @@ def side_by_side(readings: Readings) -> Readings:
 
 def _poses(readings: Readings) -> np.ndarray:
     """Number of each row's pose."""
-    if readings.ids is not None:
-        refuse_other_joints(readings, rows_by_id(readings.ids))
-        numbers = {name: k for k, name in enumerate(dict.fromkeys(readings.ids))}
-        return np.array([numbers[name] for name in readings.ids])
+    ids, targets = readings.ids, readings.targets_by_row or ()
+    each_its_own = ids is not None and len(set(ids)) == len(ids) and len(set(targets)) > 1
+    if ids is not None and not (each_its_own and readings.q is not None):
+        refuse_other_joints(readings, rows_by_id(ids))
+        numbers = {name: k for k, name in enumerate(dict.fromkeys(ids))}
+        return np.array([numbers[name] for name in ids])
     if readings.q is None:
         raise FileError(
             readings.path, "has rows of several targets, and neither ids nor joints say which belong together"

@@ -4,13 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from taskcal.measurement.column_meaning import Meaning
+from taskcal.tabular.footer import footer_note, is_statistic
 from taskcal.tabular.layout import Laid
-
-_SUMMARIES = frozenset({
-    "mean", "average", "avg", "median", "std", "stdev", "stddev", "std dev", "std. dev.", "standard deviation", "sigma", "min",
-    "minimum", "max", "maximum", "range", "rms", "sum", "total", "count", "mittelwert", "standardabweichung", "stabw", "summe",
-    "spannweite", "anzahl",
-})  # fmt: skip
 
 
 def without_summaries(laid: Laid, meanings: Sequence[Meaning | None]) -> Laid:
@@ -22,15 +17,10 @@ def without_summaries(laid: Laid, meanings: Sequence[Meaning | None]) -> Laid:
     """
     table = laid.table
     named = [k for k, meaning in enumerate(meanings) if meaning is not None and meaning.kind == "id"]
-    summing = {row: cells[k] for row, cells in enumerate(table.rows) for k in named if _is_summary(cells[k])}
+    summing = {row: cells[k] for row, cells in enumerate(table.rows) for k in named if is_statistic(cells[k])}
     if not summing:
         return laid
     kept = [row for row in range(len(table)) if row not in summing]
-    listed = ", ".join(f"{text} (line {table.lines[row]})" for row, text in list(summing.items())[:5])
-    more = " …" if len(summing) > 5 else ""
+    listed = footer_note([table.lines[row] for row in summing], [(text,) for text in summing.values()])
     rest = replace(table, rows=tuple(table.rows[k] for k in kept), lines=tuple(table.lines[k] for k in kept))
-    return replace(laid, table=rest, notes=(*laid.notes, f"rows that sum others up are left out: {listed}{more}"))
-
-
-def _is_summary(text: str) -> bool:
-    return text.casefold().rstrip(":") in _SUMMARIES
+    return replace(laid, table=rest, notes=(*laid.notes, f"rows that sum others up are left out: {listed}"))

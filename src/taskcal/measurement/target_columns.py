@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from taskcal.errors import shown
 from taskcal.measurement.column_meaning import CALCULATED, LENGTHS, Meaning
+from taskcal.measurement.lost_beams import without_lost
 from taskcal.tabular.faults import Faults
 from taskcal.tabular.table import Table
 
@@ -33,6 +34,8 @@ class TargetColumns:
     """Standard uncertainty per axis, by the target whose it is, empty for all; units as of the points."""
     unit_stated: bool
     """False where no position has a unit."""
+    notes: tuple[str, ...] = ()
+    """What was decided on the way."""
 
 
 def target_columns(table: Table, meanings: Sequence[Meaning | None]) -> TargetColumns:
@@ -62,15 +65,18 @@ def target_columns(table: Table, meanings: Sequence[Meaning | None]) -> TargetCo
         column = table.header[places[without][0]]
         raise table.header_error(f"the unit is not stated; name the column {column}_mm", column)
     points: dict[str, np.ndarray] = {}
+    notes: list[str] = []
     faults = Faults()
     for low, axes in places.items():
+        table, lost = without_lost(table, [table.header[axes[i]] for i in range(3)])
+        notes += lost
         with faults.collecting():
             points[names[low] or "tool"] = _positions(table, [table.header[axes[i]] for i in range(3)], units[low])
     uncertainty: dict[str, np.ndarray] = {}
     with faults.collecting():
         uncertainty = _uncertainty(table, meanings, default="mm" if True in stated else None)
     faults.raise_any()
-    return TargetColumns(points=points, uncertainty=uncertainty, unit_stated=stated != {False})
+    return TargetColumns(points=points, uncertainty=uncertainty, unit_stated=stated != {False}, notes=tuple(notes))
 
 
 def _refuse_goals(table: Table, meanings: Sequence[Meaning | None], places: dict[str, dict[int, int]]) -> None:

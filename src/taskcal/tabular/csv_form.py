@@ -7,6 +7,7 @@ from pathlib import Path
 from taskcal.errors import FileError, shown
 from taskcal.tabular.decimal_mark import DecimalMark
 from taskcal.tabular.delimited import parse_delimited, parse_plain, with_decimal_points
+from taskcal.tabular.digit_groups import in_plain_digits
 from taskcal.tabular.encoding import decode
 from taskcal.tabular.faults import FaultyFile
 from taskcal.tabular.labelled_values import has_labelled_values, parse_labelled_values
@@ -56,6 +57,7 @@ def parse_sheet(path: Path, text: str, decimal: DecimalMark | None = None) -> Sh
     Raises:
         FileError: it is a form whose rows cannot be told.
     """
+    text = in_plain_digits(text)
     if is_motion_capture(text):
         return parse_motion_capture(path, text)
     if has_labelled_values(text):

@@ -10,7 +10,9 @@ from pathlib import Path
 
 from taskcal.errors import FileError
 from taskcal.tabular.decimal_mark import DecimalMark, find_decimal_mark, with_point
+from taskcal.tabular.digit_groups import without_blanks
 from taskcal.tabular.sheet import Sheet
+from taskcal.tabular.unit_cells import with_units_apart
 
 _SEPARATOR_LINE = re.compile(r"\Asep=(.)[ \t]*(?=\n)", re.IGNORECASE)
 """What a spreadsheet writes first to say how it separates."""
@@ -57,8 +59,10 @@ def parse_delimited(path: Path, text: str, decimal: DecimalMark | None = None) -
     if not rows:
         return sheet
     first = 1 if stated else 0
+    if separator != BLANKS and " " in text:
+        rows = [(number, tuple(map(without_blanks, cells))) for number, cells in rows]
     numbers, cells = zip(*rows, strict=True)
-    sheet = replace(sheet, rows=tuple(cells), lines=tuple(n + first for n in numbers))
+    sheet = with_units_apart(replace(sheet, rows=tuple(cells), lines=tuple(n + first for n in numbers)))
     if separator == ",":
         # a comma that parts cells is in none of them, but for quoted ones
         return with_decimal_points(sheet, decimal) if '"' in text else sheet

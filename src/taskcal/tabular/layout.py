@@ -3,10 +3,12 @@
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from taskcal.errors import FileError, shown
 from taskcal.tabular.delimited import separator_of, split_line
+from taskcal.tabular.footer import MOST_REMARKS, footer_note, is_footer
+from taskcal.tabular.header_rows import joined_names
 from taskcal.tabular.sheet import Sheet
 from taskcal.tabular.table import Table
 
@@ -79,8 +81,22 @@ def lay_out(sheet: Sheet, names: Sequence[str] | None = None) -> Laid:
     header = sheet.rows[header_row]
     begin = header_row + 1 if units_row is None else units_row + 1
     units = () if units_row is None else sheet.rows[units_row]
+    if header_row and header_row - 1 in above:
+        header = joined_names(sheet.rows[header_row - 1], header) or header
+    sheet = replace(sheet, notes=(*sheet.notes, *_numbers_above(sheet, header_row)))
     preamble = (*(" ".join(filter(None, row)) for row in sheet.rows[:header_row]), *sheet.comments)
     return _laid(sheet, header, begin, units, sheet.lines[header_row], preamble)
+
+
+def _numbers_above(sheet: Sheet, before: int) -> tuple[str, ...]:
+    """What is said of rows of numbers before the names of the columns: another table, or settings."""
+    lines = [sheet.lines[row] for row in range(before) if len(sheet.rows[row]) > 2 and _is_numbers(sheet.rows[row])]
+    if not lines:
+        return ()
+    where = f"line {lines[0]} holds" if len(lines) == 1 else f"lines {lines[0]} to {lines[-1]} hold"
+    return (
+        f"{where} numbers above the table that is read, which begins in line {sheet.lines[before]}, and are left out",
+    )
 
 
 def lay_out_plain(sheet: Sheet) -> Laid:
@@ -105,10 +121,10 @@ def _first_row_of_numbers(rows: Sequence[tuple[str, ...]]) -> tuple[int, int | N
 
 
 def _is_numbers(row: Sequence[str]) -> bool:
-    """Whether at least two cells, and half of the filled ones, are numbers."""
+    """Whether three cells are numbers, or two and half of the filled ones."""
     filled = [cell for cell in row if cell]
     numbers = sum(_NUMBER.fullmatch(cell) is not None for cell in filled)
-    return numbers >= min(2, len(row)) and numbers > 0 and 2 * numbers >= len(filled)
+    return numbers > 2 or (numbers >= min(2, len(row)) and numbers > 0 and 2 * numbers >= len(filled))
 
 
 def _is_text(row: Sequence[str]) -> bool:
@@ -162,6 +178,7 @@ def _laid(
     header_line: int | None,
     preamble: tuple[str, ...],
 ) -> Laid:
+    sheet = _without_footer(sheet, begin, len(header))
     rows, lines, second = _first_table(sheet, header, begin)
     while len(header) > 1 and any(header) and not header[-1] and not any(any(row[len(header) - 1 :]) for row in rows):
         # every line ends with a separator
@@ -177,7 +194,9 @@ def _laid(
     )
     if len(fitted) > 2 and 2 * len(sound) < len(fitted):
         raise _no_table(sheet, len(header), len(sound))
-    units = units[: len(header)] + ("",) * (len(header) - len(units))
+    units = tuple(
+        next((row[k] for row in (units, sheet.units) if k < len(row) and row[k]), "") for k in range(len(header))
+    )
     faults = tuple(
         _wrong_width(sheet, header, lines[k], row) for k, row in enumerate(fitted) if len(row) != len(header)
     )
@@ -188,6 +207,17 @@ def _laid(
         faults=(*faults, *second),
         notes=sheet.notes,
     )
+
+
+def _without_footer(sheet: Sheet, begin: int, width: int) -> Sheet:
+    """A sheet without rows below the table that sum it up or remark on it; a note says which."""
+    end = len(sheet.rows)
+    while width > 2 and end > max(begin + 1, len(sheet.rows) - MOST_REMARKS) and is_footer(sheet.rows[end - 1]):
+        end -= 1
+    if end == len(sheet.rows):
+        return sheet
+    note = f"rows below the table are left out: {footer_note(sheet.lines[end:], sheet.rows[end:])}"
+    return replace(sheet, rows=sheet.rows[:end], lines=sheet.lines[:end], notes=(*sheet.notes, note))
 
 
 def _first_table(

@@ -17,5 +17,7 @@ class Sheet:
     """What parts the cells; nothing in a workbook, whose rows end with their last filled cell."""
     comments: tuple[str, ...] = ()
     """Lines that a mark such as # or // makes comments, without the mark."""
+    units: tuple[str, ...] = ()
+    """That stood behind the numbers of each column, empty where none did; none beyond the last that had one."""
     notes: tuple[str, ...] = ()
     """What was decided on the way, for whoever reads the result."""

@@ -1,0 +1,41 @@
+"""What instruments and programs write in place of a point that they did not see."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+from taskcal.errors import shown
+from taskcal.tabular.table import Table
+
+_LOST = re.compile(
+    r"nan|nil|none|null|n/?a|#n/a|#nv|#value!|-+|–|—|\?+|\*+|inf|lost|no data|beam lost|invalid|[+-]?9{4,}(?:\.[09]*)?",
+    re.ASCII | re.IGNORECASE,
+)
+"""All three cells of a target are the same."""
+
+
+def without_lost(table: Table, columns: Sequence[str]) -> tuple[Table, tuple[str, ...]]:
+    """A table whose cells of a target are empty where all three hold one word, or the nines, for a beam that was lost.
+
+    Args:
+        table: the cells.
+        columns: of the target's axes.
+
+    Returns:
+        The table, and a note of what was taken for a lost beam.
+    """
+    axes = [table.header.index(column) for column in columns]
+    lost = {
+        row: cells[axes[0]]
+        for row, cells in enumerate(table.rows)
+        if cells[axes[0]] and len({cells[k] for k in axes}) == 1 and _LOST.fullmatch(cells[axes[0]])
+    }
+    if not lost:
+        return table, ()
+    rows = tuple(
+        tuple("" if k in axes else cell for k, cell in enumerate(cells)) if row in lost else cells
+        for row, cells in enumerate(table.rows)
+    )
+    words = ", ".join(f"'{shown(word, 20)}'" for word in dict.fromkeys(lost.values()))
+    lines = ", ".join(str(table.lines[row]) for row in list(lost)[:5]) + (", …" if len(lost) > 5 else "")
+    return replace(table, rows=rows), (f"{words} for {columns[0]} … is taken for a lost beam (line {lines})",)
