@@ -1,10 +1,13 @@
 """Cell files: read, written, and explained where they are wrong."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
 from taskcal.correction.cell import Cell, Measured
 from taskcal.correction.cell_file import load_cell, write_cell
+from taskcal.correction.external_axis import ExternalAxis
 from taskcal.errors import FileError
 from taskcal.geometry import se3
 
@@ -41,9 +44,36 @@ def test_a_cell_reads_back_as_it_was_written(tmp_path):
     assert found.tool("unknown").reflectors == {}
 
 
+def test_the_robots_base_and_its_external_axes_read_back_as_they_were_written(tmp_path):
+    axes = (
+        ExternalAxis(number=1, carries="robot", direction=np.array([0.0, 0.6, 0.8])),
+        ExternalAxis(
+            number=2, carries="part", turns=True, direction=np.array([0.0, 0.0, 1.0]), T_frame=POSE, unit="STN1"
+        ),
+        ExternalAxis(number=5, carries="nothing"),
+    )
+    write_cell(tmp_path / "cell.toml", Cell(T_world_base=POSE, axes=axes))
+    found = load_cell(tmp_path / "cell.toml")
+    np.testing.assert_allclose(found.T_world_base, POSE, atol=1e-12)
+    for one, other in zip(axes, found.axes, strict=True):
+        for field in fields(ExternalAxis):
+            a, b = getattr(one, field.name), getattr(other, field.name)
+            if isinstance(a, np.ndarray):
+                np.testing.assert_allclose(b, a, atol=1e-12)
+            else:
+                assert a == b
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
+        ('[[axis]]\nnumber = 1\ncarries = "robot"\n', "state either slides_along"),
+        ('[[axis]]\nnumber = 1\ncarries = "tool"\n', "carries"),
+        ('[[axis]]\nnumber = 7\ncarries = "nothing"\n', "number"),
+        ('[[axis]]\nnumber = 1\ncarries = "nothing"\nunit = "STN1"\n', "carries nothing: leave out"),
+        ('[[axis]]\nnumber = 1\ncarries = "robot"\nslides_along = [0, 0, 0]\n', "has no length"),
+        ('[[axis]]\nnumber = 1\ncarries = "robot"\nslides_along = [0, 0, 1]\nunit = "A"\n', "axes that carry the part"),
+        (2 * '[[axis]]\nnumber = 1\ncarries = "nothing"\n', "axis 1 is stated twice"),
         ('[[tool]]\nname = "a"\n[[tool]]\nname = "A"\n', "two tools are named 'a'"),
         ('[[part]]\nname = "a"\ntracker = { position_mm = [1, 2] }\n', "position_mm"),
         (

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.correction.external_axis import ExternalAxis
 from taskcal.short_repr import short_repr
 
 
@@ -41,6 +42,10 @@ class Cell:
 
     tools: Mapping[str, Measured] = field(default_factory=dict[str, Measured])
     parts: Mapping[str, Measured] = field(default_factory=dict[str, Measured])
+    T_world_base: Float[np.ndarray, "4 4"] | None = None
+    """Where the robot stands in the world, with all external axes at zero; None where it is not stated."""
+    axes: tuple[ExternalAxis, ...] = ()
+    """External axes, by number."""
 
     def tool(self, name: str) -> Measured:
         """What was measured of a tool."""

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from pydantic import Field, model_validator
 
 from taskcal.correction.cell import Cell, Measured
+from taskcal.correction.external_axis import AXES, Carries, ExternalAxis
 from taskcal.errors import FileError
 from taskcal.files import write_whole
 from taskcal.geometry import se3
@@ -16,6 +17,9 @@ from taskcal.toml_file import Finite, NotNegative, Quaternion, Section, read_tom
 
 MIN_POINTS = 3
 """Points that locate a frame."""
+
+MIN_DIRECTION = 1e-6
+"""A direction is longer."""
 
 Point = tuple[Finite, Finite, Finite]
 
@@ -77,9 +81,58 @@ class MeasuredSection(Section):
         )
 
 
+class RobotSection(Section):
+    """Where the robot stands."""
+
+    base: PoseSection
+
+
+class AxisSection(Section):
+    """An external axis."""
+
+    number: Annotated[int, Field(ge=1, le=AXES)]
+    carries: Carries
+    slides_along: Point | None = None
+    turns_about: Point | None = None
+    frame: PoseSection | None = None
+    unit: str = ""
+
+    @model_validator(mode="after")
+    def _moves_one_way(self) -> Self:
+        ways = [key for key in ("slides_along", "turns_about") if getattr(self, key) is not None]
+        if self.carries == "nothing":
+            if ways or self.frame or self.unit:
+                raise ValueError(
+                    f"axis {self.number} carries nothing: leave out slides_along, turns_about, frame and unit"
+                )
+        elif len(ways) != 1:
+            raise ValueError(
+                f"axis {self.number} carries the {self.carries}: state either slides_along = [x, y, z] or turns_about = [x, y, z]"
+            )
+        elif np.linalg.norm(getattr(self, ways[0])) < MIN_DIRECTION:
+            raise ValueError(f"axis {self.number}: {ways[0]} has no length, so that it is not a direction")
+        if self.unit and self.carries != "part":
+            raise ValueError(f"axis {self.number}: unit is for axes that carry the part")
+        return self
+
+    def axis(self) -> ExternalAxis:
+        """What it says, in metres and with a direction of unit length."""
+        way = self.turns_about or self.slides_along
+        return ExternalAxis(
+            number=self.number,
+            carries=self.carries,
+            turns=self.turns_about is not None,
+            direction=None if way is None else np.array(way) / np.linalg.norm(way),
+            T_frame=None if self.frame is None else self.frame.pose(),
+            unit=self.unit,
+        )
+
+
 class CellFile(Section):
     """A cell file."""
 
+    robot: RobotSection | None = None
+    axis: tuple[AxisSection, ...] = ()
     tool: tuple[MeasuredSection, ...] = ()
     part: tuple[MeasuredSection, ...] = ()
 
@@ -90,6 +143,10 @@ class CellFile(Section):
             twice = [name for name in names if names.count(name) > 1]
             if twice:
                 raise ValueError(f"two {kind} are named '{twice[0]}'")
+        numbers = [section.number for section in self.axis]
+        repeated = [number for number in numbers if numbers.count(number) > 1]
+        if repeated:
+            raise ValueError(f"axis {repeated[0]} is stated twice")
         return self
 
 
@@ -104,6 +161,8 @@ def load_cell(path: str | Path) -> Cell:
     cell = Cell(
         tools={section.name.casefold(): section.measured() for section in content.tool},
         parts={section.name.casefold(): section.measured() for section in content.part},
+        T_world_base=None if content.robot is None else content.robot.base.pose(),
+        axes=tuple(section.axis() for section in sorted(content.axis, key=lambda section: section.number)),
     )
     for part in cell.parts.values():
         toucher = part.touched_with.casefold()
@@ -132,7 +191,25 @@ def cell_text(cell: Cell) -> str:
         kind: [_section(measured) for measured in among.values()]
         for kind, among in (("tool", cell.tools), ("part", cell.parts))
     }
-    return tomli_w.dumps({kind: tables for kind, tables in sections.items() if tables})
+    own: dict[str, object] = {} if cell.T_world_base is None else {"robot": {"base": _pose(cell.T_world_base)}}
+    if cell.axes:
+        own["axis"] = [_axis(axis) for axis in cell.axes]
+    return tomli_w.dumps({**own, **{kind: tables for kind, tables in sections.items() if tables}})
+
+
+def _pose(T: Float[np.ndarray, "4 4"]) -> dict[str, object]:
+    return {"position_mm": (T[:3, 3] * 1e3).tolist(), "quaternion": se3.to_quaternion(T[:3, :3]).tolist()}
+
+
+def _axis(axis: ExternalAxis) -> dict[str, object]:
+    out: dict[str, object] = {"number": axis.number, "carries": axis.carries}
+    if axis.direction is not None:
+        out["turns_about" if axis.turns else "slides_along"] = axis.direction.tolist()
+    if axis.T_frame is not None:
+        out["frame"] = _pose(axis.T_frame)
+    if axis.unit:
+        out["unit"] = axis.unit
+    return out
 
 
 def _section(measured: Measured) -> dict[str, object]:
@@ -145,8 +222,7 @@ def _section(measured: Measured) -> dict[str, object]:
     }
     for key, T in poses.items():
         if T is not None:
-            quaternion = se3.to_quaternion(T[:3, :3]).tolist()
-            out[key] = {"position_mm": (T[:3, 3] * 1e3).tolist(), "quaternion": quaternion}
+            out[key] = _pose(T)
     if measured.touched is not None:
         out |= {"touched_deg": np.degrees(measured.touched).tolist(), "touched_with": measured.touched_with}
     if measured.reflectors:

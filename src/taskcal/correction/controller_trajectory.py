@@ -1,6 +1,6 @@
 """A controller that takes its robot for nominal: the joint positions to which a program sends it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from taskcal.correction.segments import Segments
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_postures, solve_near
-from taskcal.kinematics.tracing import rejections, trace
+from taskcal.kinematics.tracing import Outcome, rejections, trace
 from taskcal.kinematics.turns import turned
 from taskcal.programs.program import Move, Target
 from taskcal.robot.error_model import ErrorModel
@@ -32,6 +32,8 @@ class ControllerTrajectory:
     """Tool in part's frame along each motion; of use for lines and arcs."""
     rejected: dict[int, str]
     """Motions that cannot be executed, and why."""
+    out_of_reach: tuple[int, ...]
+    """Those among them that lead where the robot does not reach in any posture."""
     warnings: dict[int, str]
     """Motions whose posture data disagree with where the path leads."""
     move: Int[np.ndarray, " k"]
@@ -42,25 +44,29 @@ class ControllerTrajectory:
     """Joint positions there, radians."""
 
 
-def simulate_controller(robot: Robot, moves: Sequence[Move]) -> ControllerTrajectory:
+def simulate_controller(
+    robot: Robot, moves: Sequence[Move], refused: Mapping[int, str] | None = None
+) -> ControllerTrajectory:
     """Simulate the nominal controller executing a program.
 
     Args:
         robot: the robot as its controller knows it.
         moves: the motions, in the order of the program.
+        refused: motions of which it is not known where they lead, and why.
     """
-    return _Simulation(robot, moves).run()
+    return _Simulation(robot, moves, dict(refused or {})).run()
 
 
 class _Simulation:
     """One run through a program; motions that follow each other along lines and arcs are traced together."""
 
-    def __init__(self, robot: Robot, moves: Sequence[Move]):
+    def __init__(self, robot: Robot, moves: Sequence[Move], refused: dict[int, str]):
         self.robot, self.moves = robot, moves
         self.model = ErrorModel(robot)
         m, joints = len(moves), len(robot.joints)
         self.start, self.end = np.full((m, joints), np.nan), np.full((m, joints), np.nan)
-        self.rejected: dict[int, str] = {}
+        self.rejected = refused
+        self.out_of_reach: list[int] = []
         self.warnings: dict[int, str] = {}
         self.samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         self.last: np.ndarray | None = None
@@ -89,6 +95,7 @@ class _Simulation:
             end=self.end,
             segments=self.segments,
             rejected=self.rejected,
+            out_of_reach=tuple(self.out_of_reach),
             warnings=self.warnings,
             move=move,
             share=share,
@@ -98,7 +105,7 @@ class _Simulation:
     def _take_joint_targets(self) -> None:
         """Ends of motions to joint positions."""
         for i, move in enumerate(self.moves):
-            if move.end.q is None:
+            if move.end.q is None or i in self.rejected:
                 continue
             if len(move.end.q) != len(self.robot.joints):
                 count = len(self.robot.joints)
@@ -119,6 +126,8 @@ class _Simulation:
             flange[to_joints] = self.model.poses(self.end[to_joints]) @ se3.inverse(self.robot.T_flange_tool)
         start, end, via = np.full((m, 4, 4), np.nan), np.full((m, 4, 4), np.nan), np.full((m, 3), np.nan)
         for i, move in enumerate(self.moves):
+            if i in self.rejected and move.end.T is not None:
+                continue
             if move.end.T is not None:
                 flange[i] = move.flange(move.end.T)
                 end[i] = move.end.T
@@ -133,6 +142,8 @@ class _Simulation:
 
     def _is_path(self, i: int) -> bool:
         """Whether a motion is a line or an arc from a place that is known."""
+        if i in self.rejected:
+            return False
         return self.moves[i].kind in ("linear", "circular") and bool(np.isfinite(self.start[i]).all())
 
     def _trace(self, first: int) -> int:
@@ -142,6 +153,7 @@ class _Simulation:
             stop < len(self.moves)
             and self.moves[stop].kind in ("linear", "circular")
             and self.moves[stop].follows == stop - 1
+            and stop not in self.rejected
         ):
             stop += 1
         rows = np.arange(first, stop)
@@ -172,6 +184,8 @@ class _Simulation:
         if end < len(reached):
             reason = dict(rejections(self.robot, traced))[end]
             self.rejected[first + whole] = f"{reason}, {share[end]:.0%} of the way there"
+            if traced.outcome[end] == Outcome.OUT_OF_REACH:
+                self.out_of_reach.append(first + whole)
             return first + whole + 1
         return stop
 
@@ -191,6 +205,7 @@ class _Simulation:
             postures = np.concatenate([turned(self.robot, q) for q in find_postures(self.model, T)])
         except ReachError:
             self.rejected[i] = "is out of reach, or reached outside the joint limits only"
+            self.out_of_reach.append(i)
             return
         agreeing = postures[_agrees(self.robot, move.end, postures)]
         if not len(agreeing):

@@ -1,7 +1,7 @@
 """Correcting a program: every target becomes the pose at which a nominal controller moves to the joints the true robot needs."""
 
 from collections.abc import Callable, Mapping, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from taskcal.correction.drive_directions import DriveDirections, drive_direction
 from taskcal.correction.error_budget import SOURCES, budget_of
 from taskcal.correction.frame_calibration import FrameCalibration, calibrate_frames
 from taskcal.correction.joint_motion import joint_motion
+from taskcal.correction.mounting import ask_for_base, base_statement, mount
 from taskcal.correction.new_program import compose_new_program
 from taskcal.correction.placement import Placed
 from taskcal.correction.rejections import find_rejections
@@ -72,9 +73,10 @@ def correct(
     cell, bounds, robot = cell or Cell(), bounds or Bounds(), calibration.model.robot
     _require_motion(program)
     progress("the joints of the nominal robot")
-    program = with_spins(program, robot)
+    given, mounted = program, mount(program, cell)
+    program = with_spins(mounted.program, robot)
     moves = program.moves
-    trajectory = simulate_controller(robot, moves)
+    trajectory = simulate_controller(robot, moves, mounted.refused)
     frames, number = _frames(calibration, moves, cell)
     directions = drive_directions(robot, moves, trajectory) if uses_directions(calibration.model) else None
     placed = _placed(calibration, frames, number, directions)
@@ -97,8 +99,8 @@ def correct(
     rejected = {i: why for i, why in rejected.items() if i not in kept}
     waypoints = _waypoints(moves, subdivision, changes, kept | rejected.keys())
     progress("the corrected program")
-    rewritten = _rewrite(program, robot, waypoints, trajectory, into)
-    new_trajectory = simulate_controller(robot, rewritten.program.moves)
+    rewritten = _rewrite(given, program, robot, cell, waypoints, trajectory, into)
+    new_trajectory = simulate_controller(robot, rewritten.program.moves, rewritten.refused)
     motion = joint_motion(robot, rewritten.program.moves, new_trajectory)
     before, after = assess(placed, wanted, trajectory), assess(placed, wanted, new_trajectory, rewritten.origin)
     variances = _variances(frames, number, trajectory, directions)
@@ -120,10 +122,14 @@ def correct(
         joint_change=np.where(written, changes.joint, 0.0),
         rejected=rejected,
         diagnostics=(
+            *ask_for_base(given, cell, trajectory.out_of_reach),
+            *mounted.diagnostics,
             *diagnose_unused_frames(cell, program),
             *diagnose(program, trajectory, new_trajectory, rewritten.origin, subdivision, bounds, motion),
         ),
-        statements=tuple(dict.fromkeys(frame.statement for frame in frames)),
+        statements=tuple(
+            filter(None, (*dict.fromkeys(frame.statement for frame in frames), base_statement(given, cell)))
+        ),
         motion=motion,
     )
 
@@ -146,6 +152,8 @@ class _Rewritten:
     sources: tuple[Source, ...]
     program: Program
     """As read again from its sources."""
+    refused: dict[int, str]
+    """Its motions of which it is not known where they lead."""
     pieces: Int[np.ndarray, " m"]
     """Into how many motions each of the given program became."""
     origin: Sequence[tuple[int, float, float]]
@@ -153,13 +161,24 @@ class _Rewritten:
 
 
 def _rewrite(
+    given: Program,
     program: Program,
     robot: Robot,
+    cell: Cell,
     waypoints: Mapping[int, tuple[Waypoint, ...]],
     trajectory: ControllerTrajectory,
     into: str | Path | None,
 ) -> _Rewritten:
     """Write the corrected files, and read the program from them again.
+
+    Args:
+        given: the program as it was read, whose frames are those of the files.
+        program: with its frames in the robot's base.
+        robot: the robot.
+        cell: where the robot stands, and what its external axes carry.
+        waypoints: what to write, by number of the motion.
+        trajectory: of the controller in the program.
+        into: file of a new program.
 
     Raises:
         TaskcalError: it cannot be written, or reads as another number of motions than were written.
@@ -168,8 +187,8 @@ def _rewrite(
         sources = program.rewrite(robot, waypoints)
         again = program.reread(sources)
     else:
-        first = program.moves[0]
-        sources = (compose_new_program(Path(into), robot, program, waypoints, trajectory),)
+        first = given.moves[0]
+        sources = (compose_new_program(Path(into), robot, _with_frames_of(given, program), waypoints, trajectory),)
         tools = {} if language_of(Path(into)).declares_frames else {"tool": first.tool, "part": first.part}
         again = parse_program(sources, robot=robot, **tools)
     pieces = np.array([len(waypoints[i]) if i in waypoints else 1 for i in range(len(program.moves))], dtype=np.int64)
@@ -178,7 +197,16 @@ def _rewrite(
         raise TaskcalError(
             f"the corrected program reads as {len(again.moves)} motions instead of {len(origin)}; nothing was written"
         )
-    return _Rewritten(sources=sources, program=again, pieces=pieces, origin=origin)
+    mounted = mount(again, cell)
+    return _Rewritten(sources=sources, program=mounted.program, refused=mounted.refused, pieces=pieces, origin=origin)
+
+
+def _with_frames_of(given: Program, program: Program) -> Program:
+    """A program with the frames as they were read, for a new program that counts them as that one did."""
+    moves = tuple(
+        replace(move, tool=read.tool, part=read.part) for move, read in zip(program.moves, given.moves, strict=True)
+    )
+    return replace(program, moves=moves)
 
 
 def _frames(
@@ -267,7 +295,10 @@ def _waypoints(
             waypoints[i] = (Waypoint(kind="axes", q=nodes.q[rows[-1]], T=None),)
             continue
         if move.via is None:
-            waypoints[i] = tuple(Waypoint(kind=move.kind, q=nodes.q[k], T=nodes.T[k]) for k in rows)
+            waypoints[i] = tuple(
+                Waypoint(kind=move.kind, q=nodes.q[k], T=nodes.T[k], external=_external(moves, i, nodes.share[k]))
+                for k in rows
+            )
             continue
         waypoints[i] = tuple(
             Waypoint(
@@ -275,10 +306,23 @@ def _waypoints(
                 q=nodes.q[k],
                 T=nodes.T[k],
                 via=Waypoint(kind="circular", q=nodes.q[k - 1], T=nodes.T[k - 1]),
+                external=_external(moves, i, nodes.share[k]),
             )
             for k in rows[1::2]
         )
     return waypoints
+
+
+def _external(moves: Sequence[Move], i: int, share: float) -> tuple[float, ...]:
+    """Positions of the external axes at a share of a motion's length; empty where they stay, or their start is not known.
+
+    A controller moves them in step with the way of the tool.
+    """
+    follows = moves[i].follows
+    start, end = () if follows is None else moves[follows].external, moves[i].external
+    if share >= 1.0 or start == end or len(start) != len(end):
+        return ()
+    return tuple(b if np.isnan(a) else a + share * (b - a) for a, b in zip(start, end, strict=True))
 
 
 def piece_origins(pieces: Int[np.ndarray, " m"]) -> list[tuple[int, float, float]]:

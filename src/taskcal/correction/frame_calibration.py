@@ -14,6 +14,7 @@ from taskcal.correction.cell import Cell
 from taskcal.correction.fixed_frame import FixedFrame, fixed_frame
 from taskcal.correction.grasped_frame import GraspedFrame, columns_of, grasped_frame
 from taskcal.correction.placement import Placement
+from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.programs.program import Move
@@ -147,6 +148,11 @@ def calibrate_frames(calibration: Calibration, move: Move, cell: Cell) -> FrameC
     tool, part = cell.tool(move.tool.name), cell.part(move.part.name)
     grasped, fixed = (part, tool) if move.part_in_hand else (tool, part)
     stated_grasped, stated_fixed = (move.part, move.tool) if move.part_in_hand else (move.tool, move.part)
+    if stated_fixed.moved and (fixed.in_tracker is not None or fixed.touched is not None):
+        raise TaskcalError(
+            f"{move.place}: '{fixed.name}' was measured with the external axes at zero, and here one is away from it: take tracker "
+            "or touched_deg out of the cell file, or give the axes' positions at zero a program of their own"
+        )
     return FrameCalibration(
         calibration=calibration,
         grasped=grasped_frame(calibration, grasped, stated_grasped.T),

@@ -58,6 +58,9 @@ class Language:
     """Suffixes of files that a new program can be written to."""
     declares_frames: bool
     """Whether a program says its own tools and frames."""
+    base_file: str = ""
+    """The file that says where the robot stands in the world, in which frames are counted; empty where they are counted in
+    the robot's base."""
 
 
 # A language is imported when a file of it is met.
@@ -111,23 +114,25 @@ def _compose_csv(to: Composition) -> Source:
 LANGUAGES = (
     Language(
         name="RAPID",
-        suffixes=(".mod", ".sys", ".prg"),
+        suffixes=(".mod", ".sys", ".prg", ".modx", ".sysx", ".cfg"),
         read=_read_rapid,
         compose=_compose_rapid,
-        composed=(".mod", ".prg"),
+        composed=(".mod", ".prg", ".modx"),
         declares_frames=True,
+        base_file="MOC.cfg",
     ),
     Language(
         name="KRL",
-        suffixes=(".src", ".dat"),
+        suffixes=(".src", ".dat", ".sub"),
         read=_read_krl,
         compose=_compose_krl,
         composed=(".src",),
         declares_frames=True,
+        base_file="$machine.dat",
     ),
     Language(
         name="APT",
-        suffixes=(".apt", ".aptsource", ".cls", ".cl", ".ncl"),
+        suffixes=(".apt", ".aptsource", ".cls", ".clsf", ".cl", ".ncl"),
         read=_read_apt,
         compose=None,
         declares_frames=False,

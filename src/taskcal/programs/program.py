@@ -37,6 +37,8 @@ class Frame:
     """As the program calls it."""
     T: Float[np.ndarray, "4 4"]
     """Its pose: of what the robot holds in the flange, of what stands still in the base; metres."""
+    moved: bool = False
+    """An external axis away from zero has moved it against the robot, or the robot against it."""
 
 
 @short_repr
@@ -81,6 +83,10 @@ class Move:
     place: Place
     turn_speed: float | None = None
     """Programmed speed of the tool's reorientation, radians per second; None where it is not known."""
+    external: tuple[float, ...] = ()
+    """Positions of the external axes at its end as they are written, millimetres or degrees; NaN where none is stated."""
+    carrier: str = ""
+    """What moves the part's frame, whose pose is then the one in what is moved; empty where the frame stands still."""
 
     def flange(self, T: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4"]:
         """Poses of the flange in the base for poses of the tool in the part's frame."""
@@ -106,6 +112,8 @@ class Waypoint:
     """Pose of the tool in the part's frame that is written; None for joint positions."""
     via: "Waypoint | None" = None
     """Via point of an arc."""
+    external: tuple[float, ...] = ()
+    """Positions of the external axes, as in `Move`; empty to leave them as the motion states them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,6 +138,8 @@ class Program(ABC):
     """Those that were resolved, in the order of the text."""
     diagnostics: tuple[Diagnostic, ...]
     """Motions that could not be resolved, and warnings."""
+    T_world_base: Float[np.ndarray, "4 4"] | None = None
+    """Where the program's files say that the robot stands; None where they do not, and the world is taken for its base."""
 
     remarks = FormerName("diagnostics")
 

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from taskcal.programs.krl.lexer import lines_of_words
 from taskcal.programs.krl.parser import parse_operand
-from taskcal.programs.krl.position import axes, check_external, edits_for, pose, pose_values
+from taskcal.programs.krl.position import axes, edits_for, external, pose, pose_values
 from taskcal.programs.krl.syntax import Aggregate
 from taskcal.programs.unresolved import Unresolved
 from taskcal.programs.zyx_angles import rotation
@@ -49,10 +49,10 @@ def test_an_incomplete_position_says_what_is_missing(text, reason):
         pose(aggregate(text))
 
 
-def test_external_axes_away_from_zero_are_refused():
-    check_external(aggregate("{X 1,E1 0.0,E2 0,E3 -0.0}"))
-    with pytest.raises(Unresolved, match=r"E2 is 12\.5: how this external axis moves robot or part is not known"):
-        check_external(aggregate("{X 1,E1 0.0,E2 12.5}"))
+def test_external_axes_are_read_where_they_are_stated():
+    np.testing.assert_equal(external(aggregate("{X 1,E1 0.0,E2 12.5}")), [0.0, 12.5, *[np.nan] * 4])
+    with pytest.raises(Unresolved, match="E2 is 'nPos', which is not a number"):
+        external(aggregate("{X 1,E1 0.0,E2 nPos}"))
 
 
 @given(st.tuples(*[st.floats(-3000, 3000)] * 3), st.tuples(degrees, degrees, degrees), st.floats(-1e-9, 1e-9))

@@ -56,9 +56,9 @@ def test_speeds_and_stops():
     assert "the zone of a motion is not known, which is taken as a stop: 'zMine'" in reasons(program)[0]
 
 
-def test_external_axes_are_pointed_out_once():
-    body = "MoveL [[0,0,0],[1,0,0,0],[0,0,0,0],[100,9E9,9E9,9E9,9E9,9E9]],v5,fine,tool0;\nMoveL p1,v5,fine,tool0;"
+def test_external_axes_are_read_where_there_are_some():
+    body = "MoveL [[0,0,0],[1,0,0,0],[0,0,0,0],[100,9E9,-3.5,9E9,9E9,9E9]],v5,fine,tool0;\nMoveL p1,v5,fine,tool0;"
     program = read_rapid([module(body, POINTS)])
-    assert len(program.moves) == 2
-    assert len(program.diagnostics) == 1
-    assert "external axes are in use" in reasons(program)[0]
+    np.testing.assert_equal(program.moves[0].external, [100.0, np.nan, -3.5, np.nan, np.nan, np.nan])
+    assert np.isnan(program.moves[1].external).all()
+    assert not program.diagnostics

@@ -4,6 +4,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.programs.krl.position import pose
 from taskcal.programs.krl.syntax import (
     Aggregate,
     Assignment,
@@ -104,6 +108,26 @@ class Data:
                 for name in names:
                     out.setdefault(name, []).append((file.module, file.source.place(line.start)))
         return out
+
+    @cached_property
+    def robroot(self) -> Float[np.ndarray, "4 4"] | None:
+        """Where the robot stands in the world: $ROBROOT of $machine.dat, or as code sets it once; None where neither says it.
+
+        Raises:
+            Unresolved: code sets it in several ways, or to something that is no frame.
+        """
+        if "$ROBROOT" not in self._changed:
+            return pose(self._shared["$ROBROOT"].aggregate) if "$ROBROOT" in self._shared else None
+        lines = [
+            line
+            for file in self.files
+            for line in file.statements
+            if not file.holds_data and isinstance(line, Assignment) and line.variable == "$ROBROOT"
+        ]
+        aggregate = _aggregate(lines[0].value) if len(lines) == 1 and lines[0].name == "$ROBROOT" else None
+        if aggregate is None:
+            raise Unresolved(f"$ROBROOT is changed by the program, at {self._changed['$ROBROOT'][0][1]}")
+        return pose(aggregate)
 
     def find(self, name: str, module: str) -> Datum:
         """The variable that a name means in a module.

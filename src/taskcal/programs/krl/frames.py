@@ -34,6 +34,8 @@ class Held:
     table: Table = "own"
     reason: str = ""
     """Why it does not tell."""
+    carrier: str = ""
+    """What moves it; empty where it stands still."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,11 +139,12 @@ class Frames:
 
     @property
     def robroot(self) -> Float[np.ndarray, "4 4"]:
-        """Pose of the robot in the world, of $machine.dat; the world's origin where that is not given."""
-        try:
-            return pose(self.data.find("$ROBROOT", self.module).aggregate)
-        except Unresolved:
-            return np.eye(4)
+        """Pose of the robot in the world, of $machine.dat; the world's origin where no file says it.
+
+        Raises:
+            Unresolved: the program changes it.
+        """
+        return np.eye(4) if self.data.robroot is None else self.data.robroot
 
     def numbered(self, table: Literal["tool", "base"], number: float | None) -> Held:
         """An element of TOOL_DATA or BASE_DATA; the zero frame for number 0."""
@@ -227,7 +230,9 @@ class Frames:
             case "#BASE":
                 return replace(state, base=self.numbered("base", number))
             case "#EX_BASE":
-                return replace(state, base=Held(frame=None, reason="BAS(#EX_BASE) sets a base that moves"))
+                return replace(
+                    state, base=replace(self.numbered("base", number), carrier="an external kinematic system")
+                )
             case "#INITMOV":
                 reset = state.forgotten("BAS(#INITMOV) resets tool and base before it", EVERYTHING - {"motion"})
                 return replace(reset, fixed_tool=False)
@@ -279,7 +284,9 @@ class Frames:
         if state.fixed_tool is None:
             raise Unresolved("whether the robot holds tool or part ($IPO_MODE) is not stated before it")
         if not state.fixed_tool:
-            return tool.frame, self._standing(base.frame)
+            return tool.frame, base.frame if base.carrier else self._standing(base.frame)
+        if base.carrier or tool.carrier:
+            raise Unresolved("$IPO_MODE is #TCP, and the base is one that moves")
         # With #TCP the part hangs on the flange; its frame is one of TOOL_DATA, the fixed tool one of BASE_DATA, whichever of
         # the two variables holds it: bas.src and hand-written programs differ in that
         if {tool.table, base.table} <= {"tool", "base", "null"} and tool.table != base.table:

@@ -1,6 +1,7 @@
 """Positions in KRL: X Y Z in millimetres, A B C or A1 … A6 in degrees, S and T; from text to numbers and back."""
 
 from collections.abc import Mapping
+from math import nan
 
 import numpy as np
 from jaxtyping import Float
@@ -17,7 +18,7 @@ AXES = ("A1", "A2", "A3", "A4", "A5", "A6")
 EXTERNAL = ("E1", "E2", "E3", "E4", "E5", "E6")
 
 # KRL's REAL is a 32-bit float: nine digits in all, so 0.1 µm within metres and 1e-6° within a turn.
-DECIMALS = {**dict.fromkeys("XYZ", 5), **dict.fromkeys("ABC", 6), **dict.fromkeys(AXES, 6)}
+DECIMALS = {**dict.fromkeys("XYZ", 5), **dict.fromkeys("ABC", 6), **dict.fromkeys((*AXES, *EXTERNAL), 6)}
 
 
 def has_pose(aggregate: Aggregate) -> bool:
@@ -66,16 +67,19 @@ def whole(aggregate: Aggregate, name: str) -> int | None:
     return int(value) if value is not None and 0 <= value < 2**31 and value == int(value) else None
 
 
-def check_external(aggregate: Aggregate) -> None:
-    """Refuse positions that move external axes.
+def external(aggregate: Aggregate) -> tuple[float, ...]:
+    """Positions of the external axes, millimetres or degrees; NaN where none is stated.
 
     Raises:
-        Unresolved: one is not at zero; it may carry the robot or the part.
+        Unresolved: one is not a number.
     """
+    out: list[float] = []
     for name in EXTERNAL:
         axis = aggregate.field(name)
-        if axis is not None and axis.value != 0.0:
-            raise Unresolved(f"{name} is {axis.text}: how this external axis moves robot or part is not known")
+        if axis is not None and axis.value is None:
+            raise Unresolved(f"{name} is '{axis.text}', which is not a number")
+        out.append(nan if axis is None or axis.value is None else axis.value)
+    return tuple(out)
 
 
 def pose_values(T: Float[np.ndarray, "4 4"], near: Aggregate | None = None) -> dict[str, float]:

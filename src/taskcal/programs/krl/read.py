@@ -14,6 +14,7 @@ from taskcal.programs.krl.routines import altering, callers_first, callers_of, r
 from taskcal.programs.krl.syntax import Begin
 from taskcal.programs.program import Diagnostic, Frame, Program, Waypoint
 from taskcal.programs.source import Source
+from taskcal.programs.unresolved import Unresolved
 from taskcal.robot.robot import Robot
 
 
@@ -89,7 +90,7 @@ class _Reading:
                 walk = Walk(findings=self.findings, routine=routine, frames=frames, alters=alters, called_at=called_at)
                 walk.run(replace(entry, last=None))
         self._warn()
-        return self._ordered()
+        return self._ordered(data)
 
     def _warn(self) -> None:
         """Say where the controller may correct its geometry by itself."""
@@ -102,8 +103,12 @@ class _Reading:
                         "the controller's own absolute accuracy may be on; a corrected program would then correct twice",
                     )
 
-    def _ordered(self) -> KrlProgram:
+    def _ordered(self, data: Data) -> KrlProgram:
         """Moves in the order of the text."""
+        try:
+            T_world_base = data.robroot
+        except Unresolved:  # the motions to poses say so
+            T_world_base = None
         motions = sorted(self.findings.found, key=lambda f: (f.site.file.number, f.site.motion.start))
         number = {f.number: i for i, f in enumerate(motions)}
         return KrlProgram(
@@ -116,4 +121,5 @@ class _Reading:
                 for file, position, text in sorted(set(self.findings.diagnostics))
             ),
             sites=tuple(f.site for f in motions),
+            T_world_base=T_world_base,
         )

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from taskcal.programs.krl.data import Datum, File
 from taskcal.programs.krl.frames import NULL, Frames, State, merged
 from taskcal.programs.krl.parser import BLOCKS
-from taskcal.programs.krl.position import axes, check_external, has_axes, has_pose, pose, whole
+from taskcal.programs.krl.position import axes, external, has_axes, has_pose, pose, whole
 from taskcal.programs.krl.rewrite import Site, Written
 from taskcal.programs.krl.routines import Routine, altered_by
 from taskcal.programs.krl.status import ACCURATE_BIT, Status
@@ -188,6 +188,8 @@ class Walk:
             follows=state.last,
             routine=self.routine.name,
             place=self.routine.file.source.place(line.start),
+            external=external(written[-1].aggregates[0]),
+            carrier=state.base.carrier,
         )
         return move, Site(file=self.routine.file, motion=line, written=written)
 
@@ -200,8 +202,6 @@ class Walk:
         aggregates = tuple(
             part if isinstance(part, Aggregate) else self._datum(part).aggregate for part in operand.parts
         )
-        for aggregate in aggregates:
-            check_external(aggregate)
         return Written(operand=operand, aggregates=aggregates, datum=datum, file=self.routine.file)
 
     def _datum(self, reference: Reference) -> Datum:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isnan
 
 from taskcal.programs.fresh_names import FreshNames
 from taskcal.programs.krl.data import Datum, File
@@ -166,11 +167,17 @@ class _Rewriting:
         first = written.aggregates[0]
         values = self._values(written, waypoint)
         names = [name for name in values if name not in ("S", "T")]
+        beside = {name: value for name, value in zip(EXTERNAL, waypoint.external, strict=False) if not isnan(value)}
+        values |= {name: value for name, value in beside.items() if first.field(name)}
         if all(first.field(name) for name in names) and all(part.value is not None for part in first.fields):
             return _applied(written.template, edits_for(first, values), first.start)
         parts = [f"{name} {numeral(values[name], 5 if name in 'XYZ' else 6)}" for name in names]
         parts += [f"{name} {int(values[name])}" for name in ("S", "T") if name in values]
-        parts += [f"{name} {component.text}" for name in EXTERNAL if (component := first.field(name))]
+        parts += [
+            f"{name} {numeral(values[name], 6) if name in values else component.text}"
+            for name in EXTERNAL
+            if (component := first.field(name))
+        ]
         return f"{{{'E6AXIS' if waypoint.T is None else 'E6POS'}: {','.join(parts)}}}"
 
     def variables(self) -> None:

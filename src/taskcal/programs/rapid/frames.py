@@ -1,7 +1,7 @@
 """Tools and work objects: from tooldata and wobjdata to frames."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -26,6 +26,14 @@ class Frames:
     tool: Frame
     part: Frame
     part_in_hand: bool
+    carrier: str = ""
+    """Mechanical unit that moves the work object; empty where it stands still."""
+
+    def on(self, T_world_base: Float[np.ndarray, "4 4"]) -> "Frames":
+        """What stands still counted in the robot's base instead of the world, which RAPID counts in."""
+        if self.part_in_hand:
+            return replace(self, tool=_seen_from(T_world_base, self.tool))
+        return self if self.carrier else replace(self, part=_seen_from(T_world_base, self.part))
 
 
 def numbers(value: Value, count: int, what: str) -> tuple[float, ...]:
@@ -85,24 +93,31 @@ def frames_of(tool: tuple[str, Value], work_object: tuple[str, Value]) -> Frames
     """The frames of a motion, from names and values of its tooldata and wobjdata.
 
     Raises:
-        Unresolved: they are incomplete, contradict each other, or the work object moves.
+        Unresolved: they are incomplete, or contradict each other.
     """
     tool_name, wobj_name = tool[0], work_object[0]
     tool_held, tframe, _ = parts(tool[1], 3, f"the tool '{tool_name}'")
-    wobj_held, fixed, _, uframe, oframe = parts(work_object[1], 5, f"the work object '{wobj_name}'")
+    wobj_held, fixed, unit, uframe, oframe = parts(work_object[1], 5, f"the work object '{wobj_name}'")
     if not isinstance(tool_held, bool) or not isinstance(wobj_held, bool) or not isinstance(fixed, bool):
         raise Unresolved(f"the tool '{tool_name}' or the work object '{wobj_name}' does not say what the robot holds")
-    if not fixed:
-        raise Unresolved(f"the work object '{wobj_name}' is moved by another mechanical unit (ufprog is FALSE)")
+    if not fixed and not (isinstance(unit, str) and unit):
+        raise Unresolved(f"the work object '{wobj_name}' is moved (ufprog is FALSE), and no mechanical unit is named")
     if tool_held == wobj_held:
         what = "both held by the robot" if tool_held else "neither held by the robot"
         raise Unresolved(f"the tool '{tool_name}' and the work object '{wobj_name}' are {what}")
-    user, inner = _pose(uframe, f"'{wobj_name}'"), _pose(oframe, f"'{wobj_name}'")
+    # the user frame of a work object that moves is that of the mechanical unit, whatever uframe says (wobjdata)
+    user = _pose(uframe, f"'{wobj_name}'") if fixed else np.eye(4)
+    inner = _pose(oframe, f"'{wobj_name}'")
     return Frames(
         tool=Frame(name=tool_name, T=_pose(tframe, f"'{tool_name}'")),
         part=Frame(name=wobj_name, T=user @ inner),
         part_in_hand=wobj_held,
+        carrier="" if fixed else str(unit),
     )
+
+
+def _seen_from(T_world_base: Float[np.ndarray, "4 4"], frame: Frame) -> Frame:
+    return Frame(name=frame.name, T=se3.inverse(T_world_base) @ frame.T)
 
 
 def _pose(value: Value, what: str) -> Float[np.ndarray, "4 4"]:

@@ -1,5 +1,7 @@
 """The numbers of a rewritten target, as text."""
 
+from itertools import zip_longest
+
 import numpy as np
 
 from taskcal.programs.program import Waypoint
@@ -56,7 +58,7 @@ def fresh_text(type_: TargetType, waypoint: Waypoint, robot: Robot, like: Target
     """An aggregate for a waypoint, with the external axes of a target."""
     if type_ == "jointtarget":
         numbers = [real(float(v), DEG_DECIMALS) for v in np.degrees(waypoint.q)]
-        return _aggregate([numbers, external_texts(like)])
+        return _aggregate([numbers, external_texts(like, waypoint.external)])
     pose = _pose(waypoint)
     stated = like.meant[3:] if like.type == "robtarget" else None
     sign = 1.0 if stated is None or np.dot(pose[3:], stated[:4]) >= 0.0 else -1.0
@@ -66,7 +68,7 @@ def fresh_text(type_: TargetType, waypoint: Waypoint, robot: Robot, like: Target
             [real(v, MM_DECIMALS) for v in pose[:3]],
             list(quaternion_texts(tuple(sign * v for v in pose[3:]))),
             [str(v) for v in (cf.cf1, cf.cf4, cf.cf6, cf.cfx)],
-            external_texts(like),
+            external_texts(like, waypoint.external),
         ]
     )
 
@@ -91,12 +93,17 @@ def meant_text(target: TargetArgument, texts: Texts) -> str:
     return _aggregate([*([next(numbers) for _ in range(count)] for count in groups), external_texts(target)])
 
 
-def external_texts(target: TargetArgument) -> list[str]:
-    """The positions of external axes as they are written, or as they would be."""
+def external_texts(target: TargetArgument, positions: tuple[float, ...] = ()) -> list[str]:
+    """The positions of external axes as they are written, or as they would be; or others, where these are numbers."""
     if target.literal is None:
-        return [real(v, MM_DECIMALS) for v in target.external]
-    text = target.file.source.text
-    return [text[leaf.start : leaf.end] for leaf in leaves(target.literal)[-6:]]
+        written = [real(v, MM_DECIMALS) for v in target.external]
+    else:
+        text = target.file.source.text
+        written = [text[leaf.start : leaf.end] for leaf in leaves(target.literal)[-6:]]
+    return [
+        own if new is None or np.isnan(new) or new == old else real(new, MM_DECIMALS)
+        for own, old, new in zip_longest(written, target.external, positions)
+    ]
 
 
 def _aggregate(groups: list[list[str]]) -> str:

@@ -1,11 +1,12 @@
 """From the files of a RAPID program to its motions."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 from taskcal.errors import FileError
 from taskcal.programs.program import Diagnostic, Program, Waypoint
+from taskcal.programs.rapid.base_frame import SUFFIX, base_frame
 from taskcal.programs.rapid.flow import follow_routine, gets_target, is_motion, nested
 from taskcal.programs.rapid.lexer import Token
 from taskcal.programs.rapid.names import Context, File, Scope, Symbol, contexts
@@ -58,13 +59,21 @@ def read_rapid(sources: Sequence[Source]) -> RapidProgram:
     """
     diagnostics: list[Diagnostic] = []
     files: list[File] = []
+    parameters = [source for source in sources if source.path.suffix.lower() == SUFFIX]
+    if len(parameters) > 1:
+        raise FileError(parameters[1].path, f"is motion parameters as {parameters[0].path} is; pass one MOC.cfg")
+    if len(parameters) == len(sources):
+        raise FileError(parameters[0].path, "holds motion parameters only; pass the modules with the motions, too")
+    T_world_base = base_frame(parameters[0]) if parameters else None
     for source in sources:
+        if source in parameters:
+            continue
         modules, problems = _parsed(source)
         files.append(File(source=source, modules=modules))
         diagnostics += [Diagnostic(place=source.place(p.position), text=p.text) for p in problems]
     everywhere = tuple(contexts(files))
     values = Values(assigned=assigned(everywhere))
-    settings = _settings(everywhere, values)
+    settings = replace(_settings(everywhere, values), T_world_base=T_world_base)
     motions: list[Motion] = []
     for context in everywhere:
         follow_routine(context, _Resolver(context, settings, motions, diagnostics))
@@ -75,7 +84,7 @@ def read_rapid(sources: Sequence[Source]) -> RapidProgram:
     diagnostics.sort(key=lambda diagnostic: (order[diagnostic.place.path], diagnostic.place.line))
     return RapidProgram(
         sources=tuple(sources), moves=tuple(motion.move for motion in motions), diagnostics=tuple(diagnostics),
-        motions=tuple(motions), uses=uses(everywhere, values),
+        motions=tuple(motions), uses=uses(everywhere, values), T_world_base=T_world_base,
     )  # fmt: skip
 
 
@@ -84,7 +93,7 @@ def _parsed(source: Source) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:
         raise FileError(source.path, "is a binary file; give a RAPID module as text")
     modules, problems = parse(source.text)
     if not modules:
-        raise FileError(source.path, "has no MODULE; give a RAPID module (.mod, .sys or .prg)")
+        raise FileError(source.path, "has no MODULE; give a RAPID module (.mod, .sys, .prg, .modx or .sysx)")
     return modules, problems
 
 

@@ -4,6 +4,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+from jaxtyping import Float
+
 from taskcal.programs.program import Move, MoveKind
 from taskcal.programs.rapid.frames import Frames, frames_of
 from taskcal.programs.rapid.names import File, Scope
@@ -17,6 +20,9 @@ KINDS: Mapping[str, MoveKind] = {"movej": "joint", "movel": "linear", "movec": "
 """The motions that are resolved, by the keys of their names."""
 
 NAMES: Mapping[MoveKind, str] = {"joint": "MoveJ", "linear": "MoveL", "circular": "MoveC", "axes": "MoveAbsJ"}
+
+NO_AXIS = 1e8
+"""Positions of external axes beyond this, usually 9E9, are of axes that are not there."""
 
 _ACCEPTED_OPTIONS = frozenset({"conc", "v", "z", "inpos", "wobj", "tload", "noeoffs"})
 _REJECTED_OPTIONS = {
@@ -72,6 +78,10 @@ class Settings:
     """Kinds of motion for which the controller is told to take the nearest posture (ConfJ and ConfL)."""
     shift: str
     """Why poses may be shifted; empty if they are not."""
+    T_world_base: Float[np.ndarray, "4 4"] | None = None
+    """Where the robot stands; None where it stands in the world's origin, as far as the files tell."""
+    frames: dict[Frames, Frames] = field(default_factory=dict[Frames, Frames])
+    """Frames as the program states them, and counted in the robot's base: made once, so that one frame is one object."""
     notes: dict[str, tuple[File, int]] = field(default_factory=dict[str, tuple[File, int]])
     """Warnings that came up, each with the file and character where it did first."""
 
@@ -114,13 +124,10 @@ def resolve(
     where = layout(instruction)
     if kind != "axes" and settings.shift:
         raise Unresolved(settings.shift)
-    frames = _frames(where, scope, file, values)
+    frames = _in_base(_frames(where, scope, file, values), settings)
     type_ = "jointtarget" if kind == "axes" else "robtarget"
     end = resolve_target(where.to, type_, scope, values, file)
     via = resolve_target(where.via, type_, scope, values, file) if where.via else None
-    if any(abs(axis) < 1e8 for axis in end.external):
-        note = "external axes are in use; motions are taken as if they carried neither the robot nor the part"
-        settings.notes.setdefault(note, (file, instruction.start))
     # where the motion before is not known, the configuration is the best there is even if the controller does not check it
     counts = kind not in settings.postures_off or follows is None
     move = Move(
@@ -128,9 +135,18 @@ def resolve(
         part_in_hand=frames.part_in_hand, speed=_speed(where, scope, values),
         turn_speed=_turn_speed(where, scope, values),
         stops=_stops(where, scope, file, settings), follows=follows, routine=routine,
-        place=file.source.place(instruction.start),
+        place=file.source.place(instruction.start), carrier=frames.carrier,
+        external=tuple(axis if abs(axis) < NO_AXIS else math.nan for axis in end.external),
     )  # fmt: skip
     return Motion(move=move, file=file, instruction=instruction, layout=where, end=end, via=via)
+
+
+def _in_base(frames: Frames, settings: Settings) -> Frames:
+    if settings.T_world_base is None:
+        return frames
+    if frames not in settings.frames:
+        settings.frames[frames] = frames.on(settings.T_world_base)
+    return settings.frames[frames]
 
 
 def _frames(where: Layout, scope: Scope, file: File, values: Values) -> Frames:
