@@ -28,16 +28,7 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
     """
     expect_kinds({"calibration": Calibration, "campaign": Campaign}, calibration=calibration, campaign=campaign)
     if reregister:
-        registration = register(
-            calibration.model, campaign, poses=calibration.tool_in_base(campaign.q, campaign.conditions)
-        )
-        check_plausible(registration, calibration.model, campaign)
-        calibration = replace(
-            calibration,
-            T_tracker_base=registration.T_tracker_base,
-            T_tool_target=registration.T_tool_target,
-            layout=replace(calibration.layout, targets=campaign.targets),
-        )
+        calibration = reregister_frames(calibration, campaign)
     residual = calibration.residuals_on(campaign)
     if not campaign.valid.any():
         raise CampaignError("the campaign has no measured point to compare with: every beam was lost")
@@ -50,3 +41,21 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
         "refit them (reregister); else it is another robot"
     )
     return replace(validation, remarks=(remark,))
+
+
+def reregister_frames(calibration: Calibration, campaign: Campaign) -> Calibration:
+    """The calibration with tracker frame and targets refitted to a campaign; its covariance stays that of the old ones.
+
+    Raises:
+        CampaignError: too few rows, or joints and points that do not belong together.
+    """
+    registration = register(
+        calibration.model, campaign, poses=calibration.tool_in_base(campaign.q, campaign.conditions)
+    )
+    check_plausible(registration, calibration.model, campaign)
+    return replace(
+        calibration,
+        T_tracker_base=registration.T_tracker_base,
+        T_tool_target=registration.T_tool_target,
+        layout=replace(calibration.layout, targets=campaign.targets),
+    )

@@ -15,12 +15,58 @@ from tests.cli.conftest import IRB6660, Run
 KEYS = ["mean_mm", "rms_mm", "p95_mm", "max_mm", "max_x_mm", "max_y_mm", "max_z_mm", "n"]
 
 
+MORE = ["inside_share", "rotation_inside_share", "outliers", "rows", "acceptance"]
+
+
 def test_json_has_exactly_these_keys(run: Run, cell: Path) -> None:
     ended = run("validate", cell / "cal.json", cell / "one.csv", "--json")
     assert (ended.status, ended.err) == (0, "")
-    assert list(ended.json) == KEYS
+    assert list(ended.json) == [*KEYS, *MORE]
     assert ended.json["n"] == 60
     assert ended.json["max_mm"] < 0.1
+    assert [row["row"] for row in ended.json["rows"]] == list(range(60))
+    assert [row["line"] for row in ended.json["rows"]] == list(range(2, 62))
+    assert max(row["error_mm"] for row in ended.json["rows"]) == ended.json["max_mm"]
+    assert ended.json["inside_share"] > 0.9
+    assert (ended.json["outliers"], ended.json["acceptance"]) == ([], None)
+
+
+@pytest.mark.parametrize(("limit", "status", "decision"), [(0.5, 0, "pass"), (0.001, 1, "fail")])
+def test_a_limit_is_kept_or_not_and_the_exit_status_says_so(
+    run: Run, cell: Path, limit: float, status: int, decision: str
+) -> None:
+    ended = run("validate", cell / "cal.json", cell / "one.csv", "--accept", limit, "--json")
+    assert (ended.status, ended.json["acceptance"]["decision"]) == (status, decision)
+    assert ended.json["acceptance"]["value_mm"] == ended.json["max_mm"]
+    read = run("validate", cell / "cal.json", cell / "one.csv", "--accept", limit, "--accept-of", "mean")
+    assert read.status == status
+    assert decision.upper() in read.out
+    assert "JCGM 106" in read.out
+
+
+def test_a_limit_that_is_none_is_wrong_usage(run: Run, cell: Path) -> None:
+    for limit in ("0", "-1", "nan"):
+        assert run("validate", cell / "cal.json", cell / "one.csv", "--accept", limit).status == 2
+
+
+def test_the_worst_rows_are_listed_or_all(run: Run, cell: Path) -> None:
+    out = run("validate", cell / "cal.json", cell / "one.csv").out
+    assert "The 10 worst of 60 points" in out
+    every = run("validate", cell / "cal.json", cell / "one.csv", "--all-rows").out
+    assert len([line for line in every.splitlines() if " tool " in line]) == 60
+
+
+def test_a_point_that_is_wrong_is_named(run: Run, cell: Path, tmp_path: Path) -> None:
+    lines = (cell / "one.csv").read_text().splitlines()
+    cells = lines[8].split(",")
+    cells[-3] = str(float(cells[-3]) + 0.4)
+    lines[8] = ",".join(cells)
+    (tmp_path / "bad.csv").write_text("\n".join(lines))
+    ended = run("validate", cell / "cal.json", tmp_path / "bad.csv", "--json")
+    assert [(o["row"], o["line"], o["id"]) for o in ended.json["outliers"]] == [(7, 9, "7")]
+    text = run("validate", cell / "cal.json", tmp_path / "bad.csv").out
+    assert "Outliers" in text
+    assert "1 too far off for chance" in " ".join(text.split())
 
 
 def test_the_table_for_people(run: Run, cell: Path) -> None:
@@ -38,13 +84,17 @@ def test_a_moved_tracker_needs_a_new_registration(run: Run, cell: Path, tmp_path
     write_campaign(tmp_path / "moved.csv", replace(campaign, points=moved), robot)
     assert run("validate", cell / "cal.json", tmp_path / "moved.csv", "--json").json["mean_mm"] > 100
     assert run("validate", cell / "cal.json", tmp_path / "moved.csv", "--reregister", "--json").json["max_mm"] < 0.1
+    refitted = run("validate", cell / "cal.json", tmp_path / "moved.csv", "--reregister")
+    assert "not judged: tracker frame and targets were refitted" in " ".join(refitted.out.split())
 
 
 def test_poses_bring_rotations(run: Run, cell: Path, tmp_path: Path) -> None:
     assert run("identify", "--robot", IRB6660, cell / "poses.csv", "-o", tmp_path / "cal.json").status == 0
     result = run("validate", tmp_path / "cal.json", cell / "poses.csv", "--rows", "0:10", "--json").json
-    assert list(result) == [*KEYS, "mean_mrad", "max_mrad"]
+    assert list(result) == [*KEYS, "mean_mrad", "max_mrad", *MORE]
     assert result["n"] == 10
+    assert result["rotation_inside_share"] >= 0.7
+    assert max(row["error_mrad"] for row in result["rows"]) == result["max_mrad"]
 
 
 def test_other_targets_are_left_out_with_a_note(run: Run, cell: Path, tmp_path: Path) -> None:

@@ -1,17 +1,65 @@
 """``taskcal validate``: how well a calibration predicts another campaign."""
 
+from dataclasses import dataclass
+from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from taskcal.cli.campaign_options import CampaignOptions
 from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import CalibrationArgument, CampaignArgument, JsonOption
-from taskcal.cli.output import info, write_json
+from taskcal.cli.options import CalibrationArgument, CampaignArgument, JsonOption, check_above_zero
+from taskcal.cli.output import info, show, show_facts, write_json
 
 if TYPE_CHECKING:
+    from taskcal.identification.acceptance import Acceptance
     from taskcal.identification.calibration import Calibration
+    from taskcal.identification.examination import Examination
     from taskcal.measurement.campaign import Campaign
+
+WORST = 10
+"""Points that are listed."""
+
+
+class StatisticChoice(StrEnum):
+    """What of the errors is held against the limit."""
+
+    max = "max"
+    p95 = "p95"
+    rms = "rms"
+    mean = "mean"
+
+
+@dataclass(frozen=True, kw_only=True)
+class AcceptanceOptions:
+    """Whether and how a decision is made.
+
+    Raises:
+        typer.BadParameter: the limit is not above zero.
+    """
+
+    accept: Annotated[
+        float | None,
+        typer.Option(
+            "--accept",
+            metavar="MM",
+            help="Pass or fail by this limit, with a guard band from the tracker's uncertainty (JCGM 106); exit status 1 for fail.",
+        ),
+    ] = None
+    accept_of: Annotated[
+        StatisticChoice, typer.Option("--accept-of", help="What of the errors is held against the limit.")
+    ] = StatisticChoice.max
+
+    def __post_init__(self) -> None:
+        check_above_zero(self.accept, "--accept")
+
+    def decide(self, examination: "Examination") -> "Acceptance | None":
+        """The decision; None where no limit was given."""
+        if self.accept is None:
+            return None
+        from taskcal.identification.acceptance import accept
+
+        return accept(examination, self.accept * 1e-3, self.accept_of.value)
 
 
 @grouped
@@ -24,28 +72,53 @@ def command(
             "--reregister", help="Refit tracker frame and targets to this campaign, with the robot's geometry frozen."
         ),
     ] = False,
+    all_rows: Annotated[bool, typer.Option("--all-rows", help="List every point, not the worst alone.")] = False,
     *,
+    acceptance: AcceptanceOptions,
     reading: CampaignOptions,
     as_json: JsonOption = False,
 ) -> None:
-    """Compare a campaign with a calibration's predictions."""
-    from taskcal.cli.errors_table import show_errors
+    """Compare a campaign with a calibration's predictions, and decide whether it keeps a limit."""
     from taskcal.identification.calibration_file import load_calibration
-    from taskcal.identification.validation import validate
+    from taskcal.identification.examination import examine
 
     calibrated = load_calibration(calibration)
     measured = reading.read(campaign, calibrated.model.robot).campaign
     if reading.targets is None and not reregister:
         measured = _shared_targets(measured, calibrated)
-    validation = validate(calibrated, measured, reregister=reregister)
-    for remark in validation.remarks:
+    examination = examine(calibrated, measured, reregister=reregister)
+    for remark in examination.validation.remarks:
         info(remark)
-    result = validation.summary()
+    decision = acceptance.decide(examination)
     if as_json:
-        write_json(result)
+        write_json({**examination.summary(), "acceptance": None if decision is None else decision.summary()})
     else:
         frames = "tracker frame and targets refitted" if reregister else "frames of the calibration"
-        show_errors(f"Position error of {calibrated.model.robot.name} on {campaign} ({frames})", {"predicted": result})
+        title = f"Position error of {calibrated.model.robot.name} on {campaign} ({frames})"
+        _show(title, examination, decision, all_rows=all_rows)
+    if decision is not None and not decision.accepted:
+        raise typer.Exit(1)
+
+
+def _show(title: str, examination: "Examination", decision: "Acceptance | None", *, all_rows: bool) -> None:
+    from taskcal.cli.errors_table import show_errors
+    from taskcal.presentation.examination_tables import (
+        describe_decision,
+        describe_regions,
+        describe_rule,
+        tabulate_examined_outliers,
+        tabulate_points,
+    )
+
+    show_errors(title, {"predicted": examination.validation.summary()})
+    show(tabulate_points(examination, None if all_rows else WORST))
+    if examination.outliers:
+        show(tabulate_examined_outliers(examination))
+    outliers = f"{len(examination.outliers)} too far off for chance" if examination.outliers else "none"
+    facts = [("stated regions", describe_regions(examination)), ("outliers", outliers)]
+    if decision is not None:
+        facts += [("decision", describe_decision(decision)), ("decision rule", describe_rule(decision))]
+    show_facts(facts)
 
 
 def _shared_targets(measured: "Campaign", calibration: "Calibration") -> "Campaign":

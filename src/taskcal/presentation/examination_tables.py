@@ -1,0 +1,91 @@
+"""What an examination says, for the terminal."""
+
+from taskcal.identification.acceptance import GUARD, Acceptance
+from taskcal.identification.examination import Examination
+from taskcal.presentation.content import Table
+
+STATISTIC = {"max": "the largest error", "p95": "the 95th percentile", "rms": "the rms error", "mean": "the mean error"}
+
+
+def tabulate_points(examination: Examination, count: int | None) -> Table:
+    """The worst points, or all of them in the order of the campaign.
+
+    Args:
+        examination: the points.
+        count: how many of the worst; None for all.
+    """
+    everything = examination.points()
+    numbers = range(len(everything)) if count is None else examination.worst_first[:count]
+    poses, stated = examination.validation.rotations is not None, examination.studentised is not None
+    rows = [
+        (
+            str(point["row"]),
+            "–" if point["line"] is None else str(point["line"]),
+            point["id"],
+            point["target"],
+            f"{point['error_mm']:.4f}",
+            *(f"{point[axis]:+.4f}" for axis in ("x_mm", "y_mm", "z_mm")),
+            *([f"{point['error_mrad']:.4f}"] if poses else []),
+            *([f"{point['studentised']:.1f}", "yes" if point["inside"] else "no"] if stated else []),
+        )
+        for point in (everything[k] for k in numbers)
+    ]
+    header = ("row", "line", "id", "target", "error mm", "x mm", "y mm", "z mm")
+    header += ("error mrad",) if poses else ()
+    header += ("over its 1σ", "in its region") if stated else ()
+    title = "All points" if count is None else f"The {len(rows)} worst of {len(everything)} points"
+    note = "Rows of the campaign, counted from 0, and lines of its file, counted from 1; x, y and z along the robot's base."
+    return Table.of_rows(title, header, rows, text_columns=(2, 3), note=note)
+
+
+def tabulate_examined_outliers(examination: Examination) -> Table:
+    """Points too far off for chance."""
+    return Table.of_rows(
+        "Outliers, too far off what was stated for chance: measure again",
+        ("row", "line", "id", "target", "error mm", "over its 1σ"),
+        [
+            (
+                str(outlier.row),
+                "–" if outlier.line is None else str(outlier.line),
+                outlier.id,
+                outlier.target,
+                f"{outlier.residual * 1e3:.4f}",
+                f"{outlier.studentised:.1f}",
+            )
+            for outlier in examination.outliers
+        ],
+        text_columns=(2, 3),
+    )
+
+
+def describe_regions(examination: Examination) -> str:
+    """How many points lie where the calibration said they would."""
+    if examination.inside is None:
+        return "not judged: tracker frame and targets were refitted, and the regions were stated with those of the calibration"
+    inside, n = int(examination.inside.sum()), len(examination.inside)
+    text = f"{inside} of {n} points ({100 * inside / n:.1f} %) lie in the 95 % region that is stated for them"
+    if examination.rotation_inside is not None:
+        text += f", {100 * examination.rotation_inside.mean():.1f} % of the rotations"
+    return text
+
+
+def describe_rule(acceptance: Acceptance) -> str:
+    """The decision rule."""
+    return (
+        f"accepted where {STATISTIC[acceptance.of]} and a guard band of {GUARD} standard uncertainties of the measurement stay "
+        "within the limit (JCGM 106, guarded acceptance): at most 5 % risk of accepting what is beyond it"
+    )
+
+
+def describe_decision(acceptance: Acceptance) -> str:
+    """Pass or fail, and by how much."""
+    limit, value = f"{acceptance.limit * 1e3:.4g} mm", f"{acceptance.value * 1e3:.4f} mm"
+    guard = f"{(acceptance.most - acceptance.value) * 1e3:.4f} mm"
+    return {
+        "pass": f"PASS: {STATISTIC[acceptance.of]}, {value}, and the guard band of {guard} are within {limit}",
+        "fail": f"FAIL: {STATISTIC[acceptance.of]}, {value}, is beyond {limit}, by more than the measurement may err",
+        "undecided": (
+            f"FAIL: {STATISTIC[acceptance.of]}, {value}, is too near {limit} for this measurement to tell, whose guard band is "
+            f"{guard}; measure with a smaller uncertainty"
+        ),
+    }[acceptance.decision]

@@ -1,0 +1,110 @@
+"""Points beside what was stated of them, and the decision whether a limit is kept."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from taskcal.errors import CampaignError
+from taskcal.identification.acceptance import GUARD, STATISTICS, accept
+from taskcal.identification.examination import examine
+from taskcal.identification.identify import identify
+from taskcal.identification.validation import validate
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.file import robot_from
+from tests.laws.campaigns import measure
+from tests.laws.robots import industrial, industrial_positions
+
+
+def case(seed=0, rows=160, **kind):
+    rng = np.random.default_rng(seed)
+    model = ErrorModel(robot_from(industrial(rng)))
+    x = rng.normal(size=len(model)) * model.tolerances
+    campaign, _ = measure(rng, model, industrial_positions(rng, rows), x, sigma=5e-5, uncertainty=5e-5, **kind)
+    fitted, held = campaign.split(0.6, rng)
+    return identify(model, fitted), held
+
+
+@pytest.mark.parametrize("kind", [{"targets": 3, "lost": 0.1}, {"pose": True, "rotation_sigma": 1e-4}])
+def test_points_have_the_errors_of_the_validation_and_lie_in_their_regions_as_often_as_stated(kind):
+    calibration, held = case(**kind)
+    examined = examine(calibration, held)
+    assert examined.validation.summary() == validate(calibration, held).summary()
+    assert 0.88 <= examined.inside.mean() <= 0.99
+    assert (examined.rotation_inside is not None) == ("pose" in kind)
+    assert examined.outliers == ()
+    points = examined.points()
+    assert [p["error_mm"] for p in points] == pytest.approx(list(examined.validation.errors * 1e3))
+    assert [p["target"] for p in points] == [held.targets[t] for t in np.nonzero(held.valid)[1]]
+    assert examined.summary()["inside_share"] == pytest.approx(np.mean([p["inside"] for p in points]))
+
+
+def test_some_targets_in_another_order_keep_their_regions():
+    calibration, held = case(targets=3)
+    whole, some = examine(calibration, held), examine(calibration, held.of_targets(["smr3", "smr1"]))
+    of_third = np.nonzero(held.valid)[1] == 2
+    np.testing.assert_allclose(whole.studentised[of_third], some.studentised[some.targets == 0])
+
+
+def test_a_wrong_point_is_an_outlier_by_its_row_of_the_whole_campaign():
+    calibration, held = case()
+    points = held.points.copy()
+    points[4, 0] += 1e-3
+    examined = examine(calibration, replace(held, points=points))
+    assert [o.row for o in examined.outliers] == [held.row_of(4)]
+    assert examined.worst_first[0] == 4
+    assert not examined.inside[4]
+
+
+def test_refitted_frames_have_no_stated_regions():
+    calibration, held = case()
+    moved = replace(held, points=held.points + 1.0)
+    examined = examine(calibration, moved, reregister=True)
+    assert examined.inside is examined.studentised is None
+    assert examined.validation.rms < 3e-4
+
+
+def test_nothing_measured_is_refused():
+    calibration, held = case()
+    with pytest.raises(CampaignError, match="every beam was lost"):
+        examine(calibration, replace(held, points=np.full_like(held.points, np.nan)))
+
+
+@pytest.mark.parametrize("of", STATISTICS)
+def test_the_guard_band_parts_pass_undecided_and_fail(of):
+    examined = examine(*case())
+    middle = accept(examined, 1.0, of)
+    band = GUARD * 5e-5
+    assert middle.most - middle.value == pytest.approx(band, rel=0.35)
+    assert pytest.approx(norm.ppf(0.95), abs=1e-3) == GUARD
+    decisions = {
+        limit: accept(examined, limit, of)
+        for limit in (middle.most * 1.001, middle.value, middle.least * 0.999, middle.most * 0.999)
+    }
+    assert [d.decision for d in decisions.values()] == ["pass", "undecided", "fail", "undecided"]
+    assert [d.accepted for d in decisions.values()] == [True, False, False, False]
+    summary = middle.summary()
+    assert summary["value_mm"] + summary["guard_band_mm"] == pytest.approx(middle.most * 1e3)
+
+
+def test_of_robots_right_at_the_limit_one_in_twenty_passes():
+    """One point errs: its true error is the limit, its measured one that and the tracker's noise."""
+    examined = examine(*case())
+    rng = np.random.default_rng(1)
+    limit, sigma, passed = 1e-3, 5e-5, 0
+    first = np.arange(len(examined.validation)) == 0
+    for error in limit + rng.normal(scale=sigma, size=1000):
+        one = replace(
+            examined,
+            validation=replace(examined.validation, errors=np.where(first, error, 0.0)),
+            uncertainty=np.where(first, sigma, 0.0),
+        )
+        passed += accept(one, limit).accepted
+    assert passed / 1000 == pytest.approx(0.05, abs=0.02)
+
+
+@pytest.mark.parametrize("limit", [0.0, -1.0, np.nan, np.inf])
+def test_a_limit_that_is_none_is_refused(limit):
+    with pytest.raises(ValueError, match="limit is"):
+        accept(examine(*case()), limit)
