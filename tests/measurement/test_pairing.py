@@ -49,6 +49,31 @@ def test_joints_and_points_of_two_files_find_each_other(tmp_path, ids, kept, joi
         np.testing.assert_allclose(campaign.points[row, 0], p[k], atol=1e-9)
 
 
+def test_ids_written_in_two_ways_pair_by_their_numbers(tmp_path):
+    order = np.random.default_rng(0).permutation(40)
+    joints, points, _, p = two_files(tmp_path, True, order)
+    points.write_text(points.read_text().replace("\np", "\nPoint_00"))
+    campaign = read_campaign(joints, ROBOT, options=ReadOptions(points=points))
+    assert "paired by the numbers of 40 ids, which are written in different ways" in campaign.notes[-1]
+    np.testing.assert_allclose(campaign.points[:, 0], p, atol=1e-9)
+
+
+def test_counts_from_zero_and_from_one_pair_by_their_order(tmp_path):
+    joints, points, _, p = two_files(tmp_path, False)
+    for path, first in ((joints, 0), (points, 1)):
+        head, *rows = path.read_text().splitlines()
+        path.write_text("\n".join([f"id {head}", *(f"{k} {row}" for k, row in enumerate(rows, start=first))]))
+    campaign = read_campaign(joints, ROBOT, options=ReadOptions(points=points))
+    assert "paired by their order, 40 of each" in campaign.notes[-1]
+    np.testing.assert_allclose(campaign.points[:, 0], p, atol=1e-9)
+
+
+def test_rows_paired_by_an_order_that_cannot_be_are_told_of(tmp_path):
+    joints, points, _, _ = two_files(tmp_path, False, np.random.default_rng(0).permutation(40))
+    note = read_campaign(joints, ROBOT, options=ReadOptions(points=points)).notes[-1]
+    assert "paired by their order, 40 of each; the nominal robot misses them by" in note
+
+
 def test_rows_that_cannot_be_paired_are_refused(tmp_path):
     joints, points, _, _ = two_files(tmp_path, False, np.random.default_rng(0).permutation(40)[:30])
     with pytest.raises(FileError, match=r"p\.txt has 30 rows, j\.txt 40, .* give both files ids"):

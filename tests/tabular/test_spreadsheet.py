@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from openpyxl import Workbook
 
 from taskcal.errors import FileError, TaskcalError
-from taskcal.tabular.csv_form import TableForm, read_csv
+from taskcal.tabular.csv_form import TableForm, lay_out_file, read_csv
 from taskcal.tabular.spreadsheet import is_workbook, read_workbook
 
 
@@ -43,7 +43,7 @@ def test_what_unpacks_to_too_much_is_refused_before_it_is():
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as parts:
         parts.writestr("xl/workbook.xml", b" " * 10)
         parts.writestr("xl/worksheets/sheet1.xml", b" " * 210_000_000)
-    with pytest.raises(FileError, match=r"a\.xlsx: unpacks to 210 MB, more than 200 MB"):
+    with pytest.raises(FileError, match=r"a\.xlsx: unpacks to 210 MB, more than 7 MB"):
         read_workbook(Path("a.xlsx"), packed.getvalue())
 
 
@@ -87,3 +87,16 @@ def test_a_sheet_that_does_not_state_its_size_ends_with_its_last_cells():
         sheet.append([k, 0.5])
     workbook.save(packed)
     assert read_workbook(Path("a.xlsx"), packed.getvalue()).rows == tuple((str(k), "0.5") for k in range(1500))
+
+
+def test_the_sheet_with_the_numbers_is_read_or_the_one_that_is_named(tmp_path):
+    path = tmp_path / "a.xlsx"
+    path.write_bytes(
+        book(("about", [["robot", "UR5"], ["date", "today"]]), SHEET, ("more", [["a", "b"], [1, 2], [3, 4], [5, 6]]))
+    )
+    laid = lay_out_file(path)
+    assert laid.table.header == ("a", "b")
+    assert laid.notes == ("sheet 'more' is read; others with cells: about, points",)
+    assert lay_out_file(f"{path}#points").table.header == ("id", "x_mm", "y_mm")
+    with pytest.raises(TaskcalError, match=r"no sheet 'pints' .*did you mean 'points'\?"):
+        lay_out_file(f"{path}#pints")

@@ -1,5 +1,6 @@
 """Joints in one file and points in another: which rows belong together."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -35,9 +36,10 @@ _PER_REACH = 0.01
 def pair(joints: Readings, points: Readings, robot: Robot) -> Readings:
     """The readings of both files as one: by their ids, or else by their order, or else by what the robot can have done.
 
-    Ids pair rows where both files have them and most of the shorter file's are in the other. Otherwise the order does, where
-    the files have as many rows. Otherwise ten successive rows of each are fitted with one shift after another, and where
-    these meet the others follow in order, each with the point next to where the robot should be. How it was done is noted.
+    Ids pair rows where both files have them and most of the shorter file's are in the other, whatever the letter case, or
+    else the numbers at their ends do (``P7`` and ``Point 007``). Otherwise the order does, where the files have as many
+    rows. Otherwise ten successive rows of each are fitted with one shift after another, and where these meet the others
+    follow in order, each with the point next to where the robot should be. How it was done is noted.
 
     Raises:
         FileError: one holds what the other should, or no pairing agrees.
@@ -83,21 +85,66 @@ def _lacking(joints: Readings, points: Readings) -> str:
 
 
 def _rows(joints: Readings, points: Readings, robot: Robot) -> tuple[Int[np.ndarray, "pairs 2"], str]:
-    if joints.ids is not None and points.ids is not None:
-        common = set(joints.ids) & set(points.ids)
-        if len(common) >= MIN_SHARE * min(len(set(joints.ids)), len(set(points.ids))):
-            at = {name: row for row, name in enumerate(joints.ids)}
-            rows = np.array([(at[name], row) for row, name in enumerate(points.ids) if name in common])
-            without = len(set(joints.ids) ^ set(points.ids))
-            rest = f"; {without} ids are in one file only and left out" if without else ""
-            return rows[
-                np.argsort(rows[:, 0], kind="stable")
-            ], f"rows of both files are paired by {len(common)} ids{rest}"
+    by_name = _by_name(joints.ids, points.ids)
+    if by_name is not None:
+        return by_name
     if len(joints) == len(points):
-        return np.tile(
-            np.arange(len(joints))[:, None], (1, 2)
-        ), f"rows of both files are paired by their order, {len(joints)} of each"
+        rows = np.tile(np.arange(len(joints))[:, None], (1, 2))
+        return (
+            rows,
+            f"rows of both files are paired by their order, {len(joints)} of each{_agreement(joints, points, robot)}",
+        )
     return _by_geometry(joints, points, robot)
+
+
+def _by_name(mine: tuple[str, ...] | None, others: tuple[str, ...] | None) -> tuple[np.ndarray, str] | None:
+    """Rows of the same id, as written or else by the number at its end; None where too few are the same."""
+    if mine is None or others is None or _count_from_other_numbers(mine, others):
+        return None
+    for key, called in ((_plain, "{} ids"), (_number_of, "the numbers of {} ids, which are written in different ways")):
+        first, second = [key(name) for name in mine], [key(name) for name in others]
+        common = set(first) & set(second) - {""}
+        shared = len(common) >= MIN_SHARE * min(len(set(first)), len(set(second)))
+        if not shared or (key is _number_of and (len(set(first)) < len(first) or len(set(second)) < len(set(others)))):
+            continue
+        at = {name: row for row, name in enumerate(first)}
+        rows = np.array([(at[name], row) for row, name in enumerate(second) if name in common])
+        without = len(set(first) ^ set(second))
+        rest = f"; {without} ids are in one file only and left out" if without else ""
+        ordered = rows[np.argsort(rows[:, 0], kind="stable")]
+        return ordered, f"rows of both files are paired by {called.format(len(common))}{rest}"
+    return None
+
+
+def _count_from_other_numbers(mine: tuple[str, ...], others: tuple[str, ...]) -> bool:
+    """Whether both files count as many rows one after another, one from 0 and the other from 1, say."""
+    counts = [[int(name) for name in names if re.fullmatch(r"\d{1,9}", name, re.ASCII)] for names in (mine, others)]
+    if not len(counts[0]) == len(counts[1]) == len(mine) == len(others):
+        return False
+    runs = [list(range(count[0], count[0] + len(count))) == count for count in counts]
+    return all(runs) and counts[0][0] != counts[1][0]
+
+
+def _plain(name: str) -> str:
+    return name.strip().casefold()
+
+
+def _number_of(name: str) -> str:
+    """The number at the end of a name, without zeros before it; empty where there is none."""
+    match = re.search(r"(\d{1,9})\D?$", name, re.ASCII)
+    return str(int(match[1])) if match else ""
+
+
+def _agreement(joints: Readings, points: Readings, robot: Robot) -> str:
+    """What is said of rows paired by order that the nominal robot misses by far; empty where it does not."""
+    if len(points.points) != 1 or points.targets_by_row is not None or len(joints) < WINDOW:
+        return ""
+    (measured,) = points.points.values()
+    misfits = [_misfit(ErrorModel(robot).poses(q), scaled) for q, scaled in _in_si(joints, points, robot, measured)]
+    least = min(misfits, default=0.0)
+    if least < _PER_REACH * robot.reach:
+        return ""
+    return f"; the nominal robot misses them by {least * 1e3:.0f} mm: if their order differs, give both files ids"
 
 
 def _by_geometry(joints: Readings, points: Readings, robot: Robot) -> tuple[np.ndarray, str]:

@@ -205,7 +205,8 @@ def campaign_of(
         raise _header_error(
             readings,
             f"has no column for joint {robot.joint_names[0]} of {robot.name}; it needs one for each of "
-            f"{', '.join(robot.joint_names)}, such as {robot.joint_names[0]}_deg or q1_rad, or a second file that holds them",
+            f"{', '.join(robot.joint_names)}, such as {robot.joint_names[0]}_deg or q1_rad, or a second file that holds them"
+            f"{_other_sheets(readings)}",
         )
     points = dict(readings.points)
     fixed = (
@@ -219,7 +220,8 @@ def campaign_of(
         raise _header_error(readings, f"names {len(chosen)} targets; Taskcal fits {MAX_TARGETS} at most: choose some")
     if not chosen:
         raise _header_error(
-            readings, "names no target; give columns x_mm, y_mm, z_mm, or NAME_x_mm, NAME_y_mm, NAME_z_mm"
+            readings,
+            f"names no target; give columns x_mm, y_mm, z_mm, or NAME_x_mm, NAME_y_mm, NAME_z_mm{_other_sheets(readings)}",
         )
     if readings.rotations is not None and len(chosen) > 1:
         raise _header_error(readings, f"a pose has one target, this file names {', '.join(chosen)}; choose one")
@@ -238,6 +240,12 @@ def campaign_of(
         lines=readings.lines,
         notes=readings.notes,
     )
+
+
+def _other_sheets(readings: Readings) -> str:
+    """What is said of a workbook whose other sheets may hold what is lacking."""
+    note = next((note for note in readings.notes if note.startswith("sheet '")), None)
+    return "" if note is None else f" ({note}; name one as in {readings.path.name}#SHEET)"
 
 
 def _header_error(readings: Readings, message: str) -> FileError:

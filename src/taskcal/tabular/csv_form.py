@@ -34,21 +34,31 @@ def lay_out_file(path: str | Path, form: TableForm | None = None) -> Laid:
     """The table of a file, with what stands around it.
 
     Text in UTF-8, UTF-16 or Windows-1252 in columns parted by commas, semicolons, tabs, bars or blanks, with decimal
-    points or commas; logs of labelled values (``X=1.0 Y=2.0``); motion capture as Motive exports it; workbooks (.xlsx).
+    points or commas; logs of labelled values (``X=1.0 Y=2.0``); motion capture as Motive exports it; workbooks (.xlsx),
+    with a sheet's name behind a ``#`` where one is meant (``measured.xlsx#Points``).
 
     Raises:
         FileError: the file is missing, is not a table, or has no rows.
         UnknownName: a workbook has no such sheet.
     """
-    path, form = Path(path), form or TableForm()
+    path, named = _sheet_behind(Path(path))
+    form = form or TableForm()
     content = read_bytes(path)
     from taskcal.tabular.spreadsheet import is_workbook, read_workbook
 
     if is_workbook(content):
-        sheet = with_decimal_points(read_workbook(path, content, form.sheet), form.decimal)
+        sheet = with_decimal_points(read_workbook(path, content, named or form.sheet), form.decimal)
     else:
         sheet = parse_sheet(path, decode(path, content), form.decimal)
     return lay_out(sheet, form.columns)
+
+
+def _sheet_behind(path: Path) -> tuple[Path, str | None]:
+    """A workbook and the sheet that its name states, as in ``measured.xlsx#Points``; a file of that name comes first."""
+    text, mark, sheet = str(path).rpartition("#")
+    if not mark or path.exists() or not Path(text).is_file():
+        return path, None
+    return Path(text), sheet
 
 
 def parse_sheet(path: Path, text: str, decimal: DecimalMark | None = None) -> Sheet:

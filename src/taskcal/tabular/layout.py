@@ -122,9 +122,13 @@ def _first_row_of_numbers(rows: Sequence[tuple[str, ...]]) -> tuple[int, int | N
 
 def _is_numbers(row: Sequence[str]) -> bool:
     """Whether three cells are numbers, or two and half of the filled ones."""
-    filled = [cell for cell in row if cell]
-    numbers = sum(_NUMBER.fullmatch(cell) is not None for cell in filled)
-    return numbers > 2 or (numbers >= min(2, len(row)) and numbers > 0 and 2 * numbers >= len(filled))
+    numbers = 0
+    for cell in row:
+        if cell and _NUMBER.fullmatch(cell):
+            numbers += 1
+            if numbers > 2:
+                return True
+    return numbers > 0 and numbers >= min(2, len(row)) and 2 * numbers >= sum(map(bool, row))
 
 
 def _is_text(row: Sequence[str]) -> bool:
@@ -240,9 +244,10 @@ def _first_table(
 
 def _names_anew(before: Sequence[str], row: Sequence[str], after: Sequence[str]) -> bool:
     """Whether texts stand where the row before has numbers, and numbers follow."""
+    if any(map(_NUMBER.fullmatch, row)):
+        return False
     under = [row[j] for j in range(min(len(before), len(row))) if _NUMBER.fullmatch(before[j])]
-    texts = all(under) and not any(map(_NUMBER.fullmatch, row))
-    return len(under) > 1 and texts and len(after) == len(row) and _is_numbers(after)
+    return len(under) > 1 and all(under) and len(after) == len(row) and _is_numbers(after)
 
 
 def _fitted(row: tuple[str, ...], width: int, *, padded: bool) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """Workbooks: the cells of one sheet as text."""
 
 import io
+import re
 import zipfile
 import zlib
 from datetime import date, datetime, time
@@ -12,6 +13,12 @@ from taskcal.tabular.sheet import Sheet
 
 MAX_UNPACKED_MB = 200.0
 """Of all parts of a workbook together: a campaign of 100 000 rows unpacks to less, a bomb to more."""
+
+SMALL_MB, MAX_RATIO = 5.0, 10.0
+"""What a workbook of any size may unpack to, and how often its own size beyond that: measured numbers pack five to seven times,
+and a cell costs the same time however well it packs."""
+
+_NUMERIC = re.compile(r"[+-]?[.,]?\d[\d.,]*(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 MAX_CELLS = 20_000_000
 """Of a sheet; a cell with a far address makes the rows between it and the others."""
@@ -37,7 +44,7 @@ def read_workbook(path: Path, content: bytes, name: str | None = None) -> Sheet:
     Args:
         path: of the file, for errors.
         content: its bytes.
-        name: of the sheet; the first with cells by default.
+        name: of the sheet; the one with most rows of numbers by default, the first among several.
 
     Raises:
         FileError: it is damaged, unpacks to too much, or has no cells.
@@ -60,8 +67,8 @@ def read_workbook(path: Path, content: bytes, name: str | None = None) -> Sheet:
     with_cells = [(title, rows) for title, rows in filled if rows]
     if not with_cells:
         raise FileError(path, "is a workbook without cells")
-    title, rows = with_cells[0]
-    others = [shown(other) for other, _ in with_cells[1:]]
+    title, rows = max(with_cells, key=lambda sheet: sum(_holds_numbers(cells) for _, cells in sheet[1]))
+    others = [shown(other) for other, _ in with_cells if other != title]
     notes = (f"sheet '{shown(title)}' is read; others with cells: {', '.join(others)}",) if others else ()
     lines, cells = zip(*rows, strict=True)
     return Sheet(path=path, rows=tuple(cells), lines=tuple(lines), notes=notes)
@@ -72,10 +79,9 @@ def _check_parts(path: Path, content: bytes) -> None:
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as packed:
             unpacked = sum(part.file_size for part in packed.infolist())
-            if unpacked > MAX_UNPACKED_MB * 1e6:
-                message = (
-                    f"unpacks to {unpacked / 1e6:.0f} MB, more than {MAX_UNPACKED_MB:.0f} MB; save the sheet as CSV"
-                )
+            most = min(MAX_UNPACKED_MB, SMALL_MB + MAX_RATIO * len(content) / 1e6)
+            if unpacked > most * 1e6:
+                message = f"unpacks to {unpacked / 1e6:.0f} MB, more than {most:.0f} MB; save the sheet as CSV"
                 raise FileError(path, message)
             for part in packed.infolist():
                 if part.filename.endswith((".xml", ".rels")):
@@ -104,6 +110,10 @@ def _rows(path: Path, sheet: Any) -> list[tuple[int, tuple[str, ...]]]:
         if texts:
             out.append((number, tuple(texts)))
     return out
+
+
+def _holds_numbers(cells: tuple[str, ...]) -> bool:
+    return sum(_NUMERIC.fullmatch(cell) is not None for cell in cells[:10]) > 1
 
 
 def _text(value: object) -> str:
