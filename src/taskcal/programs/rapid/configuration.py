@@ -6,12 +6,11 @@ RobotStudio SDK, Mechanism.UsesCfx and Mechanism.GetAllConfigurationsAsync.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.geometry import se3
+from taskcal.programs.arm_bends import arm_bends
 from taskcal.robot.robot import Robot
 
 QUADRANT_JOINTS = (0, 3, 5)
@@ -21,9 +20,6 @@ EDGE = np.radians(1e-6)
 
 SLACK = np.radians(1.0)
 """Postures of one target differ by far more; its programmed numbers are rounded, so that its joints are not exact, radians."""
-
-SPHERICAL = 1e-6
-"""The last three axes meet within this, metres."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,83 +85,10 @@ def _has_configuration(robot: Robot) -> bool:
     return len(robot.joints) == 6 and not any(robot.prismatic)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Arm:
-    """What cfx is told by, of a robot with the usual arm and a spherical wrist."""
-
-    fixed: Float[np.ndarray, "6 4 4"]
-    """From each joint's frame, turned, to the next one's at zero."""
-    forward: Float[np.ndarray, " 3"]
-    """The base's x in the first joint's frame, where all joints are at zero: with axis 1 it turns."""
-    wrist: Float[np.ndarray, " 3"]
-    """Where the last three axes meet, in the fourth joint's frame, metres."""
-
-
 def _sides(robot: Robot, q: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n 3"] | None:
     """Angles by which the wrist centre is in front of axis 1 and of the lower arm, and the angle of axis 5, radians.
 
     None for a robot without a use for cfx: one with a parallel rod, or without the usual arm and wrist.
     """
-    arm = _arm(robot)
-    if arm is None:
-        return None
-    frames = _joint_frames(arm.fixed[:4], robot.joint_map(q))
-    axis_1 = frames[:, 0, :3, 2]
-    forward = frames[:, 0, :3, :3] @ arm.forward
-    across = np.cross(axis_1, forward)
-    centre = se3.apply(frames[:, 3], arm.wrist)
-    elbow = frames[:, 2, :3, 3]
-    lower, beyond = (v - _dot(v, across)[:, None] * across for v in (elbow - frames[:, 1, :3, 3], centre - elbow))
-    from_axis = centre - frames[:, 0, :3, 3]
-    before_axis = np.arctan2(_dot(from_axis, forward), np.abs(_dot(from_axis, axis_1)))
-    before_arm = np.arctan2(_dot(np.cross(lower, beyond), across), _dot(lower, beyond))
-    return np.stack([before_axis, before_arm, q[:, 4]], axis=1)
-
-
-def _dot(a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-    return (a * b).sum(axis=1)
-
-
-@lru_cache(maxsize=16)
-def _arm(robot: Robot) -> _Arm | None:
-    if robot.four_bar is not None or robot.driven:
-        return None
-    fixed: list[np.ndarray] = []
-    behind = np.eye(4)
-    for joint in robot.joints:
-        for part in joint.before:
-            behind = behind @ part.transform
-        fixed.append(behind)
-        behind = np.eye(4)
-        for part in joint.after:
-            behind = behind @ part.transform
-    zero = _joint_frames(np.array(fixed), robot.joint_map(np.zeros((1, 6))))[0]
-    z = zero[:, :3, 2]
-    wrist = _meeting_point(zero[3:])
-    if wrist is None or abs(z[1] @ z[2]) < 1.0 - 1e-9 or abs(z[0] @ z[1]) > 1e-9:
-        return None
-    return _Arm(fixed=np.array(fixed), forward=zero[0, 0, :3], wrist=se3.apply(se3.inverse(zero[3]), wrist))
-
-
-def _joint_frames(
-    fixed: Float[np.ndarray, "joints 4 4"], s: Float[np.ndarray, "n coordinates"]
-) -> Float[np.ndarray, "n joints 4 4"]:
-    """Frames of the joints in the base, each turned about its z by its coordinate."""
-    T = np.broadcast_to(np.eye(4), (len(s), 4, 4))
-    frames: list[np.ndarray] = []
-    for k in range(len(fixed)):
-        turn = np.zeros((len(s), 3, 3))
-        c, si = np.cos(s[:, k]), np.sin(s[:, k])
-        turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, -si, si, c, 1.0
-        T = T @ fixed[k] @ se3.pose(turn, np.zeros((len(s), 3)))
-        frames.append(T)
-    return np.stack(frames, axis=1)
-
-
-def _meeting_point(frames: Float[np.ndarray, "axes 4 4"]) -> Float[np.ndarray, " 3"] | None:
-    """Where the z axes of some frames meet; None where they do not."""
-    across = np.eye(3) - frames[:, :3, 2, None] * frames[:, None, :3, 2]
-    offsets = (across @ frames[:, :3, 3, None])[:, :, 0]
-    point = np.linalg.lstsq(across.sum(axis=0), offsets.sum(axis=0), rcond=1e-9)[0]
-    distance = np.linalg.norm((across @ point) - offsets, axis=1)
-    return point if distance.max() < SPHERICAL else None
+    bends = arm_bends(robot, q)
+    return None if bends is None else np.column_stack([bends, q[:, 4]])
