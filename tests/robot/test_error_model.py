@@ -2,8 +2,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 
+from taskcal.demo.elastic_robot import elastic_model
 from taskcal.errors import ClosureError, UnknownName
 from taskcal.robot.catalogue import catalogue_names, load_robot
+from taskcal.robot.effects import Compliance, EncoderGain
 from taskcal.robot.error_frames import COMPONENTS
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
@@ -194,3 +196,13 @@ def test_no_defect_moves_the_first_axis_in_the_base_and_those_of_a_joint_move_th
     close(turned(0, x), turned(0, 0.0 * x), 1e-9)
     for joint in range(1, q.shape[1]):
         assert np.abs(turned(joint, x) - turned(joint, 0.0 * x)).max() > 1e-6
+
+
+def test_the_nominal_model_has_no_effect_that_is_nothing_there_and_the_same_poses():
+    model = elastic_model(load_robot("abb-irb6660-205-1.9")) + EncoderGain()
+    q = np.random.default_rng(0).uniform(-0.3, 0.3, (5, 6))
+    sag = next(effect for effect in model.effects if isinstance(effect, Compliance))
+    assert model.nominal.effects == (sag,)
+    assert model.nominal.nominal is model.nominal
+    np.testing.assert_allclose(model.poses(q), model.poses(q, np.zeros(len(model))), rtol=0, atol=1e-14)
+    assert np.abs(model.poses(q) - ErrorModel(model.robot).poses(q)).max() > 1e-4

@@ -12,13 +12,18 @@ from taskcal.estimation.experiment_design import Candidates
 from taskcal.estimation.scaled import invert_scaled
 from taskcal.geometry import se3, walk
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.linearisation import joint_columns
 from taskcal.identification.problem import FrameLayout, whitener
+from taskcal.identification.row_errors import whiteners
 from taskcal.measurement.registration import Registration
 from taskcal.measurement.station import Station
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.measurement.virtual_cell import TRACKER_POSE
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import TaskPoses
+
+AT_ONCE = 1000
+"""Poses whose sensitivities to everything are held in memory at a time."""
 
 FRAME_DEVIATION = 1.0
 """Prior standard deviation of tracker frame and targets, metres and radians: as good as none beside millimetres."""
@@ -38,6 +43,8 @@ class Linearisation:
     """Standard deviation per axis of what geometry does not explain, where it is taken for white, metres."""
     field: SmoothField | None
     """The same as a smooth field."""
+    joints: Float[np.ndarray, " joints"] | None = None
+    """Variances of how far each joint stands off at a single pose, rad² (m² where it slides); None where nothing is known."""
 
     def sensitivities(
         self, q: Float[np.ndarray, "n joints"]
@@ -62,11 +69,31 @@ class Linearisation:
     ) -> Float[np.ndarray, "n b c"]:
         """Sensitivities over the noise, a block of rows for each pose; zero for targets that are not seen."""
         J, points = self.sensitivities(q)
+        J[~visible] = 0.0
         white = np.full(len(q), self.white**2) if self.field is None else self.field.columns(q)[1]
         covariance = self.noise.covariance(points) + white[:, None, None, None] * np.eye(3)
-        out = whitener(covariance) @ J
-        out[~visible] = 0.0
-        return out.reshape(len(q), -1, J.shape[3])
+        if self.joints is None:
+            return (whitener(covariance) @ J).reshape(len(q), -1, J.shape[3])
+        return whiteners(self._together(q, self.joints, covariance, visible)) @ J.reshape(len(q), -1, J.shape[3])
+
+    def _together(
+        self,
+        q: Float[np.ndarray, "n joints"],
+        joints: Float[np.ndarray, " joints"],
+        single: Float[np.ndarray, "n targets 3 3"],
+        visible: Bool[np.ndarray, "n targets"],
+    ) -> Float[np.ndarray, "n b b"]:
+        """Covariance of all targets of a pose: a joint that stands off moves those that are seen together."""
+        at = self.layout.walked(q, self.about)
+        targets = visible.shape[1]
+        moved = np.concatenate([joint_columns(at, offset, angular=False) for offset in at.points.position], axis=1)
+        variances = np.zeros(moved.shape[2])
+        variances[: len(joints)] = joints
+        moved[~np.repeat(visible, 3, axis=1)] = 0.0
+        R = (moved * variances) @ np.swapaxes(moved, 1, 2)
+        for t in range(targets):
+            R[:, 3 * t : 3 * t + 3, 3 * t : 3 * t + 3] += single[:, t]
+        return R
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -82,12 +109,15 @@ class Experiment:
     """The measurements' part of it."""
     task: Float[np.ndarray, "d d"]
     """W of the task."""
+    left: float = 0.0
+    """Mean squared error over the task in directions that are not in the basis, metres²."""
 
     def rows(
         self, q: Float[np.ndarray, "n joints"], visible: Bool[np.ndarray, "n targets"]
     ) -> Float[np.ndarray, "n b d"]:
         """Whitened sensitivities of poses in the basis; zero for reflectors that are not seen."""
-        return self.linear.rows(q, visible) @ self.basis
+        parts = [slice(first, first + AT_ONCE) for first in range(0, max(len(q), 1), AT_ONCE)]
+        return np.concatenate([self.linear.rows(q[part], visible[part]) @ self.basis for part in parts])
 
     def candidates(self, measurable: Measurable) -> Candidates:
         """Poses as candidates."""
@@ -105,7 +135,7 @@ class Experiment:
         """Expected rms error over the task after the first 1, 2, … poses, metres."""
         rows = self.rows(q, visible)
         information = self.prior + np.cumsum(np.swapaxes(rows, 1, 2) @ rows, axis=0)
-        return np.sqrt(np.einsum("ij,nij->n", self.task, np.linalg.inv(information)))
+        return np.sqrt(np.einsum("ij,nij->n", self.task, np.linalg.inv(information)) + self.left)
 
     @property
     def before(self) -> float:
@@ -113,7 +143,7 @@ class Experiment:
         return self._error_with(np.zeros_like(self.prior))
 
     def _error_with(self, gained: Float[np.ndarray, "d d"]) -> float:
-        return float(np.sqrt(np.sum(self.task * np.linalg.inv(self.prior + gained))))
+        return float(np.sqrt(np.sum(self.task * np.linalg.inv(self.prior + gained)) + self.left))
 
 
 def make_experiment(

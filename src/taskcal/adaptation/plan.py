@@ -6,6 +6,7 @@ from typing import Any, Unpack
 import numpy as np
 from jaxtyping import Bool, Float
 
+from taskcal.adaptation.calibrated_experiment import calibrated_experiments
 from taskcal.adaptation.candidates import Measurable, find_measurable, keep_measurable
 from taskcal.adaptation.comparison_plans import even_plan_error, random_plan_errors
 from taskcal.adaptation.expected_error import design
@@ -170,10 +171,7 @@ def plan(model: ErrorModel, task: Task, count: int = 60, **options: Unpack[PlanC
     goal = reach_task(model, task, 200, chosen.seed)
     measurable = _measurable(model, task, chosen)
     prior = _prior(model, chosen)
-    experiment, weighing = (
-        make_experiment(model, goal, measurable, prior, station=station, noise=chosen.noise, smooth=smooth)
-        for smooth in (False, True)
-    )
+    experiment, weighing = _experiments(model, goal, measurable, prior, chosen)
     _check_count(count, experiment, prior)
     chosen.progress(f"choosing {count} of {len(measurable.q)}")
     choice = choose(weighing.candidates(measurable), count, chosen.criterion, progress=chosen.progress)
@@ -218,6 +216,20 @@ def _prior(model: ErrorModel, options: PlanOptions) -> PlanPrior:
         return prior_from_calibration(model, options.calibration, options.station)
     hyper = assumed_hyperparameters(model, options.model_error, options.prior_scale)
     return PlanPrior(hyper=hyper, registration=options.registration)
+
+
+def _experiments(
+    model: ErrorModel, goal: TaskPoses, measurable: Measurable, prior: PlanPrior, options: PlanOptions
+) -> tuple[Experiment, Experiment]:
+    """To judge plans by, and to choose their poses by: there, what geometry does not explain is a smooth field."""
+    if prior.calibration is not None and prior.calibration.joint_error:
+        return calibrated_experiments(prior.calibration, goal, measurable, options.noise)
+    station, noise = options.station, options.noise
+    judged, chosen = (
+        make_experiment(model, goal, measurable, prior, station=station, noise=noise, smooth=smooth)
+        for smooth in (False, True)
+    )
+    return judged, chosen
 
 
 def _check_count(count: int, experiment: Experiment, prior: PlanPrior) -> None:

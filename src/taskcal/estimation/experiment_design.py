@@ -22,7 +22,7 @@ CRITERIA: tuple[Criterion, ...] = ("task", "D", "A", "E", "O1", "O2", "O3", "O4"
 SHORTLIST_SIZE = 200
 """Candidates of the largest D-gain among which a criterion of the spectrum is evaluated exactly."""
 
-POOL_SIZE, STEPS_PER_POOL = 1500, 5
+POOL_SIZE, STEPS_PER_POOL = 500, 8
 """Gains change slowly from one step to the next: all candidates are weighed every few steps, and in between only those
 that were best then."""
 

@@ -46,7 +46,7 @@ def place_links(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Links:
     robot = model.robot
     if robot.link_radii is None:
         return Links(start=np.zeros((len(q), 0, 3)), end=np.zeros((len(q), 0, 3)), radius=np.zeros(0))
-    s = model.walk(q).s
+    s = model.nominal.walk(q).s
     steps: list[Step] = []
     origins = [np.zeros((len(q), 3))]
 

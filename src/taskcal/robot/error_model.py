@@ -70,6 +70,7 @@ class ErrorModel:
                 "not modelled: identify it without effects"
             )
         added = [_term(effect, robot) for effect in self.effects]
+        self._idle = tuple(term.nominal is None for term in added)
         self.effect_names = tuple(name for term in added for name in term.names)
         self.terms = (*(() if robot.four_bar is None else (robot.four_bar,)), *added)
         steps, slots = length_steps(robot) if lengths_only else defect_steps(robot)
@@ -121,6 +122,14 @@ class ErrorModel:
     def conditioned(self) -> bool:
         """Whether an effect depends on how a pose is reached."""
         return any(isinstance(term, LinearTerm) and term.given is not None for term in self.terms)
+
+    @cached_property
+    def nominal(self) -> "ErrorModel":
+        """A model with the same poses where every parameter is zero: without the effects that are nothing there."""
+        if not any(self._idle):
+            return self
+        known = [effect for effect, idle in zip(self.effects, self._idle, strict=True) if not idle]
+        return ErrorModel(self.robot, lengths_only=self.lengths_only, effects=known)
 
     def under(self, load: Load) -> "ErrorModel":
         """The same robot with the same parameters under another load, such as a payload or the force of a cut.
@@ -277,6 +286,8 @@ class ErrorModel:
             ReachError: joint positions that can only be degrees.
             ClosureError: a closed loop cannot be assembled at some pose.
         """
+        if x is None and self.nominal is not self:
+            return self.nominal.poses(q, None, conditions)
         q = np.asarray(q, dtype=float)
         self.robot.check_radians(q)
         out = np.empty((len(q), 4, 4))

@@ -75,6 +75,7 @@ def reach_task(model: ErrorModel, task: Task, count: int = 200, seed: int = 0) -
         ReachError: the robot reaches the task nowhere, or leaves the branch along a path.
     """
     expect_kinds({"model": ErrorModel, "task": Task}, model=model, task=task)
+    model = model.nominal
     if task.workspace is not None:
         T, weights = task.workspace.sample(count, seed), np.ones(count)
         q, reached = _spread(model, task.workspace, T)
