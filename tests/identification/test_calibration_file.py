@@ -101,7 +101,7 @@ def test_the_file_is_plain_json_that_names_format_version_units_and_parameters(s
     found, text = saved
     data = json.loads(text, parse_constant=lambda constant: pytest.fail(f"{constant} is not JSON"))
     assert data["format"] == "taskcal-calibration"
-    assert data["format_version"] == 5
+    assert data["format_version"] == 6
     assert data["units"] == "metres and radians"
     assert data["names"] == list(found.all_names)
     assert data["provenance"]["rows"] == 50
@@ -263,7 +263,7 @@ BROKEN = {
     "foreign": (lambda text: '{"format": "other"}', "is JSON, but no calibration"),
     "later version": (
         lambda text: edit(text, "format_version", value=99),
-        r"has format version 99, this Taskcal reads 1 to 5",
+        r"has format version 99, this Taskcal reads 1 to 6",
     ),
     "no version": (lambda text: edit(text, "format_version", remove=True), "has format version None"),
     "no robot": (

@@ -4,8 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.linalg import block_diag
 
 from taskcal.estimation.prior import GaussianPrior
+from taskcal.identification.observation_layout import ObservationLayout
 from taskcal.identification.problem import FrameLayout
 
 BASE_PRIOR, TARGET_PRIOR = 10.0, 1.0
@@ -51,15 +53,25 @@ class Belief:
 
 def frame_precision(layout: FrameLayout) -> Float[np.ndarray, "frames frames"]:
     """Next to nothing is known of tracker frame and targets, but for directions that the poses do not determine."""
-    count = len(layout.names) - len(layout.kept)
-    out = np.diag(np.where(np.arange(count) < 6, BASE_PRIOR, TARGET_PRIOR) ** -2.0)
+    count, base = len(layout.names) - len(layout.kept), layout.base_size
+    out = np.diag(np.where(np.arange(count) < base, BASE_PRIOR, TARGET_PRIOR) ** -2.0)
     held = layout.registration.unobservable / UNOBSERVABLE_PRIOR**2
-    if layout.pose:  # its error frame moves in the axes of the target
+    if isinstance(layout, ObservationLayout):
+        at = np.concatenate([place[:3] for place in layout.places]) - len(layout.kept)
+        turned = np.asarray(block_diag(*_axes_of_places(layout)))
+        out[np.ix_(at, at)] += turned.T @ held @ turned
+    elif layout.pose:  # its error frame moves in the axes of the target
         X = layout.registration.T_tool_target[0, :3, :3]
         out[6:9, 6:9] += X.T @ held @ X
     else:
         out[6:, 6:] += held
     return out
+
+
+def _axes_of_places(layout: ObservationLayout) -> list[Float[np.ndarray, "3 3"]]:
+    """In which each target's place on the tool is counted."""
+    registered = layout.registration.T_tool_target[:, :3, :3]
+    return [X if kind.turned else np.eye(3) for X, kind in zip(registered, layout.kinds, strict=True)]
 
 
 def belief_of(layout: FrameLayout, prior: GaussianPrior | str | None) -> Belief:

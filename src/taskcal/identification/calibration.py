@@ -15,12 +15,13 @@ from taskcal.files import write_whole
 from taskcal.geometry import se3, walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
 from taskcal.geometry.covariance_propagation import propagate
-from taskcal.geometry.observations import Observations, Points
+from taskcal.geometry.observations import Points
 from taskcal.identification.approach_covariance import approach_covariance
 from taskcal.identification.calibration_content import describe_calibration
 from taskcal.identification.calibration_summary import summarise_calibration
 from taskcal.identification.field import ResidualField
 from taskcal.identification.held_out import HeldOut
+from taskcal.identification.observed_errors import residuals_by_kind
 from taskcal.identification.outlier import LeftOut, Outlier
 from taskcal.identification.problem import FrameLayout
 from taskcal.identification.provenance import Provenance
@@ -178,7 +179,9 @@ class Calibration:
             CampaignError: a target that the calibration does not know.
             ClosureError: a closed loop cannot be assembled at some pose.
         """
-        ends = self.target_poses(campaign.q, campaign.conditions)[:, self._rows_of(campaign.targets)]
+        if campaign.observations:
+            return residuals_by_kind(self, campaign, frame)
+        ends = self.target_poses(campaign.q, campaign.conditions)[:, self.rows_of(campaign.targets)]
         residual = campaign.points - ends[..., :3, 3]
         R = self.T_tracker_base[:3, :3] if frame == "base" else np.eye(3)
         if campaign.rotations is None or not self.layout.pose:
@@ -188,7 +191,7 @@ class Calibration:
         turn[seen, 0] = se3.log(campaign.rotations[seen] @ np.swapaxes(ends[seen, 0, :3, :3], 1, 2))
         return np.concatenate([residual @ R, turn @ R], axis=2)
 
-    def _rows_of(self, targets: Sequence[str]) -> list[int]:
+    def rows_of(self, targets: Sequence[str]) -> list[int]:
         """Which of the calibration's targets each of some is."""
         unknown = [name for name in targets if name not in self.targets]
         if unknown:
@@ -214,10 +217,8 @@ class Calibration:
             b = 3 rows for points, metres²; 6 for poses, then radians².
         """
         q = np.asarray(q, dtype=float)
-        shape = len(q), len(self.targets)
         at = self.layout.walked(q, self.z, self.model.prepare(q, conditions))
-        T = walk.poses(at.chain, at.s, at.e)[:, :3, :3] if self.layout.pose else None
-        nowhere = Observations(position=np.zeros((*shape, 3)), rotation=T, valid=np.ones(shape, dtype=bool))
+        nowhere = self.layout.nowhere(at, self.z)
         _, covariance = propagate(at, nowhere, self.z_covariance)
         if conditions is None and self.model.conditioned:
             covariance = covariance + approach_covariance(self, q)
@@ -229,9 +230,9 @@ class Calibration:
             )
             variances = np.zeros(at.chain.joints)
             variances[: len(self.joint_error)] = np.square(self.joint_error)
-            covariance = covariance + propagate(joints, nowhere, np.diag(variances))[1]
+            covariance = covariance + propagate(joints, nowhere.held(), np.diag(variances))[1]
         if self.field is None:
-            return covariance + np.diag(np.repeat(np.square(self.model_error), 3))
+            return covariance + np.diag(np.repeat(np.square(self.model_error), 3)[: covariance.shape[2]])
         R = self.T_tracker_base[:3, :3]
         variance = self.field.variance(q)
         for first in range(0, covariance.shape[2], 3):

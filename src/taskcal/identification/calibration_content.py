@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taskcal.identification.observation_layout import ObservationLayout
 from taskcal.identification.packed_covariance import describe_covariance
 from taskcal.measurement.registration_file import describe_registration
 
@@ -13,10 +14,11 @@ if TYPE_CHECKING:
     from taskcal.identification.held_out import HeldOut
 
 FORMAT = "taskcal-calibration"
-FORMAT_VERSION = 5
+FORMAT_VERSION = 6
 """Version 1 held estimate and covariance of the parameters that were estimated, and of no others; versions 1 and 2 counted
 the rows of outliers among those fitted, and named no line; before version 4 no joint had an error of its own, and no
-covariance was packed; before version 5 neither the joint positions nor what rows held out showed were kept."""
+covariance was packed; before version 5 neither the joint positions nor what rows held out showed were kept; before version 6 a
+tracker had measured everything."""
 
 
 def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
@@ -32,6 +34,7 @@ def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
         "kept": list(calibration.kept),
         "targets": list(calibration.targets),
         "pose": calibration.layout.pose,
+        "observations": _describe_observations(calibration),
         "fixed_frames": calibration.layout.fixed_frames,
         "registration": describe_registration(calibration.layout.registration),
         "names": list(calibration.all_names),
@@ -67,6 +70,18 @@ def _describe_held_out(held_out: "HeldOut") -> dict[str, Any]:
         "residuals": _without_nan(held_out.residuals),
         "nominal": _without_nan(held_out.nominal),
     }
+
+
+def _describe_observations(calibration: "Calibration") -> list[dict[str, Any]]:
+    """How each target was observed; none where a tracker measured all."""
+    layout = calibration.layout
+    if not isinstance(layout, ObservationLayout):
+        return []
+    unknowns = layout.unknowns(calibration.z)
+    return [
+        {"kind": kind.key, "options": kind.describe(), "unknowns": unknown.tolist()}
+        for kind, unknown in zip(layout.kinds, unknowns, strict=True)
+    ]
 
 
 def _without_nan(array: np.ndarray) -> list[Any]:

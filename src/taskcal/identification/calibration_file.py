@@ -1,7 +1,7 @@
 """The calibration file: its schema, and the calibration it describes."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,10 +16,12 @@ from taskcal.identification.calibration_content import FORMAT, FORMAT_VERSION
 from taskcal.identification.considered import spread_out
 from taskcal.identification.field import ResidualField
 from taskcal.identification.held_out import HeldOut
+from taskcal.identification.observation_layout import ObservationLayout
 from taskcal.identification.outlier import LeftOut, Outlier
 from taskcal.identification.packed_covariance import unpack_covariance
 from taskcal.identification.problem import FrameLayout
 from taskcal.identification.provenance import Provenance
+from taskcal.measurement.observation import Observation, kind_of
 from taskcal.measurement.registration_file import RegistrationSection
 from taskcal.robot.effects import Effect, effect_from
 from taskcal.robot.error_model import ErrorModel
@@ -127,6 +129,33 @@ class ProvenanceSection(Section):
     notes: tuple[str, ...] = ()
 
 
+class ObservationSection(Section):
+    """How a target was observed without a tracker."""
+
+    kind: str
+    options: dict[str, Any]
+    unknowns: Vector
+
+    def observation(self) -> Observation:
+        """The kind, without rows.
+
+        Raises:
+            TaskcalError: there is no such kind, or its options are not its own.
+        """
+        kind = kind_of(self.kind)
+        try:
+            made = kind.of_description(self.options)
+        except (KeyError, TypeError, ValueError) as error:
+            raise TaskcalError(
+                f"the options of its observation '{shown(self.kind)}' are none: {shown(error)}"
+            ) from error
+        if len(made.unknowns) != len(self.unknowns):
+            raise TaskcalError(
+                f"its observation '{self.kind}' has {len(self.unknowns)} unknowns, where {len(made.unknowns)} belong"
+            )
+        return made
+
+
 class CalibrationFile(Section):
     """A calibration file."""
 
@@ -140,6 +169,7 @@ class CalibrationFile(Section):
     kept: Texts
     targets: Texts = Field(min_length=1)
     pose: Flag
+    observations: list[ObservationSection] = Field(default=[])
     fixed_frames: Flag
     registration: RegistrationSection
     names: Texts
@@ -180,18 +210,10 @@ class CalibrationFile(Section):
                 f"'{shown(self.provenance.robot_digest)}'"
             )
         model = ErrorModel(robot, lengths_only=self.lengths_only, effects=effects)
-        registration = self.registration.registration(len(self.targets))
-        layout = FrameLayout(
-            model=model,
-            kept=np.arange(len(model)),
-            registration=registration,
-            targets=tuple(self.targets),
-            pose=self.pose,
-            fixed_frames=self.fixed_frames,
-        )
+        layout = self._layout(model)
         estimated = model.indices(map(current_parameter, self.kept))
         written = layout if self.format_version > 1 else replace(layout, kept=estimated)
-        size, rows, width = len(written.names), len(self.ids), 6 if self.pose else 3
+        size, rows, width = len(written.names), len(self.ids), layout.block_size
         self._same_names(written.names)
         of_shape("model_error", np.array(self.model_error), (width // 3,))
         if self.joint_error:
@@ -228,6 +250,25 @@ class CalibrationFile(Section):
             remarks=tuple(self.remarks),
             provenance=Provenance(**self.provenance.model_dump()),
         )
+
+    def _layout(self, model: ErrorModel) -> FrameLayout:
+        registration = self.registration.registration(len(self.targets))
+        layout = FrameLayout(
+            model=model,
+            kept=np.arange(len(model)),
+            registration=registration,
+            targets=tuple(self.targets),
+            pose=self.pose,
+            fixed_frames=self.fixed_frames,
+        )
+        if not self.observations:
+            return layout
+        if len(self.observations) != len(self.targets):
+            raise TaskcalError(f"it has {len(self.observations)} observations for {len(self.targets)} targets")
+        shared = {f.name: getattr(layout, f.name) for f in fields(FrameLayout)}
+        unknowns = tuple(np.array(section.unknowns, dtype=float) for section in self.observations)
+        shared["registration"] = replace(registration, unknowns=unknowns)
+        return ObservationLayout(**shared, kinds=tuple(section.observation() for section in self.observations))
 
     def _same_names(self, expected: tuple[str, ...]) -> None:
         """Estimate and covariance stand in the order of the names, so that others would give other parameters."""

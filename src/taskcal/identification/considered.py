@@ -19,8 +19,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.geometry import normal_equations
-from taskcal.geometry.covariance_propagation import propagate
 from taskcal.identification.belief import Belief
 from taskcal.identification.hyperparameters import Fitted, Hyperparameters
 from taskcal.identification.problem import FrameLayout, Problem
@@ -86,9 +84,8 @@ def consider(
     d = np.setdiff1d(np.arange(len(z)), k)
     R = whole.covariance(hyper.variances) / fit.weights[..., None, None]
     W = np.linalg.inv(fit.covariance) * fit.weights[..., None, None]
-    walked = whole.walked(z)
-    H = normal_equations.normal_equations(walked, whole.seen, _root(W))[2]
-    B = normal_equations.normal_equations(walked, whole.seen, _root(W @ R @ W))[2]
+    H = whole.information(z, _root(W))
+    B = whole.information(z, _root(W @ R @ W))
     prior = believed.covariance(hyper.prior_factor)
     F = fit.posterior
     A = F @ belief.precision(fit.hyper.prior_factor)
@@ -99,7 +96,7 @@ def consider(
     C += G @ prior[np.ix_(d, d)] @ G.T
     C = 0.5 * (C + C.T)
     followed = fit.prediction_covariance @ W @ R
-    own = R - followed - np.swapaxes(followed, -1, -2) + propagate(walked, whole.seen, C)[1]
+    own = R - followed - np.swapaxes(followed, -1, -2) + whole.propagate(z, C)[1]
     return Outcome(
         layout=whole.frames,
         estimated=problem.frames.kept,

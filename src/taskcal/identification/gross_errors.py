@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 
 from taskcal.errors import CampaignError
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.observed_errors import covariance_by_kind
 from taskcal.identification.outlier import LeftOut
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.plausibility import most_wrong_rows
@@ -108,8 +109,13 @@ def _judge(
     if len(rest):
         others = campaign.take(rest)
         residual = np.nan_to_num(calibration.residuals_on(others))
-        covariance = calibration.predict_covariance(others.q, others.conditions) + others.covariances(noise)
+        predicted = covariance_by_kind if others.observations else _predicted_covariance
+        covariance = predicted(calibration, others) + others.covariances(noise)
         square = np.einsum("nti,nti->nt", residual, np.linalg.solve(covariance, residual[..., None])[..., 0])
         distance[rest] = np.linalg.norm(residual[..., :3], axis=2).max(axis=1)
         length[rest] = np.sqrt(square.max(axis=1))
     return distance, length
+
+
+def _predicted_covariance(calibration: Calibration, campaign: Campaign) -> Float[np.ndarray, "n targets b b"]:
+    return calibration.predict_covariance(campaign.q, campaign.conditions)

@@ -61,15 +61,19 @@ def validate_groups(
     errors = {name: np.full((n, targets), np.nan) for name in ("", *effects)}
     square = np.full((n, targets), np.nan)
     flat, y = fitted.A.reshape(n * m, p), fitted.y.reshape(-1)
-    H, b = (flat.T @ flat, flat.T @ y) if n * m >= p else (None, None)
+    known, known_y = fitted.stated
+    everything, all_y = np.concatenate([flat, known]), np.concatenate([y, known_y])
+    H, b = (everything.T @ everything, everything.T @ all_y) if n * m >= p else (None, None)
     for part in parts:
         rest = np.ones(n, dtype=bool)
         rest[part] = False
         own, own_y = fitted.A[part].reshape(-1, p), fitted.y[part].reshape(-1)
         if H is None or b is None:
-            reduced = reduce_rows(fitted.A[rest].reshape(-1, p), fitted.y[rest].reshape(-1), fitted.one.groups)
+            rows = np.concatenate([fitted.A[rest].reshape(-1, p), known])
+            reduced = reduce_rows(rows, np.concatenate([fitted.y[rest].reshape(-1), known_y]), fitted.one.groups)
         else:
-            reduced = reduce_normal(H - own.T @ own, b - own.T @ own_y, float(y @ y - own_y @ own_y), fitted.one.groups)
+            left = float(all_y @ all_y - own_y @ own_y)
+            reduced = reduce_normal(H - own.T @ own, b - own.T @ own_y, left, fitted.one.groups)
         fold = find_sizes(reduced, fitted.found.evidence.log_variances, STEPS)
         mean, S = fold.averaged(DRAWS, rng)
         errors[""][part], square[part] = _judge(fitted, part, mean, S)

@@ -13,10 +13,10 @@ from taskcal.estimation.least_squares import Solution, Stopping, fit
 from taskcal.estimation.loss import Loss
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.estimation.scaled import pseudo_invert_scaled, solve_scaled
-from taskcal.geometry.covariance_propagation import propagate
 from taskcal.identification.belief import Belief
 from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.problem import Problem, whitener
+from taskcal.measurement.observation.observation import UNMEASURED
 
 MAX_ROUNDS = 60
 """Of fit and hyperparameters in turn, at most."""
@@ -93,7 +93,8 @@ def fit_with_hyperparameters(problem: Problem, belief: Belief, options: FitOptio
     # without a prior there is nothing to scale
     prior_scale = options.prior_scale if belief.prior is not None else 1.0
     groups = problem.noise.shape[-1] // 3
-    tracker = np.array([np.median(problem.noise[..., 3 * g, 3 * g][problem.seen.valid]) for g in range(groups)])
+    noise = problem.noise[..., ::3, ::3].diagonal(axis1=-2, axis2=-1)[problem.seen.valid]
+    tracker = np.array([np.median(variances[variances < UNMEASURED]) for variances in noise.T])
     start = problem.frames.start()
     search_error = isinstance(model_error, str)
     search_scale = isinstance(prior_scale, str)
@@ -145,7 +146,7 @@ def _final(belief: Belief) -> Stopping:
 def _first_variances(problem: Problem, start: np.ndarray, groups: int) -> np.ndarray:
     """A tenth of what the nominal robot leaves: on the large side, for a first fit that the prior still steers."""
     nothing = np.zeros((len(start), len(start)))
-    residual, _ = propagate(problem.walked(start), problem.seen, nothing)
+    residual, _ = problem.propagate(start, nothing)
     return np.array([0.01 * np.nanmean(residual[..., 3 * g : 3 * g + 3] ** 2) for g in range(groups)])
 
 
@@ -175,7 +176,7 @@ def _fit_once(
             f"check the campaign with a robust loss (loss=Cauchy()), or {remedy}"
         )
     posterior = _invert(solution.information + precision)
-    residual, prediction_covariance = propagate(problem.walked(solution.z), problem.seen, posterior)
+    residual, prediction_covariance = problem.propagate(solution.z, posterior)
     rms = np.sqrt(np.mean(np.einsum("ntij,ntj->nti", white, np.nan_to_num(residual)) ** 2, axis=2))
     return Fitted(
         solution=solution,

@@ -16,8 +16,8 @@ from taskcal.identification.fit_options import FitChoices, FitOptions
 from taskcal.identification.gross_errors import fit_right_rows
 from taskcal.identification.hyperparameters import MAX_ROUNDS, Fitted, fit_with_hyperparameters
 from taskcal.identification.informed_parameters import UNSEEN_SHARE
+from taskcal.identification.observation_layout import layout_of, problem_of
 from taskcal.identification.outlier import studentise
-from taskcal.identification.problem import FrameLayout, Problem, observe
 from taskcal.identification.provenance import Provenance
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.consensus import find_consensus
@@ -115,20 +115,8 @@ def _fit(
 ) -> Calibration:
     """Fit all rows of a campaign."""
     registration = chosen.registration or _registered(model, campaign, poses, chosen.target_within)
-    whole = Problem(
-        frames=FrameLayout(
-            model=model,
-            kept=np.arange(len(model)),
-            registration=registration,
-            targets=campaign.targets,
-            pose=campaign.rotations is not None,
-            fixed_frames=chosen.frames == "fixed",
-        ),
-        q=np.ascontiguousarray(campaign.q),
-        seen=observe(campaign),
-        noise=campaign.covariances(chosen.noise),
-        conditions=campaign.conditions,
-    )
+    layout = layout_of(model, np.arange(len(model)), registration, campaign, fixed=chosen.frames == "fixed")
+    whole = problem_of(layout, campaign, chosen.noise)
     problem = replace(whole, frames=replace(whole.frames, kept=kept))
     belief = belief_of(problem.frames, chosen.prior)
     fit = fit_with_hyperparameters(problem, belief, chosen)

@@ -38,6 +38,8 @@ def linearise_rows(problem: Problem, z: Float[np.ndarray, " z"]) -> Linearisatio
     Raises:
         ClosureError: a closed loop cannot be assembled at some pose.
     """
+    if problem.kinds:
+        return _linearise_kinds(problem, z)
     at, pose = problem.walked(z), problem.frames.pose
     T = walk.poses(at.chain, at.s, at.e)
     residual: list[np.ndarray] = []
@@ -63,6 +65,29 @@ def linearise_rows(problem: Problem, z: Float[np.ndarray, " z"]) -> Linearisatio
     for array in made:
         array[~seen] = 0.0
     return Linearisation(residual=made[0], by_entry=made[1], by_joint=made[2], seen=seen)
+
+
+def _linearise_kinds(problem: Problem, z: Float[np.ndarray, " z"]) -> Linearisation:
+    """The same where what was seen is linearised by the twist of the tool."""
+    at = problem.walked(z)
+    seen, tool = problem.linearised(at, z), np.zeros(3)
+    assert seen.linear is not None
+    twist = walk.columns(at.chain, at.s, at.e, at.layout, at.factor, angular=True)
+    joints = joint_columns(at, tool, angular=True)[:, :, : len(problem.frames.model.robot.joints)]
+    n, targets, b = seen.linear.residual.shape
+    by_entry = seen.linear.by_end.reshape(n, targets * b, 6) @ twist
+    for t, columns in enumerate(seen.linear.columns):
+        own = columns >= 0
+        by_entry[:, t * b : (t + 1) * b, columns[own]] += seen.linear.by_unknown[:, t][:, :, own]
+    made = (
+        seen.linear.residual.reshape(n, -1),
+        by_entry,
+        seen.linear.by_end.reshape(n, targets * b, 6) @ joints,
+    )
+    valid = np.repeat(seen.valid, b, axis=1)
+    for array in made:
+        array[~valid] = 0.0
+    return Linearisation(residual=made[0], by_entry=made[1], by_joint=made[2], seen=valid)
 
 
 def joint_columns(

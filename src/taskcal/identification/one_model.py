@@ -128,6 +128,8 @@ class OneFit:
     A: Float[np.ndarray, "n m z"]
     y: Float[np.ndarray, "n m"]
     """Whitened and scaled rows: y = A·x."""
+    stated: tuple[Float[np.ndarray, "k z"], Float[np.ndarray, " k"]]
+    """The same for what is known beside the measurements."""
     found: GroupedFit
     rounds: int
 
@@ -186,9 +188,20 @@ def _fit_once(
     A = (W @ at.by_entry) * np.where(one.kept, one.scale, 0.0)
     moved = np.where(one.kept, (z - one.problem.frames.start()) / one.scale, 0.0)
     y = np.einsum("nij,nj->ni", W, at.residual) + A @ moved
-    reduced = reduce_rows(A.reshape(-1, A.shape[2]), y.reshape(-1), one.groups)
+    stated = _stated(one, z)
+    rows = np.concatenate([A.reshape(-1, A.shape[2]), stated[0]]), np.concatenate([y.reshape(-1), stated[1]])
+    reduced = reduce_rows(*rows, one.groups)
     found = find_sizes(reduced, sizes)
-    return OneFit(one=one, z=z, at=at, errors=errors, whitener=W, A=A, y=y, found=found, rounds=rounds)
+    return OneFit(one=one, z=z, at=at, errors=errors, whitener=W, A=A, y=y, stated=stated, found=found, rounds=rounds)
+
+
+def _stated(one: OneModel, z: Float[np.ndarray, " z"]) -> tuple[Float[np.ndarray, "k z"], Float[np.ndarray, " k"]]:
+    """What is known beside the measurements, as rows like theirs."""
+    known = one.problem.frames.stated(z, one.problem.kinds)
+    if known is None:
+        return np.zeros((0, len(z))), np.zeros(0)
+    A = known.by_entry * one.scale
+    return A, known.residual + A @ ((z - one.problem.frames.start()) / one.scale)
 
 
 def _weights(at: Linearisation, W: np.ndarray, problem: Problem, options: FitOptions) -> Float[np.ndarray, "n m"]:

@@ -9,9 +9,10 @@ from jaxtyping import Int
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.group_validation import LeftOutErrors, validate_groups
+from taskcal.identification.observation_layout import layout_of, problem_of
 from taskcal.identification.one_calibration import calibrate, log_evidence
 from taskcal.identification.one_model import MOST_ROUNDS, OneFit, OneModel, assemble, fit_one_model
-from taskcal.identification.problem import FrameLayout, Problem, observe
+from taskcal.identification.problem import Problem
 from taskcal.identification.row_errors import RowErrors
 from taskcal.identification.sharp_orders import as_effects, find_sharp_orders
 from taskcal.measurement.campaign import Campaign
@@ -130,20 +131,8 @@ def _share(one: Effect, other: Effect, model: ErrorModel) -> bool:
 
 
 def _problem(base: Calibration, model: ErrorModel, campaign: Campaign, options: FitOptions) -> Problem:
-    return Problem(
-        frames=FrameLayout(
-            model=model,
-            kept=np.arange(len(model)),
-            registration=base.layout.registration,
-            targets=base.layout.targets,
-            pose=base.layout.pose,
-            fixed_frames=base.layout.fixed_frames,
-        ),
-        q=np.ascontiguousarray(campaign.q),
-        seen=observe(campaign),
-        noise=campaign.covariances(options.noise),
-        conditions=campaign.conditions,
-    )
+    layout = layout_of(model, np.arange(len(model)), base.layout.registration, campaign, fixed=base.layout.fixed_frames)
+    return problem_of(layout, campaign, options.noise)
 
 
 def _first_sizes(one: OneModel, before: OneFit | None) -> np.ndarray:
@@ -158,7 +147,7 @@ def _first_errors(base: Calibration, options: FitOptions, joints: int) -> RowErr
     size = [max(error if given else 0.5 * error, 0.0 if given else FEW) for error in base.model_error]
     return RowErrors(
         position=max(size[0] ** 2, 1e-14),
-        rotation=max(size[1] ** 2, 1e-14) if base.layout.pose else None,
+        rotation=max(size[1] ** 2, 1e-14) if base.layout.block_size == 6 else None,
         joints=np.full(joints, 1e-14 if given else size[0] ** 2),
         searched=not given,
     )

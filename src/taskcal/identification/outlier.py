@@ -59,15 +59,17 @@ def studentise(
         campaign: the measurements.
         level: chance of naming any where there is none.
     """
-    valid, b = campaign.valid, residual.shape[2]
-    out = np.full(valid.shape, np.nan)
-    values, vectors = np.linalg.eigh(own[valid])
-    # directions that the fit follows entirely have no residual to judge
-    floor = 1e-6 * np.trace(covariance[valid], axis1=1, axis2=2)[:, None] / b
-    along = np.einsum("kij,ki->kj", vectors, residual[valid])
-    square = np.sum(np.where(values > floor, along**2 / np.maximum(values, floor), 0.0), axis=1)
-    out[valid] = np.sqrt(square)
-    limit = np.sqrt(chdtri(b, level / max(int(valid.sum()), 1)))
+    valid, out = campaign.valid, np.full(campaign.valid.shape, np.nan)
+    widths = np.array([one.width for one in campaign.observations] or [residual.shape[2]] * valid.shape[1])
+    for b in np.unique(widths):  # numbers that were measured of a block
+        judged = valid & (widths == b)
+        values, vectors = np.linalg.eigh(own[judged][:, :b, :b])
+        # directions that the fit follows entirely have no residual to judge
+        floor = 1e-6 * np.trace(covariance[judged][:, :b, :b], axis1=1, axis2=2)[:, None] / b
+        along = np.einsum("kij,ki->kj", vectors, residual[judged][:, :b])
+        square = np.sum(np.where(values > floor, along**2 / np.maximum(values, floor), 0.0), axis=1)
+        out[judged] = np.sqrt(square)
+    limit = np.sqrt(chdtri(widths, level / max(int(valid.sum()), 1)))
     rows = [(float(out[i, t]), int(i), int(t)) for i, t in zip(*np.nonzero(out > limit), strict=True)]
     named = [
         Outlier(

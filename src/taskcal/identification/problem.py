@@ -2,21 +2,32 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.errors import ClosureError
-from taskcal.geometry import se3
+from taskcal.geometry import se3, walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
-from taskcal.geometry.normal_equations import WhitenedEquations, normal_equations
+from taskcal.geometry.covariance_propagation import propagate
+from taskcal.geometry.normal_equations import SQUARED, WhitenedEquations, normal_equations
 from taskcal.geometry.observations import Observations, Points, Walked
 from taskcal.geometry.walk import Columns
 from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.observation import Observation
 from taskcal.measurement.registration import Registration
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_frames import COMPONENTS
 from taskcal.robot.error_model import ErrorModel, Prepared
+
+
+class StatedRows(NamedTuple):
+    """What is known of an estimate beside the measurements, whitened."""
+
+    residual: Float[np.ndarray, " k"]
+    """Stated less found."""
+    by_entry: Float[np.ndarray, "k z"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -115,6 +126,32 @@ class FrameLayout:
         points = Points(position=np.ascontiguousarray(offsets), columns=self.point_columns)
         return Walked(self.chain, s, np.concatenate(rows), self.layout, factor, points)
 
+    @property
+    def base_size(self) -> int:
+        """Columns of the tracker's frame."""
+        return 6
+
+    @property
+    def block_size(self) -> int:
+        """Numbers of a target's block: three of position, and three of rotation where any were measured."""
+        return 6 if self.pose else 3
+
+    def linearised(
+        self, walked: Walked, z: Float[np.ndarray, " z"], seen: Observations, kinds: tuple[Observation, ...]
+    ) -> Observations:
+        """What was seen as the compiled passes take it at an estimate: a tracker's points and poses as they are."""
+        return seen
+
+    def stated(self, z: Float[np.ndarray, " z"], kinds: tuple[Observation, ...]) -> StatedRows | None:
+        """What is known of the frames beside the measurements; None for nothing."""
+        return None
+
+    def nowhere(self, walked: Walked, z: Float[np.ndarray, " z"]) -> Observations:
+        """Targets as if measured where they are predicted, for the covariance of a prediction."""
+        shape = len(walked.s), len(self.targets)
+        T = walk.poses(walked.chain, walked.s, walked.e)[:, :3, :3] if self.pose else None
+        return Observations(position=np.zeros((*shape, 3)), rotation=T, valid=np.ones(shape, dtype=bool))
+
     def frames(self, z: Float[np.ndarray, " z"]) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "targets 4 4"]]:
         """Tracker to base, and tool to every target, as estimated."""
         if self.fixed_frames:
@@ -145,6 +182,8 @@ class Problem:
     seen: Observations
     noise: Float[np.ndarray, "n targets b b"]
     """Covariance of the measurements, m² and rad²."""
+    kinds: tuple[Observation, ...] = ()
+    """How each target was observed; none where a tracker measured all."""
     conditions: Conditions | None = None
     """How the poses were reached."""
 
@@ -184,9 +223,31 @@ class Problem:
                 walked = self.walked(z)
             except ClosureError:
                 return np.inf, np.zeros(len(z)), np.zeros((len(z), len(z)))
-            return normal_equations(walked, self.seen, whitener, loss, threshold)
+            cost, g, H = normal_equations(walked, self.linearised(walked, z), whitener, loss, threshold)
+            stated = self.frames.stated(z, self.kinds)
+            if stated is None:
+                return cost, g, H
+            r, A = stated
+            return cost + 0.5 * float(r @ r), g + A.T @ r, H + A.T @ A
 
         return evaluate
+
+    def linearised(self, walked: Walked, z: Float[np.ndarray, " z"]) -> Observations:
+        """What was seen, as the compiled passes take it at an estimate."""
+        return self.frames.linearised(walked, z, self.seen, self.kinds)
+
+    def propagate(
+        self, z: Float[np.ndarray, " z"], covariance: Float[np.ndarray, "z z"]
+    ) -> tuple[Float[np.ndarray, "n targets b"], Float[np.ndarray, "n targets b b"]]:
+        """Residuals at an estimate, and the covariance of what is predicted for one of the estimate."""
+        walked = self.walked(z)
+        return propagate(walked, self.linearised(walked, z), covariance)
+
+    def information(
+        self, z: Float[np.ndarray, " z"], whitener: Float[np.ndarray, "n targets b b"]
+    ) -> Float[np.ndarray, "z z"]:
+        """Of the estimate, by the measurements and by what is stated."""
+        return self.equations(whitener, SQUARED, 1.0)(z)[2]
 
 
 def whitener(covariance: Float[np.ndarray, "n targets b b"]) -> Float[np.ndarray, "n targets b b"]:

@@ -1,6 +1,7 @@
 """A measuring campaign: joint positions, and where the targets were seen."""
 
 import hashlib
+import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, wraps
@@ -11,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.arguments import renamed_arguments, warn_renamed
 from taskcal.errors import CampaignError, UnknownName, shortened
+from taskcal.measurement.observation.observation import UNMEASURED, Measured, Observation
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.conditions import Conditions
 
@@ -34,9 +36,11 @@ class Campaign:
     targets: tuple[str, ...]
     """Names of the targets; one, ``tool``, where the file names none."""
     points: Float[np.ndarray, "n targets 3"]
-    """Target centres in the tracker frame, metres; NaN where the beam was lost."""
+    """Target centres in the tracker frame, metres; NaN where the beam was lost. What another kind of observation reads instead."""
     rotations: Float[np.ndarray, "n 3 3"] | None = None
     """Orientation of the target in the tracker frame, for poses."""
+    observations: tuple[Observation, ...] = ()
+    """How each target was observed; none where a tracker measured points or poses of all."""
     uncertainty: Float[np.ndarray, "n targets"] | None = None
     """Stated standard uncertainty of each point (per axis), metres; None where the tracker's noise model says it."""
     reference_points: Mapping[str, Float[np.ndarray, "n 3"]] = field(default_factory=dict[str, np.ndarray])
@@ -55,7 +59,7 @@ class Campaign:
     def __repr__(self) -> str:
         quantities = [name for name in _QUANTITIES if getattr(self.conditions, name) is not None]
         parts = [
-            f"{len(self)} {'points' if self.rotations is None else 'poses'} of {shortened(', '.join(self.targets), 80)}",
+            f"{len(self)} {self._kinds} of {shortened(', '.join(self.targets), 80)}",
             f"{int((~self.valid).sum())} beams lost" if not self.valid.all() else "",
             f"reference points {shortened(', '.join(self.reference_points), 80)}" if self.reference_points else "",
             f"with {', '.join(quantities)}" if quantities else "",
@@ -80,9 +84,20 @@ class Campaign:
         for name, (array, shape) in shapes.items():
             if array is not None and array.shape != shape:
                 raise CampaignError(f"{name} has shape {array.shape}; {n} rows and {targets} targets need {shape}")
+        if self.observations and len(self.observations) != targets:
+            raise CampaignError(
+                f"{len(self.observations)} observations do not belong to {targets} targets; give one for each"
+            )
         if not np.isfinite(self.q).all():
             row = int(np.flatnonzero(~np.isfinite(self.q).all(axis=1))[0])
             raise CampaignError(f"{self.row(row)} has a joint position that is not a number; leave the row out")
+
+    @property
+    def _kinds(self) -> str:
+        """What was measured, in the plural."""
+        if self.observations:
+            return " and ".join(f"{key}s" for key in dict.fromkeys(one.key for one in self.observations))
+        return "points" if self.rotations is None else "poses"
 
     def __len__(self) -> int:
         return len(self.q)
@@ -173,11 +188,15 @@ class Campaign:
         for array in (*measured, self.approach, self.move, self.temperature, self.time):
             if array is not None:
                 out.update(np.ascontiguousarray(array).tobytes())
+        for one in self.observations:
+            out.update(json.dumps([one.key, one.describe(), [] if one.of is None else one.of.tolist()]).encode())
         return out.hexdigest()[:16]
 
     def covariances(self, noise: TrackerNoise | None = None) -> Float[np.ndarray, "n targets b b"]:
         """Covariance of every measured point (b = 3) or pose (b = 6), m² and rad²."""
         noise = noise or TrackerNoise()
+        if self.observations:
+            return self._covariances_by_kind(noise)
         if self.uncertainty is not None:
             points = self.uncertainty[..., None, None] ** 2 * np.eye(3)
         else:
@@ -189,6 +208,21 @@ class Campaign:
         out[..., :3, :3] = points
         out[..., 3:, 3:] = noise.rotation**2 * np.eye(3)
         return out
+
+    def _covariances_by_kind(self, noise: TrackerNoise) -> Float[np.ndarray, "n targets b b"]:
+        b = 3 if self.rotations is None else 6
+        out = np.zeros((*self.valid.shape, b, b))
+        out[..., range(b), range(b)] = UNMEASURED
+        for t, one in enumerate(self.observations):
+            seen = self.valid[:, t]
+            stated = None if self.uncertainty is None else self.uncertainty[seen, t]
+            part = self.read(t).take(seen)
+            out[seen, t, : one.width, : one.width] = one.covariance(part, stated, noise)
+        return out
+
+    def read(self, target: int) -> Measured:
+        """What was read of a target."""
+        return Measured(self.points[:, target], self.rotations)
 
     def take(self, rows: Sequence[int] | Int[np.ndarray, " k"] | Bool[np.ndarray, " n"] | slice) -> "Campaign":
         """The campaign of some of the rows: numbers from 0, a mask, or a slice.
@@ -209,6 +243,7 @@ class Campaign:
             f.name: pick(getattr(self, f.name)) for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)
         }
         changed.setdefault("rows", chosen)
+        changed["observations"] = tuple(one.take(chosen) for one in self.observations)
         reference_points = {name: points[chosen] for name, points in self.reference_points.items()}
         ids = tuple(self.ids[i] for i in chosen)
         return replace(
@@ -253,7 +288,16 @@ class Campaign:
                 raise UnknownName("target", name, self.targets)
         chosen = [self.targets.index(name) for name in names]
         uncertainty = None if self.uncertainty is None else self.uncertainty[:, chosen]
-        return replace(self, targets=tuple(names), points=self.points[:, chosen], uncertainty=uncertainty)
+        observations = tuple(self.observations[t] for t in chosen) if self.observations else ()
+        turned = not observations or any(one.width == 6 for one in observations)
+        return replace(
+            self,
+            targets=tuple(names),
+            points=self.points[:, chosen],
+            rotations=self.rotations if turned else None,
+            uncertainty=uncertainty,
+            observations=observations,
+        )
 
 
 def _with_conditions(init: Callable[..., None]) -> Callable[..., None]:

@@ -4,7 +4,7 @@ Least trimmed squares (Rousseeuw 1984) with concentration steps (Rousseeuw and V
 leaves the smallest sum of squares on the best three quarters of the rows. What the other rows say is then judged by it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -13,7 +13,7 @@ from taskcal.errors import CampaignError
 from taskcal.estimation.blas import single_threaded
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import Registration, named_file, register_closely
+from taskcal.measurement.registration import Registration, named_file, register_closely, register_observations
 from taskcal.robot.error_model import ErrorModel
 
 TRUSTED_SHARE = 0.75
@@ -68,6 +68,8 @@ def find_consensus(
     Raises:
         CampaignError: no subset of the rows determines the frames.
     """
+    if campaign.observations:
+        return _by_kind(model, campaign, poses)
     seen = np.flatnonzero(campaign.seen)
     best = _settle(model, campaign, poses, seen, seen)
     if best is None or not best.rows[seen].all():
@@ -80,6 +82,22 @@ def find_consensus(
     if best is None:
         raise CampaignError(f"{named_file(campaign)}no subset of the rows determines tracker frame and targets")
     return best
+
+
+def _by_kind(model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 4 4"]) -> Consensus:
+    """Every kind of observation is placed in spite of a few wrong rows; a tracker's points agree among themselves."""
+    tracked = [name for name, one in zip(campaign.targets, campaign.observations, strict=True) if one.in_tracker]
+    rows = campaign.seen
+    if tracked:
+        alone = replace(campaign.of_targets(tracked), observations=())
+        agreed = find_consensus(model, alone, poses)
+        rows = np.asarray(rows & (agreed.rows | ~alone.seen))
+    registration, distance = register_observations(poses, campaign.without(~rows), model)
+    limit = max(FAR_SIGMAS * float(np.median(distance[rows])), TRACKER_NOISE)
+    near = np.asarray(rows & (distance <= limit))
+    return Consensus(
+        rows=near if near.sum() >= TRUSTED_SHARE * rows.sum() else rows, registration=registration, distance=distance
+    )
 
 
 def _settle(

@@ -1,6 +1,6 @@
 """Where the tracker and the targets are, from raw measurements and the nominal robot alone."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -11,6 +11,7 @@ from taskcal.errors import CampaignError, ClosureError
 from taskcal.estimation.blas import single_threaded
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.observation import Standalone
 from taskcal.measurement.registration_refinement import place, placing_jacobian, refine, rms_length
 from taskcal.measurement.registration_start import (
     alternate,
@@ -53,6 +54,8 @@ class Registration:
     """Found from all ``poses``, or from the ``circles`` of axes that turned alone."""
     file: str = ""
     """The file it was read from, if it was."""
+    unknowns: tuple[Float[np.ndarray, " _"], ...] = ()
+    """What else each target's observation does not know: sockets, anchors …; empty where a tracker measured."""
 
     @property
     def unlocated(self) -> Float[np.ndarray, "offsets offsets"]:
@@ -86,9 +89,53 @@ def register(model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 
     expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
     check_rows(campaign)
     T = nominal_poses(model, campaign) if poses is None else poses
+    if campaign.observations:
+        return register_observations(T, campaign, model)[0]
     if campaign.rotations is None:
         return _register_points(T, campaign, model.robot.reach)
     return _register_poses(T, campaign, model.robot.reach)
+
+
+def register_observations(
+    T: Float[np.ndarray, "n 4 4"], campaign: Campaign, model: ErrorModel
+) -> tuple[Registration, Float[np.ndarray, " n"]]:
+    """What a tracker saw first, as without others; then every other target by itself, in the tracker's frame or in the base.
+
+    Args:
+        T: poses of the tool in the base.
+        campaign: the measurements.
+        model: the robot's model.
+
+    Returns:
+        the registration, and how far each row is off it, metres; zero where nothing was seen.
+
+    Raises:
+        CampaignError: rows that do not determine a target.
+    """
+    tracked = [t for t, one in enumerate(campaign.observations) if one.in_tracker]
+    base, place, off = np.eye(4), np.tile(np.eye(4), (len(campaign.targets), 1, 1)), np.zeros(campaign.valid.shape)
+    hidden = np.zeros((3 * len(campaign.targets), 3 * len(campaign.targets)))
+    if tracked:
+        seen = replace(campaign.of_targets([campaign.targets[t] for t in tracked]), observations=())
+        first = register(model, seen, T)
+        base, place[tracked] = first.T_tracker_base, first.T_tool_target
+        off[:, tracked] = np.nan_to_num(distances(first, seen, T))
+        at = np.concatenate([3 * t + np.arange(3) for t in tracked])
+        hidden[np.ix_(at, at)] = first.unobservable
+    unknowns = [np.zeros(0)] * len(campaign.targets)
+    for t, one in enumerate(campaign.observations):
+        if isinstance(one, Standalone):
+            placed = one.place(base @ T, campaign.read(t))
+            place[t], unknowns[t], off[:, t] = placed.T_tool_target, placed.unknown, placed.distance
+            hidden[3 * t : 3 * t + 3, 3 * t : 3 * t + 3] = placed.unobservable
+    registration = Registration(
+        T_tracker_base=base,
+        T_tool_target=place,
+        rms=float(np.sqrt(np.mean(off[campaign.valid] ** 2))),
+        unobservable=hidden,
+        unknowns=tuple(unknowns),
+    )
+    return registration, off.max(axis=1)
 
 
 def nominal_poses(model: ErrorModel, campaign: Campaign) -> Float[np.ndarray, "n 4 4"]:
@@ -111,6 +158,9 @@ def named_file(campaign: Campaign) -> str:
 
 def check_rows(campaign: Campaign, parameters: int = 0) -> None:
     """Raise a `CampaignError` unless there are enough measurements for the frames alone."""
+    if campaign.observations:
+        _check_observed_rows(campaign, parameters)
+        return
     per_row = 3 if campaign.rotations is None else 6
     needed_per_target = 3 if campaign.rotations is None else 6
     for t, name in enumerate(campaign.targets):
@@ -128,6 +178,21 @@ def check_rows(campaign: Campaign, parameters: int = 0) -> None:
         raise CampaignError(
             f"{named_file(campaign)}{seen} measured {what} in {len(campaign)} rows are too few: the tracker frame and {targets} "
             f"alone need more than {unknown} numbers; measure at least {rows} poses, better 30 or more"
+        )
+
+
+def _check_observed_rows(campaign: Campaign, parameters: int) -> None:
+    unknown, measured = parameters + 6 * any(one.in_tracker for one in campaign.observations), 0
+    for t, one in enumerate(campaign.observations):
+        seen = int(campaign.valid[:, t].sum())
+        if seen == 0:
+            raise CampaignError(f"{named_file(campaign)}'{campaign.targets[t]}' was never measured; measure again")
+        unknown += (6 if one.turned else 3) + len(one.unknowns)
+        measured += one.width * seen
+    if measured <= unknown:
+        raise CampaignError(
+            f"{named_file(campaign)}{measured} measured numbers in {len(campaign)} rows are too few: what stands, and what is on "
+            f"the tool, alone need more than {unknown}; measure more postures, better 30 or more"
         )
 
 

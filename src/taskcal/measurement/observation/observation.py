@@ -1,0 +1,174 @@
+"""The concept: an observation is a function of the pose of something on the tool, with unknowns and noise of its own."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from taskcal.errors import UnknownName
+from taskcal.measurement.tracker import TrackerNoise
+
+UNMEASURED = 1.0
+"""Variance of what a kind does not measure of its block, m² or rad²: as good as infinite, and finite for the algebra."""
+
+
+class Measured(NamedTuple):
+    """What was read of one target, row by row."""
+
+    points: Float[np.ndarray, "n 3"]
+    """The kind's numbers, metres, those it does not measure zero; NaN where nothing was."""
+    rotations: Float[np.ndarray, "n 3 3"] | None = None
+    """Rotations, for kinds that measure them."""
+
+    @property
+    def valid(self) -> Bool[np.ndarray, " n"]:
+        """Rows in which something was read."""
+        return ~np.isnan(self.points[:, 0])
+
+    def take(self, rows: Int[np.ndarray, " k"] | Bool[np.ndarray, " n"]) -> "Measured":
+        """Some of the rows."""
+        return Measured(self.points[rows], None if self.rotations is None else self.rotations[rows])
+
+
+class Differential(NamedTuple):
+    """An observation about an estimate, w numbers a row."""
+
+    residual: Float[np.ndarray, "n w"]
+    """Measured less predicted."""
+    by_target: Float[np.ndarray, "n w 6"]
+    """Derivative of what is predicted by the target's twist: velocity of its centre, then rotation, in the measuring frame."""
+    by_unknown: Float[np.ndarray, "n w u"]
+    """The same by the kind's own unknowns."""
+
+
+class Placed(NamedTuple):
+    """Where a registration puts a target and the kind's own unknowns."""
+
+    T_tool_target: Float[np.ndarray, "4 4"]
+    unknown: Float[np.ndarray, " u"]
+    distance: Float[np.ndarray, " n"]
+    """How far each row is off, metres; zero where nothing was read."""
+    unobservable: Float[np.ndarray, "3 3"]
+    """Projector onto directions in which the rows do not tell where the target sits on the tool."""
+
+
+class Stated(NamedTuple):
+    """What is known of the unknowns beside the measurements: stated less found, its derivative, and how sure it is."""
+
+    residual: Float[np.ndarray, " k"]
+    by_unknown: Float[np.ndarray, "k u"]
+    uncertainty: Float[np.ndarray, " k"]
+
+
+_KINDS: dict[str, type["Observation"]] = {}
+"""Every kind by its key, entered as it is defined."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Observation(ABC):
+    """A kind of observation of one target, with what each row refers to.
+
+    The frame of the target is on the tool; poses are in the measuring frame, which is the tracker's where there is one and
+    the robot's base where there is none.
+    """
+
+    key: ClassVar[str]
+    """Name of the kind, in files."""
+    width: ClassVar[int] = 3
+    """Numbers that it measures in a row."""
+    turned: ClassVar[bool] = False
+    """Whether it depends on how the target is turned on the tool."""
+    in_tracker: ClassVar[bool] = False
+    """Whether it is measured in a frame that stands, whose pose is unknown."""
+    of: Int[np.ndarray, " n"] | None = None
+    """Which of several things each row refers to, −1 for none; None where there is one, or where no rows belong to it."""
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "key" in vars(cls):
+            _KINDS[cls.key] = cls
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """Names of its own unknowns."""
+        return ()
+
+    @property
+    def tells_scale(self) -> bool:
+        """Whether it compares the robot with a length that is known."""
+        return True
+
+    @abstractmethod
+    def differentiate(
+        self, target: Float[np.ndarray, "n 4 4"], unknown: Float[np.ndarray, " u"], measured: Measured
+    ) -> Differential:
+        """Residual and derivatives at poses of the target; rows in which nothing was read may hold anything."""
+
+    @abstractmethod
+    def covariance(
+        self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise
+    ) -> Float[np.ndarray, "n w w"]:
+        """Of the noise of each row, m² and rad²; the uncertainty, metres, where the campaign states it."""
+
+    def settle(self, target: Float[np.ndarray, "n 4 4"], measured: Measured) -> Float[np.ndarray, " u"]:
+        """The unknowns that fit best where the poses of the target are known; NaN for those that no row shows."""
+        return np.zeros(0)
+
+    def stated(self, unknown: Float[np.ndarray, " u"]) -> Stated:
+        """What is known of the unknowns."""
+        return Stated(np.zeros(0), np.zeros((0, len(unknown))), np.zeros(0))
+
+    def named_like(self, other: Self, unknown: Float[np.ndarray, " u"]) -> Float[np.ndarray, " v"]:
+        """Another one's unknowns in the order of these, NaN for those it does not have."""
+        known = dict(zip(other.unknowns, unknown, strict=True))
+        return np.array([known.get(name, np.nan) for name in self.unknowns])
+
+    def numbered_like(self, other: "Observation") -> "Observation":
+        """The same rows, what they refer to numbered as another one does; −1 where that does not know it."""
+        return self
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> Self:
+        """That of some of the rows."""
+        return self
+
+    def describe(self) -> dict[str, Any]:
+        """What a file holds of it, beside its key: all but the rows."""
+        return {}
+
+    @classmethod
+    def of_description(cls, content: Mapping[str, Any]) -> Self:
+        """What `describe` gave, without rows."""
+        return cls(**content)
+
+
+class Standalone(Observation):
+    """A kind that needs no tracker: it finds by itself where it is."""
+
+    @abstractmethod
+    def place(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Placed:
+        """Where target and unknowns are, from poses of the tool alone, in spite of a few rows that are wrong.
+
+        Raises:
+            CampaignError: the rows do not tell.
+        """
+
+
+def kind_of(key: str) -> type[Observation]:
+    """The kind of a key.
+
+    Raises:
+        UnknownName: there is none.
+    """
+    if key not in _KINDS:
+        raise UnknownName("kind of observation", key, tuple(_KINDS))
+    return _KINDS[key]
+
+
+def refer(labels: tuple[str, ...]) -> tuple[tuple[str, ...], Int[np.ndarray, " n"]]:
+    """Different names in the order in which they come, and which of them each row has; −1 where it has none."""
+    names = tuple(dict.fromkeys(label for label in labels if label))
+    number = {name: k for k, name in enumerate(names)}
+    return names, np.array([number.get(label, -1) for label in labels], dtype=int)

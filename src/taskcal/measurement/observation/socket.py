@@ -1,0 +1,213 @@
+"""A ball on the tool that rests in a socket: the same unknown point, reached in many postures."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.errors import CampaignError
+from taskcal.geometry import se3
+from taskcal.measurement.observation.observation import Differential, Measured, Observation, Placed, Standalone, Stated
+from taskcal.measurement.tracker import TrackerNoise
+
+SEAT = 2e-5
+"""How well a ball sits in a socket where the campaign does not say, metres per axis."""
+
+LOCATED_WITHIN = 0.02
+"""A direction of the ball's place on the tool is determined if its standard deviation is below this, metres."""
+
+ROUNDS = 12
+"""Of reweighting, after which rows that disagree hardly count."""
+
+FAR = 10.0
+"""Times the median distance, from which on a row disagrees."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SocketDistance:
+    """What is known of two sockets of one block."""
+
+    a: str
+    b: str
+    distance: float
+    """Between their centres, metres."""
+    uncertainty: float
+    """Its standard deviation, metres."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sockets(Standalone):
+    """0 = p − s: the ball p is in the middle s of its socket, which is unknown and stands still.
+
+    Sockets alone do not tell how large the robot is: all lengths might be twice as long, and all sockets twice as far apart.
+    """
+
+    key: ClassVar[str] = "socket"
+    sockets: tuple[str, ...]
+    """Names, with the place where there are several."""
+    distances: tuple[SocketDistance, ...] = ()
+    """Stated distances."""
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """Names of its own unknowns."""
+        return tuple(f"socket {name}.{c}" for name in self.sockets for c in ("tx", "ty", "tz"))
+
+    @property
+    def tells_scale(self) -> bool:
+        """Whether any length is stated."""
+        return bool(self.distances)
+
+    @property
+    def numbers(self) -> Int[np.ndarray, " n"]:
+        """Socket of each row, any for rows without one."""
+        assert self.of is not None
+        return np.maximum(self.of, 0)
+
+    def differentiate(
+        self, target: Float[np.ndarray, "n 4 4"], unknown: Float[np.ndarray, " u"], measured: Measured
+    ) -> Differential:
+        """Residual and derivatives."""
+        n, k = len(target), self.numbers
+        centres = unknown.reshape(-1, 3)
+        by_target = np.zeros((n, 3, 6))
+        by_target[:, :, :3] = np.eye(3)
+        by_unknown = np.zeros((n, 3, len(self.sockets), 3))
+        by_unknown[np.arange(n), :, k] = -np.eye(3)
+        return Differential(centres[k] - target[:, :3, 3], by_target, by_unknown.reshape(n, 3, -1))
+
+    def place(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Placed:
+        """With p + R·t = s linear in the ball's place t on the tool and in the sockets s: these are means once t is known."""
+        seen = measured.valid
+        R, p, k = tool[seen, :3, :3], tool[seen, :3, 3], self.numbers[seen]
+        weight = np.ones(len(p))
+        t, unobservable = _ball(R, p, k, weight)
+        distance = _distances(R, p, k, t, weight)
+        for _ in range(ROUNDS):
+            weight = 1.0 / np.maximum(distance, max(float(np.median(distance)), 1e-6))
+            t, unobservable = _ball(R, p, k, weight)
+            distance = _distances(R, p, k, t, weight)
+        near = distance <= FAR * max(float(np.median(distance)), 1e-5)
+        if near.mean() > 0.5 and len(np.unique(k[near])) == len(np.unique(k)):
+            t, unobservable = _ball(R, p, k, near.astype(float))
+            weight = near.astype(float)
+            distance = _distances(R, p, k, t, weight)
+        far = np.zeros(len(tool))
+        far[seen] = distance
+        target = se3.pose(np.eye(3), t)
+        centres = _means(p + R @ t, k, weight, len(self.sockets))
+        centres = np.where(np.isnan(centres), np.mean(p + R @ t, axis=0), centres)  # of sockets that no row shows
+        return Placed(target, centres.reshape(-1), far, unobservable)
+
+    def settle(self, target: Float[np.ndarray, "n 4 4"], measured: Measured) -> Float[np.ndarray, " u"]:
+        """Each socket at the mean of what its own rows say."""
+        seen = measured.valid
+        return _means(target[seen, :3, 3], self.numbers[seen], np.ones(int(seen.sum())), len(self.sockets)).reshape(-1)
+
+    def covariance(
+        self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise
+    ) -> Float[np.ndarray, "n w w"]:
+        """Of the noise of each row."""
+        deviation = np.full(len(measured.points), SEAT) if uncertainty is None else uncertainty
+        return deviation[:, None, None] ** 2 * np.eye(3)
+
+    def stated(self, unknown: Float[np.ndarray, " u"]) -> Stated:
+        """What is known of the unknowns beside the measurements."""
+        centres = unknown.reshape(-1, 3)
+        apart, direction = self.apart(centres)
+        by_unknown = np.zeros((len(self.distances), len(self.sockets), 3))
+        for i, (d, u) in enumerate(zip(self.distances, direction, strict=True)):
+            by_unknown[i, self.sockets.index(d.a)] = u
+            by_unknown[i, self.sockets.index(d.b)] = -u
+        wanted = np.array([d.distance for d in self.distances])
+        uncertainty = np.array([d.uncertainty for d in self.distances])
+        return Stated(wanted - apart, by_unknown.reshape(len(self.distances), -1), uncertainty)
+
+    def apart(
+        self, centres: Float[np.ndarray, "sockets 3"]
+    ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k 3"]]:
+        """Distance of the sockets of each stated distance, and the direction from the second to the first."""
+        between = np.array(
+            [centres[self.sockets.index(d.a)] - centres[self.sockets.index(d.b)] for d in self.distances]
+        )
+        between = between.reshape(-1, 3)
+        length = np.linalg.norm(between, axis=1)
+        return length, between / np.maximum(length, 1e-12)[:, None]
+
+    def with_distances(self, distances: tuple[SocketDistance, ...]) -> Self:
+        """With distances of these sockets.
+
+        Raises:
+            CampaignError: a distance of a socket that no row names.
+        """
+        for d in distances:
+            for name in (d.a, d.b):
+                if name not in self.sockets:
+                    raise CampaignError(f"no row names socket '{name}'; there are {', '.join(self.sockets)}")
+        return replace(self, distances=distances)
+
+    def numbered_like(self, other: Observation) -> Observation:
+        """The same rows, with numbers of another one."""
+        assert self.of is not None
+        assert isinstance(other, Sockets)
+        number = [other.sockets.index(name) if name in other.sockets else -1 for name in self.sockets]
+        return replace(other, of=np.array([*number, -1])[self.of])
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> Self:
+        """That of some of the rows, with the sockets that these name."""
+        assert self.of is not None
+        of = self.of[rows]
+        left = np.unique(of[of >= 0])
+        names = tuple(self.sockets[k] for k in left)
+        number = np.full(len(self.sockets) + 1, -1)
+        number[left] = np.arange(len(left))
+        distances = tuple(d for d in self.distances if d.a in names and d.b in names)
+        return replace(self, sockets=names, of=number[of], distances=distances)
+
+    def describe(self) -> dict[str, Any]:
+        """What a file holds of it."""
+        return {
+            "sockets": list(self.sockets),
+            "distances": [
+                {"a": d.a, "b": d.b, "distance": d.distance, "uncertainty": d.uncertainty} for d in self.distances
+            ],
+        }
+
+    @classmethod
+    def of_description(cls, content: Mapping[str, Any]) -> Self:
+        """What `describe` gave, without rows."""
+        return cls(
+            sockets=tuple(content["sockets"]), distances=tuple(SocketDistance(**d) for d in content["distances"])
+        )
+
+
+def _means(x: np.ndarray, k: np.ndarray, weight: np.ndarray, count: int) -> Float[np.ndarray, "sockets ..."]:
+    """Weighted mean of the rows of each socket; NaN where there is none."""
+    total = np.bincount(k, weight, count)
+    flat = x.reshape(len(x), -1)
+    sums = np.stack([np.bincount(k, weight * column, count) for column in flat.T], axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return (sums / total[:, None]).reshape(count, *x.shape[1:])
+
+
+def _ball(R: np.ndarray, p: np.ndarray, k: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Place of the ball on the tool by weighted least squares, and the projector onto what the rows do not tell of it."""
+    count = int(k.max()) + 1
+    A, b = R - _means(R, k, weight, count)[k], -(p - _means(p, k, weight, count)[k])
+    H, g = np.einsum("n,nij,nik->jk", weight, A, A), np.einsum("n,nij,ni->j", weight, A, b)
+    values, vectors = np.linalg.eigh(H)
+    t = np.linalg.lstsq(H, g, rcond=1e-12)[0]
+    rms = np.sqrt(np.sum(weight[:, None] * (A @ t - b) ** 2) / weight.sum())
+    weak = vectors[:, values < weight.mean() * (max(rms, 1e-3) / LOCATED_WITHIN) ** 2]
+    if not weak.shape[1]:
+        return t, np.zeros((3, 3))
+    strong = np.eye(3) - weak @ weak.T
+    return np.linalg.lstsq(strong @ H @ strong, strong @ g, rcond=1e-9)[0], weak @ weak.T
+
+
+def _distances(R: np.ndarray, p: np.ndarray, k: np.ndarray, t: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Of each row's ball from its socket."""
+    x = p + R @ t
+    return np.linalg.norm(x - _means(x, k, weight, int(k.max()) + 1)[k], axis=1)

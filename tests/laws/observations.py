@@ -1,0 +1,90 @@
+"""Random arms that were observed without a tracker, each kind in postures that reach what stands."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from taskcal.geometry import se3
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.observation import Point, Sockets
+from taskcal.measurement.observation.socket import SocketDistance
+from taskcal.measurement.virtual_cell import Truth
+from taskcal.robot.error_model import ErrorModel
+from tests.identification.arms import arm, defects
+
+KINDS_WITHOUT_TRACKER = ("socket",)
+
+
+def reach(
+    model: ErrorModel, x: np.ndarray, offset: np.ndarray, goal: np.ndarray, q: np.ndarray, steps: int = 60
+) -> np.ndarray:
+    """Joints at which the true robot's offset point is at the goal (n, 3), from starting joints; NaN where that fails."""
+    for _ in range(steps):
+        T, J = model.poses(q, x), se3.carry(model.joint_jacobian(q, x), model.poses(q, x)[:, :3, :3] @ offset)[:, :3]
+        left = goal - T[:, :3, 3] - T[:, :3, :3] @ offset
+        step = np.einsum("nij,nj->ni", np.linalg.pinv(J, rcond=1e-3), left)
+        q = q + np.clip(step, -0.3, 0.3)
+    return np.where(np.linalg.norm(left, axis=1)[:, None] < 1e-11, q, np.nan)
+
+
+def socket_campaign(
+    rng: np.random.Generator, model: ErrorModel, x: np.ndarray, rows: int, *, noise: float = 0.0, places: int = 2
+) -> tuple[Campaign, Truth]:
+    """Two sockets 80 mm apart at each of several places, reached in random postures; noise of the joints' reach, metres."""
+    offset = np.array([0.03, -0.02, 0.12])
+    truth = Truth(model=model, x=x, T_tracker_base=np.eye(4), T_tool_target=se3.pose(np.eye(3), offset)[None])
+    lower = np.full(len(model.robot.joints), -2.0)
+    home = rng.uniform(lower, -lower, (places, len(lower)))
+    first = truth.points(home)[:, 0]
+    away = rng.normal(size=(places, 3))
+    centres = np.stack([first, first + 0.08 * away / np.linalg.norm(away, axis=1)[:, None]], axis=1).reshape(-1, 3)
+    q, of = [], []
+    while sum(map(len, q)) < rows:
+        k = np.arange(2 * places).repeat(8)
+        goals = centres[k] + noise * rng.normal(size=(len(k), 3))
+        tried = reach(model, x, offset, goals, rng.uniform(lower, -lower, (len(k), len(lower))))
+        good = np.isfinite(tried).all(axis=1)
+        q.append(tried[good])
+        of.append(k[good])
+    order = rng.permutation(len(np.concatenate(of)))[:rows]
+    names = tuple(f"{place}/{socket}" for place in range(places) for socket in "ab")
+    distances = tuple(
+        SocketDistance(a=f"{place}/a", b=f"{place}/b", distance=0.08, uncertainty=2e-5) for place in range(places)
+    )
+    kind = Sockets(sockets=names, of=np.concatenate(of)[order], distances=distances)
+    return campaign_of(np.concatenate(q)[order], "ball", kind), truth
+
+
+def campaign_of(q, target, kind, points=None) -> Campaign:
+    """A campaign of one target."""
+    return Campaign(
+        ids=tuple(map(str, range(len(q)))),
+        q=q,
+        targets=(target,),
+        points=np.zeros((len(q), 1, 3)) if points is None else points,
+        observations=(kind,),
+    )
+
+
+def observed(kind: str, seed: int, rows: int = 40, factor: float = 1.0, noise: float = 2e-5):
+    """A model, a campaign of a kind, and its truth."""
+    rng, model = arm(seed)
+    x = defects(rng, model, factor)
+    campaign, truth = {"socket": socket_campaign}[kind](rng, model, x, rows, noise=noise)
+    return model, campaign, truth
+
+
+def observed_with_points(kind: str, seed: int, rows: int = 40, noise: float = 2e-5):
+    """The same with a tracker that saw another point in half of the rows."""
+    model, campaign, truth = observed(kind, seed, rows, noise=noise)
+    T = se3.pose(se3.exp(np.array([0.1, 0.2, 1.3])), np.array([2.0, -1.0, 0.3]))
+    offset = np.array([0.05, 0.0, 0.1])
+    seen = se3.apply(T, se3.apply(model.poses(campaign.q, truth.x), offset))
+    seen[::2] = np.nan
+    mixed = replace(
+        campaign,
+        targets=("smr", *campaign.targets),
+        points=np.concatenate([seen[:, None], campaign.points], axis=1),
+        observations=(Point(), *campaign.observations),
+    )
+    return model, mixed, truth
