@@ -23,9 +23,9 @@ threadpool_limits(1)  # a pytest plugin may have loaded NumPy, and its BLAS, bef
 # Shapes and types in annotations are checked, but for these modules and all that is in these folders.
 _UNCHECKED = {
     "compiled kernels, whose source Numba has to read, and what describes their arguments": """
-        geometry.compiled geometry.covariance_propagation geometry.described_arrays geometry.four_bar geometry.linearised_observation
-        geometry.normal_equations geometry.observations geometry.point_observation geometry.pose_observation
-        geometry.pose_step geometry.walk
+        geometry.compiled geometry.covariance_propagation geometry.described_arrays geometry.four_bar
+        geometry.linearised_observation geometry.normal_equations geometry.observations geometry.point_observation
+        geometry.pose_observation geometry.pose_step geometry.walk
     """,
     "files that pydantic checks, by annotations that it has to read": """
         correction.cell_file robot.file robot.joint_section robot.statics_section toml_file
