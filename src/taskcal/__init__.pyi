@@ -20,6 +20,8 @@ from taskcal.estimation.loss import Huber as Huber
 from taskcal.estimation.prior import GaussianPrior as GaussianPrior
 from taskcal.identification.calibration import Calibration as Calibration
 from taskcal.identification.calibration_file import load_calibration as load_calibration
+from taskcal.identification.comparison import Comparison as Comparison
+from taskcal.identification.comparison import compare as compare
 from taskcal.identification.effect_selection import explain as explain
 from taskcal.identification.identify import identify as identify
 from taskcal.identification.prediction_errors import Validation as Validation

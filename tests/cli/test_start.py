@@ -16,7 +16,7 @@ HEAVY = ("numpy", "scipy", "numba", "pandas", "jaxtyping")
 
 COMMANDS = [
     ["robots"], ["robots", "import"], ["sensitivity"], ["select"], ["plan"], ["study"], ["simulate"], ["identify"], ["validate"],
-    ["performance"], ["register"],
+    ["compare"], ["performance"], ["register"],
     ["report"], ["warm"], ["doctor"],
 ]  # fmt: skip
 

@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 
 from taskcal.cli.command import Command
 from taskcal.cli.commands import (
+    compare,
     convert,
     correct,
     doctor,
@@ -38,7 +39,7 @@ from taskcal.errors import TaskcalError, shortened
 
 ORDER = (
     "demo", "robots", "sensitivity", "select", "plan", "study", "simulate", "convert", "register", "identify", "validate",
-    "performance", "correct", "poses", "export", "report", "doctor", "warm",
+    "compare", "performance", "correct", "poses", "export", "report", "doctor", "warm",
 )  # fmt: skip
 """As the user needs them, from a robot to its report, and then what keeps the installation in order."""
 
@@ -147,6 +148,7 @@ app.command("convert", cls=Command)(convert.command)
 app.command("register", cls=Command)(register.command)
 app.command("identify", cls=Command)(identify.command)
 app.command("validate", cls=Command)(validate.command)
+app.command("compare", cls=Command)(compare.command)
 app.command("performance", cls=Command)(performance.command)
 app.command("correct", cls=Command)(correct.command)
 app.command("poses", cls=Command)(poses.command)

@@ -1,0 +1,114 @@
+"""What changed between two calibrations: the robot, not frames, targets or the choice of parameters."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.errors import TaskcalError
+from taskcal.identification.comparison import compare
+from taskcal.identification.identify import identify
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.effects import EncoderGain
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.file import robot_from
+from tests.laws.campaigns import measure
+from tests.laws.robots import industrial
+
+RNG = np.random.default_rng(0)
+MODEL = ErrorModel(robot_from(industrial(RNG)))
+TRUE = RNG.normal(size=len(MODEL)) * MODEL.tolerances
+
+
+def calibrated(seed, x=TRUE, model=MODEL, rows=60, **kind):
+    """Another tracker, other targets and other poses each time."""
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(-1.2, 1.2, (rows, 6))
+    campaign, _ = measure(rng, MODEL, q, x, sigma=3e-5, uncertainty=3e-5, **kind)
+    return identify(model, campaign, model_error=0.0, prior_scale=1.0)
+
+
+def changed(name, amount):
+    x = TRUE.copy()
+    x[MODEL.names.index(name)] += amount
+    return x
+
+
+@pytest.mark.parametrize("second", [{}, {"targets": 3}, {"pose": True, "rotation_sigma": 5e-5}])
+def test_a_robot_that_has_not_changed_is_called_so_whatever_tracker_targets_and_poses(second):
+    first = calibrated(1)
+    for one, other in ((first, calibrated(2, **second)), (calibrated(2, **second), first)):
+        compared = compare(one, other)
+        assert compared.verdict == "unchanged"
+        assert compared.rms < 2.0 * compared.expected
+        assert not compared.is_due(1e-6)
+
+
+@pytest.mark.parametrize(
+    "model", [MODEL, MODEL + EncoderGain(), ErrorModel(MODEL.robot, lengths_only=False)], ids=["same", "gains", "again"]
+)
+@pytest.mark.parametrize(("name", "amount"), [("J2.rz", 4e-4), ("J5.tx", 3e-4)])
+def test_what_was_hit_is_found_in_size_and_place(model, name, amount):
+    before, after = calibrated(1), calibrated(2, changed(name, amount), model)
+    compared = compare(before, after)
+    assert compared.verdict == "changed"
+    assert compared.chance < 1e-6
+    moved = MODEL.jacobian(compared.q)[:, :3, MODEL.names.index(name)] * amount
+    assert 0.2 < compared.rms / np.sqrt(np.mean(np.sum(moved**2, axis=1))) < 1.2
+    assert compared.resembles[0].share > 0.8
+    named = {r.name: r for r in compared.resembles}
+    assert name not in named or named[name].amount == pytest.approx(amount, rel=0.3)
+    assert compared.is_due(0.3 * compared.rms)
+    assert not compared.is_due(2.0 * compared.rms)
+
+
+def test_a_calibration_is_itself():
+    one = calibrated(1)
+    compared = compare(one, one)
+    assert compared.rms < 1e-12
+    assert compared.chance == pytest.approx(1.0)
+    assert all(p.over_sigma == 0.0 for p in compared.parameters)
+    assert compared.resembles == ()
+
+
+def test_frames_that_moved_far_do_not_count():
+    """Base and tool differ by parameters that frames can stand for: lift the robot, lengthen the tool."""
+    one = calibrated(1)
+    z = one.z.copy()
+    for name, amount in (("J1.tz", 5e-3), ("tool.tx", 3e-3), ("tool.tz", -8e-3)):
+        z[one.names.index(name)] += amount
+    compared = compare(one, replace(one, z=z))
+    assert compared.rms < 1e-9
+    moved = {p.name: p for p in compared.parameters}
+    assert moved["J1.tz"].second - moved["J1.tz"].first == pytest.approx(5e-3)
+
+
+def test_chance_is_as_often_small_as_it_says_or_more_seldom():
+    low = [compare(calibrated(2 * k, rows=30), calibrated(2 * k + 1, rows=30)).chance < 0.2 for k in range(1, 11)]
+    assert np.mean(low) <= 0.4
+
+
+def test_a_difference_below_what_the_models_leave_is_called_small():
+    before, after = calibrated(1), calibrated(2, changed("J2.rz", 4e-4))
+    vague = replace(after, model_error=(1e-3,))
+    assert compare(before, vague).verdict == "small"
+    assert compare(before, vague).summary()["verdict"] == "small"
+
+
+def test_poses_have_to_be_told_where_old_files_do_not():
+    one = replace(calibrated(1), q=None)
+    with pytest.raises(TaskcalError, match="does not tell the poses that were measured; give poses or a task"):
+        compare(one, one)
+    assert len(compare(one, one, np.zeros((12, 6)) + np.arange(12)[:, None] * 0.1).q) == 12
+
+
+def test_robots_with_other_joints_are_refused_and_other_nominal_ones_have_no_parameters_in_common():
+    one = calibrated(1)
+    seven = replace(one, model=ErrorModel(load_robot("barrett-wam")))
+    with pytest.raises(TaskcalError, match="calibrations of one robot can be compared"):
+        compare(one, seven)
+    description = industrial(np.random.default_rng(5))
+    other = ErrorModel(robot_from(description))
+    elsewhere = compare(one, replace(one, model=other, layout=replace(one.layout, model=other)))
+    assert elsewhere.parameters == ()
+    assert "nominal robots differ" in elsewhere.remarks[0]
