@@ -1,5 +1,7 @@
 """Groups whose sizes the rows tell, against textbook formulas and finite differences."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import approx_fprime
@@ -15,7 +17,7 @@ def problem(rows: int, seed: int = 0):
     A = rng.normal(size=(rows, len(GROUP)))
     deviation = np.select([GROUP == 0, GROUP == 1, GROUP == 2], [3.0, 0.0, 0.5], 5.0)
     y = A @ (deviation * rng.normal(size=len(GROUP))) + rng.normal(size=rows)
-    groups = Groups(group=GROUP, held=np.diag([1e-2, 4e-2]), location=np.zeros(3), width=np.full(3, 3.0))
+    groups = Groups(group=GROUP, held=np.diag([1e-2, 4e-2]), location=np.zeros(3), spread=9.0 * np.eye(3))
     return A, y, groups
 
 
@@ -43,8 +45,10 @@ def test_evidence_and_estimate_are_the_textbooks_in_both_forms(rows):
 
 def test_the_gradient_is_that_of_the_evidence():
     A, y, groups = problem(30)
+    groups = replace(groups, spread=np.array([[9.0, 4.0, 0.0], [4.0, 5.0, 0.0], [0.0, 0.0, 4.0]]))
     reduced, theta = reduce_rows(A, y, groups), np.array([0.5, -1.0, 0.2])
-    numeric = approx_fprime(theta, lambda t: reduced.at(t).log - 0.5 * (t / 3.0) @ (t / 3.0), 1e-6)
+    precision = np.linalg.inv(groups.spread)
+    numeric = approx_fprime(theta, lambda t: reduced.at(t).log - 0.5 * t @ precision @ t, 1e-6)
     np.testing.assert_allclose(_scores(reduced.at(theta), groups)[0], numeric, rtol=1e-4)
 
 
@@ -60,17 +64,34 @@ def test_the_sizes_found_are_the_likeliest_and_a_group_that_is_nothing_is_small(
     assert fit.evidence.log - without(fit, np.array([1])).log < 3.0
 
 
+def test_groups_that_are_nothing_make_what_is_like_them_small_and_leave_the_one_that_is_there():
+    """Twenty groups of three, of which the first is there; each is judged by itself, or with what the others are."""
+    own, errors, sizes = np.repeat(np.arange(20), 3), np.zeros(2), np.ones(20)
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        A = rng.normal(size=(80, 60))
+        x = np.concatenate([[6.0, -5.0, 4.0], np.zeros(57)])
+        y = A @ x + 3.0 * rng.normal(size=80)
+        for k, spread in enumerate((9.0 * np.eye(20), 16.0 + np.eye(20))):
+            groups = Groups(group=own, held=np.zeros((0, 0)), location=np.zeros(20), spread=spread)
+            fit = find_sizes(reduce_rows(A / 3.0, y / 3.0, groups), np.zeros(20))
+            errors[k] += np.sum(fit.evidence.mean(own)[3:] ** 2)
+            sizes = np.exp(0.5 * fit.evidence.log_variances)
+        assert sizes[0] > 3.0 * sizes[1:].max()
+    assert errors[1] < 0.75 * errors[0], errors
+
+
 def test_averaging_over_the_sizes_adds_their_uncertainty():
     A, y, groups = problem(12)
     fit = find_sizes(reduce_rows(A, y, groups), np.zeros(3))
     plain = fit.reduced.covariance(fit.evidence.covariance(groups.own))
     mean, S = fit.averaged(200, np.random.default_rng(0))
     assert np.trace(S) > np.trace(plain)
-    np.testing.assert_allclose(mean, fit.reduced.mean(fit.evidence.mean(groups.own)), atol=1.0)
+    np.testing.assert_array_equal(mean, fit.reduced.mean(fit.evidence.mean(groups.own)))
     assert np.linalg.eigvalsh(S).min() > 0.0
 
 
 def test_a_held_group_keeps_its_size():
     A, y, groups = problem(60)
-    held = Groups(group=GROUP, held=groups.held, location=np.array([0.0, 1.5, 0.0]), width=np.array([3.0, 0.0, 3.0]))
+    held = Groups(group=GROUP, held=groups.held, location=np.array([0.0, 1.5, 0.0]), spread=np.diag([9.0, 0.0, 9.0]))
     assert find_sizes(reduce_rows(A, y, held), np.zeros(3)).evidence.log_variances[1] == 1.5

@@ -1,6 +1,6 @@
 """Linear-Gaussian models whose parameters come in groups, each group's size found by marginal likelihood.
 
-    y = A·x + e,   e ~ N(0, 1),   x_i ~ N(0, v_g) for every i of group g,   log v_g ~ N(m_g, w_g²)
+    y = A·x + e,   e ~ N(0, 1),   x_i ~ N(0, v_g) for every i of group g,   log v ~ N(m, Ω)
 
 Parameters without a group have a prior of their own; they are eliminated first, exactly. The log variances are those of the
 largest posterior, by Fisher scoring: with P = (1 + A·D·Aᵀ)⁻¹ and M = AᵀPA
@@ -9,7 +9,7 @@ largest posterior, by Fisher scoring: with P = (1 + A·D·Aᵀ)⁻¹ and M = A�
 
 (Harville 1977, Journal of the American Statistical Association 72; MacKay 1992, Neural Computation 4, for the same as
 "evidence"). M comes from the normal equations where there are more rows than parameters, else from the rows' covariance.
-How uncertain the sizes themselves are is taken into the result by averaging over draws from their Laplace approximation.
+How uncertain the sizes themselves are is in the covariance, by draws from their Laplace approximation.
 """
 
 from dataclasses import dataclass
@@ -39,8 +39,8 @@ class Groups:
     """Prior precision of those without a group."""
     location: Float[np.ndarray, " groups"]
     """Expected log variances."""
-    width: Float[np.ndarray, " groups"]
-    """Their standard deviations; zero holds a group at its location."""
+    spread: Float[np.ndarray, "groups groups"]
+    """Their covariance: what one group is tells of those it is correlated with. A variance of zero holds a group."""
 
     @cached_property
     def grouped(self) -> Int[np.ndarray, " grouped"]:
@@ -60,7 +60,12 @@ class Groups:
     @cached_property
     def searched(self) -> Int[np.ndarray, " searched"]:
         """Groups whose size is to be found."""
-        return np.flatnonzero(self.width > 0.0)
+        return np.flatnonzero(np.diag(self.spread) > 0.0)
+
+    @cached_property
+    def precision(self) -> Float[np.ndarray, "searched searched"]:
+        """Prior precision of the log variances that are to be found."""
+        return np.linalg.inv(self.spread[np.ix_(self.searched, self.searched)])
 
     def sums(self, M: Float[np.ndarray, "grouped grouped"]) -> Float[np.ndarray, "groups groups"]:
         """Sums of a matrix over the blocks of the groups."""
@@ -165,7 +170,7 @@ class Evidence:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GroupedFit:
-    """Sizes of the groups, and the parameters with the sizes' uncertainty."""
+    """Sizes of the groups, and the parameters, with the sizes' uncertainty in their covariance."""
 
     reduced: Reduced
     evidence: Evidence
@@ -174,24 +179,25 @@ class GroupedFit:
     """Fisher's, of the log variances that were searched, their prior included."""
 
     def averaged(self, draws: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (p) and covariance (p, p) of the parameters over draws of the sizes, in pairs about the likeliest ones."""
+        """Mean (p) of the parameters at the likeliest sizes, and their covariance (p, p) about it over draws of the sizes.
+
+        The sizes are drawn in pairs about the likeliest ones. The mean is not averaged: what is next to nothing may be larger
+        by as much as smaller in its logarithm, which draws noise into the mean.
+        """
         own, searched = self.reduced.groups.own, self.reduced.groups.searched
+        likeliest = self.evidence.mean(own)
         if not len(searched) or draws < 2:
-            mean, S = self.evidence.mean(own), self.evidence.covariance(own)
-            return self.reduced.mean(mean), self.reduced.covariance(S)
+            return self.reduced.mean(likeliest), self.reduced.covariance(self.evidence.covariance(own))
         spread = solve_triangular(np.linalg.cholesky(self.information), np.eye(len(searched)), lower=True).T
-        means: list[np.ndarray] = []
         S = np.zeros((len(own), len(own)))
         for _ in range(draws // 2):
             step = np.zeros(len(self.evidence.log_variances))
             step[searched] = spread @ rng.standard_normal(len(searched))
             for sign in (1.0, -1.0):
                 at = self.reduced.at(self.evidence.log_variances + sign * step)
-                means.append(at.mean(own))
-                S += at.covariance(own)
-        apart = np.array(means) - np.mean(means, axis=0)
-        S = (S + apart.T @ apart) / len(means)
-        return self.reduced.mean(np.mean(means, axis=0)), self.reduced.covariance(S)
+                apart = at.mean(own) - likeliest
+                S += at.covariance(own) + np.outer(apart, apart)
+        return self.reduced.mean(likeliest), self.reduced.covariance(S / (2 * (draws // 2)))
 
 
 def reduce_rows(A: Float[np.ndarray, "rows p"], y: Float[np.ndarray, " rows"], groups: Groups) -> Reduced:
@@ -254,7 +260,8 @@ def find_sizes(reduced: Reduced, start: Float[np.ndarray, " groups"], steps: int
     """
     groups = reduced.groups
     s = groups.searched
-    theta = np.where(groups.width > 0.0, start, groups.location)
+    theta = groups.location.copy()
+    theta[s] = start[s]
     at = reduced.at(theta)
     for _ in range(steps):
         gradient, information = _scores(at, groups)
@@ -283,8 +290,8 @@ def without(fit: GroupedFit, left_out: Int[np.ndarray, " k"]) -> Evidence:
 
 
 def _posterior(at: Evidence, groups: Groups) -> float:
-    s = groups.searched
-    return at.log - 0.5 * float((((at.log_variances - groups.location)[s] / groups.width[s]) ** 2).sum())
+    off = (at.log_variances - groups.location)[groups.searched]
+    return at.log - 0.5 * float(off @ groups.precision @ off)
 
 
 def _scores(
@@ -296,5 +303,5 @@ def _scores(
     gained = np.bincount(groups.own, weights=at.g**2 - np.diag(at.M), minlength=count)
     gradient = 0.5 * v * gained
     information = 0.5 * np.outer(v, v) * groups.sums(at.M * at.M)
-    gradient = gradient[s] - (at.log_variances - groups.location)[s] / groups.width[s] ** 2
-    return gradient, information[np.ix_(s, s)] + np.diag(groups.width[s] ** -2.0)
+    gradient = gradient[s] - groups.precision @ (at.log_variances - groups.location)[s]
+    return gradient, information[np.ix_(s, s)] + groups.precision

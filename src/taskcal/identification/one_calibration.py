@@ -14,7 +14,7 @@ from taskcal.identification.provenance import Provenance
 from taskcal.measurement.campaign import Campaign
 
 DRAWS = 12
-"""Of the sizes of the groups, over which the estimate is averaged."""
+"""Of the sizes of the groups, over which the covariance is averaged."""
 
 
 def calibrate(

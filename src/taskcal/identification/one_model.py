@@ -20,8 +20,11 @@ from taskcal.identification.linearisation import Linearisation, linearise_rows
 from taskcal.identification.problem import Problem
 from taskcal.identification.row_errors import RowErrors, rescore, whiteners
 
-SIZE_WIDTH = 3.0
-"""Standard deviation of the logarithm of a group's variance about that of its tolerances: a factor of 4.5 in size."""
+GEOMETRY_WIDTH = 3.0
+"""Standard deviation of the logarithm of the geometry's variances about that of its tolerances: a factor of 4.5 in size."""
+
+COMMON_WIDTH, EFFECT_WIDTH, JOINT_WIDTH = 4.0, 3.0, 1.0
+"""The same of what all effects have in common, of each effect beside that, and of each joint beside the others."""
 
 MOST_ROUNDS = 8
 """Of linearisation, sizes and row errors in turn."""
@@ -67,17 +70,30 @@ class OneModel:
     @cached_property
     def groups(self) -> Groups:
         """As the equations take them."""
-        location, width = np.zeros(len(self.labels)), np.full(len(self.labels), SIZE_WIDTH)
+        location, spread = np.zeros(len(self.labels)), expected_spread(self.labels)
         if self.geometry_factor is not None:
             own = [i for i, label in enumerate(self.labels) if label.effect == GEOMETRY]
-            location[own], width[own] = np.log(self.geometry_factor), 0.0
+            location[own], spread[own] = np.log(self.geometry_factor), 0.0
         layout = self.problem.frames
         held = np.zeros((0, 0)) if layout.fixed_frames else frame_precision(layout) * FRAME_SCALE**2
-        return Groups(group=self.group, held=held, location=location, width=width)
+        return Groups(group=self.group, held=held, location=location, spread=spread)
 
     def of_effect(self, name: str) -> Int[np.ndarray, " k"]:
         """Groups of an effect."""
         return np.flatnonzero([label.effect == name for label in self.labels])
+
+
+def expected_spread(labels: Sequence[Group]) -> Float[np.ndarray, "groups groups"]:
+    """Covariance of the logarithms of the groups' variances before anything is measured.
+
+    A robot on which most effects are next to nothing has others that are, and the joints of a robot are built alike.
+    """
+    names = np.array([label.effect for label in labels])
+    geometric = names == GEOMETRY
+    of_effects = np.full((len(names), len(names)), COMMON_WIDTH**2)
+    of_effects += EFFECT_WIDTH**2 * (names[:, None] == names) + JOINT_WIDTH**2 * np.eye(len(names))
+    of_effects[geometric] = of_effects[:, geometric] = 0.0
+    return of_effects + GEOMETRY_WIDTH**2 * np.diag(geometric.astype(float))
 
 
 def assemble(problem: Problem, kept: Sequence[str] | None, options: FitOptions) -> OneModel:
