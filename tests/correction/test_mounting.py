@@ -15,8 +15,10 @@ from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture
 from taskcal.programs.krl.read import read_krl
+from taskcal.programs.program import Frame
 from taskcal.programs.rapid.configuration import Configuration
 from taskcal.programs.rapid.read import read_rapid
+from taskcal.programs.reading import read_program
 from taskcal.programs.source import Source
 from taskcal.robot.error_model import ErrorModel
 from tests.correction.test_correct import true_poses
@@ -197,6 +199,23 @@ def test_an_axis_that_carries_nothing_goes_along_in_step(corners, part, robot, c
     assert found.pieces[1] > 1
     pieces = np.array([move.external[3] for move in found.moves[1 : 1 + found.pieces[1]]])
     np.testing.assert_allclose(pieces, 10.0 + 100.0 * np.arange(1, len(pieces) + 1) / len(pieces), atol=1e-4)
+
+
+def test_tools_that_are_loaded_have_to_be_told(tmp_path, corners, robot, calibration):
+    points = "".join("GOTO/" + ",".join(f"{v:.6f}" for v in (*(T[:3, 3] * 1e3), *-T[:3, 2])) + "\n" for T in corners)
+    text = f"LOAD/TOOL,1\n{points}LOAD/TOOL,2\n{points}"
+    path = tmp_path / "part.apt"
+    path.write_text(text)
+    found = correct(calibration, read_program(path, robot=robot), bounds=COARSE)
+    assert sorted(found.rejected) == [3, 4, 5]
+    (why,) = set(found.rejected.values())
+    assert why.startswith(
+        "tool 2 is loaded, and it is not known where that is; state it in the cell file: [[tool]] name = "
+    )
+    shorter = Frame(name="2", T=robot.T_flange_tool @ se3.translation(0.0, 0.0, -0.03))
+    told = correct(calibration, read_program(path, robot=robot, tools={"2": shorter}), bounds=COARSE)
+    assert not told.rejected
+    assert {move.tool.name for move in told.moves} == {"", "2"}
 
 
 def test_the_same_track_in_krl(corners, part, robot, conf, calibration):

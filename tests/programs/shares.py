@@ -55,7 +55,7 @@ def share_of(files: Sequence[Path], robot: Robot) -> Share:
     return Share(
         files=tuple(files),
         motions=motions,
-        understood=len(program.moves),
+        understood=len(program.moves) - sum(getattr(i, "half", False) for i in getattr(program, "instructions", ())),
         reasons=reasons(program),
         kept=same,
     )

@@ -46,7 +46,8 @@ def mount(program: Program, cell: Cell) -> Mounted:
             f"({_base_file(program)}); state [robot] base as it is there, or leave it out"
         )
     positions = _positions(program.moves)
-    if said is None and not cell.axes and not np.nan_to_num(positions).any() and not _carried(program.moves):
+    plain = not any(move.carrier or not move.tool.stated for move in program.moves)
+    if said is None and not cell.axes and not np.nan_to_num(positions).any() and plain:
         return Mounted(program=program, refused={}, diagnostics=())
     read_in = np.eye(4) if stated is None else stated
     mounting = _Mounting(cell=cell, read_in=read_in, base=read_in if said is None else said)
@@ -72,10 +73,6 @@ def mount(program: Program, cell: Cell) -> Mounted:
             diagnostics.append(Diagnostic(place=move.place, text=text))
         moves.append(mounted)
     return Mounted(program=replace(program, moves=tuple(moves)), refused=refused, diagnostics=tuple(diagnostics))
-
-
-def _carried(moves: Sequence[Move]) -> bool:
-    return any(move.carrier for move in moves)
 
 
 def _at(T: Float[np.ndarray, "4 4"]) -> str:
@@ -118,7 +115,12 @@ class _Mounting:
         ]
 
     def obstacle(self, move: Move, positions: Float[np.ndarray, " axes"]) -> str:
-        """Why it is not known where robot or part is, and what to state; empty where it is."""
+        """Why it is not known where robot, part or tool is, and what to state; empty where it is."""
+        if not move.tool.stated:
+            return (
+                f"tool {move.tool.name} is loaded, and it is not known where that is; state it in the cell file: [[tool]] "
+                f'name = "{move.tool.name}", controller = {{ position_mm = …, quaternion = … }}'
+            )
         known = {axis.number: axis for axis in self.cell.axes}
         for k in np.flatnonzero(np.nan_to_num(positions)):
             if int(k) + 1 not in known:

@@ -1,7 +1,7 @@
 """The languages of robot programs, in one table: to add one, write its folder and its entry here."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,8 @@ class Surroundings:
     """Whose own tool moves where none is given, and whose joints columns name."""
     tool: Frame | None = None
     """What the positions are of."""
+    tools: Mapping[str, Frame] = field(default_factory=dict[str, Frame])
+    """The same by the name by which a program loads it."""
     part: Frame | None = None
     """Frame in which the positions are counted; the robot's base by default."""
 
@@ -81,7 +83,7 @@ def _read_krl(sources: tuple[Source, ...], _: Surroundings) -> Program:
 def _read_apt(sources: tuple[Source, ...], given: Surroundings) -> Program:
     from taskcal.programs.apt.read import read_apt
 
-    return read_apt(sources, robot=given.robot, tool=given.tool, part=given.part)
+    return read_apt(sources, robot=given.robot, tool=given.tool, part=given.part, tools=given.tools)
 
 
 def _read_csv(sources: tuple[Source, ...], given: Surroundings) -> Program:

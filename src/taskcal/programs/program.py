@@ -37,6 +37,8 @@ class Frame:
     """As the program calls it."""
     T: Float[np.ndarray, "4 4"]
     """Its pose: of what the robot holds in the flange, of what stands still in the base; metres."""
+    stated: bool = True
+    """False of a tool that the program loads by name, and of which nobody has said where it is."""
     moved: bool = False
     """An external axis away from zero has moved it against the robot, or the robot against it."""
 

@@ -1,5 +1,6 @@
 """Reading a robot program of any language, known by the suffix of its files."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from taskcal.arguments import expect_kinds
@@ -11,7 +12,11 @@ from taskcal.robot.robot import Robot
 
 
 def read_program(
-    *paths: str | Path, robot: Robot | None = None, tool: Frame | None = None, part: Frame | None = None
+    *paths: str | Path,
+    robot: Robot | None = None,
+    tool: Frame | None = None,
+    part: Frame | None = None,
+    tools: Mapping[str, Frame] | None = None,
 ) -> Program:
     """Read a robot program: RAPID, KRL, APT or CSV.
 
@@ -20,6 +25,7 @@ def read_program(
         robot: of a program in APT or CSV: whose own tool moves where `tool` is not given, and whose joints columns name.
         tool: of a program in APT or CSV, which do not say it: what the positions are of.
         part: of a program in APT or CSV: frame in which the positions are counted; the robot's base by default.
+        tools: of a program in APT: its tools, by the name or number by which it loads them.
 
     Raises:
         FileError: a file is missing, or is not a program; of a CSV: it cannot be read as a path.
@@ -39,19 +45,27 @@ def read_program(
     if twice is not None:
         raise FileError(twice, "is given twice; name each file once")
     (language,) = languages
-    if language.declares_frames and (tool is not None or part is not None):
+    if language.declares_frames and (tool is not None or part is not None or tools):
         raise TaskcalError(
             f"{files[0]} is {language.name}, which says its own tools and frames; leave out tool and part"
         )
-    return parse_program(tuple(read_source(path) for path in files), robot=robot, tool=tool, part=part)
+    sources = tuple(read_source(path) for path in files)
+    return parse_program(sources, robot=robot, tool=tool, part=part, tools=tools)
 
 
 def parse_program(
-    sources: tuple[Source, ...], *, robot: Robot | None = None, tool: Frame | None = None, part: Frame | None = None
+    sources: tuple[Source, ...],
+    *,
+    robot: Robot | None = None,
+    tool: Frame | None = None,
+    part: Frame | None = None,
+    tools: Mapping[str, Frame] | None = None,
 ) -> Program:
     """The program of texts of one language; see `read_program`.
 
     Raises:
         FileError: a text is not a program.
     """
-    return language_of(sources[0].path).read(sources, Surroundings(robot=robot, tool=tool, part=part))
+    return language_of(sources[0].path).read(
+        sources, Surroundings(robot=robot, tool=tool, part=part, tools=tools or {})
+    )

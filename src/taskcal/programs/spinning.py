@@ -63,7 +63,7 @@ def _runs(moves: Sequence[Move]) -> list[list[int]]:
     """Motions whose spin is open, in runs that follow each other with one tool and one part."""
     runs: list[list[int]] = []
     for k, move in enumerate(moves):
-        if not move.end.free_spin:
+        if not (move.end.free_spin and move.tool.stated):
             continue
         before = moves[k - 1]
         same_frames = move.tool is before.tool and move.part is before.part

@@ -24,6 +24,8 @@ _NOISE = [
 ]
 _TROUBLE = [
     "CIRCLE/0,0,0,0,0,1,5",
+    "CIRCLE/0,0,0,0,0,1",
+    "GOHOME/1,2,3",
     "ORIGIN/1,2,3",
     "ORIGIN/0,0,0",
     "GOTO/P1",
@@ -65,6 +67,14 @@ def _arc(rng: np.random.Generator) -> str:
     end = center + radius * (np.cos(sweep) * x + np.sin(sweep) * y)
     text = lambda v: ",".join(f"{c:.5f}" for c in v)  # noqa: E731
     second = "2,INTOF," if sweep > np.pi else ""
+    if rng.random() < 0.6:
+        full, nx = rng.random() < 0.3, rng.random() < 0.5
+        axis = ",".join(f"{c:.9f}" for c in (np.cross(y, x) if nx else np.cross(x, y)))
+        return (
+            f"GOTO/{text(center + radius * x)}\n"
+            f"CIRCLE/{text(center)},{axis}{f',{radius:.5f},0.06,0.5,10.0,0.0' if nx else ''}\n"
+            f"{rng.choice(['', '', 'PAINT/COLOR,31'])}\nGOTO/{text(center + radius * x if full else end)}"
+        )
     return (
         f"GOTO/{text(center + radius * x)}\nAUTOPS\nINDIRV/ {text(y)}\n"
         f"TLON,GOFWD/ (CIRCLE/ {text(center)},$\n {radius:.5f}),ON,{second}(LINE/ {text(center)},$\n {text(end)})"

@@ -7,6 +7,7 @@ import pytest
 
 from taskcal.errors import FileError
 from taskcal.programs.apt.read import read_apt
+from taskcal.programs.program import Frame
 from taskcal.programs.source import Source
 from tests.programs.apt.samples import CATIA, ROBOT, TOOL, axes, moved, points, read
 
@@ -42,20 +43,77 @@ END-OF-PATH
 """
 
 
-def test_a_path_of_nx_whose_arcs_stay_as_they_are():
+def test_a_path_of_nx():
     program = read(NX)
-    assert [move.place.line for move in program.moves] == [6, 8, 11]
-    assert [move.speed for move in program.moves] == [
-        pytest.approx(0.25 / 60),
-        pytest.approx(0.01),
-        pytest.approx(0.01),
-    ]
-    assert [move.follows for move in program.moves] == [None, 0, None]
-    np.testing.assert_allclose(axes(program), np.tile([0, 0.6, 0.8], (3, 1)), atol=1e-12)
+    assert [move.place.line for move in program.moves] == [6, 8, 10, 11]
+    assert [move.kind for move in program.moves] == ["linear", "linear", "circular", "linear"]
+    assert [move.speed for move in program.moves] == pytest.approx([0.25 / 60, 0.01, 0.01, 0.01])
+    assert [move.follows for move in program.moves] == [None, 0, 1, 2]
+    np.testing.assert_allclose(axes(program), np.tile([0, 0.6, 0.8], (4, 1)), atol=1e-12)
+    assert not program.diagnostics
+    # clockwise about its axis: three quarters of the circle from (20, 0) to (25, 5)
+    np.testing.assert_allclose(program.moves[2].via.T[:3, 3], 1e-3 * np.array([20 - 12.5**0.5, 5 + 12.5**0.5, 5]))
+
+
+@pytest.mark.parametrize(
+    ("circle", "end", "why"),
+    [
+        ("20,5,5,0,0,1,5", "25,5,5", "the sense of rotation of a CIRCLE with 7 numbers is not certain"),
+        ("20,5,5,0,0,2", "25,5,5", "the axis of the circle is not of length 1"),
+        ("20,5,5,0,0,1", "26,5,5", "start or end does not lie on its circle"),
+        ("20,5,5,0,0.6,0.8", "25,5,5", "the arc climbs along its axis"),
+        ("20,5,5,0,0,1,5,0,0,10,0,TIMES,2", "20,0,5", "a circle of several turns is not read"),
+        ("P1", "25,5,5", "its circle is not written as numbers"),
+    ],
+)
+def test_a_circle_that_is_not_certain_stays_as_it_is(circle, end, why):
+    program = read(f"GOTO/20,0,5\nCIRCLE/{circle}\nGOTO/{end}\nGOTO/30,5,5\n")
+    assert [move.follows for move in program.moves] == [None, None]
+    assert [diagnostic.place.line for diagnostic in program.diagnostics] == [3]
+    assert why in program.diagnostics[0].text
+
+
+def test_the_sense_of_a_circle_is_the_one_that_continues_the_line_before_it():
+    """SOLIDWORKS CAM's six numbers turn by the right hand, NX's eleven against it."""
+    for axis, rest in (("0,0,1", ""), ("0,0,-1", ",5,0.06,0.5,10,0")):
+        program = read(f"GOTO/0,0,0\nGOTO/20,0,0\nCIRCLE/20,5,0,{axis}{rest}\nGOTO/25,5,0\n")
+        via = 1e-3 * np.array([20 + 12.5**0.5, 5 - 12.5**0.5, 0])
+        np.testing.assert_allclose(program.moves[2].via.T[:3, 3], via, atol=1e-12)
+
+
+def test_a_full_circle_is_two_halves():
+    program = read("GOTO/20,0,0\nCIRCLE/20,5,0,0,0,1\nGOTO/20,0,0\nGOTO/30,0,0\n")
+    assert [move.place.line for move in program.moves] == [1, 3, 3, 4]
+    np.testing.assert_allclose(points(program)[1], [0.02, 0.01, 0], atol=1e-12)
+    np.testing.assert_allclose(program.moves[1].via.T[:3, 3], [0.025, 0.005, 0], atol=1e-12)
+    np.testing.assert_allclose(program.moves[2].via.T[:3, 3], [0.015, 0.005, 0], atol=1e-12)
+
+
+def test_the_points_of_a_cycle_are_read_and_what_it_does_there_is_not():
+    text = "GOTO/0,0,50\nCYCLE/INIT\nCYCLE/DRILL,FEDTO,10\nGOTO/0,0,0\nGOTO/20,0,0\nCYCLE/OFF\nGOTO/20,0,50\n"
+    program = read(text)
+    assert [move.kind for move in program.moves] == ["linear", "joint", "joint", "linear"]
+    assert [move.follows for move in program.moves] == [None, 0, 1, None]
     assert [str(diagnostic) for diagnostic in program.diagnostics] == [
-        "path.apt:9: CIRCLE is not read; the motion stays as it is",
-        "path.apt:10: it ends an arc whose sense of rotation is not certain; the motion stays as it is",
+        "path.apt:3: a cycle moves the tool at each of its points, which are corrected; what it does there is not read"
     ]
+
+
+def test_home_is_a_point_at_rapid_speed():
+    program = read("FEDRAT/600\nGOTO/0,0,0\nGOHOME/1,2,3\n")
+    assert program.moves[0].speed == pytest.approx(0.01)
+    assert program.moves[1].speed is None
+
+
+def test_tools_are_told_by_the_names_by_which_they_are_loaded():
+    text = "LOAD/TOOL,1\nGOTO/1,2,3\nLOAD/TOOL,02\nGOTO/4,5,6\nLOAD/TOOL,3\nGOTO/7,8,9\nLOAD/TOOL,1\nGOTO/1,2,3\n"
+    second = Frame(name="2", T=np.eye(4))
+    program = read_apt([Source.of(Path("path.apt"), text.encode())], tool=TOOL, tools={"2": second})
+    assert program.moves[1].tool is second
+    assert [(move.tool.name, move.tool.stated) for move in program.moves] == [
+        ("mill", True), ("2", True), ("3", False), ("mill", True)
+    ]  # fmt: skip
+    assert [move.follows for move in program.moves] == [None] * 4
 
 
 def test_a_tool_axis_stays_until_another_one_is_stated():
@@ -63,7 +121,6 @@ def test_a_tool_axis_stays_until_another_one_is_stated():
     np.testing.assert_allclose(axes(program), [[0, 0, 1], [1, 0, 0], [0, 1, 0], [0, 1, 0]], atol=1e-15)
 
 
-OTHER_TOOL = "another tool is loaded than the first, the one given"
 OTHER_FRAME = "another frame is stated than the first, the part's"
 UPRIGHT = "1.,0,0,0,0,1.,0,0,0,0,1.,0"
 
@@ -73,14 +130,9 @@ UNCERTAIN = {
     "ROTABL/90,CLW\n{}": "ROTABL turns the table since line 1",
     "INDEX/1\n{}COPY/1,TRANSL,10,0,0,3\n": "COPY repeats motions elsewhere since line 1",
     "MACRO\n{}TERMAC\n": "a macro is run from elsewhere since line 1",
-    "CYCLE/DRILL,5\n{}CYCLE/OFF\n": "a cycle adds motions that the text does not show since line 1",
     "UNITS/FEET\n{}UNITS/MM\n": "the unit of line 1 is not known",
     "TLAXIS/NORMPS\n{}TLAXIS/0,0,1\n": "the tool axis of line 1 is not stated by its components",
-    "LOADTL/1\nLOADTL/2\n{}LOADTL/1\n": "another tool is loaded than the first, the one given (line 2)",
     "MSYS/0,0,0\nMSYS/0,0,1\n{}MSYS/0,0,0\n": "another frame is stated than the first, the part's (line 2)",
-    "LOAD/TOOL,1\nSELECT/TOOL,2\nLOAD/TOOL,2\n{}LOAD/TOOL,1\n": f"{OTHER_TOOL} (line 3)",
-    "SELECT/TOOL,1\nSELECT/TOOL,2\n{}SELECT/TOOL,1\n": f"{OTHER_TOOL} (line 2)",
-    "TOOL PATH/A,TOOL,M8\nTOOL PATH/B,TOOL,M6\n{}TOOL PATH/C,TOOL,M8\n": f"{OTHER_TOOL} (line 2)",
     f"CSYS/{UPRIGHT}\nCSYS/1,0,0,5,0,1,0,0,0,0,1,0\n{{}}CSYS/{UPRIGHT}\n": f"{OTHER_FRAME} (line 2)",
     "CSYS/1,0,0,0,0,1,0,0\n{}CSYS/1,0,0,0,0,1,0,0,0,0,1,0\n": "the CSYS of line 1 is not the twelve numbers of a pose",
     "CSYS/1,0,0,0,0,1,0,0,0,0,-1,0\n{}CSYS/1,0,0,0,0,1,0,0,0,0,1,0\n": "the CSYS of line 1 is not the twelve numbers of a pose",
@@ -109,8 +161,22 @@ def test_motions_whose_frame_or_tool_is_not_known_are_refused(text):
 
 def test_a_tool_that_waits_in_the_magazine_is_not_loaded():
     program = read("LOAD/TOOL,1\nSELECT/TOOL,2\nGOTO/1,2,3\nLOAD/TOOL,2\nGOTO/4,5,6\n")
-    assert [move.place.line for move in program.moves] == [3]
-    assert [diagnostic.place.line for diagnostic in program.diagnostics] == [5]
+    assert [move.tool.stated for move in program.moves] == [True, False]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "LOADTL/1\nLOADTL/2\n{}LOADTL/1\n",
+        "LOAD/TOOL,1\nSELECT/TOOL,2\nLOAD/TOOL,2\n{}LOAD/TOOL,1\n",
+        "SELECT/TOOL,1\nSELECT/TOOL,2\n{}SELECT/TOOL,1\n",
+        "TOOL PATH/A,TOOL,M8\nTOOL PATH/B,TOOL,M6\n{}TOOL PATH/C,TOOL,M8\n",
+    ],
+)
+def test_every_way_to_load_a_tool(text):
+    program = read(text.format("GOTO/1,2,3\n") + "GOTO/4,5,6\n")
+    assert [move.tool.stated for move in program.moves] == [False, True]
+    assert [move.follows for move in program.moves] == [None, None]
 
 
 TURNED_SETUP = """TRNTYP/WORLD,0,0,0

@@ -220,11 +220,15 @@ def command(
 def _read(programs: list[Path], around: CellOptions, calibration: "Calibration") -> "tuple[Cell, Program]":
     from taskcal.correction.cell import Cell
     from taskcal.correction.cell_file import load_cell
+    from taskcal.programs.languages import language_of
+    from taskcal.programs.program import Frame
     from taskcal.programs.reading import read_program
 
     cell = Cell() if around.cell is None else load_cell(around.cell)
     tool, part = _frame(cell, around.tool, "tool"), _frame(cell, around.part, "part")
-    return cell, read_program(*programs, robot=calibration.model.robot, tool=tool, part=part)
+    told = {m.name: Frame(name=m.name, T=m.controller) for m in cell.tools.values() if m.controller is not None}
+    tools = {} if language_of(programs[0]).declares_frames else told
+    return cell, read_program(*programs, robot=calibration.model.robot, tool=tool, part=part, tools=tools)
 
 
 def _page(correction: "Correction", calibration: "Calibration") -> str:

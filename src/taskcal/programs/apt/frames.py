@@ -40,6 +40,21 @@ class StatedFrames:
     tilted: Float[np.ndarray, " 3"] | None = None
     """Its z axis, where that differs from (0, 0, 1): tool axes along it are counted in the first frame."""
 
+    matrix: list[str] | None = None
+    """Comments since CATIA's mark of a frame."""
+
+    def read_comment(self, statement: Statement) -> tuple[str, ...] | None:
+        """Take in a comment: CATIA states a frame by a mark, its name, and three rows of a matrix; its numbers at the last."""
+        if statement.text.strip().upper() == "*CATIA0":
+            self.matrix = []
+        elif self.matrix is not None:
+            self.matrix.append(statement.text)
+            if len(self.matrix) == 4:
+                stated = tuple(word for row in self.matrix[1:] for word in row.split())
+                self.matrix = None
+                return stated
+        return None
+
     def read_csys(self, statement: Statement, line: int) -> str | None:
         """Take in a CSYS; why points behind it are uncertain, if they are whatever their tool axis."""
         self.moved_since = self.tilted = None

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskcal.errors import FileError
+from taskcal.programs.apt.found import Reading
 from taskcal.programs.apt.instruction import Instruction
+from taskcal.programs.apt.loaded_tool import LoadedTool, tool_key
 from taskcal.programs.apt.parser import parse
-from taskcal.programs.apt.resolve import Reading, Resolver
+from taskcal.programs.apt.resolve import Resolver
 from taskcal.programs.apt.rewrite import rewrite
 from taskcal.programs.program import Frame, Program, Waypoint
 from taskcal.programs.source import Source
@@ -24,6 +26,7 @@ class AptProgram(Program):
     """Where each motion stands."""
     tool: Frame
     part: Frame
+    tools: Mapping[str, Frame]
 
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The files with some motions rewritten; see `Program.rewrite`.
@@ -38,11 +41,16 @@ class AptProgram(Program):
 
     def reread(self, sources: tuple[Source, ...]) -> "AptProgram":
         """The program of other texts of the same files, with this one's spins along the way; see `Program.reread`."""
-        return with_spins_of(read_apt(sources, tool=self.tool, part=self.part), self)
+        return with_spins_of(read_apt(sources, tool=self.tool, part=self.part, tools=self.tools), self)
 
 
 def read_apt(
-    sources: Sequence[Source], *, robot: Robot | None = None, tool: Frame | None = None, part: Frame | None = None
+    sources: Sequence[Source],
+    *,
+    robot: Robot | None = None,
+    tool: Frame | None = None,
+    part: Frame | None = None,
+    tools: Mapping[str, Frame] | None = None,
 ) -> AptProgram:
     """Read tool paths in APT. What changes coordinates, or moves in a way that is not read, becomes a diagnostic.
 
@@ -51,6 +59,7 @@ def read_apt(
         robot: whose own tool moves where `tool` is not given.
         tool: what the positions are of; its z points out of the tool, against APT's tool axis.
         part: frame in which they are counted; the robot's base by default.
+        tools: by the name or number by which the program loads them; `tool` is the first one where that is not among them.
 
     Raises:
         FileError: neither the tool nor the robot is given, or a file is not APT text.
@@ -58,11 +67,13 @@ def read_apt(
     if tool is None and robot is None:
         raise FileError(sources[0].path, "does not say what its positions are of; give the tool, or the robot")
     own = tool or Frame(name="", T=np.eye(4) if robot is None else robot.T_flange_tool)
-    reading = Reading(tool=own, part=part or Frame(name="", T=np.eye(4)))
+    named = {tool_key(name): frame for name, frame in (tools or {}).items()}
+    reading = Reading(part=part or Frame(name="", T=np.eye(4)))
     for number, source in enumerate(sources):
         if "\0" in source.text:
             raise FileError(source.path, "is a binary file; export it as APT source")
-        resolver = Resolver(reading=reading, source=source, number=number)
+        loaded = LoadedTool(given=own, told=named, loaded=own)
+        resolver = Resolver(reading=reading, source=source, number=number, tools=loaded)
         for statement in parse(source.text):
             resolver.read(statement)
     return AptProgram(
@@ -72,4 +83,5 @@ def read_apt(
         instructions=tuple(reading.instructions),
         tool=own,
         part=reading.part,
+        tools=named,
     )

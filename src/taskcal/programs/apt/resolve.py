@@ -6,32 +6,26 @@ import numpy as np
 
 from taskcal.geometry import se3
 from taskcal.programs.apt.circle import circle_tokens, read_arc
+from taskcal.programs.apt.circle_record import CircleRecord, circle_record, recorded_arcs
+from taskcal.programs.apt.feed import Feed
+from taskcal.programs.apt.found import Reading
 from taskcal.programs.apt.frames import StatedFrames
 from taskcal.programs.apt.instruction import Instruction
 from taskcal.programs.apt.lexer import Token
+from taskcal.programs.apt.loaded_tool import LoadedTool
 from taskcal.programs.apt.syntax import Statement
-from taskcal.programs.apt.words import BLOCKING, CLEARING, ENDING, FEEDS, HARMLESS, UNITS, UNREAD_MOTIONS
-from taskcal.programs.program import Diagnostic, Frame, Move, MoveKind, Target
+from taskcal.programs.apt.words import BLOCKING, CLEARING, ENDING, HARMLESS, UNITS, UNREAD_MOTIONS
+from taskcal.programs.program import Diagnostic, Move, MoveKind, Target
 from taskcal.programs.source import Place, Source
 from taskcal.programs.tool_axis import with_axis
 
 _UNIT_LENGTH = 1e-3
 """How far the length of a tool axis may be from one: files round to a few digits."""
 
+_TO_CIRCLES_END = frozenset({"GOTO", "GODLTA", "FROM", "GOHOME", "FEDRAT", "$$"})
+"""What may stand behind a circle, beside words that move nothing, up to the point where its arc ends."""
 
-OTHER_TOOL = "another tool is loaded than the first, the one given"
 OTHER_FRAME = "another frame is stated than the first, the part's"
-
-
-@dataclass(kw_only=True)
-class Reading:
-    """What was read so far of all files."""
-
-    tool: Frame
-    part: Frame
-    moves: list[Move] = field(default_factory=list[Move])
-    instructions: list[Instruction] = field(default_factory=list[Instruction])
-    diagnostics: list[Diagnostic] = field(default_factory=list[Diagnostic])
 
 
 @dataclass(kw_only=True)
@@ -42,8 +36,7 @@ class Resolver:
     source: Source
     number: int
     unit: float = 1e-3
-    feed: float | None = None
-    feed_unit: str = ""
+    feed: Feed = field(default_factory=Feed)
     rapid: bool = False
     axis: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     position: np.ndarray | None = None
@@ -54,15 +47,15 @@ class Resolver:
     """Why motions are uncertain, by the word that said so."""
     direction: Statement | None = None
     """Of the arc that follows."""
-    arc_pending: bool = False
-    """The point that follows ends an arc that was not read."""
+    circle: CircleRecord | str | None = None
+    """Of the arc that the point which follows ends, or why it is not certain."""
+    tools: LoadedTool
+    """The one that is loaded."""
+    cycle: bool = False
+    """Points are where a cycle works."""
     first: dict[str, tuple[object, ...]] = field(default_factory=dict[str, tuple[object, ...]])
-    """First tool and first frame stated, by their word; the caller's are those."""
+    """First frame stated, by its word; the caller's is that."""
     frames: StatedFrames = field(default_factory=StatedFrames)
-    loads: bool = False
-    """LOAD/TOOL says which tool is loaded."""
-    matrix: list[str] | None = None
-    """Comments since CATIA's mark of a frame."""
     unknown: set[str] = field(default_factory=set[str])
 
     def place(self, statement: Statement) -> Place:
@@ -78,13 +71,21 @@ class Resolver:
         self.diagnose(statement, f"{why}; the motion stays as it is")
         self.position = self.previous = None
         self.rapid = False
+        self.circle = None
 
     def read(self, statement: Statement) -> None:
         """Take in a statement."""
         word = statement.word
+        if self.circle is not None and word not in _TO_CIRCLES_END and word not in HARMLESS:
+            self.circle = "its circle is not followed by its end"
         match word:
-            case "GOTO" | "GODLTA" | "FROM":
+            case "GOTO" | "GODLTA" | "FROM" | "GOHOME":
+                self.rapid = self.rapid or word == "GOHOME"
                 self._point(statement)
+            case "CIRCLE":
+                self.circle = self.circle or circle_record(statement)
+            case "CYCLE":
+                self._cycle(statement)
             case "INDIRV":
                 self.direction = statement
                 return
@@ -93,27 +94,26 @@ class Resolver:
             case "RAPID":
                 self.rapid = True
             case "FEDRAT":
-                self._feed(statement)
+                self.feed.read(statement, self.unit)
             case "UNITS" | "UNIT":
                 self._units(statement)
             case "TLAXIS":
                 self._tool_axis(statement)
-            case "LOADTL" | "TOOLNO":
-                self._state(statement, statement.words[:1], OTHER_TOOL)
-            case "LOAD" | "SELECT" | "TOOL PATH":
+            case "LOADTL" | "TOOLNO" | "LOAD" | "SELECT" | "TOOL PATH":
                 self._tool(statement)
             case "MSYS":
-                self._state(statement, statement.numbers or statement.words, OTHER_FRAME)
+                self._state(statement, statement.numbers or statement.words)
             case "CSYS" | "TRNTYP":
                 self._frame(statement)
             case "$$":
-                self._comment(statement)
+                stated = self.frames.read_comment(statement)
+                if stated is not None:
+                    self._state(statement, stated)
                 return
             case _ if word in BLOCKING or word in CLEARING:
                 self._block(statement)
             case _ if word in UNREAD_MOTIONS:
                 self.unresolved(statement, f"{word} is not read")
-                self.arc_pending = word == "CIRCLE"
             case _ if word not in HARMLESS and not _defines(statement):
                 self._unknown(statement)
             case _:
@@ -136,7 +136,7 @@ class Resolver:
             self.axis = np.array(values[3:]) / length
             self.blocked.pop("TLAXIS", None)
         why = self._why_uncertain()
-        if why is not None and not self.arc_pending:
+        if why is not None:
             self._uncertain(statement, why)
             return
         begin = self.position
@@ -149,32 +149,49 @@ class Resolver:
         if statement.word == "FROM":
             self.position, self.previous = end, None
             return
-        if self.arc_pending:
-            self.arc_pending = False
-            self.unresolved(statement, "it ends an arc whose sense of rotation is not certain")
-            self.position = None if why is not None else end
+        if self.circle is not None:
+            self._recorded(statement, self.circle, end, tokens, relative=relative)
             return
         self._move(statement, statement, end, None, tokens, relative)
+
+    def _recorded(
+        self,
+        statement: Statement,
+        circle: CircleRecord | str,
+        end: np.ndarray,
+        tokens: tuple[Token, ...],
+        *,
+        relative: bool,
+    ) -> None:
+        """The point that ends an arc whose circle stands before it."""
+        self.circle = None
+        if isinstance(circle, str):
+            arcs = circle
+        elif relative:
+            arcs = "an arc does not end in an increment"
+        elif self.position is None:
+            arcs = "the arc begins at a place that is not known"
+        else:
+            arcs = recorded_arcs(circle, self.position, end, self.unit)
+        if isinstance(arcs, str) or isinstance(circle, str):
+            self.unresolved(statement, str(arcs))
+            self.position = end
+            return
+        for arc in arcs:
+            half = arc is not arcs[-1]
+            self._move(circle.statement, statement, arc.end, arc.via, tokens, False, circle, half=half)
 
     def _why_uncertain(self) -> str | None:
         """Why it is not known what points are counted from."""
         return next(iter(self.blocked.values()), None) or self.frames.why_uncertain(self.axis)
 
     def _uncertain(self, statement: Statement, why: str) -> None:
-        """A point or an arc among motions that are uncertain."""
-        if statement.word == "FROM":
-            self.position = self.previous = None
-        else:
-            self._reject(statement, why)
-
-    def _reject(self, statement: Statement, why: str) -> None:
-        """A motion whose numbers could be corrected if it were known what they count from."""
-        place = self.place(statement)
-        self.reading.diagnostics.append(
-            Diagnostic(place=place, text=f"{why}; the motion stays as it is", rejected=True)
-        )
-        self.position = self.previous = None
-        self.rapid = False
+        """A point or an arc whose numbers could be corrected if it were known what they count from."""
+        self.position = self.previous = self.circle = None
+        if statement.word != "FROM":
+            text = f"{why}; the motion stays as it is"
+            self.reading.diagnostics.append(Diagnostic(place=self.place(statement), text=text, rejected=True))
+            self.rapid = False
 
     def _arc(self, statement: Statement, direction: Statement) -> None:
         tokens, towards = circle_tokens(statement), direction.numbers
@@ -199,18 +216,22 @@ class Resolver:
         via: np.ndarray | None,
         tokens: tuple[Token, ...],
         relative: bool,
+        record: CircleRecord | None = None,
+        *,
+        half: bool = False,
     ) -> None:
         """A motion whose numbers are known."""
-        kind: MoveKind = "linear" if via is None else "circular"
+        # a cycle goes to its points by ways that are not written, as a motion of all joints does
+        kind: MoveKind = "joint" if self.cycle else "linear" if via is None else "circular"
         self.reading.moves.append(
             Move(
                 kind=kind,
                 end=self._target(statement, end),
                 via=None if via is None else self._target(statement, via),
-                tool=self.reading.tool,
+                tool=self.tools.loaded,
                 part=self.reading.part,
                 part_in_hand=False,
-                speed=None if self.rapid else self.feed,
+                speed=None if self.rapid or self.cycle else self.feed.speed,
                 stops=False,
                 follows=self.previous,
                 routine=self.source.path.stem,
@@ -224,7 +245,9 @@ class Resolver:
                 end=statement.end,
                 body=statement.start,
                 numbers=tokens,
-                circle=None if via is None else circle_tokens(statement),
+                circle=None if via is None or record is not None else circle_tokens(statement),
+                record=record,
+                half=half,
                 relative=relative,
                 unit=self.unit,
                 rapid=self.rapid,
@@ -236,13 +259,6 @@ class Resolver:
     def _target(self, statement: Statement, point: np.ndarray) -> Target:
         T = se3.pose(with_axis(self.axis), point)
         return Target(name="", T=T, q=None, posture=None, place=self.place(statement), free_spin=True)
-
-    def _feed(self, statement: Statement) -> None:
-        words = [word for word in statement.words if word in FEEDS or word == "PERMIN"]
-        values = [token.number for token in statement.arguments or () if token.number is not None]
-        self.feed_unit = words[0] if words else self.feed_unit
-        scale = FEEDS.get(self.feed_unit, self.unit / 60.0)
-        self.feed = values[0] * scale if len(values) == 1 and values[0] > 0.0 and scale is not None else None
 
     def _units(self, statement: Statement) -> None:
         (word,) = statement.words if len(statement.words) == 1 else ("",)
@@ -263,17 +279,27 @@ class Resolver:
             )
 
     def _tool(self, statement: Statement) -> None:
-        """A tool that is loaded. One that is selected waits in the magazine, unless nothing says which one is loaded."""
-        words = statement.words
-        if statement.word == "TOOL PATH":  # NX: the operation, TOOL, the tool
-            self._state(statement, words[2:3] if words[1:2] == ("TOOL",) else words[1:], OTHER_TOOL)
-        elif words[:1] != ("TOOL",):
+        """A statement that may load a tool, which moves on from where nobody knows."""
+        before = self.tools.loaded
+        if not self.tools.read(statement):
             self._unknown(statement)
-        elif statement.word == "LOAD":
-            self.loads = True
-            self._state(statement, words[1:2], OTHER_TOOL)
-        elif not self.loads:
-            self._state(statement, words[1:2], OTHER_TOOL)
+        if self.tools.loaded is not before:
+            self.position = self.previous = None
+
+    def _cycle(self, statement: Statement) -> None:
+        """A cycle begins: at each point that follows it moves along the tool's axis, and so does the correction of the point."""
+        words = statement.words
+        first = words[0] if words else ""
+        if first == "INIT":  # SOLIDWORKS CAM announces a cycle by it
+            return
+        was, self.cycle = self.cycle, first not in ("OFF", "CLEAR", *ENDING)
+        if self.cycle and not was:
+            self.diagnose(
+                statement,
+                "a cycle moves the tool at each of its points, which are corrected; what it does there is not read",
+            )
+        if was and not self.cycle:
+            self.position = self.previous = None
 
     def _frame(self, statement: Statement) -> None:
         """A frame by CSYS or TRNTYP."""
@@ -297,24 +323,13 @@ class Resolver:
             self.unknown.add(word)
             self.diagnose(statement, f"'{word}' is not known; it is taken to move nothing")
 
-    def _state(self, statement: Statement, stated: tuple[object, ...], why: str) -> None:
-        """A tool or a frame: the first one is the caller's, another one is not known."""
-        word = {"SELECT": "LOAD"}.get(statement.word, statement.word)
+    def _state(self, statement: Statement, stated: tuple[object, ...]) -> None:
+        """A frame: the first one is the caller's, another one is not known."""
+        word = statement.word
         if self.first.setdefault(word, stated) == stated:
             self.blocked.pop(word, None)
         else:
-            self.blocked[word] = f"{why} (line {self.place(statement).line})"
-
-    def _comment(self, statement: Statement) -> None:
-        """CATIA states the frame of the coordinates in comments: a mark, its name, three rows of a matrix."""
-        if statement.text.strip().upper() == "*CATIA0":
-            self.matrix = []
-        elif self.matrix is not None:
-            self.matrix.append(statement.text)
-            if len(self.matrix) == 4:
-                stated = tuple(word for row in self.matrix[1:] for word in row.split())
-                self._state(statement, stated, OTHER_FRAME)
-                self.matrix = None
+            self.blocked[word] = f"{OTHER_FRAME} (line {self.place(statement).line})"
 
     def _block(self, statement: Statement) -> None:
         word = CLEARING.get(statement.word, statement.word)
@@ -327,9 +342,7 @@ class Resolver:
             self.blocked.pop("INDEX", None)
         else:
             self.blocked[word] = f"{BLOCKING[word]} since line {self.place(statement).line}"
-        self.previous = None
-        if word != "CYCLE":
-            self.position = None
+        self.position = self.previous = None
 
 
 def _defines(statement: Statement) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import TaskcalError
-from taskcal.programs.apt.circle import arc_through
+from taskcal.programs.apt.circle import Arc, arc_through
 from taskcal.programs.apt.instruction import Instruction
 from taskcal.programs.apt.lexer import Token
 from taskcal.programs.numeral import numeral, renumbered
@@ -43,8 +43,13 @@ def rewrite(
         instruction = instructions[number]
         start = _start(move, instruction, waypoints)
         path = waypoints.get(number)
+        if instruction.half:
+            kept = _stays(move, path) and _stays(moves[number + 1], waypoints.get(number + 1))
+            if kept and _same_point(start, instruction.begin):
+                continue
+            path = path or (_waypoint(move),)
         if path is None:
-            leans = instruction.relative or instruction.circle is not None
+            leans = instruction.relative or instruction.circle is not None or instruction.record is not None
             if not leans or _same_point(start, instruction.begin):
                 continue
             path = (_waypoint(move),)
@@ -61,6 +66,20 @@ def _start(
         return instruction.begin
     T = waypoints[move.follows][-1].T
     return None if T is None else T[:3, 3]
+
+
+def _stays(move: Move, path: Sequence[Waypoint] | None) -> bool:
+    """Whether a motion is to go where it goes already."""
+    if path is None:
+        return True
+    (only, *more) = path
+    if more or only.T is None or only.kind != move.kind or move.end.T is None:
+        return False
+    ends = np.abs(only.T[:3, 2:] - move.end.T[:3, 2:]).max() < _SAME_POINT_M
+    if move.via is None or only.via is None:
+        return bool(ends)
+    vias = only.via.T is not None and move.via.T is not None and _same_point(only.via.T[:3, 3], move.via.T[:3, 3])
+    return bool(ends) and vias
 
 
 def _waypoint(move: Move) -> Waypoint:
@@ -95,7 +114,7 @@ class _Writing:
         """Edits that give the motion its waypoints: statements before it, and its own numbers."""
         own = self.instruction
         texts: list[str] = []
-        for waypoint in path[:-1]:
+        for waypoint in path if own.half else path[:-1]:
             texts.append(self._statement(begin, waypoint))
             begin = self._end(waypoint)
         parting = self.source.newline + self.source.indent(own.start)
@@ -103,7 +122,7 @@ class _Writing:
             parting += "RAPID" + parting
         ahead = "".join(text + parting for text in texts)
         out = [Edit(start=own.start, end=own.start, text=ahead)] if ahead else []
-        return out + self._own(begin, path[-1])
+        return out if own.half else out + self._own(begin, path[-1])
 
     def _end(self, waypoint: Waypoint) -> Float[np.ndarray, " 3"]:
         if waypoint.T is None:
@@ -129,7 +148,7 @@ class _Writing:
     def _own(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> list[Edit]:
         """Edits of the motion's own statements."""
         own, end = self.instruction, self._end(waypoint)
-        if own.circle is not None:
+        if own.circle is not None or own.record is not None:
             if waypoint.via is not None:
                 return self._arc_edits(begin, waypoint)
             return [Edit(start=own.start, end=own.end, text=self._point(waypoint))]
@@ -151,7 +170,7 @@ class _Writing:
     def _arc_edits(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> list[Edit]:
         """Edits of the numbers of an arc."""
         own = self.instruction
-        if own.circle is None:
+        if own.circle is None and own.record is None:
             raise TaskcalError(f"{self.place}: a line cannot become an arc here; write the program in another language")
         via, end = waypoint.via, self._end(waypoint)
         assert self.move.via is not None
@@ -160,11 +179,14 @@ class _Writing:
         if begin is None or via is None or via.T is None:
             raise TaskcalError(f"{self.place}: the arc begins or passes at a place that is not known")
         was = self.move.via.T[:3, 3], self.move.end.T[:3, 3]
-        if _same_point(begin, own.begin) and _same_point(via.T[:3, 3], was[0]) and _same_point(end, was[1]):
+        stays = _same_point(begin, own.begin) and _same_point(via.T[:3, 3], was[0]) and _same_point(end, was[1])
+        if stays and not own.half:
             return []
         arc = arc_through(begin, via.T[:3, 3], end)
         if isinstance(arc, str):
             raise TaskcalError(f"{self.place}: {arc}; cut it into fewer pieces")
+        if own.circle is None:
+            return self._record_edits(arc, begin, waypoint)
         # all anew: a centre and a radius that were rounded apart from these would miss the arc's ends
         lengths = np.concatenate([arc.center, [arc.radius], arc.center, arc.end]) / own.unit
         out = [
@@ -179,6 +201,22 @@ class _Writing:
         if arc.second != (start < behind):
             out.append(Edit(start=start, end=behind, text=",2,INTOF" if arc.second else ""))
         return out
+
+    def _record_edits(self, arc: Arc, begin: Float[np.ndarray, " 3"], waypoint: Waypoint) -> list[Edit]:
+        """Edits of a circle's record, and of the end behind it."""
+        own = self.instruction
+        assert own.record is not None
+        assert waypoint.T is not None
+        axis = own.record.sense * np.cross(begin - arc.center, arc.direction)
+        values = [*(arc.center / own.unit), *(axis / np.linalg.norm(axis)), arc.radius / own.unit]
+        decimals = [self.decimals] * 3 + [AXIS] * 3 + [self.decimals]
+        ends = [*(waypoint.T[:3, 3] / own.unit), *(-waypoint.T[:3, 2])]
+        written = zip(own.record.tokens, values, decimals, strict=False), zip(own.numbers, ends, decimals, strict=False)
+        return [
+            Edit(start=token.start, end=token.end, text=numeral(float(value), places))
+            for tokens in written
+            for token, value, places in tokens
+        ]
 
     def _edit(self, token: Token, was: float, now: float, decimals: int) -> Edit:
         text = renumbered(token.text, float(was), float(now), decimals)

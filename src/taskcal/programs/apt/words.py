@@ -9,7 +9,7 @@ _NO_MOTION = """
 HARMLESS = frozenset(_NO_MOTION.split())
 """They move nothing, or say how to move, not where."""
 
-_GO = "CIRCLE MOVARC ARCSLP TLON TLLFT TLRGT GO GOFWD GOBACK GOLFT GORGT GOUP GODOWN GOHOME RETRCT POCKET PROFIL CALL"
+_GO = "MOVARC ARCSLP TLON TLLFT TLRGT GO GOFWD GOBACK GOLFT GORGT GOUP GODOWN RETRCT POCKET PROFIL CALL"
 UNREAD_MOTIONS = frozenset(_GO.split())
 """Motions whose path is not written as numbers, or not in a form that is certain."""
 
@@ -28,7 +28,6 @@ BLOCKING = {
     "LOOPST": "a loop runs motions again",
     "JUMPTO": "JUMPTO changes the order of motions",
     "IF": "IF changes the order of motions",
-    "CYCLE": "a cycle adds motions that the text does not show",
 }
 """What makes motions uncertain from a statement on until it is cleared, and why."""
 
