@@ -6,7 +6,7 @@ import scipy.optimize
 
 from taskcal.errors import CampaignError, FitError, UnknownName
 from taskcal.estimation.loss import Cauchy, Huber, Squared
-from taskcal.identification.belief import BASE_PRIOR, TARGET_PRIOR
+from taskcal.identification.belief import BASE_PRIOR, TARGET_PRIOR, TURN_PRIOR
 from taskcal.identification.identify import identify
 from taskcal.measurement.registration import Registration, register
 from taskcal.measurement.tracker import TrackerNoise
@@ -30,7 +30,12 @@ class Reference:
         self.white = np.linalg.inv(np.linalg.cholesky(covariance))
         per_target = 6 if self.pose else 3
         self.sizes = np.concatenate(
-            [prior_scale * model.tolerances, np.full(6, BASE_PRIOR), np.full(per_target * targets, TARGET_PRIOR)]
+            [
+                prior_scale * model.tolerances,
+                np.full(6, BASE_PRIOR),
+                np.full(per_target * targets, TARGET_PRIOR),
+                np.full(3 * self.pose, TURN_PRIOR),
+            ]
         )
         self.start = np.zeros(len(self.sizes))
         if not self.pose:
@@ -40,7 +45,7 @@ class Reference:
         """Poses of the targets in the tracker frame."""
         base = self.registration.T_tracker_base @ plain.error_frame(z[self.p : self.p + 6])
         if self.pose:
-            tools = (self.registration.T_tool_target[0] @ plain.error_frame(z[self.p + 6 :]))[None]
+            tools = (self.registration.T_tool_target[0] @ plain.error_frame(z[self.p + 6 : self.p + 12]))[None]
         else:
             tools = np.tile(np.eye(4), (len(self.campaign.targets), 1, 1))
             tools[:, :3, 3] = z[self.p + 6 :].reshape(-1, 3)
@@ -51,7 +56,8 @@ class Reference:
         ends = self.ends(z, self.campaign.q)
         r = self.campaign.points - ends[..., :3, 3]
         if self.pose:
-            turned = self.campaign.rotations[:, None] @ ends[..., :3, :3].swapaxes(-1, -2)
+            predicted = plain.rotation_of(z[self.p + 12 :]) @ ends[..., :3, :3]
+            turned = self.campaign.rotations[:, None] @ predicted.swapaxes(-1, -2)
             r = np.concatenate([r, np.array([[plain.rotation_vector(R) for R in row] for row in turned])], axis=-1)
         return np.einsum("ntij,ntj->nti", self.white, r)[self.campaign.valid]
 

@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from taskcal.geometry import se3
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed, Joint, Step
 from taskcal.geometry.observations import Observations, Points, Walked
 from taskcal.geometry.walk import Columns
@@ -94,7 +95,7 @@ class MeasuredCase:
     factor: np.ndarray
     """(n, pairs): ∂s/∂z."""
     point_slots: np.ndarray
-    """(targets, 3): entry of z, −1 where held."""
+    """(targets, 3): entry of z, −1 where held; of a pose, for the turn of what was measured."""
     offsets: np.ndarray
     """(targets, 3): held values."""
     seen: Observations
@@ -120,7 +121,11 @@ class MeasuredCase:
             column=np.ascontiguousarray(self.pairs[:, 1]),
             count=len(self.z),
         )
-        points = Points(_filled(self.point_slots, self.z, self.offsets), self.point_slots)
+        held = _filled(self.point_slots, self.z, self.offsets)
+        points = Points(held, self.point_slots)
+        if self.seen.rotation is not None:
+            turn = se3.exp(held[0])
+            points = Points(self.offsets, self.point_slots, turn, se3.left_jacobian(held[0]))
         return Walked(self.case.chain, self.s, self.e, layout, self.factor, points)
 
     def residual(self, row: int, target: int, z: np.ndarray) -> np.ndarray:
@@ -130,11 +135,13 @@ class MeasuredCase:
         for k, (joint, column) in enumerate(self.pairs):
             s[joint] += self.factor[row, k] * z[column]
         T = self.case.pose(row, e, s)
-        point = _filled(self.point_slots[target], z, self.offsets[target])
+        free = _filled(self.point_slots[target], z, self.offsets[target])
+        point = free if self.seen.rotation is None else self.offsets[target]
         r = self.seen.position[row, target] - (T[:3, :3] @ point + T[:3, 3])
         if self.seen.rotation is None:
             return r
-        return np.concatenate([r, plain.rotation_vector(self.seen.rotation[row] @ T[:3, :3].T)])
+        turned = plain.rotation_of(free) @ T[:3, :3]
+        return np.concatenate([r, plain.rotation_vector(self.seen.rotation[row] @ turned.T)])
 
     def blocks(self) -> list[tuple[int, int, np.ndarray, np.ndarray]]:
         """Row, target, residual and derivative of the prediction of every block that was seen."""
@@ -155,7 +162,7 @@ def measured(draw: st.DrawFn, poses: int = 4, pose: bool | None = None) -> Measu
     rng = draw(generators)
     frames = len(case.e)
     slots = np.where(rng.random((frames, 6)) < 0.7, 0, -1)
-    point_slots = np.full((targets, 3), -1) if as_pose else np.where(rng.random((targets, 3)) < 0.7, 0, -1)
+    point_slots = np.where(rng.random((targets, 1 if as_pose else 3)) < 0.7, 0, -1) * np.ones((1, 3), dtype=np.int64)
     frame_count, point_count = int((slots == 0).sum()), int((point_slots == 0).sum())
     # several joint-side pairs may share a column
     shared = int(rng.integers(1, pair_count + 1)) if pair_count else 0
@@ -179,7 +186,7 @@ def measured(draw: st.DrawFn, poses: int = 4, pose: bool | None = None) -> Measu
         angle = rng.choice([1e-6, 1e-3, 0.5, 2.5])
         axis = rng.normal(size=(poses, 3))
         turned = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis, axis=1, keepdims=True)).as_matrix()
-        rotation = turned @ predicted
+        rotation = turned @ plain.rotation_of(_filled(point_slots, z, unseen.offsets)[0]) @ predicted
     valid = rng.random((poses, targets)) < 0.8
     position = np.where(valid[..., None], rng.normal(size=(poses, targets, 3)), np.nan)
     return MeasuredCase(

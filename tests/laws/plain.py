@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 
 STEP = 1e-30
 
@@ -55,6 +56,12 @@ def twists(T: np.ndarray, dT: np.ndarray) -> np.ndarray:
     """Rows vx vy vz wx wy wz of the derivatives (4, 4, p) of a pose T."""
     W = np.einsum("ijp,kj->ikp", dT[:3, :3], T[:3, :3])
     return np.stack([dT[0, 3], dT[1, 3], dT[2, 3], W[2, 1], W[0, 2], W[1, 0]])
+
+
+def rotation_of(w: np.ndarray) -> np.ndarray:
+    """Exponential of a rotation vector, which may be complex."""
+    x, y, z = w
+    return scipy.linalg.expm(np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]))
 
 
 def rotation_vector(R: np.ndarray) -> np.ndarray:

@@ -20,15 +20,24 @@ from taskcal.geometry.pose_observation import linearise_rotation
 from taskcal.geometry.walk import Axes, Columns, Layout, allocate_axes
 
 _NO_ROTATION = np.zeros((1, 3, 3))
+_NOT_TURNED = np.eye(3)
 
 
 class Points(NamedTuple):
-    """Where the targets sit in the end's frame, and which columns belong to that."""
+    """Where the targets sit in the end's frame, and which columns belong to that.
+
+    A pose is measured of the end itself. Its rotations may be measured in axes of their own, turned by exp(o) against those of
+    the positions; the columns are then those of o.
+    """
 
     position: Float[np.ndarray, "targets 3"]
     """Target centres, metres."""
     columns: Int[np.ndarray, "targets 3"]
     """Column of each coordinate, −1 where it is held fixed."""
+    turn: Float[np.ndarray, "3 3"] = _NOT_TURNED
+    """exp(o) …"""
+    turning: Float[np.ndarray, "3 3"] = _NOT_TURNED
+    """… and its left Jacobian."""
 
 
 class WalkArrays(NamedTuple):
@@ -132,7 +141,7 @@ class Block(NamedTuple):
     r: Float[np.ndarray, " rows"]
     J: Float[np.ndarray, "rows p"]
     """Derivative of the prediction."""
-    room: Float[np.ndarray, "3 3"]
+    room: Float[np.ndarray, "2 3 3"]
     """For what a kind of observation works out on the way."""
     twist: Float[np.ndarray, "6 p"]
     """For the derivative of the end's twist."""
@@ -142,7 +151,7 @@ class Block(NamedTuple):
 def allocate_block(walk, rows, p):
     """Room for a block of so many rows and columns."""
     axes = allocate_axes(walk.s.shape[1], walk.e.shape[0])
-    return Block(axes, np.empty((3, 4)), np.zeros(rows), np.zeros((rows, p)), np.empty((3, 3)), np.zeros((6, p)))
+    return Block(axes, np.empty((3, 4)), np.zeros(rows), np.zeros((rows, p)), np.empty((2, 3, 3)), np.zeros((6, p)))
 
 
 @inlined
@@ -153,4 +162,4 @@ def linearise(walk, seen, i, t, block):
     else:
         linearise_point(walk, seen, i, t, block)
         if block.r.shape[0] == 6:
-            linearise_rotation(seen, i, block)
+            linearise_rotation(walk, seen, i, block)

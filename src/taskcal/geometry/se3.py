@@ -56,6 +56,17 @@ def log(R: Float[np.ndarray, "*b 3 3"]) -> Float[np.ndarray, "*b 3"]:
     return Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec().reshape(R.shape[:-1])
 
 
+def left_jacobian(w: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """Turn about fixed axes for a change of the rotation vector w: exp(w + d) = exp(J·d)·exp(w) for small d."""
+    angle = float(np.linalg.norm(w))
+    x, y, z = w
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    if angle < 1e-4:
+        return np.eye(3) + 0.5 * across + across @ across / 6.0
+    first, second = (1.0 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
+    return np.eye(3) + first * across + second * across @ across
+
+
 def nearest_rotation(M: Float[np.ndarray, "*b 3 3"]) -> Float[np.ndarray, "*b 3 3"]:
     """The proper rotation nearest to a matrix in the Frobenius norm (Umeyama 1991)."""
     U, _, Vt = np.linalg.svd(M)

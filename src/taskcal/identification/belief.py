@@ -13,6 +13,9 @@ from taskcal.identification.problem import FrameLayout
 BASE_PRIOR, TARGET_PRIOR = 10.0, 1.0
 """Standard deviations of tracker frame and targets about their registration, metres and radians: as good as none."""
 
+TURN_PRIOR = 1e-3
+"""The same of how far measured rotations are turned against the axes of the positions, radians: a twentieth of a degree."""
+
 UNOBSERVABLE_PRIOR = 1e-6
 """The same along directions in which the poses do not locate the targets: there they stay at the tool point."""
 
@@ -54,7 +57,9 @@ class Belief:
 def frame_precision(layout: FrameLayout) -> Float[np.ndarray, "frames frames"]:
     """Next to nothing is known of tracker frame and targets, but for directions that the poses do not determine."""
     count, base = len(layout.names) - len(layout.kept), layout.base_size
-    out = np.diag(np.where(np.arange(count) < base, BASE_PRIOR, TARGET_PRIOR) ** -2.0)
+    deviation = np.where(np.arange(count) < base, BASE_PRIOR, TARGET_PRIOR)
+    deviation[12 if layout.turned else count :] = TURN_PRIOR
+    out = np.diag(deviation**-2.0)
     held = layout.registration.unobservable / UNOBSERVABLE_PRIOR**2
     if isinstance(layout, ObservationLayout):
         at = np.concatenate([place[:3] for place in layout.places]) - len(layout.kept)

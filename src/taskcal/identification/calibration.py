@@ -188,7 +188,8 @@ class Calibration:
             return residual @ R
         turn = np.full_like(residual, np.nan)
         seen = campaign.valid[:, 0]
-        turn[seen, 0] = se3.log(campaign.rotations[seen] @ np.swapaxes(ends[seen, 0, :3, :3], 1, 2))
+        ends_turned = se3.exp(self.layout.turn(self.z)) @ ends[seen, 0, :3, :3]
+        turn[seen, 0] = se3.log(campaign.rotations[seen] @ np.swapaxes(ends_turned, 1, 2))
         return np.concatenate([residual @ R, turn @ R], axis=2)
 
     def rows_of(self, targets: Sequence[str]) -> list[int]:
@@ -219,7 +220,9 @@ class Calibration:
         q = np.asarray(q, dtype=float)
         at = self.layout.walked(q, self.z, self.model.prepare(q, conditions))
         nowhere = self.layout.nowhere(at, self.z)
-        _, covariance = propagate(at, nowhere, self.z_covariance)
+        # how the instrument's own axes stand is nothing to the true rotations
+        told = replace(at, points=_held(at.points)) if self.layout.turned else at
+        _, covariance = propagate(told, nowhere, self.z_covariance)
         if conditions is None and self.model.conditioned:
             covariance = covariance + approach_covariance(self, q)
         if not model_error:
@@ -334,5 +337,5 @@ class Calibration:
 
 
 def _held(points: Points) -> Points:
-    """Targets none of whose coordinates is a column."""
+    """Targets none of whose coordinates is a column, and no turn of what was measured."""
     return Points(position=points.position, columns=np.full_like(points.columns, -1))

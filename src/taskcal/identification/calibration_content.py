@@ -36,6 +36,7 @@ def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
         "pose": calibration.layout.pose,
         "observations": _describe_observations(calibration),
         "fixed_frames": calibration.layout.fixed_frames,
+        "turned": calibration.layout.turned,
         "registration": describe_registration(calibration.layout.registration),
         "names": list(calibration.all_names),
         "estimate": calibration.z.tolist(),

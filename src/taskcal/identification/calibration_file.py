@@ -171,6 +171,7 @@ class CalibrationFile(Section):
     pose: Flag
     observations: list[ObservationSection] = Field(default=[])
     fixed_frames: Flag
+    turned: Flag = Field(default=False)
     registration: RegistrationSection
     names: Texts
     estimate: Vector
@@ -260,6 +261,7 @@ class CalibrationFile(Section):
             targets=tuple(self.targets),
             pose=self.pose,
             fixed_frames=self.fixed_frames,
+            turned=self.turned,
         )
         if not self.observations:
             return layout

@@ -51,14 +51,20 @@ def linearise_rows(problem: Problem, z: Float[np.ndarray, " z"]) -> Linearisatio
         apart = problem.seen.position[:, t] - end
         columns = walk.columns(at.chain, at.s, at.e, at.layout, at.factor, angular=pose, point=offset)
         if problem.seen.rotation is not None:
-            turned = problem.seen.rotation @ np.swapaxes(T[:, :3, :3], 1, 2)
+            predicted = at.points.turn @ T[:, :3, :3]
+            columns[:, 3:] = at.points.turn @ columns[:, 3:]
+            turned = problem.seen.rotation @ np.swapaxes(predicted, 1, 2)
             turned[~problem.seen.valid[:, t]] = np.eye(3)
             apart = np.concatenate([apart, se3.log(turned)], axis=1)
+            if at.points.columns[t, 0] >= 0:
+                columns[:, 3:, at.points.columns[t]] = at.points.turning
         elif at.points.columns[t, 0] >= 0:
             columns[:, :3, at.points.columns[t]] = T[:, :3, :3]
         residual.append(apart)
         by_entry.append(columns)
-        by_joint.append(joint_columns(at, offset, angular=pose)[:, :, :joints])
+        moved = joint_columns(at, offset, angular=pose)[:, :, :joints]
+        moved[:, 3:] = at.points.turn @ moved[:, 3:]
+        by_joint.append(moved)
     width = residual[0].shape[1]
     seen = np.repeat(problem.seen.valid, width, axis=1)
     made = [parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1) for parts in (residual, by_entry, by_joint)]

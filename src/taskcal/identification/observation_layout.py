@@ -198,6 +198,7 @@ def layout_of(
             targets=campaign.targets,
             pose=campaign.rotations is not None,
             fixed_frames=fixed,
+            turned=campaign.rotations is not None and not fixed,
         )
     return ObservationLayout(
         model=model,

@@ -35,7 +35,9 @@ class FrameLayout:
     """The chain from tracker to target, and how an estimate z is laid out: kept parameters, base, targets.
 
     The base frame of the registration is followed by an error frame ``base.*``; a measured point adds its offset in the
-    tool frame, ``smr1.tx …``, a measured pose an error frame of its own.
+    tool frame, ``smr1.tx …``, a measured pose an error frame of its own. What turns and what moves is measured by different
+    parts of an instrument, whose axes need not agree: ``orientation.*`` turns all measured rotations against the axes in which
+    positions are measured.
     """
 
     model: ErrorModel
@@ -47,6 +49,8 @@ class FrameLayout:
     """Whether poses were measured, not points."""
     fixed_frames: bool = False
     """Whether tracker frame and targets are held where the registration put them."""
+    turned: bool = False
+    """Whether measured rotations may be turned against the axes of the positions."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -56,7 +60,13 @@ class FrameLayout:
             return kept
         per_target = COMPONENTS if self.pose else COMPONENTS[:3]
         labels = ["target" if name == "tool" else name for name in self.targets]
-        return kept + tuple(f"base.{c}" for c in COMPONENTS) + tuple(f"{t}.{c}" for t in labels for c in per_target)
+        turn = COMPONENTS[3:] if self.turned else ()
+        return (
+            kept
+            + tuple(f"base.{c}" for c in COMPONENTS)
+            + tuple(f"{t}.{c}" for t in labels for c in per_target)
+            + tuple(f"orientation.{c}" for c in turn)
+        )
 
     @cached_property
     def chain(self) -> Chain:
@@ -84,8 +94,10 @@ class FrameLayout:
 
     @cached_property
     def point_columns(self) -> Int[np.ndarray, "targets 3"]:
-        """Columns of the target offsets."""
+        """Columns of the target offsets, or of the turn of what was measured."""
         count = len(self.targets)
+        if self.turned and not self.fixed_frames:
+            return len(self.kept) + 12 + np.arange(3)[None]
         if self.fixed_frames or self.pose:
             return np.full((count, 3), -1)
         return len(self.kept) + 6 + np.arange(3 * count).reshape(count, 3)
@@ -123,8 +135,18 @@ class FrameLayout:
             offsets = z[k + 6 :].reshape(-1, 3)
         else:
             offsets = self.registration.T_tool_target[:, :3, 3]
-        points = Points(position=np.ascontiguousarray(offsets), columns=self.point_columns)
+        turn = self.turn(z)
+        points = Points(
+            position=np.ascontiguousarray(offsets),
+            columns=self.point_columns,
+            turn=se3.exp(turn),
+            turning=se3.left_jacobian(turn),
+        )
         return Walked(self.chain, s, np.concatenate(rows), self.layout, factor, points)
+
+    def turn(self, z: Float[np.ndarray, " z"]) -> Float[np.ndarray, " 3"]:
+        """Rotation vector of measured rotations against the axes of the positions, as estimated."""
+        return np.zeros(3) if self.fixed_frames or not self.turned else z[len(self.kept) + 12 :]
 
     @property
     def base_size(self) -> int:
