@@ -63,7 +63,8 @@ def linearise_rows(problem: Problem, z: Float[np.ndarray, " z"]) -> Linearisatio
         residual.append(apart)
         by_entry.append(columns)
         moved = joint_columns(at, offset, angular=pose)[:, :, :joints]
-        moved[:, 3:] = at.points.turn @ moved[:, 3:]
+        if pose:
+            moved[:, 3:] = at.points.turn @ moved[:, 3:]
         by_joint.append(moved)
     width = residual[0].shape[1]
     seen = np.repeat(problem.seen.valid, width, axis=1)
