@@ -56,6 +56,13 @@ def test_units_in_headers_are_taken(header, tmp_path, expected):
     assert robot.source == ("imported from arm.csv",)
 
 
+def test_a_name_over_two_lines_is_unknown(tmp_path):
+    with pytest.raises(FileError, match="unknown column"):
+        read_dh_table(
+            write(tmp_path, 'alpha_deg,a_mm,d_mm,theta_offset_deg,"of\nthe joint"', np.c_[ROWS, ROWS[:, :1]]), "dh"
+        )
+
+
 def test_what_size_does_not_tell_is_asked_for_and_taken_when_stated(tmp_path):
     toy = ROWS * [1.0, 0.03, 0.03, 1.0]  # 62 mm, or a robot of 62 m
     with pytest.raises(FileError, match=r"the unit of a, d is not stated, .* \(mm or m\) with --units"):

@@ -99,6 +99,18 @@ def test_limits_that_are_no_range_are_taken_for_none_and_said(tmp_path):
     assert robot.source[1:] == ("limits of elbow are not a range, and taken for none",)
 
 
+def test_limits_in_degrees_are_taken_for_none_and_said(tmp_path):
+    robot = load_robot(write(tmp_path, ARM.replace('lower="-1" upper="1"', 'lower="-170" upper="170"')))
+    np.testing.assert_array_equal(robot.limits[1], [-np.inf, np.inf])
+    assert "limits of elbow, -170 to 170 rad, are taken for none; are they degrees?" in robot.source
+
+
+def test_a_tip_that_follows_a_joint_before_it_is_one(tmp_path):
+    follows = '<limit lower="-1" upper="1" velocity="1" effort="0"/><mimic joint="elbow" multiplier="-1"/>'
+    text = ARM.replace('name="mount" type="fixed">', 'name="mount" type="revolute"><axis xyz="0 1 0"/>' + follows)
+    assert_agrees(Referee(write(tmp_path, text)), None, np.random.default_rng(0))
+
+
 def test_an_axis_that_points_backwards_turns_backwards(tmp_path):
     forward = ErrorModel(load_robot(write(tmp_path, ARM)))
     backward = ErrorModel(load_robot(write(tmp_path, ARM.replace("0 1 0", "0 -1 0"))))
@@ -175,6 +187,11 @@ WRONG = {
     "floating": (ARM.replace("revolute", "floating", 1), r"joint 'shoulder' is floating"),
     "still": (ARM.replace("revolute", "fixed"), r"has no chain of joints"),
     "loop": (ARM.replace("</robot>", '<loop_joint name="x"/></robot>'), r"closes a loop by <loop_joint>.*\[four_bar\]"),
+    "rpy in degrees": (
+        ARM.replace('xyz="0.3 0 0"', 'xyz="0.3 0 0" rpy="0 90 0"'),
+        r"rpy of <origin> of joint 'elbow' has 90, 14 turns; .* 1\.5708 for 90°",
+    ),
+    "a small one in millimetres": (ARM.replace('"0.3 0 0"', '"300 0 0"'), r"301 m apart; .* are these millimetres\?"),
 }  # fmt: skip
 
 

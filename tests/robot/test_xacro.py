@@ -57,3 +57,12 @@ def test_macros_without_end_are_given_up(packages, monkeypatch):
     with pytest.raises(FileError, match=r"do not come to an end|its macros fail"):
         load_robot(packages / "cell" / "urdf" / "cell.urdf.xacro")
     assert time.monotonic() - began < 5.0
+
+
+@pytest.mark.parametrize("name", ["arm.xacro", "../shared/arm.xacro", "$(cwd)/arm.xacro"])
+def test_files_beside_are_found_from_anywhere(name, tmp_path):
+    (tmp_path / "shared").mkdir()
+    (tmp_path / "shared" / "arm.xacro").write_text(MACRO, encoding="utf-8")
+    path = tmp_path / "shared" / "main.xacro"
+    path.write_text(CELL.replace("$(find arm_support)/urdf/arm_macro.xacro", name), encoding="utf-8")
+    assert load_robot(path).joint_names == ("left_j1",)

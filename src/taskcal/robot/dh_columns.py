@@ -32,7 +32,8 @@ SMALLEST_IN_MILLIMETRES = 100.0
 """What all lengths of a table add up to: between the two it may be a very large robot in metres or a toy in millimetres."""
 
 _HEADER = re.compile(
-    rf"(?P<name>.*?)(?:(?:[\s_]+|\s*[\[(])(?P<unit>{'|'.join(map(re.escape, UNITS))})[\])]?)?", re.IGNORECASE
+    rf"(?P<name>.*?)(?:(?:[\s_]+|\s*[\[(])(?P<unit>{'|'.join(map(re.escape, UNITS))})[\])]?)?",
+    re.IGNORECASE | re.DOTALL,
 )
 
 

@@ -17,6 +17,9 @@ from taskcal.robot.urdf_file import UrdfJoint, UrdfTree, read_urdf_tree
 FLANGE = "tool0"
 """What ROS calls the frame in which a controller counts its tools (REP 199)."""
 
+FARTHEST_TOGETHER = 100.0
+"""Metres that the links of a robot add up to, at most; of a small one in millimetres they are more."""
+
 RESERVED = ("tool", "base", "loop")
 """What Taskcal calls parameters that belong to no joint."""
 
@@ -59,9 +62,14 @@ def describe_tree(
         **_Writer(tree, joints).written(start, end),
     }
     try:
-        robot_from(described)
+        robot = robot_from(described)
     except TaskcalError as error:
         raise FileError(tree.path, str(error)) from error
+    parts = [part for joint in robot.joints for part in (*joint.before, *joint.after)] + list(robot.tool)
+    apart = sum(float(np.linalg.norm(part.transform[:3, 3])) for part in parts)
+    if apart > FARTHEST_TOGETHER:
+        message = f"places the links from '{shown(begin)}' to '{shown(end)}' {apart:.0f} m apart; URDF counts in metres"
+        raise FileError(tree.path, f"{message}: are these millimetres?")
     return described
 
 
@@ -76,7 +84,7 @@ def choose_tip(tree: UrdfTree) -> str:
     lengths: dict[str, int] = {}
     for leaf in tree.leaves:
         way = [joint for joint in tree.path_to(leaf) if joint.moves]
-        if way and way[-1].mimic is None and not _is_followed(tree, way):
+        if way and _has_its_motor(tree, way) and not _is_followed(tree, way):
             lengths[leaf] = sum(joint.mimic is None for joint in way)
     if not lengths:
         raise FileError(
@@ -96,6 +104,14 @@ def choose_tip(tree: UrdfTree) -> str:
 
 def _listed(links: Sequence[str]) -> str:
     return ", ".join(shown(link, 40) for link in links[:12]) + (", …" if len(links) > 12 else "")
+
+
+def _has_its_motor(tree: UrdfTree, way: list[UrdfJoint]) -> bool:
+    """Whether the last joint has a motor, or follows one that is on the way to it."""
+    joints, last = tree.joints, way[-1]
+    while last.mimic is not None:
+        last = joints[last.mimic.joint]
+    return last in way
 
 
 def _is_followed(tree: UrdfTree, way: list[UrdfJoint]) -> bool:

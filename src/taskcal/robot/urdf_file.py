@@ -17,6 +17,9 @@ UrdfKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "
 FARTHEST = 1e3
 """Metres or radians of any number that places something; larger ones stand for none."""
 
+MOST_RAD = 8.0 * np.pi
+"""Of an angle in the file, four turns: cables stop real joints sooner, and no part is turned so often. Degrees are more."""
+
 CLOSING = ("loop_joint", "closure", "constraint", "loop")
 """Elements by which dialects close a loop, which URDF itself cannot."""
 
@@ -204,10 +207,16 @@ def _joint(path: Path, element: Element) -> UrdfJoint:
     pose = np.eye(4)
     if origin is not None:
         roll, pitch, yaw = _triple(path, origin, "rpy", (0.0, 0.0, 0.0))
+        _refuse_degrees(path, origin, name, (roll, pitch, yaw))
         R = se3.rotation("z", yaw) @ se3.rotation("y", pitch) @ se3.rotation("x", roll)
         pose = se3.pose(R[:3, :3], np.array(_triple(path, origin, "xyz", (0.0, 0.0, 0.0))))
     limits, speed = _limits(path, element, name, sliding=kind == "prismatic")
-    bounded = kind in ("revolute", "prismatic") and element.first("limit") is not None
+    remark = ""
+    if kind in ("revolute", "prismatic") and element.first("limit") is not None and limits is None:
+        remark = f"limits of {name} are not a range, and taken for none"
+    if kind == "revolute" and limits is not None and max(map(abs, limits)) > MOST_RAD:
+        remark = f"limits of {name}, {limits[0]:g} to {limits[1]:g} rad, are taken for none; are they degrees?"
+        limits = None
     return UrdfJoint(
         name=name,
         kind=cast(UrdfKind, kind),
@@ -217,7 +226,7 @@ def _joint(path: Path, element: Element) -> UrdfJoint:
         axis=_axis(path, axis, name) if kind != "fixed" else np.array([0.0, 0.0, 1.0]),
         limits=limits if kind in ("revolute", "prismatic") else None,
         speed=speed,
-        remark=f"limits of {name} are not a range, and taken for none" if bounded and limits is None else "",
+        remark=remark,
         mimic=None
         if mimic is None
         else Mimic(
@@ -227,6 +236,16 @@ def _joint(path: Path, element: Element) -> UrdfJoint:
         ),
         line=element.line,
     )
+
+
+def _refuse_degrees(path: Path, origin: Element, joint: str, angles: tuple[float, float, float]) -> None:
+    most = max(map(abs, angles))
+    if most > MOST_RAD:
+        message = (
+            f"rpy of <origin> of joint '{shown(joint)}' has {most:g}, {most / (2 * np.pi):.0f} turns; URDF counts in radians: "
+            f"write {np.radians(most):.6g} for {most:g}°"
+        )
+        raise FileError(path, message, line=origin.line)
 
 
 def _axis(path: Path, element: Element | None, joint: str) -> Float[np.ndarray, " 3"]:

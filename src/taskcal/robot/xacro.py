@@ -52,6 +52,7 @@ def expand_xacro(path: Path) -> bytes:
             capture_output=True,
             timeout=SECONDS,
             check=False,
+            cwd=path.resolve().parent,  # included files are named from there
             stdin=subprocess.DEVNULL,
         )
     except subprocess.TimeoutExpired as error:
