@@ -1,4 +1,4 @@
-"""Plans that go on from a calibration of geometry and all effects at once."""
+"""Plans and choices of parameters that go on from a calibration of geometry and all effects at once."""
 
 from dataclasses import replace
 
@@ -8,9 +8,12 @@ import pytest
 from taskcal.adaptation import calibrated_experiment
 from taskcal.adaptation.calibrated_experiment import calibrated_experiments
 from taskcal.adaptation.candidates import Measurable
+from taskcal.adaptation.hyperparameters import known_hyperparameters
 from taskcal.adaptation.plan import plan
+from taskcal.adaptation.selection import select
 from taskcal.identification.effect_selection import explain
 from taskcal.identification.identify import identify
+from taskcal.identification.informed_parameters import UNSEEN_SHARE, informed_parameters
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
@@ -102,3 +105,29 @@ def test_a_plan_that_knows_of_the_effects_leaves_less_than_one_that_does_not(cal
     assert knowing.expected < 0.95 * judged.error(unknowing.q, every)
     assert knowing.expected < knowing.random.min()
     assert knowing.extends
+
+
+def test_a_choice_takes_the_effects_of_a_joint_as_a_whole_with_the_sizes_that_were_found(calibration, campaign, task):
+    model, known = calibration.model, known_hyperparameters(calibration)
+    chosen = select(model, task, campaign, hyperparameters=known, folds=3)
+    ripple = f"{RIPPLE.name} of J2"
+    assert chosen.groups[ripple] == tuple(f"J2.{part}{k}" for k in range(1, 6) for part in ("cos", "sin"))
+    assert chosen.groups["J2.tx"] == ("J2.tx",)
+    assert {name for own in chosen.groups.values() for name in own} == set(model.names)
+    assert len(chosen.ladder) == len(chosen.groups) + 1
+    assert [nested.size for nested in chosen.ladder][-1] == 0
+    for name, own in chosen.groups.items():
+        assert len({chosen.dropped.get(parameter) for parameter in own}) == 1, name
+    assert set(chosen.kept) == {name for group in chosen.kept_groups for name in chosen.groups[group]}
+    np.testing.assert_allclose(chosen.design.prior, calibration.group_deviations)
+    assert np.abs(np.log(known.own / (calibration.prior_scale * model.tolerances))).max() > 0.5
+    assert ripple in chosen.kept_groups
+    assert chosen.ladder[0].cross_validated < 0.5 * chosen.ladder[-1].cross_validated
+
+
+def test_what_the_data_inform_is_judged_by_the_sizes_that_were_found(calibration):
+    informed = informed_parameters(calibration)
+    sizes = dict(zip(calibration.names, calibration.group_deviations, strict=True))
+    errors = dict(zip(calibration.names, calibration.standard_errors, strict=True))
+    assert {name: errors[name] < UNSEEN_SHARE * sizes[name] for name in calibration.kept} == informed
+    assert 0 < sum(informed.values()) < len(informed)

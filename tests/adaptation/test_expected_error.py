@@ -164,3 +164,19 @@ def test_what_the_campaign_measures_better_is_expected_better(cell):
     rough = design(model, campaign, unseen, model_error=(1e-4,)).expected_error(everything)
     assert made.expected_error(everything) < half
     assert made.expected_error(everything) < rough < made.before
+
+
+def test_groups_go_together_the_one_that_is_missed_least_first(cell):
+    model, _, _, made = cell
+    groups = [np.array(g) for g in np.array_split(np.random.default_rng(2).permutation(len(model)), 12)]
+    order, errors = made.ladder(groups)
+    left = list(range(12))
+
+    def without(gone):
+        return made.expected_error(np.sort(np.concatenate([*(groups[g] for g in left if g != gone), []])).astype(int))
+
+    for step, gone in enumerate(order):
+        assert errors[step] == pytest.approx(without(None), rel=1e-9)
+        assert without(gone) <= min(without(g) for g in left) * (1 + 1e-9)
+        left.remove(gone)
+    assert errors[-1] == pytest.approx(made.before, rel=1e-9)

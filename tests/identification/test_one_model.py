@@ -31,6 +31,7 @@ def test_a_calibration_of_the_one_model_is_saved_and_loaded_to_the_last_bit(tmp_
     made.save(tmp_path / "cal.json")
     loaded = load_calibration(tmp_path / "cal.json")
     assert loaded.joint_error == made.joint_error
+    np.testing.assert_array_equal(loaded.group_deviations, made.group_deviations)
     np.testing.assert_array_equal(loaded.predict(unseen), made.predict(unseen))
     np.testing.assert_array_equal(loaded.predict_covariance(unseen), made.predict_covariance(unseen))
     made.save(tmp_path / "again.json")

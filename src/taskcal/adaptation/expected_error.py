@@ -11,18 +11,20 @@ and nothing is known of them beforehand: they are eliminated first (Schur comple
 predicted target in the tracker's frame. Leaving them out would count the base's arbitrary placement as an error.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.adaptation.nested_models import order_of_dropping
 from taskcal.estimation.scaled import pseudo_invert_scaled
 from taskcal.geometry.covariance_propagation import propagate
 from taskcal.geometry.normal_equations import normal_equations
 from taskcal.geometry.observations import Observations
 from taskcal.identification.belief import frame_precision
+from taskcal.identification.linearisation import joint_columns
 from taskcal.identification.problem import FrameLayout, Problem, observe, whitener
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import register
@@ -53,14 +55,6 @@ class Design:
     """How they follow the parameters."""
     frame_covariance: Float[np.ndarray, "f f"]
     """What the noise makes of them."""
-
-    @cached_property
-    def _D(self) -> Float[np.ndarray, "p p"]:
-        return self.information * self.prior**2
-
-    @cached_property
-    def _B(self) -> Float[np.ndarray, "p p"]:
-        return self._D @ self.information + self.information
 
     @cached_property
     def before(self) -> float:
@@ -110,37 +104,20 @@ class Design:
         """Expected rms error of a model with these parameters, metres."""
         return self.expected_error(self.model.indices(names))
 
-    def ladder(self) -> tuple[list[int], Float[np.ndarray, " sizes"]]:
+    def ladder(
+        self, groups: Sequence[Int[np.ndarray, " _"]] | None = None
+    ) -> tuple[list[int], Float[np.ndarray, " sizes"]]:
         """Drop parameters one by one, always the one that is missed least.
 
+        Args:
+            groups: parameters that go together; by default each goes alone.
+
         Returns:
-            the parameters in the order in which they go, and the expected error before each goes and after the last.
+            the groups in the order in which they go, and the expected error before each goes and after the last.
         """
-        p = len(self.prior)
-        F, W, D, B = self.gain(np.arange(p)), self.influence, self._D, self._B
-        kept = np.ones(p, dtype=bool)
-        order: list[int] = []
-        errors = [self.expected_error(np.arange(p))]
-        DW = D @ W
-        for _ in range(p):
-            # dropping j makes F − f·fᵀ/a with f = F[:, j], a = F[j, j]; all candidates at once
-            a = np.where(kept, np.diag(F), 1.0)
-            FW = F @ W
-            change = (
-                2.0 * np.einsum("ij,ij->j", F, DW @ F) / a
-                - 2.0 * np.einsum("ij,ij->j", F, B @ (FW @ F)) / a
-                + np.einsum("ij,ij->j", F, W @ F) * np.einsum("ij,ij->j", F, B @ F) / a**2
-            )
-            change[~kept] = np.inf
-            smallest = change.min()
-            # parameters that repeat each other cost the same: let the last one go
-            j = int(np.flatnonzero(change <= smallest + 1e-9 * (abs(smallest) + errors[-1] ** 2))[-1])
-            F = F - np.outer(F[:, j], F[:, j]) / F[j, j]
-            F[j, :] = F[:, j] = 0.0
-            kept[j] = False
-            order.append(j)
-            errors.append(self.expected_error(np.flatnonzero(kept)))
-        return order, np.array(errors)
+        alone = list(np.arange(len(self.prior))[:, None]) if groups is None else groups
+        order, squares = order_of_dropping(self.information, self.influence, self.prior, alone)
+        return order, np.sqrt(squares + self.frames)
 
 
 def design(
@@ -150,7 +127,8 @@ def design(
     *,
     noise: TrackerNoise | None = None,
     model_error: tuple[float, ...] = (0.0, 0.0),
-    prior_scale: float = 1.0,
+    joint_error: tuple[float, ...] = (),
+    prior: Float[np.ndarray, " p"] | None = None,
 ) -> Design:
     """The design of a campaign for a task.
 
@@ -160,7 +138,8 @@ def design(
         task: the task's poses.
         noise: the tracker's.
         model_error: standard deviation of what the model cannot explain, metres (and radians).
-        prior_scale: factor of the tolerances.
+        joint_error: standard deviation of how far each joint stands off at a single pose, radians; empty for none.
+        prior: standard deviation of every parameter, metres and radians; the tolerances by default.
 
     Raises:
         CampaignError: too few rows for the frames.
@@ -175,14 +154,18 @@ def design(
     )
     variances = np.square(model_error[: 2 if pose else 1])
     start = layout.start()
-    white = whitener(problem.covariance(variances))
     walked = problem.walked(start)
+    covariance = problem.covariance(variances)
+    for t, offset in enumerate(walked.points.position if any(joint_error) else ()):
+        moved = joint_columns(walked, offset, angular=pose)[:, :, : len(joint_error)] * np.array(joint_error)
+        covariance[:, t] += moved @ np.swapaxes(moved, 1, 2)
+    white = whitener(covariance)
     _, _, A = normal_equations(walked, problem.seen, white)
     W = _influence(layout, task)
     frames = np.arange(len(model), len(layout.names))
     # directions in which the poses do not locate the targets are held, as in the fit
     A[np.ix_(frames, frames)] += frame_precision(layout)
-    return _without_frames(layout, A, W, frames, model.tolerances * prior_scale)
+    return _without_frames(layout, A, W, frames, model.tolerances if prior is None else prior)
 
 
 def _influence(layout: FrameLayout, task: TaskPoses) -> Float[np.ndarray, "z z"]:

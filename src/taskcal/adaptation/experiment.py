@@ -178,7 +178,7 @@ def make_experiment(
     linear = Linearisation(
         layout=layout,
         about=layout.start() if calibration is None else calibration.z,
-        deviations=np.concatenate([model.tolerances[layout.kept] * hyper.prior_scale, frames]),
+        deviations=np.concatenate([hyper.deviations(model)[layout.kept], frames]),
         noise=noise or TrackerNoise(),
         white=0.0 if field else error,
         field=field,

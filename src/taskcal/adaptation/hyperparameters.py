@@ -1,5 +1,7 @@
 """Model error and prior scale that a plan or a choice of parameters starts from: a calibration's, or assumed."""
 
+from dataclasses import replace
+
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.robot.error_model import ErrorModel
@@ -8,7 +10,8 @@ from taskcal.robot.model_error import model_error_of
 
 def known_hyperparameters(calibration: Calibration, origin: str = "as calibrated") -> Hyperparameters:
     """Those of a calibration."""
-    return Hyperparameters.of_deviations(calibration.model_error, calibration.prior_scale, origin)
+    common = Hyperparameters.of_deviations(calibration.model_error, calibration.prior_scale, origin)
+    return replace(common, own=calibration.group_deviations, joint_error=calibration.joint_error)
 
 
 def assumed_hyperparameters(

@@ -272,5 +272,5 @@ def _before(
     rng, x = np.random.default_rng(0), np.zeros(len(model))
     nominal, _ = simulate(model, measured, rng=rng, x=x, targets=targets, noise=options.noise)
     return design(
-        model, nominal, goal, noise=options.noise, model_error=hyper.model_error, prior_scale=hyper.prior_scale
+        model, nominal, goal, noise=options.noise, model_error=hyper.model_error, prior=hyper.deviations(model)
     ).before

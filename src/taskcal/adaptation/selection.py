@@ -1,8 +1,7 @@
 """How many parameters a task needs, and which: the ladder of expected task error, and a choice with its reasons."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any, Unpack
 
 import numpy as np
@@ -11,14 +10,18 @@ from jaxtyping import Float, Int
 from taskcal.adaptation.candidates import measuring_task
 from taskcal.adaptation.expected_error import Design, design
 from taskcal.adaptation.hyperparameters import assumed_hyperparameters, known_hyperparameters
+from taskcal.adaptation.nested_errors import left_out_errors
+from taskcal.adaptation.parameter_groups import ParameterGroup, parameter_groups
 from taskcal.adaptation.selection_options import SelectionChoices, SelectionOptions
 from taskcal.analysis.elimination_table import describe_combination, published_kept
 from taskcal.analysis.identifiability import Identifiability, identifiability
 from taskcal.arguments import expect_kinds, renamed_arguments
 from taskcal.errors import CampaignError, shortened
 from taskcal.estimation.blas import single_threaded
+from taskcal.estimation.prior import GaussianPrior
 from taskcal.estimation.scaled import pseudo_invert_scaled
-from taskcal.identification.cross_validation import mean_over_rows, predict_left_out, split_postures
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.cross_validation import mean_over_rows, split_postures
 from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.identify import identify
@@ -41,7 +44,7 @@ class NestedModel:
 
     size: int
     dropped_next: str
-    """The parameter that goes on the step down from here; empty for the smallest."""
+    """The parameter, or the effect of a joint, that goes on the step down from here; empty for the smallest."""
     expected: float
     """Expected rms error in space over the task, metres."""
     cross_validated: float | None
@@ -70,6 +73,8 @@ class Selection:
     design: Design | None = field(default=None, repr=False)
     """By which it was chosen: what the measured or assumed poses say over the task. None if the selection was put together
     by hand."""
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+    """Parameters that were kept or dropped together, by the name of what they are: of single ones their own."""
     model_error: float = 0.0
     """Standard deviation per axis of what the complete model does not explain, with which it was chosen, metres."""
     model_error_rotation: float | None = None
@@ -82,6 +87,11 @@ class Selection:
             f"Selection({len(self.kept)} of {len(self.kept) + len(self.dropped)} parameters kept: "
             f"{shortened(', '.join(self.kept), 120)}; {shortened(self.why, 120)})"
         )
+
+    @property
+    def kept_groups(self) -> tuple[str, ...]:
+        """Names of what was kept: of single parameters, and of effects of a joint that go together."""
+        return tuple(name for name, own in self.groups.items() if own[0] in self.kept) if self.groups else self.kept
 
     def summary(self) -> dict[str, Any]:
         """The report, in millimetres."""
@@ -151,16 +161,20 @@ def select(
     )
     chosen = SelectionOptions.of(**options)
     reached = reach_task(model, task, chosen.count, chosen.seed)
-    by, hyper = design_for(model, reached, task, campaign, chosen)
-    order, expected = by.ladder()
-    ladder = _ladder(model, order, expected, _cross_validate(model, campaign, order, hyper, chosen))
+    by, hyper, whole = design_for(model, reached, task, campaign, chosen)
+    groups = parameter_groups(model)
+    order, expected = by.ladder([group.members for group in groups])
+    order = [groups[g] for g in order]
+    crossed = None if campaign is None or whole is None else _cross_validate(whole, campaign, order, hyper, chosen)
+    ladder = _ladder(model, order, expected, crossed)
     k, why = _choose(ladder, accuracy)
-    kept = sorted(set(range(len(model))) - set(order[:k]))
+    kept = _kept(model, order[:k])
     poses = reached.q if campaign is None else np.concatenate([reached.q, campaign.q])
     elimination = identifiability(model, poses)
     return Selection(
         kept=tuple(model.names[i] for i in kept),
         dropped=_reasons(by, order[:k], expected, elimination, kept),
+        groups={group.name: tuple(model.names[i] for i in group.members) for group in groups},
         ladder=ladder,
         why=why,
         before=by.before,
@@ -179,62 +193,76 @@ def design_for(
     task: Task,
     campaign: Campaign | None = None,
     options: SelectionOptions | None = None,
-) -> tuple[Design, Hyperparameters]:
-    """The design of a campaign for a task, with the hyperparameters that it shows; of assumed poses where there is none."""
+) -> tuple[Design, Hyperparameters, Calibration | None]:
+    """The design of a campaign for a task, with the hyperparameters that it shows, and its fit; of assumed poses without one."""
     chosen = options or SelectionOptions()
+    known = chosen.hyperparameters
     if campaign is None:
         assumed = reach_task(model, measuring_task(model, task), ASSUMED_POSES, chosen.seed + 1)
         rng, x = np.random.default_rng(chosen.seed), np.zeros(len(model))
         measured, _ = simulate(model, assumed.q, rng=rng, x=x, noise=chosen.noise)
-        hyper = chosen.hyperparameters or assumed_hyperparameters(model, chosen.model_error)
+        whole, hyper = None, known or assumed_hyperparameters(model, chosen.model_error)
     else:
         measured = campaign
-        hyper = known_hyperparameters(identify(model, campaign, noise=chosen.noise), "what the campaign shows")
+        sizes = None if known is None else known.own
+        fit = FitOptions(noise=chosen.noise)
+        if sizes is not None:
+            fit = replace(fit, prior=GaussianPrior.of_deviations(sizes), prior_scale=1.0)
+        whole = identify(model, campaign, options=fit)
+        hyper = replace(known_hyperparameters(whole, "what the campaign shows"), own=sizes)
     by = design(
-        model, measured, reached, noise=chosen.noise, model_error=hyper.model_error, prior_scale=hyper.prior_scale
+        model,
+        measured,
+        reached,
+        noise=chosen.noise,
+        model_error=hyper.model_error,
+        joint_error=hyper.joint_error,
+        prior=hyper.deviations(model),
     )
-    return by, hyper
+    return by, hyper, whole
+
+
+def _kept(model: ErrorModel, gone: Sequence[ParameterGroup]) -> list[int]:
+    """What remains without some groups."""
+    return sorted(set(range(len(model))) - {int(i) for group in gone for i in group.members})
 
 
 def _ladder(
     model: ErrorModel,
-    order: list[int],
+    order: Sequence[ParameterGroup],
     expected: Float[np.ndarray, " sizes"],
     crossed: list[tuple[float, float]] | None,
 ) -> tuple[NestedModel, ...]:
     """Every size from the full model down to none, with its expected and its cross-validated error."""
-    p = len(model)
     return tuple(
         NestedModel(
-            size=p - k,
-            dropped_next=model.names[order[k]] if k < p else "",
+            size=len(_kept(model, order[:k])),
+            dropped_next=order[k].name if k < len(order) else "",
             expected=float(expected[k]),
             cross_validated=None if crossed is None else crossed[k][0],
             standard_error=None if crossed is None else crossed[k][1],
         )
-        for k in range(p + 1)
+        for k in range(len(order) + 1)
     )
 
 
 def _cross_validate(
-    model: ErrorModel, campaign: Campaign | None, order: list[int], hyper: Hyperparameters, options: SelectionOptions
-) -> list[tuple[float, float]] | None:
-    """Mean error on left-out rows for every nested model, with its standard error over the rows; None without a campaign."""
-    if campaign is None:
-        return None
-    n, p = len(campaign), len(model)
+    whole: Calibration,
+    campaign: Campaign,
+    order: Sequence[ParameterGroup],
+    hyper: Hyperparameters,
+    options: SelectionOptions,
+) -> list[tuple[float, float]]:
+    """Mean error on left-out rows for every nested model, with its standard error over the rows."""
+    n, model = len(campaign), whole.model
     if n < 2 * options.folds:
         raise CampaignError(
             f"{n} rows are too few for cross-validation in {options.folds} folds; measure more, or select without it"
         )
     parts = split_postures(campaign.q, options.folds, options.seed)
-    held = hyper.held(FitOptions(noise=options.noise))
-    out: list[tuple[float, float]] = []
-    for k in range(p + 1):
-        keep = tuple(model.names[i] for i in sorted(set(range(p)) - set(order[:k])))
-        fit = partial(identify, model, options=replace(held, keep=keep))
-        out.append(mean_over_rows(predict_left_out(fit, campaign, parts)))
-    return out
+    nested = [np.array(_kept(model, order[:k]), dtype=np.int64) for k in range(len(order) + 1)]
+    errors = left_out_errors(whole, campaign, nested, hyper.deviations(model), parts, options.noise)
+    return [mean_over_rows(of_one) for of_one in errors]
 
 
 def _choose(ladder: tuple[NestedModel, ...], accuracy: float | None) -> tuple[int, str]:
@@ -265,47 +293,54 @@ def _choose(ladder: tuple[NestedModel, ...], accuracy: float | None) -> tuple[in
 
 def _reasons(
     by: Design,
-    gone: list[int],
+    gone: Sequence[ParameterGroup],
     expected: Float[np.ndarray, " sizes"],
     elimination: Identifiability,
     kept: list[int],
 ) -> dict[str, str]:
     """Why each dropped parameter is not in the model."""
     names, out = by.model.names, dict[str, str]()
-    alone = np.sqrt(np.maximum(np.diag(by.influence), 0.0)) * by.prior
-    for step, j in enumerate(gone):
-        name = names[j]
-        relation = _relation(by, j, kept)
-        if name in elimination.zero:
-            out[name] = "no effect on the position at any of these poses"
-        elif alone[j] <= 1e-6 * expected[0]:
-            out[name] = "moves the task only as tracker frame and targets do, which are fitted in any case"
+    variance = np.maximum(np.diag(by.influence), 0.0) * by.prior**2
+    relations = _relations(by, [int(group.members[0]) for group in gone if len(group.members) == 1], kept)
+    for step, group in enumerate(gone):
+        own = [names[i] for i in group.members]
+        alone = float(np.sqrt(variance[group.members].sum()))
+        relation = relations.get(int(group.members[0]), {})
+        whose = "its tolerance moves" if len(own) == 1 else f"{group.name} moves"
+        if all(name in elimination.zero for name in own):
+            reason = "no effect on the position at any of these poses"
+        elif alone <= 1e-6 * expected[0]:
+            reason = "moves the task only as tracker frame and targets do, which are fitted in any case"
         elif relation:
-            out[name] = f"repeats {describe_combination(relation, {})}"
-        elif alone[j] <= 0.1 * expected[0]:
-            out[name] = (
-                f"its tolerance moves the task by {alone[j] * 1e6:.1f} µm rms, once tracker frame and targets are fitted"
-            )
+            reason = f"repeats {describe_combination(relation, {})}"
+        elif alone <= 0.1 * expected[0]:
+            reason = f"{whose} the task by {alone * 1e6:.1f} µm rms, once tracker frame and targets are fitted"
         else:
             cost = (expected[step + 1] / expected[step] - 1.0) * 100
-            out[name] = (
-                f"not worth its variance: without it the expected error of {expected[step] * 1e6:.1f} µm changes by {cost:+.2f} %"
+            without = "it" if len(own) == 1 else group.name
+            reason = (
+                f"not worth its variance: without {without} the expected error of {expected[step] * 1e6:.1f} µm changes by "
+                f"{cost:+.2f} %"
             )
+        out |= dict.fromkeys(own, reason)
     return out
 
 
-def _relation(by: Design, j: int, kept: list[int]) -> dict[str, float]:
-    """The combination of kept parameters that a dropped one equals, for campaign and task together; empty if none."""
+def _relations(by: Design, gone: list[int], kept: list[int]) -> dict[int, dict[str, float]]:
+    """The combination of kept parameters that each dropped one equals, for campaign and task together, where there is one."""
+    if not kept or not gone:
+        return {}
     both = by.information / np.trace(by.information) + by.influence / np.trace(by.influence)
-    if not kept or both[j, j] <= 0.0:
-        return {}
     inner = both[np.ix_(kept, kept)]
-    c = pseudo_invert_scaled(inner, rcond=1e-12) @ both[kept, j]
-    left = both[j, j] - 2.0 * c @ both[kept, j] + c @ inner @ c
-    if left > 1e-9 * both[j, j]:
-        return {}
-    weight = np.abs(c) * np.sqrt(np.diag(inner))
-    return {by.model.names[kept[i]]: float(c[i]) for i in np.flatnonzero(weight > 1e-4 * weight.max())}
+    combined = pseudo_invert_scaled(inner, rcond=1e-12) @ both[np.ix_(kept, gone)]
+    out: dict[int, dict[str, float]] = {}
+    for j, c in zip(gone, combined.T, strict=True):
+        left = both[j, j] - 2.0 * c @ both[kept, j] + c @ inner @ c
+        if both[j, j] <= 0.0 or left > 1e-9 * both[j, j]:
+            continue
+        weight = np.abs(c) * np.sqrt(np.diag(inner))
+        out[j] = {by.model.names[kept[i]]: float(c[i]) for i in np.flatnonzero(weight > 1e-4 * weight.max())}
+    return out
 
 
 def _references(model: ErrorModel, by: Design, elimination: Identifiability) -> dict[str, tuple[int, float]]:

@@ -65,6 +65,9 @@ class Calibration:
     was not asked for."""
     prior_scale: float | None
     """Factor of the prior's standard deviations; None where there was no prior."""
+    group_deviations: Float[np.ndarray, " p"] | None = None
+    """Prior standard deviation of every parameter, metres and radians, where each effect of each joint has a size of its own;
+    None where all are the tolerances times `prior_scale`."""
     log_evidence: float | None
     """Logarithm of the marginal likelihood, but for a constant of the campaign; None where there was no prior."""
     field: ResidualField | None

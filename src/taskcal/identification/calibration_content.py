@@ -46,6 +46,7 @@ def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
         "model_error": list(calibration.model_error),
         "joint_error": list(calibration.joint_error),
         "prior_scale": calibration.prior_scale,
+        "group_deviations": None if calibration.group_deviations is None else calibration.group_deviations.tolist(),
         "log_evidence": calibration.log_evidence,
         "field": None if calibration.field is None else calibration.field.to_json(),
         "ids": list(calibration.ids),

@@ -181,6 +181,7 @@ class CalibrationFile(Section):
     model_error: list[NotNegative]
     joint_error: list[NotNegative] = Field(default=[])
     prior_scale: AboveZero | None
+    group_deviations: list[AboveZero] | None = Field(default=None)
     log_evidence: Real | None
     field: FieldSection | None
     ids: Texts
@@ -243,6 +244,7 @@ class CalibrationFile(Section):
             model_error=tuple(self.model_error),
             joint_error=tuple(self.joint_error),
             prior_scale=self.prior_scale,
+            group_deviations=self._group_deviations(len(model)),
             log_evidence=self.log_evidence,
             field=self._field(len(robot.joints), width),
             iterations=self.iterations,
@@ -281,6 +283,11 @@ class CalibrationFile(Section):
         for number, (name, wanted) in enumerate(zip(self.names, expected, strict=True), start=1):
             if wanted not in (name, current_parameter(name)):
                 raise TaskcalError(f"'names' {number} is '{shown(name)}', where '{wanted}' belongs")
+
+    def _group_deviations(self, parameters: int) -> Float[np.ndarray, " p"] | None:
+        if self.group_deviations is None:
+            return None
+        return array_of("group_deviations", self.group_deviations, (parameters,))
 
     def _field(self, joints: int, width: int) -> ResidualField | None:
         if self.field is None:

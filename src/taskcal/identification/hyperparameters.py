@@ -17,6 +17,7 @@ from taskcal.identification.belief import Belief
 from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.problem import Problem, whitener
 from taskcal.measurement.observation.observation import UNMEASURED
+from taskcal.robot.error_model import ErrorModel
 
 MAX_ROUNDS = 60
 """Of fit and hyperparameters in turn, at most."""
@@ -32,6 +33,10 @@ class Hyperparameters:
     """Factor of the prior's covariance."""
     origin: str = "what the campaign shows"
     """Where the model error comes from, in words."""
+    own: Float[np.ndarray, " p"] | None = None
+    """Prior standard deviation of every parameter, where each effect of each joint has a size of its own."""
+    joint_error: tuple[float, ...] = ()
+    """Standard deviation of how far every joint stands off at a single pose, radians (metres where it slides)."""
 
     def __repr__(self) -> str:
         error = self.model_error
@@ -62,12 +67,17 @@ class Hyperparameters:
         """Factor of the prior's standard deviations."""
         return float(np.sqrt(self.prior_factor))
 
-    def held(self, options: FitOptions) -> FitOptions:
-        """Options of a fit that takes these values instead of estimating them."""
-        error = self.model_error
-        return replace(
-            options, model_error=error[0] if len(error) == 1 else (error[0], error[1]), prior_scale=self.prior_scale
-        )
+    def deviations(self, model: ErrorModel) -> Float[np.ndarray, " p"]:
+        """Prior standard deviation of every parameter of a model, metres and radians.
+
+        Raises:
+            ValueError: they are known of other parameters.
+        """
+        if self.own is None:
+            return model.tolerances * self.prior_scale
+        if len(self.own) != len(model):
+            raise ValueError(f"sizes are known of {len(self.own)} parameters, the model has {len(model)}")
+        return self.own
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -17,5 +17,6 @@ def informed_parameters(calibration: "Calibration") -> dict[str, bool | None]:
     scale = calibration.prior_scale
     if scale is None or calibration.provenance.options.get("prior") == "given":
         return dict.fromkeys(calibration.kept)
-    limit = UNSEEN_SHARE * scale * calibration.model.tolerances
+    own = calibration.group_deviations
+    limit = UNSEEN_SHARE * (scale * calibration.model.tolerances if own is None else own)
     return {calibration.names[i]: bool(calibration.standard_errors[i] < limit[i]) for i in calibration.estimated}

@@ -66,6 +66,7 @@ def calibrate(
         model_error=tuple(float(d) for d in np.sqrt(stretch * np.array(white))),
         joint_error=tuple(float(d) for d in np.sqrt(stretch * errors.joints)),
         prior_scale=float(np.exp(0.5 * np.mean(scales))) if scales else 1.0,
+        group_deviations=_group_deviations(fitted),
         log_evidence=log_evidence(fitted),
         field=None,
         iterations=fitted.rounds,
@@ -83,6 +84,13 @@ def log_evidence(fitted: OneFit) -> float:
     reduced = fitted.found.reduced
     whitened = np.log(np.abs(np.diagonal(fitted.whitener, axis1=1, axis2=2))).sum()
     return float(whitened + reduced.log_alone + fitted.found.evidence.log)
+
+
+def _group_deviations(fitted: OneFit) -> Float[np.ndarray, " p"]:
+    """Prior standard deviation of every parameter at the likeliest sizes."""
+    p = len(fitted.one.problem.frames.model)
+    sizes = np.exp(0.5 * fitted.found.evidence.log_variances)
+    return fitted.one.scale[:p] * sizes[fitted.one.group[:p]]
 
 
 def _considered(fitted: OneFit, S: Float[np.ndarray, "z z"]) -> Float[np.ndarray, "z z"]:

@@ -93,10 +93,11 @@ def _how_many(model: ErrorModel, selection: Selection, accuracy: float | None) -
 def _which(model: ErrorModel, selection: Selection, effects: Sensitivity) -> Section:
     """The parameters that were kept, and why the others were not."""
     labels = {p.name: p.label for p in model.parameters}
+    kept = ", ".join(labels.get(name, name) for name in selection.kept_groups)
     return Section(
         title="Which, and why not the others",
         blocks=(
-            Text((f"Kept: {', '.join(labels[name] for name in selection.kept) or 'none, the frames alone'}.",)),
+            Text((f"Kept: {kept or 'none, the frames alone'}.",)),
             tabulate_dropped(selection, model),
             Chart(title="Effect of every parameter on the tool point", figure=draw_effects(effects), note=_EFFECTS),
             tabulate_effects(effects),

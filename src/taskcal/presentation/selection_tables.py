@@ -26,10 +26,16 @@ def tabulate_ladder(selection: Selection) -> Table:
 def tabulate_dropped(selection: Selection, model: ErrorModel) -> Table:
     """Parameters that were dropped, in the order in which they went, and why."""
     symbols = {p.name: p.symbol for p in model.parameters}
+    whole = {own[0]: name for name, own in selection.groups.items()}
+    inside = {name for own in selection.groups.values() for name in own[1:]}
     return Table.of_rows(
         f"The {len(selection.dropped)} dropped parameters, in the order in which they went",
         ("parameter", "symbol", "why"),
-        [(name, symbols[name], reason) for name, reason in selection.dropped.items()],
+        [
+            (whole.get(name, name), symbols[name] if whole.get(name, name) == name else "", reason)
+            for name, reason in selection.dropped.items()
+            if name not in inside
+        ],
         text_columns=(0, 1, 2),
         folded=True,
     )

@@ -58,6 +58,7 @@ def command(
     inputs = [of.robot, of.calibration, *files_of_task(task), *measured.inputs]
     outputs = check_outputs("select", [("--report", page.report)], inputs, force=page.force)
     from taskcal.adaptation.hyperparameters import known_hyperparameters
+    from taskcal.adaptation.parameter_groups import parameter_groups
     from taskcal.adaptation.selection import select
     from taskcal.task.task import load_task
 
@@ -66,7 +67,7 @@ def command(
     known = None if calibration is None else known_hyperparameters(calibration)
     campaign = None if measured.campaign is None else measured.read(measured.campaign, model.robot).campaign
     if campaign is not None:
-        info(f"cross-validating {len(model) + 1} sizes of the model on {len(campaign)} rows")
+        info(f"cross-validating {len(parameter_groups(model)) + 1} sizes of the model on {len(campaign)} rows")
     accuracy = None if accuracy_mm is None else accuracy_mm * 1e-3
     selection = select(model, described, campaign, accuracy, seed=seed, hyperparameters=known, model_error=stated)
     result = selection.summary()
@@ -111,7 +112,7 @@ def _show(model: "ErrorModel", selection: "Selection", result: Mapping[str, Any]
     show(tabulate_ladder(selection))
     show(tabulate_dropped(selection, model))
     facts = [
-        ("kept", f"{len(selection.kept)}: {', '.join(selection.kept)}"),
+        ("kept", f"{len(selection.kept)}: {', '.join(selection.kept_groups)}"),
         ("why", result["why"]),
         (
             "model error",

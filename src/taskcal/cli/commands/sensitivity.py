@@ -126,7 +126,9 @@ def _page(
 
         asked = load_task(task)
         poses = f"{len(found.matrix)} poses of {asked.name}"
-        made, hyper = design_for(model, reach_task(model, asked, seed=seed), asked, options=SelectionOptions(seed=seed))
+        made, hyper, _ = design_for(
+            model, reach_task(model, asked, seed=seed), asked, options=SelectionOptions(seed=seed)
+        )
         poses += f", model error {state_model_error(hyper.model_error[0] * 1e3, hyper.origin)}"
         maps = map_task(model, asked, made, seed=seed)
     told_apart, noise = apart
