@@ -13,7 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 from taskcal.identification.belief import frame_precision
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.linearisation import linearise_rows
-from taskcal.identification.problem import FrameLayout, Problem, observe
+from taskcal.identification.observation_layout import problem_of
 from taskcal.identification.row_errors import RowErrors, whiteners
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.tracker import TrackerNoise
@@ -37,7 +37,7 @@ def left_out_errors(
         parts: rows of each fold.
         noise: the tracker's.
     """
-    problem = _problem(whole, campaign, noise)
+    problem = problem_of(whole.layout, campaign, noise)
     at = linearise_rows(problem, whole.z)
     W = whiteners(_row_errors(whole).covariance(at, problem.noise))
     p = len(whole.model)
@@ -64,24 +64,6 @@ def left_out_errors(
     for errors in out:
         errors[~problem.seen.valid] = np.nan
     return out
-
-
-def _problem(whole: Calibration, campaign: Campaign, noise: TrackerNoise | None) -> Problem:
-    layout = FrameLayout(
-        model=whole.model,
-        kept=np.arange(len(whole.model)),
-        registration=whole.layout.registration,
-        targets=whole.layout.targets,
-        pose=whole.layout.pose,
-        fixed_frames=whole.layout.fixed_frames,
-    )
-    return Problem(
-        frames=layout,
-        q=np.ascontiguousarray(campaign.q),
-        seen=observe(campaign),
-        noise=campaign.covariances(noise),
-        conditions=campaign.conditions,
-    )
 
 
 def _row_errors(whole: Calibration) -> RowErrors:
