@@ -45,6 +45,9 @@ def diagnose(
         if move.kind in ("linear", "circular") and subdivision.pieces[i] and np.isnan(trajectory.start[i, 0]):
             text = "begins where the text does not tell: corrected at its points, not looked at between them"
             out.append(Diagnostic(place=move.place, text=text))
+        elif move.kind in ("linear", "circular") and subdivision.pieces[i] and not move.divisible:
+            text = "does something once along its way, so that it is not divided: corrected at its points alone"
+            out.append(Diagnostic(place=move.place, text=text))
     for i in np.flatnonzero(np.isfinite(subdivision.deviation) & (subdivision.deviation > bounds.tolerance)):
         text = f"leaves its path by {subdivision.deviation[i] * 1e3:.3f} mm between corrected targets, however finely it is divided"
         out.append(Diagnostic(place=moves[int(i)].place, text=text))

@@ -49,7 +49,8 @@ def subdivide(problem: CorrectionProblem) -> Subdivision:
     """Correct all motions that the nominal robot can execute, dividing lines and arcs until they keep to their paths."""
     trajectory, m = problem.trajectory, len(problem.moves)
     curved = np.array([move.kind in ("linear", "circular") for move in problem.moves], dtype=bool)
-    along = curved & np.isfinite(trajectory.start[:, 0]) & np.isfinite(problem.wanted.start[:, 0, 0])
+    divisible = np.array([move.divisible for move in problem.moves], dtype=bool)
+    along = curved & divisible & np.isfinite(trajectory.start[:, 0]) & np.isfinite(problem.wanted.start[:, 0, 0])
     pieces = np.isfinite(trajectory.end[:, 0]).astype(np.int64)
     open_ = along & (pieces > 0)
     nodes = _nodes(problem, np.flatnonzero(pieces), pieces)

@@ -85,6 +85,8 @@ class Move:
     place: Place
     turn_speed: float | None = None
     """Programmed speed of the tool's reorientation, radians per second; None where it is not known."""
+    divisible: bool = True
+    """It may be written as several motions in a row; not one that does something once along its way."""
     external: tuple[float, ...] = ()
     """Positions of the external axes at its end as they are written, millimetres or degrees; NaN where none is stated."""
     carrier: str = ""

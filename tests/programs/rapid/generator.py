@@ -114,6 +114,16 @@ class _Maker:
         text, T = self.destination()
         self.moves.append(Meant(kind=kind, T=T, q=None, **meant))
         name = {"joint": "MoveJ", "linear": "MoveL", "circular": "MoveC"}[kind]
+        match int(self.rng.integers(12)):
+            case 0:
+                name, ending = (
+                    name.replace("Move", "Trigg"),
+                    ending.replace(f" {zone} ,", f" gunOn \\ T2 := gunOff , {zone} ,", 1),
+                )
+            case 1:
+                name, ending = f"{name}DO", f"{ending} , doGun , 1"
+            case _:
+                pass
         return f"{name} {conc}{via}{text} , {ending} ;"
 
     def block(self, frames: dict, depth: int) -> list[str]:

@@ -15,7 +15,8 @@ def nearby_waypoints(rng: np.random.Generator, program: Program, most: int) -> d
     for i, move in enumerate(program.moves):
         if rng.random() < 0.5:
             count = int(rng.integers(1, most + 1))
-            before = [_near(rng, move.end, str(rng.choice(["linear", "joint", move.kind]))) for _ in range(count - 1)]
+            kinds = ["linear", "joint", move.kind] if move.divisible else [move.kind]
+            before = [_near(rng, move.end, str(rng.choice(kinds))) for _ in range(count - 1)]
             waypoints[i] = (*before, _near(rng, move.end, move.kind))
     return waypoints
 

@@ -29,9 +29,10 @@ from tests.programs.rapid.samples import POINTS, module
         ("", f"MoveAbsJ [[0,0,0,0,0,9E9],{NINE}],v100,fine,tool0;", "does not say the position of every axis"),
         ("CONST num a:=b;CONST num b:=a;", f"MoveL [[a,0,0],[1,0,0,0],[0,0,0,0],{NINE}],v100,fine,tool0;", "in a circle"),
         (POINTS, "MoveL p1,v100,fine,CTool();", "CTool() is known only at run time"),
-        (POINTS, "MoveJDO p1,v100,fine,tool0,doGun,1;", "it is not among the motions that are read"),
-        (POINTS, "SearchL diFound,p2,p1,v100,tool0;", "it is not among the motions that are read"),
-        (POINTS, "SomeGlue p1,v100,fine,tool0;", "it is not among the motions that are read"),
+        (POINTS, "SomeGlue p1,v100,fine,tool0;", "SomeGlue stays as it is: this motion is not read"),
+        (POINTS, "TriggL p1,v100,fine,tool0;", "it has 4 arguments instead of 5"),
+        (POINTS, "ArcL p1,v100,seam1,fine,tool0;", "it has 5 arguments instead of 6 or 7"),
+        (POINTS, "ArcL p1,v100,seam1,weld1\\Corr,fine,tool0;", "\\Corr corrects its path at run time"),
     ],
 )  # fmt: skip
 def test_reasons_for_leaving_a_motion(declarations, body, reason):

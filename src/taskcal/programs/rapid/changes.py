@@ -4,8 +4,9 @@ from collections.abc import Callable, Iterator, Sequence
 
 from taskcal.programs.rapid.expressions import RESERVED
 from taskcal.programs.rapid.lexer import Token
+from taskcal.programs.rapid.motion_forms import CHANGED_BY, MOTION_FORMS, ONLY_EXTERNAL
 from taskcal.programs.rapid.names import Scope
-from taskcal.programs.rapid.predefined import CHANGING, FUNCTIONS, MOTIONLESS, MOVES
+from taskcal.programs.rapid.predefined import CHANGING, FUNCTIONS, MOTIONLESS
 from taskcal.programs.unresolved import Unresolved
 
 MayChange = Callable[[str, str], bool]
@@ -29,7 +30,8 @@ def instruction_may_change(instruction: str, type_: str) -> bool:
     """
     if instruction.startswith(("mtool", "wobjcalib")):
         return True
-    if instruction in MOVES or type_ in ("tooldata", "wobjdata"):
+    moves = instruction in MOTION_FORMS or instruction == ONLY_EXTERNAL
+    if (moves and instruction not in CHANGED_BY) or type_ in ("tooldata", "wobjdata"):
         return False
     return instruction not in MOTIONLESS or instruction in CHANGING
 

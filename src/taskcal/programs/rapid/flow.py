@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Iterable, Iterator
 
+from taskcal.programs.rapid.motion_forms import MOTION_FORMS, ONLY_EXTERNAL
 from taskcal.programs.rapid.names import Context, Scope
-from taskcal.programs.rapid.predefined import FUNCTIONS, MOTIONLESS, MOVES, MOVING
+from taskcal.programs.rapid.predefined import FUNCTIONS, MOTIONLESS, MOVING
 from taskcal.programs.rapid.syntax import (
     Aggregate,
     Argument,
@@ -71,10 +72,12 @@ class _Walker:
 
     def statement(self, statement: Statement, scope: Scope, before: Before) -> Before:
         match statement:
-            case Instruction() if statement.name.key in MOVES:
+            case Instruction() if is_read(statement, scope):
                 follows = next(iter(before)) if len(before) == 1 else None
                 number = self.resolve(statement, scope, follows)
-                return frozenset([number])
+                return frozenset([number]) if MOTION_FORMS[statement.name.key].ends_there else ANY
+            case Instruction() if statement.name.key == ONLY_EXTERNAL:
+                return ANY
             case Instruction():
                 if statement.name.key in LEAVING:
                     return frozenset()
@@ -104,6 +107,11 @@ class _Walker:
     @staticmethod
     def _asked(conditions: Iterable[Expression], scope: Scope, before: Before) -> Before:
         return ANY if any(_calls(condition, scope) for condition in conditions) else before
+
+
+def is_read(instruction: Instruction, scope: Scope) -> bool:
+    """Whether an instruction is one of the system's motions that are read."""
+    return instruction.name.key in MOTION_FORMS and instruction.name.key not in scope.routines
 
 
 def is_motion(instruction: Instruction, scope: Scope) -> bool:

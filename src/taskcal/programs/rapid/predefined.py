@@ -78,9 +78,6 @@ _CHANGING = "tpreadfk tpreadnum tpreaddnum incr decr add clear bitset bitclear g
 CHANGING = frozenset(_CHANGING.split())
 """Of these, instructions that change what they are given."""
 
-MOVES = ("movej", "movel", "movec", "moveabsj")
-"""The motions that are resolved."""
-
 SHIFTING = ("pdispon", "pdispset")
 """Instructions that begin a program displacement: it shifts every pose behind them."""
 

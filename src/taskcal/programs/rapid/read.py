@@ -7,12 +7,12 @@ from itertools import chain
 from taskcal.errors import FileError
 from taskcal.programs.program import Diagnostic, Program, Waypoint
 from taskcal.programs.rapid.base_frame import SUFFIX, base_frame
-from taskcal.programs.rapid.flow import follow_routine, gets_target, is_motion, nested
+from taskcal.programs.rapid.flow import follow_routine, gets_target, is_motion, is_read, nested
 from taskcal.programs.rapid.lexer import Token
 from taskcal.programs.rapid.names import Context, File, Scope, Symbol, contexts
 from taskcal.programs.rapid.parser import parse
-from taskcal.programs.rapid.predefined import MOTIONLESS, MOVES, MOVING, SHIFTING, TURNING
-from taskcal.programs.rapid.resolve import KINDS, Motion, Settings, resolve
+from taskcal.programs.rapid.predefined import MOTIONLESS, MOVING, SHIFTING, TURNING
+from taskcal.programs.rapid.resolve import Motion, Settings, resolve
 from taskcal.programs.rapid.rewrite import rewrite_files
 from taskcal.programs.rapid.syntax import Branches, Instruction, Loop, Module, Problem, Statement, Unparsed
 from taskcal.programs.rapid.uses import Use, assigned, uses
@@ -107,8 +107,8 @@ class _Resolver:
         file = self.context.file
         name = self.context.routine.name.text if self.context.routine else ""
         try:
-            if instruction.name.key not in KINDS:
-                raise Unresolved("it is not among the motions that are read: MoveJ, MoveL, MoveC and MoveAbsJ")
+            if not is_read(instruction, scope):
+                raise Unresolved("this motion is not read")
             motion = resolve(instruction, scope, file, self.settings, name, follows)
         except Unresolved as reason:
             text = f"{instruction.name.text} stays as it is: {reason}"
@@ -186,7 +186,7 @@ def _lost_in(block: Iterable[Statement], context: Context, scope: Scope) -> Iter
                     yield from _lost_in(branch, context, scope)
             case Loop():
                 yield from _lost_in(statement.body, context, scope.with_counter(statement.counter))
-            case Instruction() if statement.name.key not in MOVES and not is_motion(statement, scope):
+            case Instruction() if not is_read(statement, scope) and not is_motion(statement, scope):
                 if statement.name.key in scope.routines and gets_target(statement, scope):
                     text = f"the target that '{statement.name.text}' is given stays as it is: motions to a routine's parameter"
                     yield Diagnostic(place=context.file.source.place(statement.start), text=f"{text} are not read")

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from taskcal.programs.program import Move, MoveKind
 from taskcal.programs.rapid.frames import Frames, frames_of
+from taskcal.programs.rapid.motion_forms import MOTION_FORMS
 from taskcal.programs.rapid.names import File, Scope
 from taskcal.programs.rapid.predefined import DATA, Value
 from taskcal.programs.rapid.syntax import Argument, Call, Expression, Instruction, Reference
@@ -16,15 +17,11 @@ from taskcal.programs.rapid.target_argument import TargetArgument, resolve_targe
 from taskcal.programs.rapid.values import Values
 from taskcal.programs.unresolved import Unresolved
 
-KINDS: Mapping[str, MoveKind] = {"movej": "joint", "movel": "linear", "movec": "circular", "moveabsj": "axes"}
-"""The motions that are resolved, by the keys of their names."""
-
 NAMES: Mapping[MoveKind, str] = {"joint": "MoveJ", "linear": "MoveL", "circular": "MoveC", "axes": "MoveAbsJ"}
 
 NO_AXIS = 1e8
 """Positions of external axes beyond this, usually 9E9, are of axes that are not there."""
 
-_ACCEPTED_OPTIONS = frozenset({"conc", "v", "z", "inpos", "wobj", "tload", "noeoffs"})
 _REJECTED_OPTIONS = {
     "t": "\\T gives it a time, which a changed way would not keep",
     "id": "\\ID synchronises it with another robot",
@@ -41,7 +38,8 @@ class Layout:
     via: Argument | None
     to: Argument
     speed: Argument
-    zone: Argument
+    zone: Argument | None
+    """None of a motion that always stops."""
     tool: Argument
     options: Mapping[str, Argument]
     """By name, in lower case."""
@@ -54,7 +52,8 @@ class Layout:
     @property
     def behind_zone(self) -> int:
         """Behind the zone with its options."""
-        return max([self.zone.end, *(self.options[name].end for name in ("z", "inpos") if name in self.options)])
+        own = self.tool.start if self.zone is None else self.zone.end
+        return max([own, *(self.options[name].end for name in ("z", "inpos") if name in self.options)])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -93,7 +92,7 @@ def layout(instruction: Instruction) -> Layout:
         Unresolved: some are missing, or there is one that is not provided for.
     """
     arguments = instruction.arguments
-    circular = instruction.name.key == "movec"
+    form = MOTION_FORMS[instruction.name.key]
     required = [a for a in arguments if not a.option]
     options: dict[str, Argument] = {}
     for argument in arguments:
@@ -101,13 +100,20 @@ def layout(instruction: Instruction) -> Layout:
             continue
         if argument.option in _REJECTED_OPTIONS:
             raise Unresolved(_REJECTED_OPTIONS[argument.option])
-        if argument.option not in _ACCEPTED_OPTIONS or argument.conditional or argument.option in options:
+        if argument.option not in form.options or argument.conditional or argument.option in options:
             raise Unresolved(f"its option \\{argument.option} is not provided for")
         options[argument.option] = argument
-    if len(required) != 4 + circular:
-        raise Unresolved(f"it has {len(required)} arguments instead of {4 + circular}")
-    via = required.pop(0) if circular else None
-    to, speed, zone, tool = required
+    counts = form.counts()
+    if len(required) not in counts:
+        raise Unresolved(
+            f"it has {len(required)} arguments instead of {' or '.join(str(n) for n in sorted(set(counts)))}"
+        )
+    # from the front up to the speed, and from the back to the zone
+    behind = max(form.behind)
+    own = required[form.before : len(required) - behind] if behind else required[form.before :]
+    via = own.pop(0) if form.kind == "circular" else None
+    to, speed, tool = own[0], own[1], own[-1]
+    zone = own[-2] if form.has_zone else None
     return Layout(via=via, to=to, speed=speed, zone=zone, tool=tool, options=options)
 
 
@@ -119,7 +125,8 @@ def resolve(
     Raises:
         Unresolved: the text does not give one of them.
     """
-    kind = KINDS[instruction.name.key]
+    form = MOTION_FORMS[instruction.name.key]
+    kind = form.kind
     values = settings.values
     where = layout(instruction)
     if kind != "axes" and settings.shift:
@@ -132,8 +139,9 @@ def resolve(
     counts = kind not in settings.postures_off or follows is None
     move = Move(
         kind=kind, end=end.target(counts), via=via.target(counts) if via else None, tool=frames.tool, part=frames.part,
-        part_in_hand=frames.part_in_hand, speed=_speed(where, scope, values),
-        turn_speed=_turn_speed(where, scope, values),
+        part_in_hand=frames.part_in_hand,
+        speed=_speed(where, scope, values) if form.speed_counts or "on" in where.options else None,
+        turn_speed=_turn_speed(where, scope, values), divisible=form.repeats and not where.options.keys() & {"on", "off"},
         stops=_stops(where, scope, file, settings), follows=follows, routine=routine,
         place=file.source.place(instruction.start), carrier=frames.carrier,
         external=tuple(axis if abs(axis) < NO_AXIS else math.nan for axis in end.external),
@@ -202,7 +210,7 @@ def _turn_speed(where: Layout, scope: Scope, values: Values) -> float | None:
 
 
 def _stops(where: Layout, scope: Scope, file: File, settings: Settings) -> bool:
-    if "inpos" in where.options:
+    if "inpos" in where.options or where.zone is None:
         return True
     try:
         data = settings.values.of(where.zone.value, scope) if where.zone.value else None

@@ -99,7 +99,7 @@ def _end(motion: Motion, waypoint: Waypoint, robot: Robot, edits: _Edits) -> lis
     wants: list[_Want] = []
     if kind != own:
         name = motion.instruction.name
-        edits.add(source, name.start, name.end, NAMES[kind])
+        edits.add(source, name.start, name.end, _name(motion, kind))
     if where.via is not None and motion.via is not None:
         if kind == "circular":
             wants.append(_Want(target=motion.via, motion=motion, texts=new_texts(motion.via, _via(waypoint), robot)))
@@ -113,6 +113,17 @@ def _end(motion: Motion, waypoint: Waypoint, robot: Robot, edits: _Edits) -> lis
     else:
         edits.add(source, where.to.start, where.behind_to, fresh_text(_type(kind), waypoint, robot, motion.end))
     return wants
+
+
+def _name(motion: Motion, kind: MoveKind) -> str:
+    """The instruction of another kind of motion that is given the same.
+
+    Raises:
+        TaskcalError: there is none.
+    """
+    if motion.instruction.name.key in ("movej", "movel", "movec", "moveabsj"):
+        return NAMES[kind]
+    raise TaskcalError(f"{motion.move.place}: {motion.instruction.name.text} is not written as another kind of motion")
 
 
 def _via(waypoint: Waypoint) -> Waypoint:
@@ -131,14 +142,14 @@ def _insert(motion: Motion, path: Iterable[Waypoint], robot: Robot, edits: _Edit
     text, newline = source.text, source.newline
     indent = source.indent(instruction.start)
     options = text[where.to.end : where.behind_to]
-    if motion.move.stops:
+    if motion.move.stops and where.zone is not None:
         rest = f"{text[where.behind_to : where.zone.start]}{FLY_BY}{text[where.behind_zone : instruction.end]}"
     else:
         rest = text[where.behind_to : instruction.end]
     before: list[str] = []
     for waypoint in path:
         kind = waypoint.kind
-        name = instruction.name.text if kind == motion.move.kind else NAMES[kind]
+        name = instruction.name.text if kind == motion.move.kind else _name(motion, kind)
         target = fresh_text(_type(kind), waypoint, robot, motion.end)
         if kind == "circular":
             target = f"{fresh_text('robtarget', _via(waypoint), robot, motion.end)},{target}"
