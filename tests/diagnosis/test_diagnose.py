@@ -14,23 +14,7 @@ from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from tests.diagnosis.mistakes import Mistake, every
-
-ROWS = 40
-TARGETS = {"a": np.array([0.05, 0.02, 0.1]), "b": np.array([-0.04, 0.06, 0.08]), "c": np.array([0.03, -0.07, 0.12])}
-
-
-def virtual(name: str, seed: int = 0, *, pose: bool = False, targets: int = 1, error: float = 3e-4) -> Campaign:
-    """Measured poses of a robot drawn from its tolerances, with what no geometry explains."""
-    robot, rng = load_robot(name), np.random.default_rng(seed)
-    middle = np.clip(robot.limits.mean(axis=1), -1.0, 1.0)
-    half = np.minimum(0.45 * np.ptp(robot.limits, axis=1), 1.2)
-    q = middle + rng.uniform(-1.0, 1.0, (40 * ROWS, len(middle))) * half
-    model = ErrorModel(robot)
-    q = q[robot.inside_limits(q)]
-    if robot.four_bar is not None:
-        q = q[robot.four_bar.closes(q, np.zeros(3))]
-    chosen = dict(list(TARGETS.items())[:targets])
-    return simulate(model, q[:ROWS], rng=rng, targets=chosen, pose=pose, model_error=error)[0]
+from tests.diagnosis.virtual_campaigns import ROWS, TARGETS, virtual
 
 
 def of_id(name: str, campaign: Campaign, robot: Robot, said: str = "") -> Mistake:

@@ -21,6 +21,9 @@ LEAST_MEDIANS = 1.5
 LEAST_MOVE = 1e-3
 """Metres."""
 
+LEAST_SHARE = 0.5
+"""Of the farthest move, that a target moved by which slipped as well."""
+
 LEAST_ROWS = 4
 """On either side of a slip."""
 
@@ -49,10 +52,12 @@ class CourseMistake:
 
 
 def find_course_mistake(fit: LinearFit, weight: Float[np.ndarray, " m"], count: int) -> CourseMistake | None:
-    """The most likely slip or drift, if there is one beyond doubt."""
-    found = [m for m in (_slip(fit, weight, count), _drift(fit, weight)) if m is not None]
-    sure = [m for m in found if m.gain > LEAST_GAIN[m.id] and m.move > max(LEAST_MOVE, LEAST_MEDIANS * fit.median)]
-    return max(sure, key=lambda m: m.gain, default=None)
+    """The most likely slip or drift, if there is one beyond doubt: of which of the two it is the gain decides alone."""
+    moves = max(LEAST_MOVE, LEAST_MEDIANS * fit.median)
+    found = [m for m in (_slip(fit, weight, count), _drift(fit, weight)) if m is not None and m.move > moves]
+    if not any(m.gain > LEAST_GAIN[m.id] for m in found):
+        return None
+    return max(found, key=lambda m: m.gain)
 
 
 def gain(fit: LinearFit, before: float, after: float, columns: int, numbers: float) -> float:
@@ -96,12 +101,12 @@ def _slip(fit: LinearFit, weight: np.ndarray, count: int) -> CourseMistake | Non
             best = (value, targets, int(rows[top]))
     assert best is not None
     value, targets, row = best
-    size = fit.size(weight, _after(fit, targets, row)).reshape(-1, 3)
+    sizes = np.linalg.norm(fit.size(weight, _after(fit, targets, row)).reshape(-1, 3), axis=1)
     return CourseMistake(
         id="target-slipped",
-        targets=targets,
+        targets=tuple(t for t, size in zip(targets, sizes, strict=True) if size > LEAST_SHARE * sizes.max()),
         row=row,
-        move=float(np.linalg.norm(size, axis=1).max()),
+        move=float(sizes.max()),
         gain=value,
     )
 

@@ -21,6 +21,21 @@ they are made a thousand times smaller."""
 def frame_mistakes(case: Case) -> Iterator[Supposition]:
     """All that can be wrong with how a campaign's measurements are written, one at a time."""
     names = case.campaign.targets
+    yield from scale_mistakes(case)
+    yield Supposition(
+        id="left-handed",
+        subject=names,
+        measured=partial(_turned, both=True),
+        fix="exchange the columns x and y (or reverse one axis): the points are in a left-handed frame",
+        cost=0.02,
+    )
+    if case.campaign.rotations is not None:
+        yield from _of_poses(names)
+
+
+def scale_mistakes(case: Case) -> Iterator[Supposition]:
+    """Another unit of the points, where their spread asks for it."""
+    names = case.campaign.targets
     spread = float(np.nanstd(case.campaign.points, axis=0).max())
     scales = (
         (1e3, "_m instead of _mm: they hold metres", spread < NARROW * case.model.robot.reach),
@@ -34,15 +49,6 @@ def frame_mistakes(case: Case) -> Iterator[Supposition]:
                 measured=partial(_scaled, factor=factor),
                 fix=f"name the points' columns with {said}",
             )
-    yield Supposition(
-        id="left-handed",
-        subject=names,
-        measured=partial(_turned, both=True),
-        fix="exchange the columns x and y (or reverse one axis): the points are in a left-handed frame",
-        cost=0.02,
-    )
-    if case.campaign.rotations is not None:
-        yield from _of_poses(names)
 
 
 def _of_poses(names: tuple[str, ...]) -> Iterator[Supposition]:

@@ -18,14 +18,15 @@ SMALLEST_IN_DEGREES = 12.6
 
 def joint_mistakes(case: Case) -> Iterator[Supposition]:
     """All that can be wrong with a campaign's joints, one at a time."""
-    yield from _units(case)
+    yield from unit_mistakes(case)
     yield from _signs(case)
     yield from _zeros(case)
     yield from _couplings(case)
     yield from _orders(case)
 
 
-def _units(case: Case) -> Iterator[Supposition]:
+def unit_mistakes(case: Case) -> Iterator[Supposition]:
+    """Another unit of the joints, where their size asks for it."""
     turning = ~np.array(case.robot.prismatic)
     largest = np.abs(case.campaign.q[:, turning]).max(initial=0.0)
     names = tuple(name for name, turns in zip(case.robot.joint_names, turning, strict=True) if turns)

@@ -26,6 +26,10 @@ LEVER_SHARE = 0.25
 """Of the reach, at which a measured rotation's error counts as a distance."""
 
 
+SMALLEST_ERROR = 2e-4
+"""Metres; nearer than that nothing is told apart."""
+
+
 def misfits(
     T: Float[np.ndarray, "h n 4 4"],
     points: Float[np.ndarray, "h n targets 3"],
@@ -33,7 +37,9 @@ def misfits(
     lever: float,
     rounds: int = ROUNDS,
 ) -> Float[np.ndarray, " h"]:
-    """Median distance of the measured points from the registered poses, metres; infinite where poses are not finite.
+    """Typical distance of the measured points from the registered poses, metres; infinite where poses are not finite.
+
+    It is a geometric mean: a few rows may be off as far as they like, and a mistake that only some rows show still counts.
 
     Args:
         T: tool poses of every supposition.
@@ -69,9 +75,13 @@ def _misfit(
         flat = np.sort(distance.reshape(len(T), -1), axis=1)
         bound = flat[np.arange(len(T)), count]
         weight = (distance <= bound[:, None, None]).astype(float)
-    flat = np.where(np.isinf(distance), np.nan, distance).reshape(len(T), -1)
-    flat[~usable] = 0.0
-    return np.where(usable, np.nanmedian(flat, axis=1), np.inf)
+    return np.where(usable, _typical(distance, seen), np.inf)
+
+
+def _typical(distance: np.ndarray, seen: np.ndarray) -> Float[np.ndarray, " h"]:
+    """Geometric mean of what was seen, metres."""
+    log = np.log(np.maximum(np.where(seen, distance, 1.0), SMALLEST_ERROR)) * seen
+    return np.exp(log.sum(axis=(1, 2)) / np.maximum(seen.sum(axis=(1, 2)), 1))
 
 
 def _rotation(T: np.ndarray, y: np.ndarray, weight: np.ndarray) -> Float[np.ndarray, "h 3 3"]:

@@ -7,6 +7,7 @@ from taskcal.diagnosis.supposition import Case, Supposition
 from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.file import robot_from
+from taskcal.robot.robot import Robot
 
 _OTHER = {"dh": "mdh", "mdh": "dh"}
 _LONG = {"dh": "standard", "mdh": "modified"}
@@ -30,16 +31,10 @@ def robot_mistakes(case: Case) -> Iterator[Supposition]:
 
 
 def _conventions(case: Case) -> Iterator[Supposition]:
-    joints = case.robot.description.get("joint", [])
-    stated = {key for joint in joints for key in _OTHER if joint.get(key) is not None}
-    if len(stated) != 1:
+    exchanged = other_convention(case.robot)
+    if exchanged is None:
         return
-    (convention,) = stated
-    try:
-        robot = robot_from(_exchanged(case.robot.description, convention))
-    except TaskcalError:
-        return
-    other = _OTHER[convention]
+    robot, other = exchanged
     yield Supposition(
         id="dh-convention",
         subject=case.robot.joint_names,
@@ -47,6 +42,19 @@ def _conventions(case: Case) -> Iterator[Supposition]:
         fix=f"the table is a {_LONG[other]} Denavit-Hartenberg table: import it with --convention {other}",
         cost=0.05,
     )
+
+
+def other_convention(robot: Robot) -> tuple[Robot, str] | None:
+    """The robot with its table read by the other Denavit-Hartenberg convention, and which that is; None without such a table."""
+    joints = robot.description.get("joint", [])
+    stated = {key for joint in joints for key in _OTHER if joint.get(key) is not None}
+    if len(stated) != 1:
+        return None
+    (convention,) = stated
+    try:
+        return robot_from(_exchanged(robot.description, convention)), _OTHER[convention]
+    except TaskcalError:
+        return None
 
 
 def _exchanged(description: Mapping[str, Any], convention: str) -> dict[str, Any]:

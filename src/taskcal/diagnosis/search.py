@@ -2,19 +2,21 @@
 
 import itertools
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.diagnosis.frame_mistakes import frame_mistakes
 from taskcal.diagnosis.joint_mistakes import joint_mistakes
-from taskcal.diagnosis.quick_fit import LEVER_SHARE, ROUNDS, misfits
+from taskcal.diagnosis.linear_fit import register_trimmed
+from taskcal.diagnosis.quick_fit import LEVER_SHARE, ROUNDS, SMALLEST_ERROR, misfits
 from taskcal.diagnosis.robot_mistakes import robot_mistakes
 from taskcal.diagnosis.row_mistakes import row_mistakes
 from taskcal.diagnosis.supposition import Case, JointMap, Supposition, nominal_poses
 from taskcal.errors import CampaignError
 from taskcal.measurement.registration import register_closely
+from taskcal.robot.robot import TWO_TURNS
 
 PER_MISTAKE = 0.8
 """Logarithm of the factor by which a mistake has to lower the error to be believed: 2.2."""
@@ -22,14 +24,24 @@ PER_MISTAKE = 0.8
 OUTSIDE_LIMITS = 0.5
 """Logarithm that rows outside the joint limits cost; decides where several suppositions leave the same error."""
 
-SMALLEST_ERROR = 2e-4
-"""Metres; nearer than that nothing is told apart."""
-
 TRIED_ROWS = 36
 """Rows on which all suppositions are tried."""
 
 HELD_OUT_ROWS = 120
 """Rows on which the best ones are compared."""
+
+UNUSUAL = 0.15
+"""Logarithm that a robot costs that hangs from the ceiling, as a levelled tracker sees it, a target that sits behind the flange,
+inside the arm, or a joint that stays at its limit; decides where mirrored robots leave the same error."""
+
+UPRIGHT = 0.7
+"""Cosine of the base's z axis and the tracker's."""
+
+BEHIND = 5e-3
+"""Metres along the tool's z axis."""
+
+ALIKE = 0.4
+"""Logarithm of how much worse the explanations are, whose frames are looked at for what is unusual."""
 
 COMPARED = 24
 """How many are."""
@@ -159,29 +171,58 @@ def _compared(case: Case, combinations: Iterable[Combination]) -> list[Explanati
         changed = case
         for supposition in combination:
             changed = supposition.undo(changed)
-        error = held_out_error(changed)
+        distances = held_out_distances(changed)
+        error, level = float(np.median(distances)), typical(distances)
         outside = 1.0 - float(changed.robot.inside_limits(changed.campaign.q, slack=0.02).mean())
         cost = OUTSIDE_LIMITS * min(1.0, 5.0 * outside)
-        out.append(Explanation(mistakes=combination, case=changed, error=error, rank=_rank(error, combination) + cost))
+        out.append(Explanation(mistakes=combination, case=changed, error=error, rank=_rank(level, combination) + cost))
+    least = min(e.rank for e in out)
+    out = [replace(e, rank=e.rank + _unusual(e.case)) if e.rank < least + ALIKE else e for e in out]
     return sorted(out, key=lambda e: e.rank)
+
+
+def _unusual(case: Case) -> float:
+    """What the robot's mounting, the targets' places and the joints' middle positions cost."""
+    rows = spread_rows(len(case.campaign), HELD_OUT_ROWS)
+    T = case.poses(rows)
+    usable = np.isfinite(T[:, 0, 3]) & case.campaign.seen[rows]
+    try:
+        registration = register_trimmed(case.campaign.take(rows[usable]), T[usable])
+    except (CampaignError, np.linalg.LinAlgError):
+        return 0.0
+    hangs = registration.T_tracker_base[2, 2] < -UPRIGHT
+    behind = float(np.median(registration.T_tool_target[:, 2, 3])) < -BEHIND
+    limits = np.clip(case.robot.limits, -TWO_TURNS, TWO_TURNS)
+    strain = np.abs(np.median(case.campaign.q, axis=0) - limits.mean(axis=1)) / (0.5 * np.ptp(limits, axis=1))
+    return UNUSUAL * (float(hangs) + float(behind) + float(np.clip(strain, 0.0, 2.0).sum()))
+
+
+def typical(distances: Float[np.ndarray, " n"]) -> float:
+    """Geometric mean, metres: a few rows may be off as far as they like, and a mistake that only some rows show still counts."""
+    return float(np.exp(np.log(np.maximum(distances, SMALLEST_ERROR)).mean()))
 
 
 def held_out_error(case: Case) -> float:
     """Median distance of points from where the registration of the other half of the rows has them, metres."""
+    return float(np.median(held_out_distances(case)))
+
+
+def held_out_distances(case: Case) -> Float[np.ndarray, " n"]:
+    """Distance of each row from where the registration of the other half of the rows has it, metres; infinite without one."""
     rows = spread_rows(len(case.campaign), HELD_OUT_ROWS)
     T = case.poses(rows)
     closes = np.isfinite(T[:, 0, 3]) & case.campaign.seen[rows]
     if closes.mean() < 0.7 or closes.sum() < 6:
-        return float("inf")
+        return np.array([np.inf])
     rows, T = rows[closes], T[closes]
     halves = np.array_split(np.random.default_rng(0).permutation(len(rows)), 2)
     distance: list[np.ndarray] = []
     for fitted, tested in (halves, halves[::-1]):
         part = _trimmed_distances(case, rows, T, fitted, tested)
         if part is None:
-            return float("inf")
+            return np.array([np.inf])
         distance.append(part)
-    return float(np.median(np.concatenate(distance)))
+    return np.concatenate(distance)
 
 
 def _trimmed_distances(

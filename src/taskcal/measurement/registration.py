@@ -278,7 +278,7 @@ def register_closely(
         X = np.broadcast_to(np.eye(3), (count, 3, 3))
     else:
         Y = campaign.rotations[campaign.valid[:, 0]]
-        Z, X = closed_form_rotations(R, Y) if start is None else alternate(start, R, Y, rounds=3)
+        Z, X = _rotations_at_once(R, p, y, Y) if start is None else alternate(start, R, Y, rounds=3)
         X = X[None]
     t, offsets, residual = place(Z, R, p, y, target, count)
     unobservable = _unobservable(Z, R, target, count, rms_length(residual))
@@ -354,6 +354,18 @@ def _register_poses(T: np.ndarray, campaign: Campaign, reach: float) -> Registra
     return Registration(
         T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(X[None], offsets), rms=rms, unobservable=unobservable
     )
+
+
+def _rotations_at_once(R: np.ndarray, p: np.ndarray, y: np.ndarray, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations of tracker and target in closed form: from the orientations, or from the points where those hardly change."""
+    target = np.zeros(len(y), dtype=int)
+    by_points = closed_form(R, p, y, target, 1)
+    extent = float(np.linalg.norm(y - y.mean(axis=0), axis=1).mean())
+
+    def cost(ZX: tuple[np.ndarray, np.ndarray]) -> float:
+        return extent**2 * _rotation_cost(ZX, R, Y) + float((place(ZX[0], R, p, y, target, 1)[2] ** 2).sum())
+
+    return min(closed_form_rotations(R, Y), (by_points, target_rotation(by_points, R, Y)), key=cost)
 
 
 def _rotation_cost(ZX: tuple[np.ndarray, np.ndarray], R: np.ndarray, Y: np.ndarray) -> float:
