@@ -13,7 +13,7 @@ from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
-from tests.diagnosis.mistakes import Mistake, every
+from tests.diagnosis.mistakes import Mistake, every, paired
 from tests.diagnosis.virtual_campaigns import ROWS, TARGETS, virtual
 
 
@@ -42,7 +42,7 @@ def test_a_sound_campaign_of_poses_has_no_findings():
         ("abb-irb120", "points-in-metres", ""),
         ("ur5", "left-handed", ""),
         ("ur5", "rows-shifted", "+3"),
-        pytest.param("abb-irb120", "rows-shuffled", "", marks=pytest.mark.slow),
+        ("abb-irb120", "rows-shuffled", ""),
         ("ur5", "drift", ""),
         ("ur5", "gross-rows", "50"),
         ("ur5", "duplicate-poses", ""),
@@ -92,6 +92,24 @@ def test_joint_limits_tell_half_a_turn_from_the_sign_that_leaves_the_same_error(
     first, *others = diagnose(wrong.campaign, robot).findings
     assert (first.id, first.subject) == ("joint-zero", ("J2",))
     assert ("joint-sign", ("J1",)) in {(f.id, f.subject) for f in others}
+
+
+@pytest.mark.parametrize(("name", "said"), [("ur5", "J2 by 180"), ("abb-irb1200-5-0.9", "J4 by 180")])
+def test_a_usual_posture_decides_between_mirrored_robots(name, said):
+    """With the other sign of J1 the UR5 would hang from the ceiling; with that of J5 the wrist would stay turned by half a turn."""
+    robot = load_robot(name)
+    wrong = of_id("joint-zero", virtual(name), robot, said)
+    first = diagnose(wrong.campaign, robot).findings[0]
+    assert (first.id, first.subject) == ("joint-zero", (said[:2],))
+
+
+@pytest.mark.slow
+def test_half_of_the_rows_shifted_by_one_are_a_shift():
+    robot, sound = load_robot("ur5"), virtual("ur5")
+    order = np.r_[np.arange(20), np.roll(np.arange(20, ROWS), 1)]
+    found = diagnose(paired(sound, order), robot)
+    assert found.findings[0].id == "rows-shifted"
+    np.testing.assert_array_equal(found.campaign.points, sound.points)
 
 
 def test_another_robot_is_named():

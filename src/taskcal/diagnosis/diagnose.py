@@ -7,10 +7,18 @@ import numpy as np
 from taskcal.arguments import expect_kinds
 from taskcal.diagnosis.finding import Finding
 from taskcal.diagnosis.in_course import Local, find_in_course
-from taskcal.diagnosis.search import PER_MISTAKE, Explanation, explain_misfit, held_out_distances, typical
+from taskcal.diagnosis.search import (
+    PER_MISTAKE,
+    Explanation,
+    explain_in_pairs,
+    explain_singly,
+    held_out_distances,
+    is_sound,
+    typical,
+)
 from taskcal.diagnosis.spread import find_narrowness
 from taskcal.diagnosis.supposition import Case
-from taskcal.diagnosis.unexplained import extent, find_what_is_left
+from taskcal.diagnosis.unexplained import at_chance, extent, find_other_order, find_what_is_left
 from taskcal.estimation.blas import single_threaded
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import PLAUSIBLE_SHARE
@@ -49,8 +57,8 @@ def diagnose(campaign: Campaign, robot: Robot) -> Diagnosis:
     """Find the mistakes of a campaign: what is written wrong, and what went wrong in its course.
 
     Every usual mistake of joints, frames, rows and robot is undone, singly and in pairs; half of the rows register the nominal
-    robot, the other half say how far off it is, by the median. A mistake is believed where undoing it lowers that by a factor of
-    2.2 at least. Then slips, drifts and gross rows are looked for with the geometry's tolerances free.
+    robot, the other half say how far off it is. A mistake is believed where undoing it lowers the geometric mean of that by a
+    factor of 2.2 at least. Rows that fit in another order alone are shuffled. Then slips, drifts and gross rows are looked for with the geometry's tolerances free.
 
     The confidence of a written mistake is its share among all explanations tried, each weighted with the inverse cube of its
     error (its mistakes paid for), so that two explanations that fit alike have one half each; that of slips and drifts grows
@@ -62,14 +70,22 @@ def diagnose(campaign: Campaign, robot: Robot) -> Diagnosis:
     """
     expect_kinds({"campaign": Campaign, "robot": Robot}, campaign=campaign, robot=robot)
     case = Case.of(robot, campaign)
-    found = explain_misfit(case)
+    found = explain_singly(case)
     given = next(e for e in found if not e.mistakes)
+    before = min(given.error, extent(case))
+    if not is_sound(found[0]):
+        reordered = find_other_order(case, before) if at_chance(case) else None
+        if reordered is not None:
+            return Diagnosis(findings=tuple(reordered[0]), robot=robot, campaign=reordered[1], unmended=())
+        found = explain_in_pairs(case)
+        given = next(e for e in found if not e.mistakes)
     best, local = _chosen(found, given)
     if not best.error <= PLAUSIBLE_SHARE * best.case.model.robot.reach and local is None:
-        left, mended = find_what_is_left(case, min(given.error, extent(case)), best.error)
-        unmended = () if mended is not None else tuple(finding.id for finding in left)
-        mended = campaign if mended is None else mended
-        return Diagnosis(findings=tuple(left), robot=robot, campaign=mended, unmended=unmended)
+        reordered = find_other_order(case, before)
+        if reordered is not None:
+            return Diagnosis(findings=tuple(reordered[0]), robot=robot, campaign=reordered[1], unmended=())
+        left = find_what_is_left(case, before, best.error)
+        return Diagnosis(findings=(left,), robot=robot, campaign=campaign, unmended=(left.id,))
     findings = list(_written(found, best, given))
     mended, unmended = best.case.campaign, []
     if local is not None:
@@ -77,22 +93,26 @@ def diagnose(campaign: Campaign, robot: Robot) -> Diagnosis:
         findings.append(finding)
         unmended += [finding.id] if finding.id == "drift" else []
     if not best.mistakes or local is None:
-        for lack in find_narrowness(best.case):
-            confidence = float(np.clip(1.0 - 0.5 * lack.share, 0.0, 0.99))
-            findings.append(
-                Finding(
-                    id=lack.id,
-                    subject=(),
-                    error_before=given.error,
-                    error_after=best.error,
-                    confidence=confidence,
-                    fix=lack.said,
-                )
-            )
-            unmended.append(lack.id)
-    if not best.mistakes or local is None:
+        lacking = _lacking(best, given)
+        findings += lacking
+        unmended += [finding.id for finding in lacking]
         findings += _alternatives(found, best, given)
     return Diagnosis(findings=tuple(findings), robot=best.case.robot, campaign=mended, unmended=tuple(unmended))
+
+
+def _lacking(best: Explanation, given: Explanation) -> list[Finding]:
+    """What its poses cannot say."""
+    return [
+        Finding(
+            id=lack.id,
+            subject=(),
+            error_before=given.error,
+            error_after=best.error,
+            confidence=float(np.clip(1.0 - 0.5 * lack.share, 0.0, 0.99)),
+            fix=lack.said,
+        )
+        for lack in find_narrowness(best.case)
+    ]
 
 
 def _chosen(found: list[Explanation], given: Explanation) -> tuple[Explanation, Local | None]:

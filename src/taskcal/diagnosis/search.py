@@ -69,13 +69,20 @@ class Explanation:
     """Logarithm of the error, and what the mistakes cost; the smallest is the best."""
 
 
-def explain_misfit(case: Case) -> list[Explanation]:
-    """Explanations of what a campaign is off by, the best first; without mistakes among them the campaign as it is."""
-    found = _compared(case, _tried(case, (), pairs=False))
-    if found[0].error > SOUND_SHARE * case.model.robot.reach:
-        found = _compared(case, _tried(case, (), pairs=True))
-    best = found[0]
-    if len(best.mistakes) == MOST - 1 and best.error > SOUND_SHARE * case.model.robot.reach:
+def explain_singly(case: Case) -> list[Explanation]:
+    """Explanations by one mistake, the best first; without mistakes among them the campaign as it is."""
+    return _compared(case, _tried(case, (), pairs=False))
+
+
+def is_sound(explanation: Explanation) -> bool:
+    """Whether so little is left that no further mistake needs to be looked for."""
+    return explanation.error <= SOUND_SHARE * explanation.case.model.robot.reach
+
+
+def explain_in_pairs(case: Case) -> list[Explanation]:
+    """As `explain_singly`, with two mistakes at a time, and with three where two are too few."""
+    found = _compared(case, _tried(case, (), pairs=True))
+    if len(found[0].mistakes) == MOST - 1 and not is_sound(found[0]):
         more = [m for e in found[:3] if len(e.mistakes) == MOST - 1 for m in _tried(e.case, e.mistakes, pairs=False)]
         found = sorted([*found, *_compared(case, more)], key=lambda e: e.rank)
     return found

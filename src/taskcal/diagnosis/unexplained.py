@@ -17,35 +17,44 @@ AT_CHANCE = 0.7
 """Of the error of points that were given out at random: rows with as much have nothing to do with each other."""
 
 
-def find_what_is_left(case: Case, before: float, after: float) -> tuple[list[Finding], Campaign | None]:
-    """The findings of last resort, and the campaign in another order of its measurements if one fits.
+def find_other_order(case: Case, before: float) -> tuple[list[Finding], Campaign] | None:
+    """The findings, and the campaign in another order of its measurements, if one fits.
 
     Args:
         case: robot and campaign as given.
         before: error as given, metres.
-        after: the least error with any mistake undone, metres.
     """
     units = [*scale_mistakes(case), *unit_mistakes(case)]
     in_units = case
     for supposition in units:
         in_units = supposition.undo(in_units)
     paired = pair_rows(in_units)
-    if paired is not None:
-        mistakes = [*units, _order(case, paired)]
-        confidence = float(np.clip(1.0 - paired.error / paired.next_best, 0.0, 0.99))
-        findings = [
-            Finding(
-                id=mistake.id,
-                subject=mistake.subject,
-                error_before=before,
-                error_after=paired.error,
-                confidence=confidence,
-                fix=mistake.fix,
-            )
-            for mistake in mistakes
-        ]
-        return findings, paired.mended
-    if _error_at(case, None) > AT_CHANCE * _error_at(case, np.random.default_rng(0)):
+    if paired is None:
+        return None
+    confidence = float(np.clip(1.0 - paired.error / paired.next_best, 0.0, 0.99))
+    findings = [
+        Finding(
+            id=mistake.id,
+            subject=mistake.subject,
+            error_before=before,
+            error_after=paired.error,
+            confidence=confidence,
+            fix=mistake.fix,
+        )
+        for mistake in [*units, _order(case, paired)]
+    ]
+    return findings, paired.mended
+
+
+def find_what_is_left(case: Case, before: float, after: float) -> Finding:
+    """The finding of last resort.
+
+    Args:
+        case: robot and campaign as given.
+        before: error as given, metres.
+        after: the least error with any mistake undone, metres.
+    """
+    if at_chance(case):
         name = "rows-shuffled"
         fix = (
             "joints and points have no more to do with each other than rows drawn by lot, and no order of them fits: pair them "
@@ -57,8 +66,12 @@ def find_what_is_left(case: Case, before: float, after: float) -> tuple[list[Fin
             f"neither {case.robot.name} nor a robot of the catalogue fits, with any usual mistake undone: check the lengths in "
             "the robot file, or give the robot that was measured"
         )
-    finding = Finding(id=name, subject=(), error_before=before, error_after=min(after, before), confidence=0.5, fix=fix)
-    return [finding], None
+    return Finding(id=name, subject=(), error_before=before, error_after=min(after, before), confidence=0.5, fix=fix)
+
+
+def at_chance(case: Case) -> bool:
+    """Whether the rows fit no better than rows that are paired by lot."""
+    return _error_at(case, None) > AT_CHANCE * _error_at(case, np.random.default_rng(0))
 
 
 def _order(case: Case, paired: Pairing) -> Supposition:
