@@ -58,7 +58,8 @@ def diagnose(campaign: Campaign, robot: Robot) -> Diagnosis:
 
     Every usual mistake of joints, frames, rows and robot is undone, singly and in pairs; half of the rows register the nominal
     robot, the other half say how far off it is. A mistake is believed where undoing it lowers the geometric mean of that by a
-    factor of 2.2 at least. Rows that fit in another order alone are shuffled. Then slips, drifts and gross rows are looked for with the geometry's tolerances free.
+    factor of 2.2 at least. Rows that fit in another order alone are shuffled. Then slips, drifts and gross rows are looked for
+    with the geometry's tolerances free.
 
     The confidence of a written mistake is its share among all explanations tried, each weighted with the inverse cube of its
     error (its mistakes paid for), so that two explanations that fit alike have one half each; that of slips and drifts grows
