@@ -16,7 +16,6 @@ from taskcal.geometry import se3, walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
 from taskcal.geometry.covariance_propagation import propagate
 from taskcal.geometry.observations import Points
-from taskcal.identification.approach_covariance import approach_covariance
 from taskcal.identification.calibration_content import describe_calibration
 from taskcal.identification.calibration_summary import summarise_calibration
 from taskcal.identification.field import ResidualField
@@ -25,6 +24,7 @@ from taskcal.identification.observed_errors import residuals_by_kind
 from taskcal.identification.outlier import LeftOut, Outlier
 from taskcal.identification.problem import FrameLayout
 from taskcal.identification.provenance import Provenance
+from taskcal.identification.untold_conditions import untold_covariance
 from taskcal.measurement.campaign import Campaign
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
@@ -212,8 +212,8 @@ class Calibration:
 
         Args:
             q: joint positions, radians.
-            conditions: how the poses are reached, for effects that depend on it. By default the sides from which the
-                joints come are unknown, and the distance of the two sides adds to the covariance.
+            conditions: how the poses are reached, for effects that depend on it. What is not told, the side from which a
+                joint comes, its last move, the temperature, counts by its expectation and adds its variance.
             model_error: add what the model cannot explain at a new pose (with a residual field, what the field says of
                 its own uncertainty); without it, the covariance says how well the fitted model itself is known there.
 
@@ -226,8 +226,8 @@ class Calibration:
         # how the instrument's own axes stand is nothing to the true rotations
         told = replace(at, points=_held(at.points)) if self.layout.turned else at
         _, covariance = propagate(told, nowhere, self.z_covariance)
-        if conditions is None and self.model.conditioned:
-            covariance = covariance + approach_covariance(self, q)
+        if self.model.conditioned:
+            covariance = covariance + untold_covariance(self, q, conditions)
         if not model_error:
             return covariance
         if any(self.joint_error):

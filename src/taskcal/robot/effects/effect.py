@@ -121,6 +121,14 @@ class Effect:
         """The effect with what it refers to taken from a campaign that tells what it needs; by default as it is."""
         return self
 
+    def off_reference(self, count: int) -> Conditions | None:
+        """Conditions that are a standard deviation from what it takes poses for that tell nothing; None if nothing is meant.
+
+        Args:
+            count: of poses.
+        """
+        return None
+
     def under(self, load: Load) -> "Effect | None":
         """The effect under another load; None where a load is nothing to it."""
         return None

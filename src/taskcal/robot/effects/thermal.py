@@ -37,6 +37,8 @@ class Thermal(ThermalExpansion):
     """Expansion per kelvin (1σ); what carries the base moves and tilts as one of 1 m height that grows so on one side."""
     reference: float = 20.0
     """Temperature at which the other parameters of the model hold, °C."""
+    spread: float = 3.0
+    """Standard deviation about the reference of temperatures that are not told, kelvin: a hall, over a week."""
     per: ClassVar[str] = "/K"
     least: ClassVar[float] = MIN_WARMING_K
 
@@ -46,8 +48,16 @@ class Thermal(ThermalExpansion):
         return [cls().referred(conditions)] if cls().is_told(conditions) else []
 
     def referred(self, conditions: Conditions) -> "Thermal":
-        """The effect with the mean temperature as its reference."""
-        return replace(self, reference=conditions.mean_temperature)
+        """The effect with the mean temperature as its reference, and temperatures that are not told spread as those are."""
+        reference = conditions.mean_temperature
+        if conditions.temperature is None:
+            return replace(self, reference=reference)
+        spread = float(np.sqrt(np.nanmean((conditions.temperature - reference) ** 2)))
+        return replace(self, reference=reference, spread=round(spread, 2))
+
+    def off_reference(self, count: int) -> Conditions:
+        """Poses that are warmer by `spread`."""
+        return Conditions(temperature=np.full(count, self.reference + self.spread))
 
     def rise(self, conditions: Conditions) -> Float[np.ndarray, " n"] | None:
         """Kelvins above the reference."""

@@ -41,6 +41,8 @@ class WarmUp(ThermalExpansion):
     """τ, seconds."""
     reference: float | None = None
     """Time at which the other parameters of the model hold, seconds; by default when the robot is warm."""
+    spread: float = 0.3
+    """Standard deviation of how much colder than at the reference poses are that tell no time, as a share of the whole way."""
     per: ClassVar[str] = ""
     least: ClassVar[float] = MIN_DURATION_S
 
@@ -71,14 +73,21 @@ class WarmUp(ThermalExpansion):
         return f" in {self.time_constant / 60.0:g} min"
 
     def referred(self, conditions: Conditions) -> "WarmUp":
-        """The effect with the end of the campaign as its reference, when the robot was warmest.
+        """The effect with the end of the campaign as its reference, when the robot was warmest, and untold times as the campaign's.
 
         Raises:
             TaskcalError: there are no times.
         """
         if conditions.time is None:
             raise TaskcalError("the end of a campaign without times cannot be a reference; give Conditions a time")
-        return replace(self, reference=float(np.nanmax(conditions.time)))
+        at_end = replace(self, reference=float(np.nanmax(conditions.time)))
+        rise = at_end.rise(conditions)
+        return at_end if rise is None else replace(at_end, spread=round(float(np.sqrt(np.nanmean(rise**2))), 3))
+
+    def off_reference(self, count: int) -> Conditions:
+        """Poses that are colder by `spread`, or as cold as the robot ever is."""
+        left = 0.0 if self.reference is None else np.exp(-self.reference / self.time_constant)
+        return Conditions(time=np.full(count, -self.time_constant * np.log(min(left + self.spread, 1.0))))
 
     def rise(self, conditions: Conditions) -> Float[np.ndarray, " n"] | None:
         """How much warmer than at the reference, as a share of the whole way."""
