@@ -76,6 +76,19 @@ READ = {
         "'nan' for x_mm … is taken for a lost beam (line 5)",
     ),
     "nines for a lost beam": (HEAD, marked(ROWS, 3, *3 * ["-9999.0"]), "taken for a lost beam (line 5)"),
+    "a point that is called not valid": (
+        [*HEAD, "Valid"],
+        [row + (",0" if k == 3 else ",1") for k, row in enumerate(ROWS)],
+        "taken for lost where 'Valid' says so (line 5)",
+    ),
+    "a line drawn below the names": (HEAD, [",".join(10 * ["-----"]), *ROWS], ""),
+    "kinds of values below the names": (HEAD, [",".join(["string", *9 * ["float64"]]), *ROWS], ""),
+    "units of groups": (
+        ["Pose", "Joints [rad]", *5 * [""], "Tracker [m]", "", ""],
+        [",".join(["", *PLAIN]), *lines(NUMBERED, Q, P)],
+        "",
+    ),
+    "micrometres": ([*HEAD[:-3], "X [µm]", "Y [µm]", "Z [µm]"], lines(NUMBERED, DEG, MM * 1e3), ""),
     "azimuth, elevation, range": (
         [*JOINTS, "Azimuth [deg]", "Elevation [deg]", "Range [mm]"],
         lines(DEG, AZIMUTH, ELEVATION, RANGE),
@@ -198,6 +211,18 @@ def test_what_may_mean_two_things_is_refused(tmp_path, form):
     header, rows, message = REFUSED[form]
     with pytest.raises(FileError, match=message):
         read_campaign(write(tmp_path, header, rows), ROBOT)
+
+
+def test_rows_behind_a_comment_mark_are_told_of(tmp_path):
+    campaign = read_campaign(write(tmp_path, HEAD, [*ROWS[:4], "#" + ROWS[4], *ROWS[5:]]), ROBOT)
+    assert len(campaign) == N - 1
+    assert campaign.notes == ("numbers behind a comment mark are left out (line 6)",)
+
+
+def test_groups_state_units_for_their_columns(tmp_path):
+    header = ["Pose", "Joints [deg]", *5 * [""], "Tracker [m]", "", ""]
+    campaign = read_campaign(write(tmp_path, header, [",".join(["", *PLAIN]), *lines(NUMBERED, DEG, P * 2)]), ROBOT)
+    np.testing.assert_allclose(campaign.points[:, 0], P * 2, atol=1e-6)
 
 
 def test_axes_of_a_rotation_are_no_target(tmp_path):

@@ -67,6 +67,7 @@ def test_the_panda_stands_where_its_measured_ones_nominal_description_does(data_
 
 
 REACH = {
+    "abb-irb120": 580.0,
     "abb-irb1200-5-0.9": 901.0,
     "abb-irb4600-60-2.05": 2050.0,
     "abb-irb6640-185-2.8": 2800.0,
@@ -74,6 +75,9 @@ REACH = {
     "comau-racer7-1.4": 1436.0,
     "fanuc-m20ia": 1811.0,
     "kawasaki-rs007n": 730.0,
+    "kuka-kr120-r2500-pro": 2496.0,
+    "kuka-kr16-2": 1611.0,
+    "kuka-kr6-r900-sixx": 901.0,
     "motoman-gp12": 1440.0,
     "staubli-rx160": 1600.0,
 }

@@ -14,6 +14,24 @@ _LOST = re.compile(
 """All three cells of a target are the same."""
 
 
+_FLAG = ("valid", "is valid", "visible", "tracked", "measured ok", "point ok", "gültig", "gueltig")
+_YES = frozenset({"1", "true", "yes", "y", "ja", "j", "ok", "valid", "x", "wahr", "1.0", "checked"})
+_NO = frozenset({"0", "false", "no", "n", "nein", "nok", "nio", "invalid", "falsch", "0.0", "unchecked"})
+
+
+def rows_not_valid(table: Table) -> tuple[list[int], tuple[str, ...]]:
+    """Rows that a column such as ``valid`` calls not valid, and a note of them."""
+    for name in table.header:
+        if " ".join(name.casefold().replace("_", " ").split()) not in _FLAG:
+            continue
+        said = [text.casefold() for text in table.texts(name)]
+        rows = [row for row, text in enumerate(said) if text in _NO]
+        if rows and set(said) <= _YES | _NO:
+            lines = ", ".join(str(table.lines[row]) for row in rows[:5]) + (", …" if len(rows) > 5 else "")
+            return rows, (f"what was measured is taken for lost where '{shown(name, 40)}' says so (line {lines})",)
+    return [], ()
+
+
 def without_lost(table: Table, columns: Sequence[str]) -> tuple[Table, tuple[str, ...]]:
     """A table whose cells of a target are empty where all three hold one word, or the nines, for a beam that was lost.
 

@@ -126,12 +126,14 @@ def _count_from_other_numbers(mine: tuple[str, ...], others: tuple[str, ...]) ->
 
 
 def _plain(name: str) -> str:
-    return name.strip().casefold()
+    text = name.strip().casefold()
+    # a count that passed through a table of numbers
+    return re.sub(r"(?<=\d)\.0+$", "", text) if re.fullmatch(r"\d+\.0+", text, re.ASCII) else text
 
 
 def _number_of(name: str) -> str:
     """The number at the end of a name, without zeros before it; empty where there is none."""
-    match = re.search(r"(\d{1,9})\D?$", name, re.ASCII)
+    match = re.search(r"(\d{1,9})\D?$", _plain(name), re.ASCII)
     return str(int(match[1])) if match else ""
 
 

@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from taskcal.errors import shown
 from taskcal.measurement.column_meaning import CALCULATED, LENGTHS, Meaning
-from taskcal.measurement.lost_beams import without_lost
+from taskcal.measurement.lost_beams import rows_not_valid, without_lost
 from taskcal.tabular.faults import Faults
-from taskcal.tabular.table import Table
+from taskcal.tabular.table import LARGEST, Table
 
 LEAVE_EMPTY = "give a number, or leave all the target's cells empty"
 
@@ -76,6 +76,10 @@ def target_columns(table: Table, meanings: Sequence[Meaning | None]) -> TargetCo
     with faults.collecting():
         uncertainty = _uncertainty(table, meanings, default="mm" if True in stated else None)
     faults.raise_any()
+    invalid, said = rows_not_valid(table) if points else ([], ())
+    for values in points.values():
+        values[invalid] = np.nan
+    notes += said
     return TargetColumns(points=points, uncertainty=uncertainty, unit_stated=stated != {False}, notes=tuple(notes))
 
 
@@ -120,10 +124,11 @@ def _unit(table: Table, meanings: Sequence[Meaning | None], name: str, axes: dic
 
 def _positions(table: Table, columns: Sequence[str], unit: str | None) -> np.ndarray:
     faults = Faults()
+    largest = LARGEST * max(1.0, LENGTHS["mm"] / LENGTHS[unit] if unit else 1.0)
     points = np.full((len(table), 3), np.nan)
     for axis, column in enumerate(columns):
         with faults.collecting():
-            points[:, axis] = table.numbers(column, empty=True, remedy=LEAVE_EMPTY)
+            points[:, axis] = table.numbers(column, empty=True, remedy=LEAVE_EMPTY, largest=largest)
     faults.raise_any()
     blank = np.isnan(points)
     for row in np.flatnonzero(blank.any(axis=1) & ~blank.all(axis=1)):

@@ -52,7 +52,8 @@ def parse_delimited(path: Path, text: str, decimal: DecimalMark | None = None) -
     if stated:
         text = text[stated.end() + 1 :]
     lines = text.split("\n")
-    comments = tuple(m[1].strip() for m in map(_COMMENT.match, lines) if m)
+    matches = [(number, match[1].strip()) for number, match in enumerate(map(_COMMENT.match, lines), start=1) if match]
+    comments = tuple(comment for _, comment in matches)
     separator = stated[1] if stated and stated[1] in _SEPARATORS else separator_of(lines)
     sheet = Sheet(path=path, rows=(), lines=(), separator=separator, comments=comments)
     rows = [(number, cells) for number, cells in _cells(path, text, separator) if any(cells)]
@@ -62,11 +63,25 @@ def parse_delimited(path: Path, text: str, decimal: DecimalMark | None = None) -
     if separator != BLANKS and " " in text:
         rows = [(number, tuple(map(without_blanks, cells))) for number, cells in rows]
     numbers, cells = zip(*rows, strict=True)
+    sheet = replace(sheet, notes=_commented(matches, separator, len(cells[-1]), first))
     sheet = with_units_apart(replace(sheet, rows=tuple(cells), lines=tuple(n + first for n in numbers)))
     if separator == ",":
         # a comma that parts cells is in none of them, but for quoted ones
         return with_decimal_points(sheet, decimal) if '"' in text else sheet
     return with_decimal_points(sheet, decimal)
+
+
+def _commented(comments: Sequence[tuple[int, str]], separator: str, width: int, first: int) -> tuple[str, ...]:
+    """What is said of rows of numbers behind a comment mark, as people leave them out."""
+    lines = [
+        number + first
+        for number, comment in comments[: 2 * _SAMPLED]
+        if len(row := split_line(comment, separator)) == width and sum(map(bool, map(_NUMBER.fullmatch, row))) > 2
+    ]
+    if not lines:
+        return ()
+    listed = ", ".join(map(str, lines[:5])) + (", …" if len(lines) > 5 else "")
+    return (f"numbers behind a comment mark are left out (line {listed})",)
 
 
 def parse_plain(path: Path, text: str) -> Sheet:

@@ -1,7 +1,42 @@
 """Column names over two rows: groups, as of a reflector or of what was asked and what was measured, above the names in them."""
 
+import re
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
+
+from taskcal.tabular.sheet import Sheet
+
+_RULE = re.compile(
+    r"[-=_+*~|:]{3,}|str|string|text|char|object|float(?:32|64)?|double|real|int(?:32|64)?|integer|number",
+    re.IGNORECASE,
+)
+"""A line drawn below names, or the kinds of their values."""
+
+_BRACKETED = re.compile(r".*[\[(]\s*([^\[\]()]{1,12}?)\s*[\])]")
+
+
+def without_rules(sheet: Sheet) -> Sheet:
+    """A sheet without lines drawn between its rows, and without rows that say the kinds of values."""
+    drawn = [bool(row) and all(not cell or _RULE.fullmatch(cell) for cell in row) for row in sheet.rows]
+    if not any(drawn):
+        return sheet
+    kept = [k for k, rule in enumerate(drawn) if not rule]
+    return replace(sheet, rows=tuple(sheet.rows[k] for k in kept), lines=tuple(sheet.lines[k] for k in kept))
+
+
+def group_units(above: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
+    """The units that the groups of columns state in brackets, as in ``Position [mm]``; empty where a group states none."""
+    return tuple(match[1] if (match := _BRACKETED.fullmatch(group)) else "" for group in _groups(above, len(names)))
+
+
+def _groups(above: Sequence[str], count: int) -> list[str]:
+    """The group of every column: its own, or the one before it."""
+    groups: list[str] = []
+    for k in range(count):
+        own = above[k] if k < len(above) else ""
+        groups.append(own or (groups[-1] if groups else ""))
+    return groups
 
 
 def joined_names(above: Sequence[str], names: Sequence[str]) -> tuple[str, ...] | None:
@@ -19,10 +54,7 @@ def joined_names(above: Sequence[str], names: Sequence[str]) -> tuple[str, ...] 
     lacking = {k for k, name in enumerate(names) if not name and k < len(above) and above[k]}
     if not repeated and not lacking:
         return None
-    groups: list[str] = []
-    for k in range(len(names)):
-        own = above[k] if k < len(above) else ""
-        groups.append(own or (groups[-1] if groups and k not in lacking else ""))
+    groups = _groups(above, len(names))
     if any(not groups[k] for k in repeated):
         return None
     joined = tuple(

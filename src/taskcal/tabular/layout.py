@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from taskcal.errors import FileError, shown
 from taskcal.tabular.delimited import separator_of, split_line
 from taskcal.tabular.footer import MOST_REMARKS, footer_note, is_footer
-from taskcal.tabular.header_rows import joined_names
+from taskcal.tabular.header_rows import group_units, joined_names, without_rules
 from taskcal.tabular.sheet import Sheet
 from taskcal.tabular.table import Table
 
@@ -61,7 +61,7 @@ def lay_out(sheet: Sheet, names: Sequence[str] | None = None) -> Laid:
     Raises:
         FileError: there is nothing in it, too many columns, or the given names are too many or too few.
     """
-    path = sheet.path
+    path, sheet = sheet.path, without_rules(sheet)
     if not sheet.rows:
         raise FileError(path, "is empty; its first line must name the columns")
     width, first = _first_row_of_numbers(sheet.rows)
@@ -82,6 +82,7 @@ def lay_out(sheet: Sheet, names: Sequence[str] | None = None) -> Laid:
     begin = header_row + 1 if units_row is None else units_row + 1
     units = () if units_row is None else sheet.rows[units_row]
     if header_row and header_row - 1 in above:
+        units = units or group_units(sheet.rows[header_row - 1], header)
         header = joined_names(sheet.rows[header_row - 1], header) or header
     sheet = replace(sheet, notes=(*sheet.notes, *_numbers_above(sheet, header_row)))
     preamble = (*(" ".join(filter(None, row)) for row in sheet.rows[:header_row]), *sheet.comments)
