@@ -95,7 +95,7 @@ def read_json(path: str | Path, what: str, remedy: str) -> Any:
     except RecursionError as error:
         raise FileError(path, f"is not a {what}: its JSON is nested too deeply") from error
     except json.JSONDecodeError as error:
-        message = f"is not a whole JSON file ({error.msg}); it may have been cut off: {remedy}"
+        message = f"is not a whole JSON file; it may have been cut off: {remedy}"
         raise FileError(path, message, line=error.lineno) from error
     except ValueError as error:
         raise FileError(path, f"is not a {what}: a number has too many digits") from error

@@ -81,7 +81,7 @@ def test_without_effects_everything_is_as_before(run: Run, campaign: Path, tmp_p
 
 
 def test_the_table_for_people_says_what_each_step_is_worth(run: Run, campaign: Path, tmp_path: Path) -> None:
-    ended = identify(run, campaign, tmp_path / "cal.json", "--effects", "harmonics:1,gain")
+    ended = identify(run, campaign, tmp_path / "cal.json", "--effects", "harmonics:1,gain", "--parameters")
     text = " ".join(ended.out.split())
     for words in ("asked for", "geometry leaves", "takes it to", "the tracker alone would leave", "periods in a turn"):
         assert words in text

@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from taskcal.cli.output import working
 from taskcal.cli.steps_bar import bar_over
 
 
@@ -32,3 +33,19 @@ def test_nothing_is_written_where_nobody_watches(capsys):
     with bar_over(["one", "two"]) as begin:
         begin("one")
     assert capsys.readouterr().err == ""
+
+
+def test_work_without_names_counts_its_steps_to_the_end(terminal, capsys):
+    with working("one", steps=4) as begin:
+        for step in ("one", "two", "three"):
+            begin(step)
+    error = capsys.readouterr().err
+    assert counted(error) == ["0/4", "1/4", "2/4", "4/4"]
+    assert "0:00:0" in error
+
+
+def test_more_steps_than_were_foreseen_do_not_pass_the_end(terminal, capsys):
+    with working("one", steps=2) as begin:
+        for step in "abcdef":
+            begin(step)
+    assert counted(capsys.readouterr().err) == ["0/2", "1/2", "2/2"]

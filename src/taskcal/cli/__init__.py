@@ -10,50 +10,33 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from taskcal.cli.command import Command
-from taskcal.cli.commands import (
-    compare,
-    convert,
-    correct,
-    doctor,
-    export,
-    identify,
-    performance,
-    plan,
-    poses,
-    register,
-    report,
-    robots,
-    select,
-    sensitivity,
-    simulate,
-    study,
-    validate,
-    warm,
-)
 from taskcal.cli.interrupts import prompt
+from taskcal.cli.lazy_commands import SUMMARIES, LazyCommands
 from taskcal.cli.modules import import_modules
 from taskcal.cli.output import MESSAGE_CHARACTERS, error, for_terminal, info
 from taskcal.cli.outputs import begin_account, interrupted
+from taskcal.cli.sign_of_life import clear_sign, sign_of_life
 from taskcal.errors import TaskcalError, shortened
-
-ORDER = (
-    "demo", "robots", "sensitivity", "select", "plan", "study", "simulate", "convert", "register", "identify", "validate",
-    "compare", "performance", "correct", "poses", "export", "report", "doctor", "warm",
-)  # fmt: skip
-"""As the user needs them, from a robot to its report, and then what keeps the installation in order."""
-
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C."""
 
 
 class OrderedGroup(TyperGroup):
-    """A group that lists its commands in the order in which the user needs them."""
+    """A group that lists its commands in the order in which the user needs them, and imports the one that is called."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.commands = LazyCommands()
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Names of the commands."""
-        return sorted(self.commands, key=ORDER.index)
+        return list(SUMMARIES)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write each command and what it does, without importing it."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(SUMMARIES.items()))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the options before the subcommand."""
@@ -72,6 +55,7 @@ def _fit_to_show() -> Generator[None, None, None]:
     try:
         yield
     except Exception as error:
+        clear_sign()
         if isinstance(message := getattr(error, "message", None), str):
             error.message = for_terminal(shortened(message, MESSAGE_CHARACTERS))  # pyright: ignore
         raise
@@ -82,7 +66,7 @@ app = typer.Typer(
     cls=OrderedGroup,
     help="Calibrate a serial robot to the task it has to do, from a laser tracker's file.",
     no_args_is_help=True,
-    add_completion=False,
+    rich_markup_mode=None,  # plain help keeps words whole at any width, and is there in half the time
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -116,48 +100,6 @@ def options(
         import_modules(modules)
 
 
-@app.command(
-    "demo",
-    cls=Command,
-    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
-    add_help_option=False,
-    help="Run the whole procedure on a virtual robot.",
-)
-def run_demo(context: typer.Context) -> None:
-    """Hand all arguments to the demonstration, which is imported only now."""
-    from taskcal.cli.commands.demo import demo  # pyright: ignore
-
-    only = typer.Typer(
-        add_completion=False,
-        pretty_exceptions_enable=False,
-        context_settings={"help_option_names": ["-h", "--help"]},
-    )
-    only.command()(demo)
-    run: Any = typer.main.get_command(only)  # pyright: ignore
-    code = run.main(args=list(context.args), prog_name="taskcal demo", standalone_mode=False)
-    raise typer.Exit(code if isinstance(code, int) else 0)
-
-
-app.add_typer(robots.app, name="robots")
-app.command("sensitivity", cls=Command)(sensitivity.command)
-app.command("select", cls=Command)(select.command)
-app.command("plan", cls=Command)(plan.command)
-app.command("study", cls=Command)(study.command)
-app.command("simulate", cls=Command)(simulate.command)
-app.command("convert", cls=Command)(convert.command)
-app.command("register", cls=Command)(register.command)
-app.command("identify", cls=Command)(identify.command)
-app.command("validate", cls=Command)(validate.command)
-app.command("compare", cls=Command)(compare.command)
-app.command("performance", cls=Command)(performance.command)
-app.command("correct", cls=Command)(correct.command)
-app.command("poses", cls=Command)(poses.command)
-app.command("export", cls=Command)(export.command)
-app.command("report", cls=Command)(report.command)
-app.command("warm", cls=Command)(warm.command)
-app.command("doctor", cls=Command)(doctor.command)
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
 
@@ -179,8 +121,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if reconfigure := getattr(stream, "reconfigure", None):
             reconfigure(errors="replace")  # a terminal without σ or √ shows '?' instead of failing
     begin_account()
+    begun = sign_of_life() if arguments is None and _takes_time(sys.argv[1:]) else nullcontext()
     with prompt(INTERRUPTED, _say_interrupted) if arguments is None else nullcontext(Event()) as said:
-        status = _run(arguments)
+        with begun:
+            status = _run(arguments)
         if status == INTERRUPTED:
             said.set()
             _say_interrupted()
@@ -194,6 +138,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         error(f"standard output: {failure.strerror or failure}")
         return status or 1
     return status
+
+
+def _takes_time(arguments: Sequence[str]) -> bool:
+    """Whether a command is to run, not its help or a shell's question for completions."""
+    quick = {"-h", "--help", "--version", "--install-completion", "--show-completion"}
+    return (
+        bool(SUMMARIES.keys() & set(arguments)) and not quick & set(arguments) and "_TASKCAL_COMPLETE" not in os.environ
+    )
 
 
 def _say_interrupted() -> None:

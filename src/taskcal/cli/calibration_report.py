@@ -5,7 +5,8 @@ from typing import Any
 
 from taskcal.cli.effects import is_harmonic, show_harmonics
 from taskcal.cli.errors_table import show_errors
-from taskcal.cli.output import show, show_facts, tell
+from taskcal.cli.fit_verdict import next_steps, verdict
+from taskcal.cli.output import say, show, show_facts, tell
 from taskcal.cli.robot_sheet import placement
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.validation import validate
@@ -63,27 +64,46 @@ def _registered(registration: Registration) -> dict[str, str | None]:
     return {"method": registration.method, "file": registration.file or None}
 
 
-def show_report(calibration: Calibration, result: Mapping[str, Any]) -> None:
-    """Print a calibration and what `report` says of it."""
+def show_report(
+    calibration: Calibration, result: Mapping[str, Any], *, tracker_mm: float, parameters: bool = False
+) -> None:
+    """Print a calibration and what `report` says of it: the verdict, the errors, what to do next, and the rest.
+
+    Args:
+        calibration: the fit.
+        result: what `report` says of it.
+        tracker_mm: mean error in space that the tracker's noise alone would leave.
+        parameters: whether to print the parameters, too.
+    """
     summaries = {"nominal, frames only": result["nominal"], "fitted": result["fitted"]}
     if result["held_out"] is not None:
         summaries["held out"] = result["held_out"]
+    say(verdict(result))
+    tell()
+    show_errors("Position error: largest along the axes of the robot's base, then in space", summaries)
+    steps = next_steps(calibration, result, tracker_mm)
+    show_facts([("next" if number == 0 else "", step) for number, step in enumerate(steps)])
+    tell()
+    for table in (tabulate_left_out(calibration), tabulate_outliers(calibration)):
+        if len(table):
+            show(table)
+    if parameters:
+        _show_parameters(calibration, result)
+    held_out = [] if calibration.held_out is None else [("held out", describe_held_out(calibration.held_out))]
+    show_facts([*held_out, *_facts(result, parameters=parameters)])
+
+
+def _show_parameters(calibration: Calibration, result: Mapping[str, Any]) -> None:
     unclear = _unclear_effects(calibration)
-    parameters = tabulate_parameters(calibration, leave_out=lambda name: is_harmonic(name) or name in unclear)
-    if len(parameters):
-        show(parameters)
+    table = tabulate_parameters(calibration, leave_out=lambda name: is_harmonic(name) or name in unclear)
+    if len(table):
+        show(table)
     if unclear:
-        tell(
+        say(
             f"{len(unclear)} more parameters of effects, within {CLEAR:g} standard errors of zero or of the smooth field, are in "
             "--json"
         )
     show_harmonics(result["parameters"])
-    show_errors(f"Position error of {result['robot']}: axes of the robot's base, then in space", summaries)
-    for table in (tabulate_left_out(calibration), tabulate_outliers(calibration)):
-        if len(table):
-            show(table)
-    held_out = [] if calibration.held_out is None else [("held out", describe_held_out(calibration.held_out))]
-    show_facts([*held_out, *_facts(result)])
 
 
 def _unclear_effects(calibration: Calibration) -> set[str]:
@@ -100,7 +120,7 @@ def _unclear_effects(calibration: Calibration) -> set[str]:
     }
 
 
-def _facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _facts(result: Mapping[str, Any], *, parameters: bool) -> list[tuple[str, str]]:
     scale = result["prior_scale"]
     pairs = [f"{c['a']} and {c['b']} {c['correlation']:+.3f}" for c in result["correlations"]]
     rotation = f" and {result['model_error_mrad']:.4f} mrad" if "model_error_mrad" in result else ""
@@ -108,7 +128,7 @@ def _facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     facts = [
         ("model error", f"{result['model_error_mm']:.4f} mm{rotation} per axis (1σ), {result['model_error_origin']}"),
         ("prior scale", "no prior" if scale is None else f"{scale:.3g} times the tolerances{held}"),
-        ("largest correlations", "; ".join(pairs)),
+        *([("largest correlations", "; ".join(pairs))] if parameters else []),
         ("tracker frame", f"base at {_point(result['tracker_frame'])}{_found_from(result['registration'])}"),
     ]
     for name, target in result["targets"].items():
@@ -120,7 +140,11 @@ def _facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         facts.insert(
             0, ("not seen", f"{unseen} parameters: the data say next to nothing of them, their 1σ is that of the prior")
         )
-    facts += [("ended", ended), ("calibration", f"wrote {result['calibration']}")]
+    if parameters:
+        facts.append(("ended", ended))
+    else:
+        facts.append(("parameters", f"{len(result['parameters'])} were identified: --parameters lists them"))
+    facts.append(("calibration", f"wrote {result['calibration']}"))
     return facts
 
 

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from taskcal.cli.first_look import look_at, look_at_calibration
+
 RobotOption = Annotated[
     str,
     typer.Option(
@@ -15,15 +17,26 @@ RobotOption = Annotated[
         help="Name in the catalogue, or a file: .toml, .urdf (or .urdf#TIP), .xacro.",
     ),
 ]
-TaskOption = Annotated[Path, typer.Option("--task", "-t", metavar="TASK.toml", readable=False, help="Task file.")]
+TaskOption = Annotated[
+    Path, typer.Option("--task", "-t", metavar="TASK.toml", readable=False, callback=look_at, help="Task file.")
+]
 CampaignArgument = Annotated[
     Path,
     typer.Argument(
-        metavar="CAMPAIGN.csv", readable=False, help="Measurements: joint positions and measured target positions."
+        metavar="CAMPAIGN.csv",
+        readable=False,
+        callback=look_at,
+        help="Measurements: joint positions and measured target positions.",
     ),
 ]
 CalibrationArgument = Annotated[
-    Path, typer.Argument(metavar="CAL.json", readable=False, help="Calibration written by taskcal identify.")
+    Path,
+    typer.Argument(
+        metavar="CAL.json",
+        readable=False,
+        callback=look_at_calibration,
+        help="Calibration written by taskcal identify.",
+    ),
 ]
 CountOption = Annotated[
     int, typer.Option("--count", "-n", min=1, metavar="N", help="Number of poses spread over the task's workspace.")

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import re
 import shlex
 import shutil
@@ -10,8 +11,9 @@ from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
+from taskcal.cli.sign_of_life import clear_sign
 from taskcal.errors import printable, shortened
 
 if TYPE_CHECKING:
@@ -30,13 +32,34 @@ def error(message: str) -> None:
 
 def info(message: str) -> None:
     """A message beside the result, on standard error."""
+    clear_sign()
     with suppress(OSError):  # where that is full or closed, the exit status has to do
-        print(for_terminal(shortened(message, MESSAGE_CHARACTERS)), file=sys.stderr, flush=True)
+        print(_folded(for_terminal(shortened(message, MESSAGE_CHARACTERS)), sys.stderr), file=sys.stderr, flush=True)
 
 
 def tell(line: str = "") -> None:
     """A line of the result, on standard output."""
-    print(for_terminal(line))
+    clear_sign()
+    print(_folded(for_terminal(line), sys.stdout))
+
+
+def say(text: str) -> None:
+    """A sentence of the result, folded between words whatever reads it."""
+    from taskcal.presentation.layout import fold
+
+    clear_sign()
+    for line in fold(for_terminal(text), line_width()):
+        print(line)
+
+
+def _folded(text: str, stream: TextIO) -> str:
+    """A message cut between words for a terminal, which would cut within them; whole where programs read it."""
+    if not stream.isatty():
+        return text
+    from taskcal.presentation.layout import fold
+
+    width = line_width()
+    return "\n".join(part for line in text.split("\n") for part in (fold(line, width) if len(line) > width else [line]))
 
 
 def for_terminal(text: str) -> str:
@@ -72,16 +95,43 @@ def show_log() -> None:
 
 
 @contextmanager
-def working(step: str) -> Generator[Callable[[str], None], None, None]:
-    """A line on standard error that says what is being done, where that is a terminal; yields how to change it."""
-    from rich.console import Console
+def working(step: str, steps: int | None = None) -> Generator[Callable[[str], None], None, None]:
+    """A line on standard error that says what is being done and for how long, where that is a terminal.
 
-    with Console(stderr=True).status(f"{for_terminal(step)} …") as status:
-        yield lambda text: status.update(f"{for_terminal(text)} …")
+    Args:
+        step: the first.
+        steps: how many there are; the line has a bar then, and its end.
+
+    Yields:
+        how to say which step begins.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    clear_sign()
+    out = Console(stderr=True)
+    described = TextColumn("{task.description} …", markup=False)
+    counted = (described, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (SpinnerColumn(), described, TimeElapsedColumn()) if steps is None else counted
+    with Progress(*columns, console=out, transient=True, disable=not out.is_terminal) as bar:
+        task = bar.add_task(for_terminal(step), total=steps)
+        begun = 0
+
+        def begin(text: str) -> None:
+            nonlocal begun
+            if begun == 0 and text == step:
+                return
+            begun = begun + 1 if steps is None else min(begun + 1, steps - 1)
+            bar.update(task, completed=begun, description=for_terminal(text), refresh=True)
+
+        yield begin
+        if steps is not None:
+            bar.update(task, completed=steps, refresh=True)
 
 
 def write_json(result: Mapping[str, Any]) -> None:
     """The machine-readable result, alone on standard output."""
+    clear_sign()
     text = json.dumps(plain(result), indent=1, ensure_ascii=False, allow_nan=False)
     print(re.sub("[\x7f-\x9f]", lambda control: f"\\u{ord(control[0]):04x}", text))  # JSON escapes those below 0x20
 
@@ -101,8 +151,13 @@ def plain(value: Any) -> Any:
     return value
 
 
+def line_width() -> int:
+    """Characters in a line: the terminal's, what COLUMNS says, or 80."""
+    return max(shutil.get_terminal_size((80, 24)).columns, 20)
+
+
 def console() -> "Console":
-    """Standard output for tables; not narrower than they need where no terminal says how wide it is."""
+    """Standard output for what is laid out elsewhere."""
     from rich.console import Console, ConsoleOptions, RenderableType
     from rich.segment import Segment
 
@@ -113,26 +168,33 @@ def console() -> "Console":
             for segment in super().render(renderable, options):
                 yield segment if segment.control else Segment(for_terminal(segment.text), segment.style)
 
-    width = None if sys.stdout.isatty() else 140
-    return Terminal(width=width, markup=False, highlight=False, emoji=False, soft_wrap=False)
+    clear_sign()
+    return Terminal(width=line_width(), markup=False, highlight=False, emoji=False, soft_wrap=False)
 
 
 def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]], *, left: Iterable[int] = (0,)) -> None:
     """Print a table; columns are flush right but for those in `left`."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-    from rich.text import Text
+    from taskcal.presentation.layout import fold, lay_out_table
 
-    flush_left = set(left)
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for i, name in enumerate(header):
-        table.add_column(for_terminal(name), justify="left" if i in flush_left else "right", overflow="fold")
-    for row in rows:
-        table.add_row(*map(for_terminal, row))
-    out = console()
-    if title:  # above the table, not in it: it may be the wider of the two
-        out.print(Text(for_terminal(title), style="bold"))
-    out.print(table)
+    clear_sign()
+    width = line_width()
+    for line in fold(for_terminal(title), width) if title else ():
+        _print_bold(line)
+    cells = [[_in_a_cell(cell) for cell in row] for row in rows]
+    for line in lay_out_table([_in_a_cell(name) for name in header], [("", cells)], set(left), width):
+        print(line)
+    print()
+
+
+def _print_bold(line: str) -> None:
+    if sys.stdout.isatty() and "NO_COLOR" not in os.environ:
+        line = f"\x1b[1m{line}\x1b[0m"
+    print(line)
+
+
+def _in_a_cell(text: str) -> str:
+    """A cell's text, without line feeds, which would break the table."""
+    return " ".join(for_terminal(text).split("\n"))
 
 
 def show(table: "Table") -> None:
@@ -142,11 +204,8 @@ def show(table: "Table") -> None:
 
 def show_facts(facts: Iterable[tuple[str, str]]) -> None:
     """Print labelled lines."""
-    from rich.table import Table
+    from taskcal.presentation.layout import lay_out_facts
 
-    table = Table.grid(padding=(0, 2))
-    table.add_column(style="dim")
-    table.add_column(overflow="fold")
-    for label, text in facts:
-        table.add_row(for_terminal(label), for_terminal(text))
-    console().print(table)
+    clear_sign()
+    for line in lay_out_facts([(for_terminal(label), for_terminal(text)) for label, text in facts], line_width()):
+        print(line)

@@ -4,11 +4,8 @@ A file is a command's own while it is, byte for byte, what that command last wro
 lie in the user's state folder, so that no mark has to stand in a file, and a file that was edited since is noticed.
 """
 
-import hashlib
 import json
 import os
-import tempfile
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -121,6 +118,8 @@ def files_of_task(task: Path | None) -> list[Path]:
     """The task file and the list or path that it names; what is wrong with it is said by its reader."""
     if task is None:
         return []
+    import tomllib
+
     named: list[Any] = []
     with suppress(OSError, ValueError, RecursionError):
         content = tomllib.loads(task.read_text(encoding="utf-8"))
@@ -160,6 +159,8 @@ def _are_one(path: Path, other: Path) -> bool:
 
 def _folds_case(folder: Path) -> bool:
     """Whether names that differ in case alone are one file here; seen by trying, for each folder may differ."""
+    import tempfile
+
     with suppress(OSError), tempfile.NamedTemporaryFile(prefix=".case-", dir=folder) as probe:
         path = Path(probe.name)
         return path.with_name(path.name.swapcase()).exists()
@@ -168,6 +169,8 @@ def _folds_case(folder: Path) -> bool:
 
 def _record_of(path: Path) -> Path:
     """Where the digests of a file are kept."""
+    import hashlib
+
     import platformdirs
 
     state = os.environ.get("TASKCAL_STATE_DIR") or platformdirs.user_state_path("taskcal")
@@ -221,4 +224,6 @@ def _forget_the_gone(folder: Path) -> None:
 
 
 def _digest(content: str | bytes) -> str:
+    import hashlib
+
     return hashlib.sha256(content.encode("utf-8") if isinstance(content, str) else content).hexdigest()

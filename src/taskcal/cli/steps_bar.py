@@ -4,6 +4,7 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 
 from taskcal.cli.output import for_terminal
+from taskcal.cli.sign_of_life import clear_sign
 
 
 @contextmanager
@@ -15,6 +16,7 @@ def bar_over(steps: Sequence[str]) -> Generator[Callable[[str], None], None, Non
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+    clear_sign()
     out = Console(stderr=True)
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=out, transient=True, disable=not out.is_terminal) as bar:

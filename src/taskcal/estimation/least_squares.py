@@ -27,11 +27,11 @@ class Ended(Enum):
     """Why a fit ended."""
 
     NOTHING_TO_ESTIMATE = "nothing was to be estimated"
-    CONVERGED = "the Newton decrement fell below {0.decrement:g}"
-    CANNOT_FALL = "the objective cannot fall further"
-    HARDLY_FALLS = "the objective fell by less than {0.decrease:g} of itself"
+    CONVERGED = "the estimate stands still"
+    CANNOT_FALL = "the fit cannot get better"
+    HARDLY_FALLS = "the fit got better by less than {0.decrease:g} of itself"
     TOO_MANY_ITERATIONS = "no convergence in {0.iterations} iterations"
-    NO_STEP_FALLS = "no step makes the objective fall"
+    NO_STEP_FALLS = "no step makes the fit better"
 
     @property
     def converged(self) -> bool:

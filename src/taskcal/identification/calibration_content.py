@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taskcal.identification.calibration_envelope import FORMAT, FORMAT_VERSION
 from taskcal.identification.observation_layout import ObservationLayout
 from taskcal.identification.packed_covariance import describe_covariance
 from taskcal.measurement.registration_file import describe_registration
@@ -12,13 +13,6 @@ from taskcal.measurement.registration_file import describe_registration
 if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
     from taskcal.identification.held_out import HeldOut
-
-FORMAT = "taskcal-calibration"
-FORMAT_VERSION = 6
-"""Version 1 held estimate and covariance of the parameters that were estimated, and of no others; versions 1 and 2 counted
-the rows of outliers among those fitted, and named no line; before version 4 no joint had an error of its own, and no
-covariance was packed; before version 5 neither the joint positions nor what rows held out showed were kept; before version 6 a
-tracker had measured everything."""
 
 
 def describe_calibration(calibration: "Calibration") -> dict[str, Any]:

@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError
 from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.geometry.described_arrays import array_of, of_shape, rigid
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.calibration_content import FORMAT, FORMAT_VERSION
+from taskcal.identification.calibration_envelope import read_envelope
 from taskcal.identification.considered import spread_out
 from taskcal.identification.field import ResidualField
 from taskcal.identification.held_out import HeldOut
@@ -27,7 +27,6 @@ from taskcal.robot.effects import Effect, effect_from
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from taskcal.robot.parameter import current_parameter
-from taskcal.text_file import read_json
 from taskcal.toml_file import Finite, NotNegative, Section, explain
 
 SYMMETRY_TOLERANCE = 1e-6
@@ -338,18 +337,7 @@ def load_calibration(path: str | Path) -> Calibration:
             names the key and its value.
     """
     path = Path(path)
-    data = read_json(path, "calibration", "save the calibration again")
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise FileError(
-            path, f"is JSON, but no calibration: 'format' is not '{FORMAT}'; write one with taskcal identify"
-        )
-    format_version = data.get("format_version")
-    if type(format_version) is not int or not 1 <= format_version <= FORMAT_VERSION:
-        raise FileError(
-            path,
-            f"has format version {shown(repr(format_version))}, this Taskcal reads 1 to {FORMAT_VERSION}; identify again, or use "
-            "the Taskcal that wrote it",
-        )
+    data = read_envelope(path)
     if isinstance(data.get("covariance"), dict):
         try:
             data["covariance"] = unpack_covariance(data["covariance"]).tolist()

@@ -29,6 +29,7 @@ from taskcal.identification.identify import identify
 from taskcal.identification.one_search import OneModelFound, find_one_model
 from taskcal.identification.search_steps import ASKED_FOR, CHECK, GEOMETRY
 from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.effects import Effect
 from taskcal.robot.error_model import ErrorModel
 
@@ -121,9 +122,6 @@ def select_effects(
         selection = _add(selection, search.effects, trial)
     if search.effects is None or search.field:
         selection = _find_all(selection, trial, search)
-    noise = campaign.covariances(options.noise)[campaign.valid][:, :3, :3]
-    # mean length of an isotropic normal vector: √(8/π) standard deviations
-    tracker = float(np.sqrt(8.0 / np.pi) * np.sqrt(np.trace(noise, axis1=1, axis2=2).mean() / 3.0))
     calibration = selection.calibration
     if calibration is not best:
         calibration = replace(calibration, left_out=left_out, remarks=(*said, *calibration.remarks))
@@ -131,9 +129,21 @@ def select_effects(
         calibration=calibration,
         effects=selection.effects,
         stages=selection.stages,
-        tracker=tracker,
+        tracker=tracker_error(campaign, options.noise),
         collinearities=_repeated_by_geometry(selection.calibration, selection.effects, campaign),
     )
+
+
+def tracker_error(campaign: Campaign, noise: TrackerNoise | None = None) -> float:
+    """Mean error in space that the tracker's noise alone would leave, metres.
+
+    Args:
+        campaign: the measurements.
+        noise: the tracker's, where the campaign does not state uncertainties.
+    """
+    covariance = campaign.covariances(noise)[campaign.valid][:, :3, :3]
+    # mean length of an isotropic normal vector: √(8/π) standard deviations
+    return float(np.sqrt(8.0 / np.pi) * np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean() / 3.0))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,9 +1,10 @@
 """What a report is made of: sections of short texts, tables, figures and commands."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
-import plotly.graph_objects as go
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +91,7 @@ class Chart:
 
     kind: ClassVar[str] = "chart"
     title: str
-    figure: go.Figure
+    figure: "go.Figure"
     note: str = ""
 
 

@@ -40,8 +40,15 @@ def test_json_of_a_fit(run: Run, cell: Path, tmp_path: Path) -> None:
 
 def test_the_report_for_people(run: Run, cell: Path, tmp_path: Path) -> None:
     text = identify(run, cell / "one.csv", tmp_path / "cal.json", "--holdout", "0.3").out
-    for word in ("max x mm", "max in space mm", "fitted", "held out", "psi5", "model error", "tracker frame", "ended"):
+    first, *_ = text.splitlines()
+    assert "times as accurate as before" in first
+    assert text.index("nominal, frames only") < text.index(" fitted ") < text.index(" held out ") < text.index("next ")
+    for word in ("rms mm", "model error", "tracker frame", "--parameters lists them"):
         assert word in text
+    assert "psi5" not in text
+    whole = identify(run, cell / "one.csv", tmp_path / "cal.json", "--holdout", "0.3", "--parameters").out
+    for word in ("psi5", "largest correlations", "ended"):
+        assert word in whole
 
 
 @pytest.mark.parametrize("campaign", ["three.csv", "poses.csv"])
@@ -317,9 +324,9 @@ def test_what_the_data_do_not_see_is_said(run: Run, cell: Path, tmp_path: Path) 
         prior = result["prior_scale"] * p[f"tolerance_{p['unit']}"]
         assert p["seen"] == (p[f"standard_error_{p['unit']}"] < 0.95 * prior)
     unseen = sum(not value for value in seen.values())
-    ended = run(*fit)
+    ended = run(*fit, "--parameters")
     assert ended.out.count("mm     not seen") + ended.out.count("mrad   not seen") == unseen
-    assert f"{unseen} parameters: the data say next to nothing of them" in ended.out
+    assert f"{unseen} parameters: the data say next to nothing of them" in " ".join(ended.out.split())
     assert {p["seen"] for p in run(*fit, "--prior", "none", "--json").json["parameters"]} == {None}
 
 

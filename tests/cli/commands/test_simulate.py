@@ -82,7 +82,8 @@ def test_a_folder_that_is_missing_is_found_before_anything_is_computed(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("taskcal.task.task.load_task", lambda *_: pytest.fail("read"))
-    ended = run("simulate", "--robot", IRB6660, "--task", "any.toml", "-o", tmp_path / "none" / "c.csv")
+    (tmp_path / "any.toml").write_text("")
+    ended = run("simulate", "--robot", IRB6660, "--task", tmp_path / "any.toml", "-o", tmp_path / "none" / "c.csv")
     assert ended.status == 1
     assert "there is no folder" in ended.err
 

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskcal.cli.first_look import look_at_calibrations
 from taskcal.cli.options import CountOption, JsonOption, SeedOption, check_above_zero
-from taskcal.cli.output import info, show, show_facts, tell, working, write_json
+from taskcal.cli.output import info, say, show, show_facts, working, write_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,7 +20,10 @@ def command(
     calibrations: Annotated[
         list[Path],
         typer.Argument(
-            metavar="CAL.json CAL.json…", readable=False, help="Calibrations; each is compared with the first."
+            metavar="CAL.json CAL.json…",
+            readable=False,
+            callback=look_at_calibrations,
+            help="Calibrations; each is compared with the first.",
         ),
     ],
     task: Annotated[
@@ -101,7 +105,7 @@ def _show(title: str, comparison: "Comparison", accuracy: float | None, *, all_p
 
     for remark in comparison.remarks:
         info(remark)
-    tell(title)
+    say(title)
     facts = [
         ("changed", describe_comparison(comparison)),
         ("largest", f"{comparison.maximum * 1e3:.4f} mm at one of {len(comparison.q)} poses"),

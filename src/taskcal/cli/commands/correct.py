@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskcal.cli.first_look import look_at_calibration
 from taskcal.cli.option_groups import grouped
 from taskcal.cli.options import PageOptions, check_above_zero
 from taskcal.cli.output import info, show_facts, show_table, tell, working, write_json
@@ -159,7 +160,12 @@ def command(
     calibration: Annotated[
         Path,
         typer.Option(
-            "--calibration", "-c", metavar="CAL.json", readable=False, help="Calibration written by taskcal identify."
+            "--calibration",
+            "-c",
+            metavar="CAL.json",
+            readable=False,
+            callback=look_at_calibration,
+            help="Calibration written by taskcal identify.",
         ),
     ],
     destination: DestinationOptions,
@@ -192,7 +198,7 @@ def command(
 
     calibrated = load_calibration(calibration)
     cell, program = _read(programs, around, calibrated)
-    with working("reading the program") as say:
+    with working("reading the program", steps=4) as say:
         correction = correct(
             calibrated,
             program,

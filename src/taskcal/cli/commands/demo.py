@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 HELD_OUT = 400
 
+FITS = 14
+"""Identifications of the procedure: seven models in each of two sets of orientations."""
+
 KEPT = "robots"
 """Folder, in that of the results, of the calibrations of the closed loop's robots: an interrupted run goes on with them."""
 
@@ -35,7 +38,7 @@ Robots = Annotated[
 Count = Annotated[int, typer.Option("--count", "-n", min=10, help="Measured poses of each campaign.")]
 
 
-def demo(
+def command(
     output: Output = Path("taskcal-demo"),
     count: Count = 60,
     seed: SeedOption = 0,
@@ -74,7 +77,7 @@ def demo(
         message = f"no folder can be made here: {error.strerror or error}; name another with --output"
         raise FileError(output, message) from error
     outputs = _outputs(output, full, force)
-    with working("starting") as say:
+    with working("starting", steps=5 + FITS) as say:
         model = ErrorModel(load_robot(ROBOT))
         procedure = run_procedure(model, count=count, seed=seed, held_out=HELD_OUT, progress=say)
         say("figures and page")
@@ -125,7 +128,7 @@ def _close_the_loop(
         f"  {started_as()} correct --calibration {files['calibration for milling']} --cell {files['cell']} "
         f"{files['touched-off program']} --dry-run"
     )
-    with working("the closed loop") as say:
+    with working("the closed loop", steps=7 + count) as say:
         loop = prepare_closed_loop(robot, seed=seed, progress=say)
         runs = run_closed_loops(loop, range(seed, seed + count), say, fits=folder / KEPT)
         outputs.write(closed_loop_contents(loop, runs, files, next_steps=command))

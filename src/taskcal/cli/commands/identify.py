@@ -6,18 +6,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.campaign_options import CampaignOptions, CampaignRead
+from taskcal.cli.campaign_options import CampaignOptions
 from taskcal.cli.fit_options import FitCommandOptions, PriorChoice
 from taskcal.cli.holdout_options import HoldoutOptions
 from taskcal.cli.option_groups import grouped
 from taskcal.cli.options import CampaignArgument, OutputOptions, RobotOption
-from taskcal.cli.output import info, write_json
+from taskcal.cli.output import info, working, write_json
 from taskcal.cli.outputs import check_outputs
 from taskcal.errors import CampaignError, FileError, FitError, TaskcalError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from taskcal.identification.calibration import Calibration
     from taskcal.identification.explanation import Explanation
     from taskcal.identification.fit_options import FitOptions
@@ -75,6 +73,8 @@ def command(
     holdout: HoldoutOptions,
     fitting: FitCommandOptions,
     search: SearchOptions,
+    parameters: Annotated[bool, typer.Option("--parameters", help="List the parameters that were identified.")] = False,
+    *,
     out: OutputOptions,
 ) -> None:
     """Identify a robot's parameters from a campaign, with tracker frame and targets.
@@ -114,12 +114,21 @@ def command(
     for remark in calibration.remarks:
         info(remark)
     outputs.write({output: calibration.to_text()})
-    reported = _report(calibration, read, holdout.fitted_rows(read), fit.nominal)
-    result = {"calibration": output, **reported, **_explained(fit.explanation)}
+    from taskcal.cli.calibration_report import report, show_report
+    from taskcal.identification.effect_selection import tracker_error
+
+    fitted = holdout.fitted_rows(read)
+    reported = report(calibration, read.whole.take(fitted), fit.nominal)
+    result = {"calibration": output, **reported, "drift": read.drift, **_explained(fit.explanation)}
     if out.as_json:
         write_json(result)
     else:
-        _show(calibration, result, fit.explanation)
+        tracker_mm = tracker_error(read.whole.take(fitted), fitting.noise()) * 1e3
+        show_report(calibration, result, tracker_mm=tracker_mm, parameters=parameters)
+        if fit.explanation is not None:
+            from taskcal.cli.effects import show_explanation
+
+            show_explanation(fit.explanation)
 
 
 @dataclass(kw_only=True)
@@ -142,7 +151,8 @@ class _Fit:
         if not self.search.searching:
             from taskcal.identification.identify import identify
 
-            return identify(self.model, measured, options=options)
+            with working("identification" if self.done == 1 else f"fold {self.done - 1} of {self.fits - 1}"):
+                return identify(self.model, measured, options=options)
         part = f"fold {self.done - 1} of {self.fits - 1}: " if self.done > 1 else ""
         explanation = _explain(
             self.model, measured, self.effects, options, field=self.search.field, seed=self.seed, part=part
@@ -184,14 +194,6 @@ def _explain(
         return select_effects(model, measured, search, options=options, progress=lambda step: say(f"{part}{step}"))
 
 
-def _report(
-    calibration: "Calibration", read: CampaignRead, fitted: list[int], nominal: "Callable[[Campaign], Calibration]"
-) -> dict[str, Any]:
-    from taskcal.cli.calibration_report import report
-
-    return {**report(calibration, read.whole.take(fitted), nominal), "drift": read.drift}
-
-
 def _explained(explanation: "Explanation | None") -> dict[str, Any]:
     if explanation is None:
         return {}
@@ -203,13 +205,3 @@ def _explained(explanation: "Explanation | None") -> dict[str, Any]:
         "collinear": collinearities_json(explanation),
         "near_dependent": collinearities_json(explanation),  # former key, until the next release
     }
-
-
-def _show(calibration: "Calibration", result: dict[str, Any], explanation: "Explanation | None") -> None:
-    from taskcal.cli.calibration_report import show_report
-
-    show_report(calibration, result)
-    if explanation is not None:
-        from taskcal.cli.effects import show_explanation
-
-        show_explanation(explanation)

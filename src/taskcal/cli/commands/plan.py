@@ -119,7 +119,8 @@ def command(
     setting = _read(task, of, measured, choice)
     robot = setting.model.robot
     programs.check(robot)
-    with working("candidates") as say:
+    steps = 5 + (page.report is not None)  # candidates, choice, exchange, two rounds of refinement, page
+    with working("candidates", steps) as say:
         chosen = _plan(setting, choice, measured.campaign or of.calibration, say)
         contents: dict[Path, str | bytes] = {output: joints_text(chosen.q, robot)}
         for source in programs.compose(robot, chosen.q):

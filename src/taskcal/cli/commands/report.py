@@ -48,7 +48,7 @@ def command(
 
     calibrated = load_calibration(calibration)
     described = None if task is None else load_task(task)
-    with working("uncertainty and page"):
+    with working("uncertainty, then the page"):
         uncertainty = None if described is None else uncertainty_over(calibrated, described, seed)
         remainder = _examine(calibrated, measured, seed)
         page = calibration_html(calibrated, uncertainty, version=package_version(), remainder=remainder)

@@ -34,6 +34,8 @@ class Convention(StrEnum):
 
 app = typer.Typer(
     cls=ShowByDefault,
+    add_completion=False,
+    rich_markup_mode=None,
     invoke_without_command=True,
     subcommand_metavar="[NAME_OR_FILE | COMMAND …]",
     context_settings={"help_option_names": ["-h", "--help"]},

@@ -20,6 +20,7 @@ from taskcal.cli.options import (
 )
 from taskcal.cli.output import info, show, show_facts, write_json
 from taskcal.cli.outputs import check_outputs, count_as_written, files_of_task
+from taskcal.cli.sign_of_life import clear_sign
 
 if TYPE_CHECKING:
     from taskcal.adaptation.study import Study
@@ -193,6 +194,7 @@ def _progress(total: int) -> Generator[Callable[[int, int], None], None, None]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+    clear_sign()
     out = Console(stderr=True)
     if not out.is_terminal:
         tenths = [0]

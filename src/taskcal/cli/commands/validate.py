@@ -42,8 +42,9 @@ class AcceptanceOptions:
         float | None,
         typer.Option(
             "--accept",
-            metavar="MM",
-            help="Pass or fail by this limit, with a guard band from the tracker's uncertainty (JCGM 106); exit status 1 for fail.",
+            metavar="LIMIT",
+            help="Pass or fail by this limit, mm, with a guard band from the tracker's uncertainty (JCGM 106); exit status 1 for "
+            "fail.",
         ),
     ] = None
     accept_of: Annotated[

@@ -1,0 +1,66 @@
+"""What a user wants to know of a fit first: what it was worth, and what to do next."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from taskcal.cli.output import started_as
+from taskcal.identification.calibration import Calibration
+
+MUCH_WORSE = 1.6
+"""Times the fitted error, beyond which held-out rows say that there are too few."""
+
+MUCH_UNEXPLAINED = 2.0
+"""Times the tracker's noise, beyond which it is worth asking what else the joints do."""
+
+MOST_NAMED = 5
+"""Rows that are named."""
+
+
+def verdict(result: Mapping[str, Any]) -> str:
+    """The fit in a sentence.
+
+    Args:
+        result: what `calibration_report.report` says.
+    """
+    held_out = result["held_out"]
+    before, after = result["nominal"]["mean_mm"], (held_out or result["fitted"])["mean_mm"]
+    where = (
+        f"on {held_out['n']} points that were not fitted"
+        if held_out is not None
+        else "on the fitted rows themselves, which is too good: none were held out"
+    )
+    change = f"{before / after:.1f} times as accurate as before" if after < before else "no better than before"
+    return f"{result['robot']} is {change}: {before:.3f} mm mean error in space nominally, {after:.3f} mm calibrated, {where}."
+
+
+def next_steps(calibration: Calibration, result: Mapping[str, Any], tracker_mm: float) -> list[str]:
+    """What to do next, the most urgent first.
+
+    Args:
+        calibration: the fit.
+        result: what `calibration_report.report` says.
+        tracker_mm: mean error in space that the tracker's noise alone would leave.
+    """
+    taskcal, cal, held_out = started_as(), result["calibration"], result["held_out"]
+    steps: list[str] = []
+    wrong = [row.row for row in calibration.left_out] + [o.row for o in calibration.outliers if o.row is not None]
+    if wrong:
+        rows = sorted(set(wrong))
+        more = f" and {len(rows) - MOST_NAMED} more" if len(rows) > MOST_NAMED else ""
+        steps.append(f"measure rows {', '.join(map(str, rows[:MOST_NAMED]))}{more} again, or leave them out: see below")
+    if held_out is None:
+        steps.append("see what it predicts: --holdout 0.3 gives rows away for that, --folds 5 gives none away")
+    elif held_out["mean_mm"] > MUCH_WORSE * result["fitted"]["mean_mm"]:
+        steps.append(
+            f"measure more poses: rows that were not fitted are {held_out['mean_mm'] / result['fitted']['mean_mm']:.1f} times as "
+            f"far off as those that were; {taskcal} plan says which"
+        )
+    if any(target["unlocated"] for target in result["targets"].values()):
+        steps.append("measure in several orientations: these poses do not locate every target")
+    left = (held_out or result["fitted"])["mean_mm"]
+    if not calibration.model.effects and calibration.field is None and left > MUCH_UNEXPLAINED * tracker_mm:
+        steps.append(
+            f"ask what else the joints do: --effects auto; {left:.3f} mm are left, the tracker alone would leave {tracker_mm:.3f}"
+        )
+    steps.append(f"look at the whole: {taskcal} report {cal}; use it: {taskcal} correct -c {cal} PROGRAM")
+    return steps
