@@ -80,7 +80,15 @@ def _costs(
 ) -> Float[np.ndarray, " groups"]:
     """What the mean squared error grows by without each group."""
     out = np.empty(len(groups))
+    alone = np.flatnonzero([len(g) == 1 for g in groups])
+    if len(alone):
+        s = np.concatenate([g for g in groups if len(g) == 1])
+        a, t = np.diag(F)[s], FT[s]
+        by_rows = np.einsum("pn,pn->p", FX[s], FXK[s])
+        out[alone] = 2.0 * np.einsum("pm,pm->p", t, slope[s]) / a + np.einsum("pm,pm->p", t, t) * by_rows / a**2
     for k, g in enumerate(groups):
+        if len(g) == 1:
+            continue
         inverse = np.linalg.inv(F[np.ix_(g, g)])
         by_task, by_rows = inverse @ FT[g], inverse @ FX[g]
         out[k] = 2.0 * np.sum(by_task * slope[g]) + np.sum((by_task @ FT[g].T) * (FXK[g] @ by_rows.T))

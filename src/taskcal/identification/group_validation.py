@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.stats import chi2, f
+from scipy.special import betaln, chdtri, fdtri
 
 from taskcal.estimation.group_variances import GroupedFit, find_sizes, reduce_normal, reduce_rows, without
 from taskcal.identification.one_model import OneFit
@@ -125,8 +125,9 @@ def stretch_of(square: Float[np.ndarray, " points"]) -> float:
     """Factor of the covariance that makes its 95 % region hold 95 % of errors of these squared lengths."""
     scaled = np.maximum(square, 1e-12) / 3.0
     s, nu = np.meshgrid(STRETCH, TAILS, indexing="ij")
-    log = np.stack([
-        f.logpdf(scaled / a, 3, c).sum() - len(scaled) * np.log(a) for a, c in zip(s.ravel(), nu.ravel(), strict=True)
-    ])  # fmt: skip
+    tails = np.array([np.log(c + 3.0 * scaled[:, None] / STRETCH).sum(axis=0) for c in TAILS]).T
+    # log density of F with 3 and ν degrees of freedom, of d²/3s², less log s², but for a constant
+    constant = 0.5 * nu * np.log(nu) - betaln(1.5, 0.5 * nu)
+    log = len(scaled) * (constant - 1.5 * np.log(s)) - 0.5 * (3.0 + nu) * tails
     k = int(log.argmax())
-    return float(s.ravel()[k] * 3.0 * f.ppf(0.95, 3, nu.ravel()[k]) / chi2.ppf(0.95, 3))
+    return float(s.ravel()[k] * 3.0 * fdtri(3.0, nu.ravel()[k], 0.95) / chdtri(3.0, 0.05))
