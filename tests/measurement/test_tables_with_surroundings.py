@@ -202,6 +202,7 @@ REFUSED = {
         ),
         ":6: column 'X': '1 m' is not a number",
     ),
+    "names of angles alone": ([*JOINTS, *XYZ, "A", "B", "C"], [], "has no measurements below its header"),
     "a line cut off": (HEAD, [*ROWS, "P12"], ":14: the line has 1 fields, the header 10"),
 }
 

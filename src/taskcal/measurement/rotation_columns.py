@@ -110,7 +110,12 @@ def _of_angles(
     cells = np.stack([table.numbers(name, empty=True) for name in names], axis=1)
     _refuse_empty(table, cells, names, needed, "a pose needs all three angles")
     cells[~needed] = 0.0
-    if form is None and first.unit is None and what != "rotation-vector" and 0.0 < np.abs(cells).max() <= np.pi:
+    if (
+        form is None
+        and first.unit is None
+        and what != "rotation-vector"
+        and 0.0 < np.abs(cells).max(initial=0.0) <= np.pi
+    ):
         message = f"no angle of {listed} is beyond 3.14: they may be radians; name the columns {names[0]}_deg … or {names[0]}_rad …"
         raise table.header_error(message, names[0])
     angles = cells * ANGLES[unit]

@@ -20,8 +20,11 @@ and a cell costs the same time however well it packs."""
 
 _NUMERIC = re.compile(r"[+-]?[.,]?\d[\d.,]*(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
-MAX_CELLS = 20_000_000
-"""Of a sheet; a cell with a far address makes the rows between it and the others."""
+MAX_CELLS = 4_000_000
+"""Of a sheet, those counted that stand empty before a filled one: a campaign of 100 000 rows and 40 columns."""
+
+MAX_ROWS = 1_048_576
+"""That a workbook has; a row with a far number makes those between it and the others."""
 
 
 _DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, RuntimeError)
@@ -101,9 +104,15 @@ def _rows(path: Path, sheet: Any) -> list[tuple[int, tuple[str, ...]]]:
     # rows end with their own last cell: what the sheet says of its size may be missing or wrong
     sheet.reset_dimensions()
     for number, cells in enumerate(sheet.iter_rows(values_only=True), start=1):
-        count += len(cells) + 1
+        if number > MAX_ROWS:
+            raise FileError(
+                path, f"numbers a row beyond {MAX_ROWS}, the last of a workbook; save the table alone as CSV"
+            )
+        count += len(cells)
         if count > MAX_CELLS:
             raise FileError(path, f"has more than {MAX_CELLS} cells, most of them empty; save the table alone as CSV")
+        if not cells:
+            continue
         texts = [_text(value) for value in cells]
         while texts and not texts[-1]:
             texts.pop()
