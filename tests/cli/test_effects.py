@@ -119,7 +119,9 @@ def test_motor_harmonics_need_a_gear_ratio(run: Run, campaign: Path, tmp_path: P
 
 
 def test_a_field_is_taken_only_where_it_predicts_better(run: Run, campaign: Path, tmp_path: Path) -> None:
-    result = identify(run, campaign, tmp_path / "cal.json", "--effects", "harmonics:1", "--field", "--json").json
+    ended = identify(run, campaign, tmp_path / "cal.json", "--effects", "harmonics:1", "--field", "--json")
+    assert "--field is deprecated" in ended.err
+    result = ended.json
     geometry, asked, together, field = result["explanation"]
     assert (geometry["stage"], asked["stage"]) == ("geometry", "gear harmonics of order 1")
     assert (together["stage"], field["stage"]) == ("all effects", "smooth field")

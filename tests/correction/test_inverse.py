@@ -7,9 +7,9 @@ import pytest
 
 from taskcal.correction.inverse import solve_calibrated
 from taskcal.geometry import se3
-from taskcal.identification.field import learn_field
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
+from tests.laws.fields import field_through
 
 
 @pytest.mark.parametrize("outputs", [None, 3, 6])
@@ -20,7 +20,7 @@ def test_the_calibrated_tool_meets_the_poses(outputs, calibration, robot, measur
         rng = np.random.default_rng(2)
         shape = rng.normal(size=(6, outputs))
         values = 2e-4 * np.sin(2.0 * measured @ shape) + 1e-5 * rng.normal(size=(len(measured), outputs))
-        known = replace(calibration, field=learn_field(measured, values))
+        known = replace(calibration, field=field_through(measured, values))
         assert np.abs(known.field.mean(measured)).max() > 1e-4
     T = ErrorModel(robot).poses(measured)
     found = solve_calibrated(known, T, measured)

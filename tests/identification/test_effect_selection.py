@@ -1,12 +1,13 @@
 """What geometry cannot explain enters where the data prove it, and nowhere else."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import chdtri
 
 from taskcal.identification.calibration_file import load_calibration
-from taskcal.identification.effect_selection import explain, with_field
-from taskcal.identification.field import learn_field
+from taskcal.identification.effect_selection import explain
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.approach import conditions_in_order
@@ -15,6 +16,7 @@ from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import SOFT, Backlash, Compliance, Coupling, EncoderGain, Harmonics, Overshoot, candidates
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
+from tests.laws.fields import field_through
 
 CHEAP = (EncoderGain(), Harmonics(orders=(1,), tolerance=1e-4), Compliance(), Coupling())
 """Few parameters, for tests that are not about those of many."""
@@ -155,56 +157,16 @@ def test_the_table_says_what_all_effects_and_each_of_them_are_worth(robot):
 def test_effects_and_field_survive_saving(robot, tmp_path):
     model, rng = ErrorModel(robot), np.random.default_rng(0)
     campaign, _ = simulate(model + EncoderGain() + Harmonics(), poses(robot, rng, 60), rng=rng)
-    made = with_field(identify(model + EncoderGain(), campaign), campaign)
+    fitted = identify(model + EncoderGain(), campaign)
+    learned = field_through(campaign.q, fitted.residuals_on(campaign, frame="base")[:, 0])
+    made = replace(fitted, field=learned)
+    assert np.abs(made.predict(campaign.q) - fitted.predict(campaign.q)).max() > 1e-5
     made.save(tmp_path / "cal.json")
     loaded = load_calibration(tmp_path / "cal.json")
     unseen = poses(robot, rng, 30)
     assert loaded.model.effects == made.model.effects
     np.testing.assert_array_equal(loaded.predict(unseen), made.predict(unseen))
     np.testing.assert_array_equal(loaded.predict_covariance(unseen), made.predict_covariance(unseen))
-
-
-def smooth(q, rng, joints):
-    """A smooth random function of the joints, by a few plane waves."""
-    waves, phases = rng.normal(size=(8, joints)), rng.uniform(0, 2 * np.pi, (8, 3))
-    return (
-        1e-4
-        * sum(
-            np.cos(q @ w)[:, None] * np.cos(p) + np.sin(q @ w)[:, None] * np.sin(p)
-            for w, p in zip(waves, phases, strict=True)
-        )
-        / 2
-    )
-
-
-def test_a_field_learns_a_smooth_function_and_fades_far_away():
-    rng = np.random.default_rng(0)
-    q, unseen, far = rng.uniform(-1, 1, (300, 3)), rng.uniform(-0.9, 0.9, (200, 3)), np.full((1, 3), 50.0)
-    noise = 1e-5
-    values, truth = np.split(smooth(np.concatenate([q, unseen]), np.random.default_rng(1), 3), [300])
-    found = learn_field(q, values + noise * rng.normal(size=values.shape))
-    error = found.mean(unseen) - truth
-    assert np.sqrt((error**2).mean()) < 0.3 * np.sqrt((truth**2).mean())
-    np.testing.assert_allclose(found.mean(far), 0.0, atol=1e-12)
-    np.testing.assert_allclose(found.variance(far)[0], found.deviation**2 + found.noise**2, rtol=1e-9)
-    inside = np.abs(error) < 1.96 * np.sqrt(found.variance(unseen))
-    assert inside.mean() > 0.9
-
-
-def test_a_field_equals_the_process_it_was_learned_by():
-    """scikit-learn's own prediction with the same hyper-parameters."""
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
-
-    rng = np.random.default_rng(0)
-    q = rng.uniform(-1, 1, (60, 3))
-    values = smooth(q, rng, 3) + 1e-5 * rng.normal(size=(60, 3))
-    found = learn_field(q, values)
-    size = found.deviation[0]
-    kernel = ConstantKernel(1.0) * RBF(found.lengths) + WhiteKernel((found.noise[0] / size) ** 2)
-    reference = GaussianProcessRegressor(kernel, optimizer=None, alpha=0.0).fit(q, values)
-    unseen = rng.uniform(-1, 1, (20, 3))
-    np.testing.assert_allclose(found.mean(unseen), reference.predict(unseen), atol=1e-9)
 
 
 def test_defects_are_drawn_for_effects_too(robot):

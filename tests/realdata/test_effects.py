@@ -1,4 +1,4 @@
-"""What effects and a residual field add on measured robots: mean error on held-out rows, in millimetres."""
+"""What effects add on measured robots: mean error on held-out rows, in millimetres."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from taskcal.identification.calibration import Calibration
-from taskcal.identification.effect_selection import explain, with_field
+from taskcal.identification.effect_selection import explain
 from taskcal.identification.identify import identify
 from taskcal.identification.residual_analysis import analyse_residuals
 from taskcal.identification.validation import validate
@@ -43,17 +42,14 @@ def model_of(name: str, effects: Sequence[Effect]) -> ErrorModel:
     return model
 
 
-def held_out_mm(
-    data: Path, name: str, effects: Sequence[Effect], rows: float, *, field: bool, splits: int = 3
-) -> float:
+def held_out_mm(data: Path, name: str, effects: Sequence[Effect], rows: float, *, splits: int = 3) -> float:
     campaign, model = campaign_of(data, name), model_of(name, effects)
     count = round(rows * len(campaign)) if rows < 1 else int(rows)
 
     def left(seed: int) -> float:
         order = np.random.default_rng(seed).permutation(len(campaign))
         fitted = identify(model, campaign.take(order[:count]))
-        learned: Calibration = with_field(fitted, campaign.take(order[:count])) if field else fitted
-        return validate(learned, campaign.take(order[count:])).mean * 1e3
+        return validate(fitted, campaign.take(order[count:])).mean * 1e3
 
     return float(np.median([left(seed) for seed in range(splits)]))
 
@@ -72,25 +68,7 @@ SEVERAL_A_TURN = (PERIODIC, Compliance())
     ],
 )
 def test_effects_explain_what_geometry_leaves(data_folder, name, effects, rows, bound_mm):
-    assert held_out_mm(data_folder, name, effects, rows, field=False) <= bound_mm
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "effects", "rows", "bound_mm"),
-    [
-        pytest.param("ur5", SEVERAL_A_TURN, 700, 0.060, id="ur5, 700 rows"),
-        pytest.param("ur10", (Harmonics(), *SEVERAL_A_TURN), 0.7, 0.12, id="ur10, 70 %", marks=pytest.mark.long),
-    ],
-)
-def test_a_field_does_no_harm_where_effects_explain_nearly_all(data_folder, name, effects, rows, bound_mm):
-    assert held_out_mm(data_folder, name, effects, rows, field=True, splits=1) <= bound_mm
-
-
-@pytest.mark.slow
-def test_a_field_beside_geometry_alone_learns_much_of_it(data_folder):
-    """Not as much as the effects say, which know how the joints' errors add up."""
-    assert held_out_mm(data_folder, "abb-irb120", (), 430, field=True, splits=1) <= 0.40
+    assert held_out_mm(data_folder, name, effects, rows) <= bound_mm
 
 
 @pytest.mark.slow
@@ -119,7 +97,7 @@ def test_each_pose_of_the_coupled_robot_is_predicted_from_all_others(data_folder
     ],
 )
 def test_medians_of_ten_splits_are_those_of_the_documentation(data_folder, name, effects, rows, low_mm, high_mm):
-    assert low_mm <= held_out_mm(data_folder, name, effects, rows, field=False, splits=10) <= high_mm
+    assert low_mm <= held_out_mm(data_folder, name, effects, rows, splits=10) <= high_mm
 
 
 def test_what_remains_on_the_irb120_is_the_robot_and_goes_with_nothing_more(data_folder):

@@ -23,7 +23,6 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.cross_validation import mean_over_rows, predict_left_out, split_postures
 from taskcal.identification.effect_search import EffectSearch, ExplainChoices, competing_effects
 from taskcal.identification.explanation import Explanation, Stage
-from taskcal.identification.field import learn_field
 from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.identify import identify
 from taskcal.identification.one_search import OneModelFound, find_one_model
@@ -273,17 +272,6 @@ def _repeated_by_geometry(
     analysis = identifiability(model, campaign.q[campaign.valid.any(axis=1)], frames=True)
     fitted = {*calibration.kept, *(analysis.names[len(model) :] if not calibration.layout.fixed_frames else ())}
     return analysis.collinear(effects, against=sorted((fitted & set(analysis.names)) - set(effects)))
-
-
-def with_field(calibration: Calibration, campaign: Campaign, seed: int = 0) -> Calibration:
-    """The calibration with a field learned from its residuals on a campaign.
-
-    Raises:
-        CampaignError: too few rows.
-    """
-    seen = campaign.valid.any(axis=1)
-    residual = np.nanmean(calibration.residuals_on(campaign, frame="base")[seen], axis=1)
-    return replace(calibration, field=learn_field(campaign.q[seen], residual, seed))
 
 
 def _with(model: ErrorModel, effect: Effect, options: FitOptions) -> tuple[ErrorModel, FitOptions]:

@@ -1,8 +1,7 @@
-"""The residual field: what geometry and effects leave, learned over the joints by a Gaussian process.
+"""The residual field of calibrations that were made before all effects were fitted at once: read and used, no longer learned.
 
-Far from the measured poses the field fades to zero and its uncertainty grows to its full size (Rasmussen and Williams 2006,
-chapter 2). The hyper-parameters are those of the largest marginal likelihood, found by scikit-learn; what is kept are
-arrays, evaluated here.
+It is a Gaussian process over the joints (Rasmussen and Williams 2006, chapter 2). Far from the measured poses it fades to zero and
+its uncertainty grows to its full size. What a file holds are arrays, evaluated here.
 
 The correction is always that of all rows. Its variance is exact up to `MAX_DENSE_ROWS` rows. Beyond, two linear predictors are
 tried whose weights are free only in part, and the better one tells the variance, which is then never less than the exact
@@ -11,7 +10,6 @@ the field is smooth, and weights of the nearest rows alone, good where it is rou
 its rows count less, as if measured with more noise, so that the variance has no steps where the nearest change.
 """
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,16 +17,11 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
+from scipy.linalg import cholesky, solve_triangular
 from scipy.spatial import KDTree
 
-from taskcal.errors import CampaignError
 from taskcal.estimation.squared_exponential import squared_exponential
 from taskcal.short_repr import short_repr
-
-MIN_FIELD_ROWS, MAX_SEARCHED_ROWS, MAX_FIELD_ROWS = 20, 500, 10_000
-"""Rows that a field needs; rows among which the hyper-parameters are sought; rows it keeps at most, where more are thinned
-out evenly: their covariance takes 0.8 GB then."""
 
 MAX_DENSE_ROWS, LOW_RANK, NEIGHBOURS = 3000, 400, 60
 """Rows up to which the variance is that of all; beyond, degrees of freedom of smooth weights, and nearest rows."""
@@ -151,52 +144,3 @@ def _correlation(a: Float[np.ndarray, "n joints"], b: Float[np.ndarray, "k joint
 def _in_batches(function: Callable[[np.ndarray], np.ndarray], at: Float[np.ndarray, "n joints"]) -> np.ndarray:
     """The function of all rows, a batch at a time, so that memory does not grow with their number."""
     return np.concatenate([function(at[i : i + BATCH_ROWS]) for i in range(0, max(len(at), 1), BATCH_ROWS)])
-
-
-def learn_field(
-    q: Float[np.ndarray, "n joints"], residual: Float[np.ndarray, "n outputs"], seed: int = 0
-) -> ResidualField:
-    """Learn a field from residuals.
-
-    Args:
-        q: joint positions, radians.
-        residual: what is left there in base axes, metres (and radians).
-        seed: of the rows among which the hyper-parameters are sought.
-
-    Raises:
-        CampaignError: too few rows.
-    """
-    if len(q) < MIN_FIELD_ROWS:
-        raise CampaignError(
-            f"{len(q)} rows are too few to learn a residual field; measure at least {MIN_FIELD_ROWS}, better 100"
-        )
-    from sklearn.exceptions import ConvergenceWarning
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
-
-    scale = np.maximum(q.std(axis=0), 1e-3)
-    size = np.sqrt((residual**2).mean(axis=0))
-    shape: Any = RBF(np.full(q.shape[1], 2.0), (0.05, 100.0))  # pyright: ignore[reportArgumentType]
-    prior_kernel: Any = ConstantKernel(0.5, (1e-4, 1e2)) * shape + WhiteKernel(0.5, (1e-4, 1e1))
-    rows = np.sort(np.random.default_rng(seed).permutation(len(q))[:MAX_SEARCHED_ROWS])
-    process = GaussianProcessRegressor(prior_kernel, alpha=1e-10, normalize_y=False, random_state=seed)
-    with warnings.catch_warnings():
-        # a length at its upper bound is a joint without influence, which is an answer
-        warnings.simplefilter("ignore", ConvergenceWarning)
-        kernel: Any = process.fit((q / scale)[rows], (residual / size)[rows]).kernel_
-    variance, lengths, noise = (
-        kernel.k1.k1.constant_value,
-        np.atleast_1d(kernel.k1.k2.length_scale),
-        kernel.k2.noise_level,
-    )
-    kept = np.unique(np.linspace(0, len(q) - 1, min(len(q), MAX_FIELD_ROWS)).astype(int))
-    scaled, ratio = q[kept] / (lengths * scale), noise / variance
-    K = _correlation(scaled, scaled)
-    K[np.diag_indices_from(K)] += ratio
-    return ResidualField(
-        q=q[kept],
-        weights=cho_solve(cho_factor(K, lower=True, overwrite_a=True), residual[kept]),
-        lengths=lengths * scale,
-        deviation=np.sqrt(variance) * size,
-        noise=np.sqrt(noise) * size,
-    )

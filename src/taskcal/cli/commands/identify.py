@@ -25,6 +25,12 @@ if TYPE_CHECKING:
     from taskcal.robot.robot import Robot
 
 
+FIELD_IS_AN_EFFECT = (
+    "--field is deprecated: no field of the tool's position is learned any more. A smooth function of all joints is tried at each "
+    "joint, as '--effects auto' does among all other effects; '--effects field' adds it unproven"
+)
+
+
 @dataclass(frozen=True, kw_only=True)
 class SearchOptions:
     """What may be added to the geometry."""
@@ -42,7 +48,7 @@ class SearchOptions:
         bool,
         typer.Option(
             "--field",
-            help="Let each joint turn by a smooth function of all joints too, if that predicts better; 'auto' does so anyway.",
+            help="Former option: tries a smooth function of all joints at each joint, which 'auto' has among all others.",
         ),
     ] = False
 
@@ -94,6 +100,8 @@ def command(
             param_hint="--effects / --prior",
         )
     effects = search.named() if search.searching else []
+    if search.field:
+        info(FIELD_IS_AN_EFFECT)
     inputs = [campaign, robot, reading.points, reading.rows, fitting.registration_file]
     outputs = check_outputs("identify", [("--output", output)], inputs, force=out.force)
     from taskcal.robot.catalogue import load_robot
