@@ -10,6 +10,7 @@ from taskcal.correction.controller_trajectory import simulate_controller
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_postures
 from taskcal.programs.program import Frame
+from taskcal.programs.rapid.configuration import Configuration
 from taskcal.robot.error_model import ErrorModel
 
 
@@ -87,6 +88,25 @@ def test_a_posture_that_is_not_there_is_refused(robot, make_moves, middle, shift
     # what follows from an unknown place is found by itself, and has no way
     assert np.isfinite(trajectory.end[1]).all()
     assert not len(trajectory.move)
+
+
+@pytest.mark.parametrize(("off", "binds", "taken"), [(30.0, True, True), (60.0, True, False), (60.0, False, True)])
+def test_the_nearest_posture_is_taken_where_the_controller_takes_it(
+    off, binds, taken, robot, make_moves, middle, model
+):
+    """A target whose configuration is one quadrant off: up to 45° it is accepted, and always where nothing checks it."""
+    (move,) = make_moves([middle])
+    own = min(find_postures(model, middle), key=lambda p: abs(p[0]))
+    stated = Configuration.of(robot, own)
+    # the part is turned with axis 1, so that the posture stands so far beyond the quadrant that is stated
+    turn = np.radians(off) + (stated.cf1 + 1) * np.pi / 2 - own[0]
+    part = Frame(name="base", T=se3.pose(se3.exp(np.array([0.0, 0.0, turn])), np.zeros(3)))
+    move = replace(move, part=part, end=replace(move.end, posture=stated, posture_binds=binds))
+    trajectory = simulate_controller(robot, [move])
+    text = trajectory.warnings[0] if taken else trajectory.rejected[0]
+    assert bool(np.isfinite(trajectory.end[0]).all()) is taken
+    assert f"states the posture {stated}" in text
+    assert f"{off:.0f}° from it" in text
 
 
 def test_a_line_that_leads_to_another_posture_than_it_says_is_remarked(robot, make_moves, middle, shifted):

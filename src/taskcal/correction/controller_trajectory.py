@@ -12,7 +12,7 @@ from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_postures, solve_near
 from taskcal.kinematics.tracing import Outcome, rejections, trace
 from taskcal.kinematics.turns import turned
-from taskcal.programs.program import Move, Target
+from taskcal.programs.program import GradedPosture, Move, Target
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
@@ -209,15 +209,29 @@ class _Simulation:
             return
         agreeing = postures[_agrees(self.robot, move.end, postures)]
         if not len(agreeing):
-            self.rejected[i] = (
-                f"states the posture {move.end.posture}, in which the robot does not reach it inside its joint limits; "
-                "it does so in other postures only"
-            )
+            self._take_nearest(i, postures)
             return
         if seed is None:
             self.end[i] = agreeing[0]
         else:
             self.end[i] = agreeing[np.argmin(np.abs(agreeing - seed).max(axis=1))]
+
+    def _take_nearest(self, i: int, postures: Float[np.ndarray, "n joints"]) -> None:
+        """Of postures of which none is the one that is stated, take the nearest where the controller does."""
+        end = self.moves[i].end
+        stated = f"states the posture {end.posture}, in which the robot does not reach it inside its joint limits"
+        if not isinstance(end.posture, GradedPosture):
+            self.rejected[i] = f"{stated}; it does so in other postures only"
+            return
+        miss = end.posture.miss(self.robot, postures)
+        nearest = int(np.argmin(miss))
+        joints = ", ".join(f"{angle:.1f}" for angle in np.degrees(postures[nearest]))
+        text = f"{stated}; the nearest is at joints [{joints}]°, {np.degrees(miss[nearest]):.0f}° from it"
+        if end.posture_binds and miss[nearest] > end.posture.tolerated:
+            self.rejected[i] = text
+        else:
+            self.end[i] = postures[nearest]
+            self.warnings[i] = f"{text}, and is taken"
 
     def _compare_posture(self, i: int) -> None:
         move = self.moves[i]

@@ -28,6 +28,20 @@ class Posture(Protocol):
         ...
 
 
+@runtime_checkable
+class GradedPosture(Posture, Protocol):
+    """A posture of which it can be told how far others are from it, and how far the controller lets them be."""
+
+    @property
+    def tolerated(self) -> float:
+        """How far off the controller still takes the nearest posture, radians."""
+        ...
+
+    def miss(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
+        """How far each posture is from the one meant: the joints' largest angle to it, radians; zero where it agrees."""
+        ...
+
+
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Frame:
@@ -60,6 +74,8 @@ class Target:
     """Of its numbers."""
     free_spin: bool = False
     """The rotation of the tool about its own z axis is left open; T has some."""
+    posture_binds: bool = True
+    """Whether the controller stops where it cannot take that posture; otherwise it takes the nearest."""
 
 
 @short_repr

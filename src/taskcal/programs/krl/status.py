@@ -45,13 +45,26 @@ class Status:
             robot: the robot.
             q: joint positions, radians.
         """
-        agrees = np.ones(len(q), dtype=bool)
+        return self.miss(robot, q) < BORDER
+
+    @property
+    def tolerated(self) -> float:
+        """How far off the controller still takes the nearest posture, radians: not at all."""
+        return 0.0
+
+    def miss(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
+        """How far each posture is from the one meant, radians: the angle of joints to the sign that T states.
+
+        On the wrong side of what S tells it is half a turn and more.
+        """
+        away = np.zeros(len(q))
         if self.T is not None:
-            agrees &= _bits_agree(self.T, -q[:, :JOINTS])
+            away = _bits_miss(self.T, -q[:, :JOINTS]).max(axis=1)
         beyond = _beyond(robot, q)
         if self.S is not None and beyond is not None:
-            agrees &= _bits_agree(self.S, beyond)
-        return agrees
+            wrong = _bits_miss(self.S, beyond)
+            away = np.maximum(away, np.where(wrong < BORDER, wrong, np.pi + wrong).max(axis=1))
+        return away
 
     def of(self, robot: Robot, q: Float[np.ndarray, " joints"]) -> "Status":
         """Status and turn of a posture.
@@ -69,9 +82,10 @@ class Status:
         return Status(S=S, T=T)
 
 
-def _bits_agree(value: int, positive: Float[np.ndarray, "n bits"]) -> Bool[np.ndarray, " n"]:
+def _bits_miss(value: int, positive: Float[np.ndarray, "n bits"]) -> Float[np.ndarray, "n bits"]:
+    """How far each amount is on the wrong side, zero on the right one."""
     stated = (value >> np.arange(positive.shape[1])) & 1 == 1
-    return (((positive > 0) == stated) | (np.abs(positive) < BORDER)).all(axis=1)
+    return np.maximum(np.where(stated, -positive, positive), 0.0)
 
 
 def _with_bits(value: int, positive: Float[np.ndarray, " bits"]) -> int:

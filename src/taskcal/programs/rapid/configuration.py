@@ -18,6 +18,9 @@ QUADRANT_JOINTS = (0, 3, 5)
 EDGE = np.radians(1e-6)
 """This near to the edge of a quadrant either of its neighbours is right, radians."""
 
+TOLERATED = np.radians(45.0)
+"""How far axes 1, 4 and 6 may be from their quadrants without the controller stopping, radians."""
+
 SLACK = np.radians(1.0)
 """Postures of one target differ by far more; its programmed numbers are rounded, so that its joints are not exact, radians."""
 
@@ -36,18 +39,31 @@ class Configuration:
     def __str__(self) -> str:
         return f"[{self.cf1},{self.cf4},{self.cf6},{self.cfx}]"
 
+    @property
+    def tolerated(self) -> float:
+        """How far off the controller still takes the nearest posture, radians."""
+        return TOLERATED
+
     def agrees(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Bool[np.ndarray, " n"]:
         """Whether each posture is the one meant; any is, of a robot without six turning joints."""
+        return self.miss(robot, q) <= SLACK
+
+    def miss(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
+        """How far each posture is from the one meant, radians: of axes 1, 4 and 6 the angle to their quadrants.
+
+        On the wrong side of what cfx tells it is half a turn and more.
+        """
         if not _has_configuration(robot):
-            return np.ones(len(q), dtype=bool)
-        stated = np.array([self.cf1, self.cf4, self.cf6])
+            return np.zeros(len(q))
+        edge = np.array([self.cf1, self.cf4, self.cf6]) * (np.pi / 2)
         turned = q[:, QUADRANT_JOINTS]
-        right = ((_quadrant(turned - SLACK) <= stated) & (stated <= _quadrant(turned + SLACK))).all(axis=1)
+        away = np.maximum(np.maximum(edge - turned, turned - (edge + np.pi / 2)), 0.0).max(axis=1)
         sides = _sides(robot, q)
         if sides is not None and 0 <= self.cfx <= 7:
             behind = np.array([bool(self.cfx & 4), bool(self.cfx & 2), bool(self.cfx & 1)])
-            right &= np.where(behind, sides < SLACK, sides > -SLACK).all(axis=1)
-        return np.asarray(right)
+            wrong = np.where(behind, sides, -sides).max(axis=1)
+            away = np.maximum(away, np.where(wrong < SLACK, np.maximum(wrong, 0.0), np.pi + wrong))
+        return away
 
     @classmethod
     def of(cls, robot: Robot, q: Float[np.ndarray, " joints"], like: "Configuration | None" = None) -> "Configuration":

@@ -136,9 +136,10 @@ def resolve(
     end = resolve_target(where.to, type_, scope, values, file)
     via = resolve_target(where.via, type_, scope, values, file) if where.via else None
     # where the motion before is not known, the configuration is the best there is even if the controller does not check it
-    counts = kind not in settings.postures_off or follows is None
+    binds = kind not in settings.postures_off
+    counts = binds or follows is None
     move = Move(
-        kind=kind, end=end.target(counts), via=via.target(counts) if via else None, tool=frames.tool, part=frames.part,
+        kind=kind, end=end.target(counts, binds), via=via.target(counts) if via else None, tool=frames.tool, part=frames.part,
         part_in_hand=frames.part_in_hand,
         speed=_speed(where, scope, values) if form.speed_counts or "on" in where.options else None,
         turn_speed=_turn_speed(where, scope, values), divisible=form.repeats and not where.options.keys() & {"on", "off"},

@@ -46,13 +46,13 @@ class TargetArgument:
         """The pose that is meant."""
         return pose_of(self.meant[:3], self.meant[3:7])
 
-    def target(self, posture_counts: bool) -> Target:
-        """What a motion goes to; without its posture where the controller is told to ignore that."""
+    def target(self, posture_counts: bool, posture_binds: bool = True) -> Target:
+        """What a motion goes to; without its posture where the controller is told to ignore that and it is not needed."""
         name, place = self.origin.name if self.origin else "", self.file.source.place(self._written)
         if self.type == "jointtarget":
             return Target(name=name, T=None, q=np.radians(self.meant), posture=None, place=place)
         posture = configuration(self.meant[7:]) if posture_counts else None
-        return Target(name=name, T=self.T, q=None, posture=posture, place=place)
+        return Target(name=name, T=self.T, q=None, posture=posture, place=place, posture_binds=posture_binds)
 
     @property
     def _written(self) -> int:
