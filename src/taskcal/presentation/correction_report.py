@@ -11,6 +11,7 @@ from taskcal.presentation.correction_tables import (
     tabulate_errors,
     tabulate_targets,
 )
+from taskcal.presentation.grouped_remarks import group_remarks
 from taskcal.presentation.report import report_html
 
 
@@ -78,8 +79,8 @@ def _errors(correction: Correction) -> Section:
 
 def _left(correction: Correction) -> Section:
     moves = correction.program.moves
-    refused = [f"{moves[i].place}: {why}" for i, why in sorted(correction.rejected.items())]
-    diagnostics = [str(diagnostic) for diagnostic in correction.diagnostics]
+    refused = group_remarks((moves[i].place, why) for i, why in sorted(correction.rejected.items()))
+    diagnostics = group_remarks((diagnostic.place, diagnostic.text) for diagnostic in correction.diagnostics)
     blocks: list[Block] = []
     if refused:
         blocks += [Text(("These motions stay as they were:",)), Points(tuple(refused))]

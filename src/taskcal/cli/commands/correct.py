@@ -314,6 +314,7 @@ def _show(correction: "Correction", written: tuple[Path, ...], report: Path | No
         tabulate_errors,
         tabulate_targets,
     )
+    from taskcal.presentation.grouped_remarks import group_remarks
 
     show_facts(state_expected(correction))
     for table in (tabulate_errors(correction), tabulate_targets(correction, SHOWN)):
@@ -321,11 +322,10 @@ def _show(correction: "Correction", written: tuple[Path, ...], report: Path | No
         if table.note:
             tell(f"{table.note}\n")
     show_facts(tabulate_correction(correction))
-    problems = [
-        f"{correction.program.moves[i].place}: left as it was: {why}" for i, why in sorted(correction.rejected.items())
-    ]
-    problems += [str(diagnostic) for diagnostic in correction.diagnostics]
-    for problem in problems:
+    moves = correction.program.moves
+    problems = [(moves[i].place, f"left as it was: {why}") for i, why in sorted(correction.rejected.items())]
+    problems += [(diagnostic.place, diagnostic.text) for diagnostic in correction.diagnostics]
+    for problem in group_remarks(problems):
         info(problem)
     for path in written:
         info(f"written: {path}")
