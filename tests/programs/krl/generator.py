@@ -25,6 +25,10 @@ class Generated:
     """All of which can be resolved."""
 
 
+LEANING = "LIN {Z 100.5}", "lin_rel {X 10.0,Z -3} C_DIS #TOOL", "SLIN_REL {Y 1} #BASE", "LIN {X 1,Y 2}"
+"""Motions that count from where the one before ended."""
+
+
 def generate(rng: np.random.Generator) -> Generated:
     """A ``.src`` and its ``.dat``, with tool and base set before the first motion."""
     points = [f"XP{i + 1}" for i in range(int(rng.integers(5)))]
@@ -36,6 +40,9 @@ def generate(rng: np.random.Generator) -> Generated:
     for _ in range(int(rng.integers(1, 9))):
         moves = rng.random() < 0.6
         motions += moves
+        if rng.random() < 0.1:
+            src += [f"LIN {_pose(rng)}", _one(rng, LEANING)]
+            motions += 2
         src.append(_one(rng, BLANKS) + (_motion(rng, points) if moves else _one(rng, PASSIVE)) + _one(rng, COMMENTS))
     newline, encoding = _one(rng, ("\r\n", "\n")), _one(rng, ("utf-8", "cp1252"))
     last = _one(rng, ("", newline))

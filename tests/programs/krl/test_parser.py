@@ -60,8 +60,9 @@ def test_an_arc_has_two_points():
     [
         ("CIRC XP1,XP2,CA 270", "the arc ends at the angle CA"),
         ("CIRC XP1,XP2,CA=270 C_DIS", "the arc ends at the angle CA"),
-        ("LIN_REL {X 10} #TOOL", "starts from wherever the robot is"),
-        ("SPL XP1", "starts from wherever the robot is, or is a spline"),
+        ("CIRC_REL {X 10},{Y 5}", "arcs and splines by distances are not read"),
+        ("SPL_REL {X 10}", "arcs and splines by distances are not read"),
+        ("LIN {X 10} #TOOL", "'#TOOL' is not understood"),
         ("LIN XP1,XP2", "LIN is given 2 points"),
         ("CIRC XP1", "CIRC is given 1 points"),
         ("LIN XP1 FAST", ""),

@@ -45,8 +45,9 @@ def test_a_program_of_inline_forms(newline):
         ("circular", "XP4", 15, False, 3),
         ("linear", "XP5", 16, True, 4),
         ("linear", "XP1", 8, True, None),
+        ("linear", "", 49, True, 6),
     ]
-    assert [m.speed for m in program.moves] == [None, None, 0.5, 0.5, 0.2, 2.0, 0.2]
+    assert [m.speed for m in program.moves] == [None, None, 0.5, 0.5, 0.2, 2.0, 0.2, 0.2]
     for move in program.moves[1:]:
         np.testing.assert_allclose(move.tool.T, TOOL1)
         np.testing.assert_allclose(move.part.T, BASE2)
@@ -61,7 +62,6 @@ def test_a_program_of_inline_forms(newline):
     np.testing.assert_allclose(program.moves[4].via.T[:3, 3], [0.85, -0.06, 0.14])
     assert texts(program) == [
         "handling.src:47: GRIPPER_OPEN is not in the files given; it is taken to leave $TOOL, $BASE and $IPO_MODE as they are",
-        "handling.src:49: LIN_REL stays as it is: starts from wherever the robot is, or is a spline",
     ]
 
 
@@ -79,7 +79,8 @@ def test_a_program_of_a_postprocessor():
     assert [m.follows for m in program.moves] == [None, 0, 1, 2, 3, None]
     assert texts(program) == [
         "MILLING.SRC:13: CIRC stays as it is: the arc ends at the angle CA, not in the point",
-        "MILLING.SRC:14: LIN stays as it is: Y is not stated, so it keeps its value of before",
+        "MILLING.SRC:14: LIN stays as it is: Y is not stated, and it counts from where the motion before ended, and that is not "
+        "known",
     ]
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.programs.krl.position import pose
+from taskcal.programs.krl.position import AXES, EXTERNAL, POSE, pose
 from taskcal.programs.krl.syntax import (
     Aggregate,
     Assignment,
@@ -15,11 +15,18 @@ from taskcal.programs.krl.syntax import (
     Call,
     Declaration,
     Declared,
+    End,
     Operand,
     Statement,
 )
 from taskcal.programs.source import Place, Source
 from taskcal.programs.unresolved import Unresolved
+
+BUILT_IN = "BAS"
+"""KUKA's own routine for motion parameters, and its module: what it does is known, whether or not its text is passed."""
+
+READ = frozenset({*POSE, *AXES, *EXTERNAL, "S", "T", "TOOL_NO", "BASE_NO", "IPO_FRAME"})
+"""Components of points, frames and parameter sets that matter for where the robot goes."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -84,29 +91,35 @@ class Data:
 
     @cached_property
     def _local(self) -> set[tuple[str, str]]:
-        """Variables that a routine declares for itself."""
-        return {
-            (file.module, variable.name)
-            for file in self.files
-            if not file.holds_data
-            for line in file.statements
-            if isinstance(line, Declaration)
-            for variable in line.variables
-        }
+        """Variables that a routine declares for itself, and what it is given."""
+        out: set[tuple[str, str]] = set()
+        for file in self.files:
+            for line in file.statements if not file.holds_data else ():
+                match line:
+                    case Declaration():
+                        out |= {(file.module, variable.name) for variable in line.variables}
+                    case Begin():
+                        out |= {(file.module, name) for name in line.parameters}
+                    case _:
+                        pass
+        return out
 
     @cached_property
     def _changed(self) -> dict[str, list[tuple[str, Place]]]:
         """By variable or element: the modules in which code assigns it or hands it to a routine, and where."""
         out: dict[str, list[tuple[str, Place]]] = {}
         for file in self.files:
-            for line in file.statements if not file.holds_data else ():
+            if file.holds_data or file.module == BUILT_IN:
+                continue
+            for line, own in _lines_with_own_names(file):
                 names: tuple[str, ...] = ()
                 if isinstance(line, Assignment):
-                    names = (_element(line), *line.changed)
-                elif isinstance(line, Call) and line.name != "BAS":
+                    names = (*_element(line), *line.changed)
+                elif isinstance(line, Call) and line.name != BUILT_IN:
                     names = line.changed
                 for name in names:
-                    out.setdefault(name, []).append((file.module, file.source.place(line.start)))
+                    if name.partition("[")[0] not in own:
+                        out.setdefault(name, []).append((file.module, file.source.place(line.start)))
         return out
 
     @cached_property
@@ -141,6 +154,8 @@ class Data:
         for where, place in (change for element in elements for change in self._changed.get(element, [])):
             if where == module or (datum is not None and datum.shared):
                 raise Unresolved(f"{name} is changed by the program, at {place}")
+        if datum is None and (module, variable) in self._local:
+            raise Unresolved(f"{name} is a variable of the program's own, whose value is known only at run time")
         if datum is None:
             files = "$config.dat" if variable in ("TOOL_DATA", "BASE_DATA") else "the .dat that states it"
             hint = "" if variable.startswith("$") else f"; pass {files}"
@@ -148,11 +163,29 @@ class Data:
         return datum
 
 
-def _element(line: Assignment) -> str:
-    """What an assignment changes: one element of an array, or all of a variable."""
+def _element(line: Assignment) -> tuple[str, ...]:
+    """What an assignment changes: one element of an array, or all of a variable; nothing where no motion reads that component."""
     name, bracket, rest = line.name.partition("[")
-    index = rest.partition("]")[0]
-    return f"{name}[{index}]" if bracket and index.isdecimal() else line.variable
+    index, _, behind = rest.partition("]")
+    component = (behind if bracket else name).rpartition(".")[2] if "." in line.name else ""
+    if component and component not in READ:
+        return ()
+    return (f"{name}[{index}]" if bracket and index.isdecimal() else line.variable,)
+
+
+def _lines_with_own_names(file: File) -> Iterator[tuple[Statement, frozenset[str]]]:
+    """Lines of a program, with the names that their routine declares for itself: its parameters and its variables."""
+    start = 0
+    for i, line in enumerate((*file.statements, None)):
+        if line is not None and not isinstance(line, Begin | End):
+            continue
+        body = file.statements[start:i]
+        head = file.statements[start - 1] if start else None
+        own = set(head.parameters) if isinstance(head, Begin) else set[str]()
+        own |= {v.name for at in body if isinstance(at, Declaration) for v in at.variables}
+        for at in body:
+            yield at, frozenset(own)
+        start = i + 1
 
 
 def _stated(file: File) -> Iterator[Datum]:

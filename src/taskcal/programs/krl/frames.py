@@ -12,7 +12,7 @@ from taskcal.programs.krl.data import Data
 from taskcal.programs.krl.lexer import Word
 from taskcal.programs.krl.parser import parse_operand
 from taskcal.programs.krl.position import pose
-from taskcal.programs.krl.syntax import Aggregate, Assignment, Call, Operand
+from taskcal.programs.krl.syntax import Aggregate, Assignment, Call, Field, Operand
 from taskcal.programs.program import Frame
 from taskcal.programs.unresolved import Unresolved
 
@@ -196,6 +196,8 @@ class Frames:
                 return replace(state, turn_speed=_plain_number(line.text))
             case _:
                 pass
+        if line.variable == "FDAT_ACT" and state.parameters is not None:
+            return replace(state, parameters=_with_component(state.parameters, line))
         if line.variable in ("$TOOL", "$BASE"):
             held = Held(frame=None, reason=f"{line.name} is changed on its own")
             return replace(state, tool=held) if line.variable == "$TOOL" else replace(state, base=held)
@@ -302,6 +304,20 @@ class Frames:
     def _standing(self, frame: Frame) -> Frame:
         T = se3.inverse(self.robroot) @ frame.T
         return frame if np.array_equal(T, frame.T) else self._frame(frame.name, T)
+
+
+def _with_component(parameters: Aggregate, line: Assignment) -> Aggregate:
+    """A set of parameters with one component as a line sets it: a number, or something that the text does not tell."""
+    name = line.name.partition(".")[2]
+    new = Field(
+        name=name,
+        text=line.text,
+        value=_plain_number(line.text),
+        start=line.value.start,
+        end=line.value.end,
+        touches=False,
+    )
+    return replace(parameters, fields=(*(old for old in parameters.fields if old.name != name), new))
 
 
 def _number_of(words: Sequence[Word]) -> float | None:

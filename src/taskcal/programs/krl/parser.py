@@ -5,6 +5,10 @@ from math import isfinite
 
 from taskcal.programs.krl.lexer import Word, lines_of_words
 from taskcal.programs.krl.syntax import (
+    FRAMES_OF_DISTANCES,
+    OTHER_MOTIONS,
+    POINT_MOTIONS,
+    RELATIVE_MOTIONS,
     Aggregate,
     Assignment,
     Begin,
@@ -19,14 +23,6 @@ from taskcal.programs.krl.syntax import (
     Reference,
     Statement,
 )
-
-POINT_MOTIONS = {"PTP", "LIN", "CIRC", "SPTP", "SLIN", "SCIRC"}
-"""Motions to stated points."""
-
-OTHER_MOTIONS = {
-    "PTP_REL", "LIN_REL", "CIRC_REL", "SPTP_REL", "SLIN_REL", "SCIRC_REL", "SPL", "SPL_REL",
-}  # fmt: skip
-"""Motions from wherever the robot is, and splines through several points."""
 
 PASSING = {"C_PTP", "C_DIS", "C_VEL", "C_ORI", "C_SPL"}
 
@@ -75,7 +71,7 @@ def _statement(words: list[Word]) -> Statement:
     if keyword in _BEGINS:
         names = [word for word in words[1:] if word.kind == "name"]
         chosen = names[min(len(names) - 1, 1 if keyword == "DEFFCT" else 0)] if names else first
-        return Begin(start=start, end=end, name=chosen.upper)
+        return Begin(start=start, end=end, name=chosen.upper, parameters=_parameters(words))
     if keyword in _ENDS:
         return End(start=start, end=end)
     if keyword in POINT_MOTIONS | OTHER_MOTIONS:
@@ -131,7 +127,8 @@ def _motion(words: list[Word]) -> Motion:
     keyword = words[0].upper
     cursor = _Cursor(words[1:])
     operands, passing = [cursor.operand()], list[str]()
-    trouble = "" if keyword in POINT_MOTIONS else "starts from wherever the robot is, or is a spline"
+    trouble = "" if keyword in POINT_MOTIONS else "arcs and splines by distances are not read"
+    along = ""
     while cursor.accept(","):
         if cursor.at_name({"CA"}):
             trouble = trouble or "the arc ends at the angle CA, not in the point"
@@ -143,6 +140,8 @@ def _motion(words: list[Word]) -> Motion:
         word = cursor.take()
         if word.upper in PASSING:
             passing.append(word.upper)
+        elif keyword in RELATIVE_MOTIONS and word.upper in FRAMES_OF_DISTANCES:
+            along = word.upper
         elif word.upper == "WITH":
             settings = cursor.settings()
         elif word.text != ",":
@@ -156,8 +155,16 @@ def _motion(words: list[Word]) -> Motion:
         operands=tuple(operands),
         passing=tuple(passing),
         settings=settings,
+        along=along,
         trouble=trouble,
     )
+
+
+def _parameters(words: list[Word]) -> tuple[str, ...]:
+    """Names in the parentheses of a routine's head, such as ``(N :IN, P :OUT)``."""
+    opening = next((i for i, word in enumerate(words) if word.text == "("), len(words))
+    groups = _arguments(words[opening:])
+    return tuple(group[0].upper for group in groups if group and group[0].kind == "name")
 
 
 def _arguments(words: list[Word]) -> tuple[tuple[Word, ...], ...]:
@@ -265,10 +272,10 @@ class _Cursor:
             parts.append(part)
             if not self.accept(":"):
                 break
-        if not (self.done or self.at(",") or self.at_name({*PASSING, "WITH"})):
+        if not (self.done or self.at(",") or self.at_name({*PASSING, *FRAMES_OF_DISTANCES, "WITH"})):
             known = False
         if not known:
-            self.skip_to(",", *PASSING, "WITH")
+            self.skip_to(",", *PASSING, *FRAMES_OF_DISTANCES, "WITH")
         words = self._words[start : max(self._next, start + 1)]
         return Operand(parts=tuple(parts) if known else (), start=words[0].start, end=words[-1].end)
 

@@ -41,13 +41,25 @@ def pose(aggregate: Aggregate, *, needed: tuple[str, ...] = POSE) -> Float[np.nd
     return se3.pose(rotation(A, B, C), np.array([x, y, z]) * 1e-3)
 
 
-def axes(aggregate: Aggregate) -> Float[np.ndarray, " joints"]:
-    """The joint positions that a complete axis position states, radians.
+def rotation_stated(aggregate: Aggregate) -> bool:
+    """Whether the angles are stated.
 
     Raises:
-        Unresolved: an axis is missing or no number.
+        Unresolved: some are, and others not.
     """
-    return np.radians([_stated(aggregate, name, AXES) for name in AXES])
+    stated = [name for name in "ABC" if aggregate.field(name)]
+    if len(stated) in (1, 2):
+        raise Unresolved(f"of its angles it states {' and '.join(stated)} only")
+    return bool(stated)
+
+
+def axes(aggregate: Aggregate, *, needed: tuple[str, ...] = AXES) -> Float[np.ndarray, " joints"]:
+    """The joint positions that a complete axis position states, radians; zero for what is neither stated nor needed.
+
+    Raises:
+        Unresolved: a needed axis is missing or no number.
+    """
+    return np.radians([_stated(aggregate, name, needed) for name in AXES])
 
 
 def _stated(aggregate: Aggregate, name: str, needed: tuple[str, ...]) -> float:

@@ -8,17 +8,29 @@ from jaxtyping import Float
 
 from taskcal.programs.krl.data import Datum, File
 from taskcal.programs.krl.frames import NULL, Frames, State, merged
+from taskcal.programs.krl.incomplete import completed_axes, completed_pose, is_incomplete, moved_axes, moved_pose
 from taskcal.programs.krl.parser import BLOCKS
-from taskcal.programs.krl.position import axes, external, has_axes, has_pose, pose, whole
+from taskcal.programs.krl.position import external, has_axes, has_pose, pose, whole
 from taskcal.programs.krl.rewrite import Site, Written
 from taskcal.programs.krl.routines import Routine, altered_by
 from taskcal.programs.krl.status import ACCURATE_BIT, Status
-from taskcal.programs.krl.syntax import Aggregate, Assignment, Call, Control, Motion, Operand, Reference, Statement
+from taskcal.programs.krl.syntax import (
+    RELATIVE_MOTIONS,
+    Aggregate,
+    Assignment,
+    Call,
+    Control,
+    Motion,
+    Operand,
+    Reference,
+    Statement,
+)
 from taskcal.programs.program import Move, MoveKind, Target
 from taskcal.programs.unresolved import Unresolved
 
 KINDS: dict[str, MoveKind] = {
     "PTP": "joint", "SPTP": "joint", "LIN": "linear", "SLIN": "linear", "CIRC": "circular", "SCIRC": "circular",
+    "SPL": "linear", "PTP_REL": "joint", "SPTP_REL": "joint", "LIN_REL": "linear", "SLIN_REL": "linear",
 }  # fmt: skip
 
 SPLINES = {"SPLINE", "PTP_SPLINE"}
@@ -142,10 +154,14 @@ class Walk:
         return state.forgotten(f"{line.name} sets it", self.alters[line.name])
 
     def _motion(self, line: Motion, state: State, in_spline: bool, trigger: bool) -> State:
+        if _stays_there(line):
+            return state
         try:
-            if line.trouble or in_spline:
-                raise Unresolved(line.trouble or "it is part of a spline, whose shape depends on all its points")
+            if line.trouble or (line.keyword == "SPL" and not in_spline):
+                raise Unresolved(line.trouble or "it is part of no SPLINE block")
             move, site = self._resolve(line, self.frames.with_settings(state, line.settings))
+            if in_spline:  # its shape depends on all its points: they are corrected, and it is left whole
+                move = replace(move, follows=None, divisible=False)
         except Unresolved as trouble:
             self.findings.diagnose(self.routine.file, line.start, f"{line.keyword} stays as it is: {trouble}")
             return replace(state, last=None)
@@ -160,7 +176,7 @@ class Walk:
     def _resolve(self, line: Motion, state: State) -> tuple[Move, Site]:
         kind = KINDS[line.keyword]
         written = tuple(self._written(operand) for operand in line.operands)
-        end = self._target(written[-1], kind)
+        end = self._target(written[-1], kind, line, self._before(state))
         if end.q is not None:
             if kind != "joint":
                 raise Unresolved(f"{line.keyword} is given axis positions")
@@ -191,7 +207,20 @@ class Walk:
             external=external(written[-1].aggregates[0]),
             carrier=state.base.carrier,
         )
-        return move, Site(file=self.routine.file, motion=line, written=written)
+        leans = line.keyword in RELATIVE_MOTIONS or is_incomplete(written[-1].aggregates[0])
+        return move, Site(file=self.routine.file, motion=line, written=written, leans=leans)
+
+    def _before(self, state: State) -> Move | None:
+        """The motion before, if tool and base are still the same."""
+        if state.last is None:
+            return None
+        before = self.findings.found[state.last].move
+        try:
+            tool, part = self.frames.tool_and_part(state)
+        except Unresolved:
+            return before if before.end.q is not None else None
+        same = before.tool is tool and before.part is part and before.part_in_hand == bool(state.fixed_tool)
+        return before if same or before.end.q is not None else None
 
     def _written(self, operand: Operand) -> Written:
         """Where the numbers of a point stand."""
@@ -207,15 +236,20 @@ class Walk:
     def _datum(self, reference: Reference) -> Datum:
         return self.frames.data.find(reference.name, self.routine.file.module)
 
-    def _target(self, written: Written, kind: MoveKind) -> Target:
+    def _target(self, written: Written, kind: MoveKind, line: Motion, before: Move | None) -> Target:
         first, last = written.aggregates[0], written.aggregates[-1]
         place = self.routine.file.source.place(written.operand.start) if written.datum is None else written.datum.place
         name = "" if written.datum is None else written.datum.name
         if has_axes(first) and not has_pose(first):
             if len(written.aggregates) > 1:
                 raise Unresolved("a frame is added to axis positions")
-            return Target(name=name, T=None, q=axes(first), posture=None, place=place)
-        T = pose(first)
+            relative = line.keyword in RELATIVE_MOTIONS
+            q = moved_axes(first, before) if relative else completed_axes(first, before)
+            return Target(name=name, T=None, q=q, posture=None, place=place)
+        if line.keyword in RELATIVE_MOTIONS:
+            T = moved_pose(first, before, by_tool=line.along == "#TOOL")
+        else:
+            T = completed_pose(first, before)
         for aggregate in written.aggregates[1:]:
             T = T @ _offset(aggregate)
         S, turn = whole(last, "S"), whole(last, "T")
@@ -241,6 +275,12 @@ class Walk:
         if not oriented:
             T[:3, :3] = end[:3, :3]
         return Target(name="" if written.datum is None else written.datum.name, T=T, q=None, posture=None, place=place)
+
+
+def _stays_there(line: Motion) -> bool:
+    """Whether a motion goes to where the robot is, as programs begin."""
+    parts = line.operands[0].parts if len(line.operands) == 1 else ()
+    return len(parts) == 1 and isinstance(parts[0], Reference) and parts[0].name in ("$POS_ACT", "$AXIS_ACT")
 
 
 def _offset(aggregate: Aggregate) -> Float[np.ndarray, "4 4"]:

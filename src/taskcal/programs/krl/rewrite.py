@@ -1,13 +1,16 @@
 """New numbers for the points of a KRL program, in the places where it states them."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isnan
 
+import numpy as np
+
 from taskcal.programs.fresh_names import FreshNames
 from taskcal.programs.krl.data import Datum, File
 from taskcal.programs.krl.lexer import lines_of_words
-from taskcal.programs.krl.position import EXTERNAL, axis_values, edits_for, has_axes, has_pose, pose_values, whole
+from taskcal.programs.krl.position import AXES, EXTERNAL, axis_values, edits_for, has_axes, has_pose, pose_values, whole
 from taskcal.programs.krl.status import Status
 from taskcal.programs.krl.syntax import Aggregate, Motion, Operand
 from taskcal.programs.numeral import numeral
@@ -17,6 +20,11 @@ from taskcal.robot.robot import Robot
 
 LONGEST_NAME = 24
 """Characters of a name in KRL."""
+
+_SAME = 1e-9
+"""Poses and joint positions that differ by less are one, metres and radians."""
+
+_ALONG = re.compile(r"\s*#(BASE|TOOL)\b", re.IGNORECASE)
 
 KEYWORDS: dict[MoveKind, str] = {"joint": "PTP", "axes": "PTP", "linear": "LIN", "circular": "CIRC"}
 
@@ -56,6 +64,8 @@ class Site:
     motion: Motion
     written: tuple[Written, ...]
     """Its points, the last of them the end."""
+    leans: bool = False
+    """It counts from where the motion before ends, at least in part."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -76,10 +86,31 @@ def rewrite(
 ) -> tuple[Source, ...]:
     """The sources with some motions rewritten; see `KrlProgram.rewrite`."""
     rewriting = _Rewriting(robot=robot, files=_files(sites))
-    for number, path in sorted(waypoints.items()):
-        rewriting.motion(sites[number], moves[number], path)
+    changed = {number for number, path in waypoints.items() if not _stays(moves[number], path)}
+    for number, (site, move) in enumerate(zip(sites, moves, strict=True)):
+        path = waypoints.get(number)
+        if site.leans:
+            path = (path or (_own(move),)) if number in changed or move.follows in changed else None
+        if path is not None:
+            rewriting.motion(site, move, path)
     rewriting.variables()
     return tuple(source.edited(rewriting.edits.get(i, ())) for i, source in enumerate(sources))
+
+
+def _stays(move: Move, path: tuple[Waypoint, ...]) -> bool:
+    """Whether a motion is to go where it goes already."""
+    (only, *more) = path
+    if more or only.kind != move.kind:
+        return False
+    old, new = (move.end.q, only.q) if only.T is None else (move.end.T, only.T)
+    return old is not None and bool(np.abs(new - old).max() < _SAME)
+
+
+def _own(move: Move) -> Waypoint:
+    """A motion's own end, to be written again."""
+    q = np.full(len(AXES), np.nan) if move.end.q is None else move.end.q
+    via = None if move.via is None else Waypoint(kind=move.kind, q=q, T=move.via.T)
+    return Waypoint(kind=move.kind, q=q, T=move.end.T, via=via)
 
 
 def _files(sites: Sequence[Site]) -> tuple[File, ...]:
@@ -109,7 +140,7 @@ class _Rewriting:
         for waypoint in before:
             text = self._instruction(site, move, waypoint, passing=True)
             self._edit(site.file, Edit(start=line, end=line, text=f"{source.indent(start)}{text}{source.newline}"))
-        if last.kind != move.kind:
+        if last.kind != move.kind or site.leans:
             text = self._instruction(site, move, last, passing=not move.stops)
             self._edit(site.file, Edit(start=start, end=site.motion.end, text=text))
             return
@@ -125,6 +156,8 @@ class _Rewriting:
         if waypoint.via is not None:
             points.insert(0, self._aggregate(site.written[-1], waypoint.via))
         rest = site.file.source.text[site.written[-1].operand.end : site.motion.end]
+        if site.motion.along:
+            rest = _ALONG.sub("", rest)
         along_path = waypoint.kind in ("linear", "circular")
         if not spline and along_path != (move.kind in ("linear", "circular")):
             rest = ""  # C_PTP is not for paths, C_DIS not for PTP alone
@@ -158,6 +191,8 @@ class _Rewriting:
         values = pose_values(waypoint.T, first)
         if has_pose(first) and not (first.field("S") or first.field("T")):
             return values
+        if np.isnan(waypoint.q).any():  # written again where it was, of which the posture is not known
+            return values
         stated = Status(S=whole(first, "S") or 0, T=whole(first, "T") or 0)
         status = stated.of(self.robot, waypoint.q)
         return {**values, "S": float(status.S or 0), "T": float(status.T or 0)}
@@ -172,7 +207,12 @@ class _Rewriting:
         if all(first.field(name) for name in names) and all(part.value is not None for part in first.fields):
             return _applied(written.template, edits_for(first, values), first.start)
         parts = [f"{name} {numeral(values[name], 5 if name in 'XYZ' else 6)}" for name in names]
-        parts += [f"{name} {int(values[name])}" for name in ("S", "T") if name in values]
+        for name in ("S", "T"):
+            own = first.field(name)
+            if name in values:
+                parts.append(f"{name} {int(values[name])}")
+            elif own is not None and waypoint.T is not None:
+                parts.append(f"{name} {own.text}")
         parts += [
             f"{name} {numeral(values[name], 6) if name in values else component.text}"
             for name in EXTERNAL

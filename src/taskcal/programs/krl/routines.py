@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from taskcal.programs.krl.data import File
+from taskcal.programs.krl.data import BUILT_IN, File
 from taskcal.programs.krl.frames import EVERYTHING
 from taskcal.programs.krl.syntax import Assignment, Begin, Call, End, Motion, Statement
 
@@ -21,7 +21,7 @@ def routines_of(files: tuple[File, ...]) -> dict[str, list[Routine]]:
     """The routines of some files by name, which routines of several files may share."""
     out: dict[str, list[Routine]] = {}
     for file in files:
-        if file.holds_data:
+        if file.holds_data or file.module == BUILT_IN:
             continue
         start, name = 0, ""
         for i, line in enumerate((*file.statements, None)):

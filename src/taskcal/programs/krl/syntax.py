@@ -5,6 +5,18 @@ from typing import NamedTuple
 
 from taskcal.programs.krl.lexer import Word
 
+RELATIVE_MOTIONS = frozenset({"PTP_REL", "LIN_REL", "SPTP_REL", "SLIN_REL"})
+"""Motions by a distance."""
+
+POINT_MOTIONS = frozenset({"PTP", "LIN", "CIRC", "SPTP", "SLIN", "SCIRC", "SPL", *RELATIVE_MOTIONS})
+"""Motions to one point, or through one to another."""
+
+OTHER_MOTIONS = frozenset({"CIRC_REL", "SCIRC_REL", "SPL_REL"})
+"""Motions that are not read."""
+
+FRAMES_OF_DISTANCES = frozenset({"#BASE", "#TOOL"})
+"""Behind a motion by a distance: along whose axes it is."""
+
 
 class Field(NamedTuple):
     """A component of an aggregate, such as ``X 12.5``."""
@@ -80,6 +92,8 @@ class Begin(Statement):
 
     name: str
     """In capitals."""
+    parameters: tuple[str, ...] = ()
+    """What the routine is given, in capitals."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -136,6 +150,8 @@ class Motion(Statement):
     """Its words for passing by, such as ``C_DIS``."""
     settings: dict[str, tuple[Word, ...]] = field(default_factory=dict[str, tuple[Word, ...]])
     """What it sets for itself behind WITH."""
+    along: str = ""
+    """Of a motion by a distance: along whose axes, ``#BASE`` or ``#TOOL``; empty where it does not say."""
     trouble: str = ""
     """What is not understood of it; empty where all is."""
 
