@@ -137,7 +137,8 @@ def corrected(robot, make_moves, shifted):
             wanted=wanted,
             T=se3.pose(turned, wanted[:, :3, 3] + np.array(shift)[:, None] * [0.0, 1.0, 0.0]),
         )
-        return trajectory, Subdivision(pieces=np.ones(m, dtype=np.int64), nodes=nodes, deviation=np.zeros(m))
+        pieces, deviation = np.ones(m, dtype=np.int64), np.zeros(m)
+        return trajectory, Subdivision(pieces=pieces, nodes=nodes, deviation=deviation, tolerance=2e-5)
 
     return build
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from taskcal.correction.cell import Cell, Measured
-from taskcal.correction.correction import Bounds
 from taskcal.correction.diagnostics import diagnose, diagnose_unused_frames
 from taskcal.correction.joint_motion import JointMotion
 from taskcal.programs.program import Program
@@ -39,9 +38,9 @@ def calm(robot, **changes):
 
 def said(program, corrected, motion, deviation=(0.0, 0.0, 0.0), tolerance=2e-5):
     trajectory, subdivision = corrected([0.0] * 3, [0.0] * 3, [0.0] * 3)
-    subdivision = replace(subdivision, deviation=np.array(deviation))
+    subdivision = replace(subdivision, deviation=np.array(deviation), tolerance=tolerance)
     origin = [(i, 0.0, 1.0) for i in range(3)]
-    return diagnose(program, trajectory, trajectory, origin, subdivision, Bounds(tolerance=tolerance), motion)
+    return diagnose(program, trajectory, trajectory, origin, subdivision, motion)
 
 
 def test_nothing_is_said_where_there_is_nothing_to_say(robot, program, corrected):

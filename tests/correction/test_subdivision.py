@@ -12,7 +12,7 @@ from taskcal.correction.subdivision import subdivide
 
 @pytest.fixture
 def problem(robot, calibration, make_moves, shifted):
-    def build(tolerance):
+    def build(tolerance, widest=0.0):
         moves = make_moves([shifted(0, 0, 0), shifted(150, 0, 0), shifted(150, 120, 0)], vias={2: shifted(180, 60, 0)})
         trajectory = simulate_controller(robot, moves)
         placed = Placed(
@@ -22,7 +22,7 @@ def problem(robot, calibration, make_moves, shifted):
         )
         return CorrectionProblem(
             robot=robot, moves=moves, calibration=calibration, placed=placed, trajectory=trajectory, directions=None,
-            wanted=wanted_segments(trajectory, placed, moves), tolerance=tolerance,
+            wanted=wanted_segments(trajectory, placed, moves), tolerance=tolerance, widest=widest,
         )  # fmt: skip
 
     return build
@@ -48,3 +48,15 @@ def test_a_tighter_tolerance_takes_more_pieces_and_a_motion_of_all_joints_none(p
     wide, tight = (subdivide(problem(tolerance)).pieces for tolerance in (1e-4, 1e-6))
     assert wide[0] == tight[0] == 1
     assert (tight[1:] > wide[1:]).all()
+
+
+def test_a_program_that_would_grow_too_much_is_divided_less_up_to_the_widest_tolerance(problem):
+    fine = subdivide(problem(1e-7))
+    assert fine.tolerance == 1e-7
+    assert fine.pieces.sum() > 6
+    wide = subdivide(problem(1e-7, widest=1.0))
+    assert wide.pieces.sum() <= 4  # three motions and half of them again
+    assert (wide.deviation <= wide.tolerance).all()
+    some = subdivide(problem(1e-7, widest=2e-7))
+    assert 1e-7 < some.tolerance <= 2e-7
+    assert wide.pieces.sum() < some.pieces.sum() < fine.pieces.sum()

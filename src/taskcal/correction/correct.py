@@ -11,7 +11,7 @@ from taskcal.arguments import expect_kinds
 from taskcal.correction.assessment import assess
 from taskcal.correction.cell import Cell
 from taskcal.correction.controller_trajectory import ControllerTrajectory, simulate_controller
-from taskcal.correction.correction import Bounds, Correction
+from taskcal.correction.correction import SHARE_OF_UNCERTAINTY, TOLERANCE, Bounds, Correction
 from taskcal.correction.correction_problem import CorrectionProblem
 from taskcal.correction.diagnostics import diagnose, diagnose_unused_frames
 from taskcal.correction.drive_directions import DriveDirections, drive_directions, uses_directions
@@ -81,17 +81,13 @@ def correct(
     directions = drive_directions(robot, moves, trajectory) if uses_directions(calibration.model) else None
     placed = _placed(calibration, frames, number, directions)
     wanted = wanted_segments(trajectory, placed, moves)
+    variances = _variances(frames, number, trajectory, directions)
     progress("the joints of the calibrated robot")
+    tolerance, widest = _tolerances(variances) if bounds.tolerance is None else (bounds.tolerance, 0.0)
     problem = CorrectionProblem(
-        robot=robot,
-        moves=moves,
-        calibration=calibration,
-        placed=placed,
-        wanted=wanted,
-        trajectory=trajectory,
-        directions=directions,
-        tolerance=bounds.tolerance,
-    )
+        robot=robot, moves=moves, calibration=calibration, placed=placed, wanted=wanted, trajectory=trajectory,
+        directions=directions, tolerance=tolerance, widest=widest,
+    )  # fmt: skip
     subdivision = subdivide(problem)
     changes = target_changes(robot, subdivision, trajectory)
     kept = {i for i, move in enumerate(moves) if keep_joints and move.kind == "axes"}
@@ -103,13 +99,13 @@ def correct(
     new_trajectory = simulate_controller(robot, rewritten.program.moves, rewritten.refused)
     motion = joint_motion(robot, rewritten.program.moves, new_trajectory)
     before, after = assess(placed, wanted, trajectory), assess(placed, wanted, new_trajectory, rewritten.origin)
-    variances = _variances(frames, number, trajectory, directions)
     written = np.isin(np.arange(len(moves)), list(waypoints))
     return Correction(
         program=program,
         sources=rewritten.sources,
         moves=rewritten.program.moves,
         bounds=bounds,
+        tolerance=subdivision.tolerance,
         wanted=wanted,
         before=before,
         after=after,
@@ -125,13 +121,24 @@ def correct(
             *ask_for_base(given, cell, trajectory.out_of_reach),
             *mounted.diagnostics,
             *diagnose_unused_frames(cell, program),
-            *diagnose(program, trajectory, new_trajectory, rewritten.origin, subdivision, bounds, motion),
+            *diagnose(program, trajectory, new_trajectory, rewritten.origin, subdivision, motion),
         ),
         statements=tuple(
             filter(None, (*dict.fromkeys(frame.statement for frame in frames), base_statement(given, cell)))
         ),
         motion=motion,
     )
+
+
+def _tolerances(variances: Float[np.ndarray, "m sources"]) -> tuple[float, float]:
+    """How near to their paths lines and arcs are to be, where nobody says it, and at the widest, metres.
+
+    Args:
+        variances: of what the calibration must expect at the targets, metres².
+    """
+    known = variances[np.isfinite(variances).all(axis=1)]
+    rms = float(np.sqrt(known.sum(axis=1).mean())) if len(known) else 0.0
+    return max(TOLERANCE, SHARE_OF_UNCERTAINTY * rms), rms
 
 
 def _require_motion(program: Program) -> None:
@@ -189,8 +196,9 @@ def _rewrite(
     else:
         first = given.moves[0]
         sources = (compose_new_program(Path(into), robot, _with_frames_of(given, program), waypoints, trajectory),)
-        tools = {} if language_of(Path(into)).declares_frames else {"tool": first.tool, "part": first.part}
-        again = parse_program(sources, robot=robot, **tools)
+        declares = language_of(Path(into)).declares_frames
+        tool, part = (None, None) if declares else (first.tool, first.part)
+        again = parse_program(sources, robot=robot, tool=tool, part=part)
     pieces = np.array([len(waypoints[i]) if i in waypoints else 1 for i in range(len(program.moves))], dtype=np.int64)
     origin = piece_origins(pieces)
     if len(origin) != len(again.moves):

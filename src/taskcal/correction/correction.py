@@ -18,6 +18,12 @@ from taskcal.programs.program import Diagnostic, Move, Program
 from taskcal.programs.source import Source
 from taskcal.public_names import FormerName
 
+TOLERANCE = 2e-5
+"""Of the true tool's distance from its path between corrected targets, metres."""
+
+SHARE_OF_UNCERTAINTY = 0.2
+"""A distance from the path that is this share of the uncertainty adds a fiftieth to it."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
@@ -29,8 +35,10 @@ class Bounds:
     """Farthest that it is turned, radians."""
     joint: float = float(np.radians(5.0))
     """Farthest that a revolute joint is moved, radians."""
-    tolerance: float = 2e-5
-    """Of the true tool's distance from its path between corrected targets, metres."""
+    tolerance: float | None = None
+    """Of the true tool's distance from its path between corrected targets, metres; None for `TOLERANCE`, or a fifth of what the
+    calibration must expect at the targets where that is more, up to all of it where the program would grow by more than
+    half."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,6 +52,8 @@ class Correction:
     moves: tuple[Move, ...]
     """Motions of the corrected program, as read again from its files."""
     bounds: Bounds
+    tolerance: float
+    """To which lines and arcs were divided, metres."""
     wanted: Segments
     """The path that the true tool is to take, tool in part."""
     before: Deviations
@@ -138,6 +148,7 @@ class Correction:
             "refused": len(self.rejected),
             "unresolved": len(self.program.diagnostics),
             "written_moves": len(self.moves),
+            "tolerance_mm": self.tolerance * 1e3,
             "expected": self.budget.summary(),
             "before": _errors(self.before),
             "after": _errors(self.after),

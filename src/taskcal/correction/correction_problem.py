@@ -34,6 +34,8 @@ class CorrectionProblem:
     """Of the drives, where the calibration depends on them."""
     tolerance: float
     """Of the true tool's distance from its path between nodes, metres."""
+    widest: float = 0.0
+    """To how much that may be widened where the program would grow too much, metres; not at all where it is less."""
 
     @cached_property
     def is_circular(self) -> Bool[np.ndarray, " m"]:

@@ -6,7 +6,6 @@ import numpy as np
 
 from taskcal.correction.cell import Cell
 from taskcal.correction.controller_trajectory import ControllerTrajectory
-from taskcal.correction.correction import Bounds
 from taskcal.correction.joint_motion import TURN_SPEED, JointMotion
 from taskcal.correction.subdivision import Subdivision
 from taskcal.kinematics.tracing import NEARLY_SINGULAR
@@ -20,7 +19,6 @@ def diagnose(
     new_trajectory: ControllerTrajectory,
     origin: Sequence[tuple[int, float, float]],
     subdivision: Subdivision,
-    bounds: Bounds,
     motion: JointMotion,
 ) -> tuple[Diagnostic, ...]:
     """What the user should know, by file and line.
@@ -31,7 +29,6 @@ def diagnose(
         new_trajectory: the controller's, of the corrected program.
         origin: for each motion of the corrected program, the one it comes from, and the shares of its length.
         subdivision: the corrected motions.
-        bounds: what the correction was allowed.
         motion: how the corrected program moves the joints.
     """
     moves = program.moves
@@ -48,7 +45,7 @@ def diagnose(
         elif move.kind in ("linear", "circular") and subdivision.pieces[i] and not move.divisible:
             text = "does something once along its way, so that it is not divided: corrected at its points alone"
             out.append(Diagnostic(place=move.place, text=text))
-    for i in np.flatnonzero(np.isfinite(subdivision.deviation) & (subdivision.deviation > bounds.tolerance)):
+    for i in np.flatnonzero(np.isfinite(subdivision.deviation) & (subdivision.deviation > subdivision.tolerance)):
         text = f"leaves its path by {subdivision.deviation[i] * 1e3:.3f} mm between corrected targets, however finely it is divided"
         out.append(Diagnostic(place=moves[int(i)].place, text=text))
     if motion.nearest_singular is not None and motion.conditioning < NEARLY_SINGULAR:

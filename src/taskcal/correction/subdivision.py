@@ -17,6 +17,15 @@ MAX_PIECES = 4096
 
 MAX_ROUNDS = 12
 
+MARGIN = 1.1
+"""Pieces are taken so much shorter than the square root of their deviation says."""
+
+GROWTH = 0.5
+"""Motions that may be added, as a share of those that are corrected, before the tolerance is widened."""
+
+WIDER = 1.2
+"""Step in which a tolerance is widened."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Nodes:
@@ -43,10 +52,26 @@ class Subdivision:
     nodes: Nodes
     deviation: Float[np.ndarray, " m"]
     """Largest distance of the true tool from the path between nodes, metres; zero where nothing lies between."""
+    tolerance: float
+    """Of that distance, to which the motions were divided, metres."""
 
 
 def subdivide(problem: CorrectionProblem) -> Subdivision:
-    """Correct all motions that the nominal robot can execute, dividing lines and arcs until they keep to their paths."""
+    """Correct all motions that the nominal robot can execute, dividing lines and arcs until they keep to their paths.
+
+    Where they would become more than the problem allows, the tolerance is widened until they do not.
+    """
+    tolerance = problem.tolerance
+    while True:
+        subdivision = _divide(problem, tolerance)
+        tolerance = subdivision.tolerance * WIDER
+        kept = subdivision.pieces[np.isfinite(subdivision.deviation) & (subdivision.pieces > 0)]
+        if tolerance > problem.widest or kept.sum() <= len(kept) * (1.0 + GROWTH):
+            return subdivision
+
+
+def _divide(problem: CorrectionProblem, tolerance: float) -> Subdivision:
+    """The same to a tolerance, which is widened at once by what the motions' deviations show, as long as they are whole."""
     trajectory, m = problem.trajectory, len(problem.moves)
     curved = np.array([move.kind in ("linear", "circular") for move in problem.moves], dtype=bool)
     divisible = np.array([move.divisible for move in problem.moves], dtype=bool)
@@ -60,17 +85,30 @@ def subdivide(problem: CorrectionProblem) -> Subdivision:
     open_ &= ~lost & ~lost[before]
     deviation = np.zeros(m)
     todo = np.flatnonzero(open_)
-    for _ in range(MAX_ROUNDS):
+    for round_ in range(MAX_ROUNDS):
         if len(todo):
             deviation[todo] = _deviations(problem, nodes, todo, pieces)
-            todo = todo[(deviation[todo] > problem.tolerance) & (pieces[todo] < MAX_PIECES)]
+            if not round_:
+                tolerance = _widened(tolerance, problem.widest, deviation[todo], GROWTH * np.count_nonzero(pieces))
+            todo = todo[(deviation[todo] > tolerance) & (pieces[todo] < MAX_PIECES)]
         if not len(todo):
             break
         # the deviation of a chord goes with the square of its length
-        factor = np.minimum(np.sqrt(deviation[todo] / problem.tolerance) * 1.1, 16.0)
+        factor = np.minimum(np.sqrt(deviation[todo] / tolerance) * MARGIN, 16.0)
         pieces[todo] = np.minimum(np.maximum(np.ceil(pieces[todo] * factor), pieces[todo] + 1), MAX_PIECES)
         nodes = _replaced(nodes, _nodes(problem, todo, pieces), todo)
-    return Subdivision(pieces=pieces, nodes=nodes, deviation=deviation)
+    return Subdivision(pieces=pieces, nodes=nodes, deviation=deviation, tolerance=tolerance)
+
+
+def _widened(tolerance: float, widest: float, deviation: Float[np.ndarray, " r"], more: float) -> float:
+    """A tolerance for which motions that are off by so much, undivided, become no more than so many more, or the widest."""
+    finite = deviation[np.isfinite(deviation)]
+    while tolerance * WIDER <= widest:
+        added = np.ceil(np.sqrt(finite[finite > tolerance] / tolerance) * MARGIN) - 1.0
+        if added.sum() <= more:
+            break
+        tolerance *= WIDER
+    return tolerance
 
 
 def _nodes(problem: CorrectionProblem, rows: Int[np.ndarray, " r"], pieces: Int[np.ndarray, " m"]) -> Nodes:

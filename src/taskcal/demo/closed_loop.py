@@ -21,7 +21,7 @@ from taskcal.correction.assessment import Deviations, assess
 from taskcal.correction.cell import Cell, Measured
 from taskcal.correction.controller_trajectory import ControllerTrajectory, simulate_controller
 from taskcal.correction.correct import correct, piece_origins, wanted_segments
-from taskcal.correction.correction import Correction
+from taskcal.correction.correction import TOLERANCE, Bounds, Correction
 from taskcal.correction.placement import Placed, Placement
 from taskcal.demo.kept_fits import KeptFits
 from taskcal.demo.milling import ROWS, Milling, milling_program, with_part_frames
@@ -160,7 +160,7 @@ def run_closed_loop(
     touched = with_part_frames(loop.milling, {name: part.T for name, part in parts.items()})
     program = read_rapid((touched.source,))
     cell = _measure_cell(program, offsets, placements, parts, rng)
-    correction = correct(calibration, program, cell=cell)
+    correction = correct(calibration, program, cell=cell, bounds=Bounds(tolerance=TOLERANCE))
     placed = Placed(
         tool_in_base=lambda q, move, share: true.milled(q),
         placements=tuple(placements.values()),

@@ -112,6 +112,13 @@ def tabulate_correction(correction: Correction) -> list[tuple[str, str]]:
             f"{summary['unresolved']} remarks on what was not read",
         )
     )
+    more = int(correction.pieces[correction.corrected].sum()) - summary["corrected"]
+    facts.append(
+        (
+            "lines and arcs",
+            f"divided until the true tool keeps to them within {summary['tolerance_mm']:.3f} mm: {more} motions more",
+        )
+    )
     facts.append(
         (
             "largest change",

@@ -115,8 +115,15 @@ class BoundsOptions:
     """
 
     tolerance_mm: Annotated[
-        float, typer.Option("--tolerance-mm", metavar="MM", help="The true tool keeps to lines and arcs within this.")
-    ] = 0.02
+        float | None,
+        typer.Option(
+            "--tolerance-mm",
+            metavar="MM",
+            help="The true tool keeps to lines and arcs within this; by default 0.02, or a fifth of the uncertainty where that "
+            "is more, up to all of it where the program would grow by more than half.",
+            show_default=False,
+        ),
+    ] = None
     max_shift_mm: Annotated[
         float,
         typer.Option(
@@ -135,7 +142,9 @@ class BoundsOptions:
 
     def __post_init__(self) -> None:
         for bound in fields(self):
-            check_above_zero(getattr(self, bound.name), f"--{bound.name.replace('_', '-')}")
+            value = getattr(self, bound.name)
+            if value is not None:
+                check_above_zero(value, f"--{bound.name.replace('_', '-')}")
 
     def bounds(self) -> "Bounds":
         """In metres and radians."""
@@ -144,7 +153,7 @@ class BoundsOptions:
         from taskcal.correction.correction import Bounds
 
         return Bounds(
-            tolerance=self.tolerance_mm * 1e-3,
+            tolerance=None if self.tolerance_mm is None else self.tolerance_mm * 1e-3,
             shift=self.max_shift_mm * 1e-3,
             turn=radians(self.max_turn_deg),
             joint=radians(self.max_joint_deg),
