@@ -1,12 +1,15 @@
 """One model of geometry and effects: what is fitted, found and said of new poses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from scipy.stats import chi2, f
+from scipy.stats import chi2, f, multivariate_t
 
 from taskcal.identification.calibration_file import load_calibration
 from taskcal.identification.effect_selection import explain
 from taskcal.identification.group_validation import stretch_of
+from taskcal.identification.row_errors import FREEDOM, log_weights, weigh
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import SPECTRUM, EncoderGain, Harmonics
@@ -75,3 +78,34 @@ def test_regions_are_stretched_to_hold_what_they_say():
     for scale, nu in ((1.0, 1e3), (2.0, 8.0), (0.5, 1e3)):
         square = 3.0 * scale * f.rvs(3, nu, size=4000, random_state=rng)
         assert np.mean(square < stretch_of(square) * chi2.ppf(0.95, 3)) == pytest.approx(0.95, abs=0.012)
+
+
+def test_a_few_rows_that_are_far_off_hardly_move_the_others():
+    model, campaign, truth, unseen = measured(60)
+    points = campaign.points.copy()
+    far = np.random.default_rng(1).permutation(60)[:4]
+    points[far] += 2e-4 * np.random.default_rng(2).choice([-1.0, 1.0], (4, 1, 3))
+    errors = [
+        np.linalg.norm(
+            explain(model, c, candidates=(GAIN,), folds=3).calibration.predict(unseen) - truth.points(unseen), axis=2
+        )
+        for c in (campaign, replace(campaign, points=points))
+    ]
+    assert errors[1].mean() < 1.3 * errors[0].mean()
+
+
+def test_weights_of_poses_are_those_of_a_t_distribution():
+    rng, size = np.random.default_rng(0), 1.7
+    for numbers in (3, 9):
+        error = rng.standard_t(5.0, size=(40, numbers))
+        square = (error**2).sum(axis=1) / size
+        weights = weigh(square, np.full(40, numbers))
+
+        def likelihood(log, error=error, numbers=numbers):
+            return multivariate_t.logpdf(error, shape=np.exp(log) * np.eye(numbers), df=FREEDOM).sum()
+
+        slope = (likelihood(np.log(size) + 1e-5) - likelihood(np.log(size) - 1e-5)) / 2e-5
+        assert 0.5 * (weights * square - numbers).sum() == pytest.approx(slope, rel=1e-6)
+        normal = 0.5 * (numbers * np.log(weights) - weights * square).sum() + log_weights(weights)
+        other = weights * np.exp(1e-3 * rng.standard_normal(40))
+        assert 0.5 * (numbers * np.log(other) - other * square).sum() + log_weights(other) < normal

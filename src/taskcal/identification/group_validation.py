@@ -108,7 +108,9 @@ def _judge(
     A, k, m = fitted.A[part], len(part), fitted.A.shape[1]
     back = np.linalg.inv(fitted.whitener[part])
     error = np.einsum("nij,nj->ni", back, fitted.y[part] - A @ mean)
-    spread = (A.reshape(k * m, -1) @ S).reshape(A.shape) @ np.swapaxes(A, 1, 2) + np.eye(m)
+    # a new pose has a weight of its own, that is told by no residual
+    single = np.eye(m) * fitted.weights[part, None, None]
+    spread = (A.reshape(k * m, -1) @ S).reshape(A.shape) @ np.swapaxes(A, 1, 2) + single
     covariance = back @ spread @ np.swapaxes(back, 1, 2)
     targets = fitted.one.problem.seen.valid.shape[1]
     width = m // targets

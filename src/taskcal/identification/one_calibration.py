@@ -11,6 +11,7 @@ from taskcal.identification.linearisation import linearise_rows
 from taskcal.identification.one_model import GEOMETRY, MOST_ROUNDS, OneFit
 from taskcal.identification.outlier import studentise
 from taskcal.identification.provenance import Provenance
+from taskcal.identification.row_errors import log_weights
 from taskcal.measurement.campaign import Campaign
 
 DRAWS = 12
@@ -83,7 +84,8 @@ def log_evidence(fitted: OneFit) -> float:
     """Log marginal likelihood of the fit, but for a constant of the campaign, as of an `identify`."""
     reduced = fitted.found.reduced
     whitened = np.log(np.abs(np.diagonal(fitted.whitener, axis1=1, axis2=2))).sum()
-    return float(whitened + reduced.log_alone + fitted.found.evidence.log)
+    weighed = log_weights(fitted.weights[fitted.at.seen.any(axis=1)])
+    return float(whitened + weighed + reduced.log_alone + fitted.found.evidence.log)
 
 
 def _group_deviations(fitted: OneFit) -> Float[np.ndarray, " p"]:

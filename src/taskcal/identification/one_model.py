@@ -18,7 +18,7 @@ from taskcal.identification.belief import frame_precision
 from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.linearisation import Linearisation, linearise_rows
 from taskcal.identification.problem import Problem
-from taskcal.identification.row_errors import RowErrors, rescore, whiteners
+from taskcal.identification.row_errors import RowErrors, rescore, weigh, whiteners
 
 GEOMETRY_WIDTH = 3.0
 """Standard deviation of the logarithm of the geometry's variances about that of its tolerances: a factor of 4.5 in size."""
@@ -140,7 +140,10 @@ class OneFit:
     """Where the rows were linearised last."""
     at: Linearisation
     errors: RowErrors
+    weights: Float[np.ndarray, " n"]
+    """How far the errors of single poses are believed to be of the size of most."""
     whitener: Float[np.ndarray, "n m m"]
+    """With the weights in it."""
     A: Float[np.ndarray, "n m z"]
     y: Float[np.ndarray, "n m"]
     """Whitened and scaled rows: y = A·x."""
@@ -156,6 +159,7 @@ def fit_one_model(
     errors: RowErrors,
     options: FitOptions,
     sizes: np.ndarray | None = None,
+    weights: np.ndarray | None = None,
     most_rounds: int = MOST_ROUNDS,
 ) -> OneFit:
     """Estimate all parameters, the sizes of their groups, and what single poses add.
@@ -166,6 +170,7 @@ def fit_one_model(
         errors: of single poses, to start from, or to hold.
         options: of the fit; its loss weighs the poses.
         sizes: log variances to start from.
+        weights: of the poses, to start from.
         most_rounds: of linearisation, sizes and row errors in turn.
 
     Raises:
@@ -174,10 +179,11 @@ def fit_one_model(
     """
     z, origin = start, one.problem.frames.start()
     sizes = one.groups.location if sizes is None else sizes
+    weights = np.ones(len(one.problem.q)) if weights is None else weights
     rounds, still = 0, False
     while rounds < most_rounds and not still:
         rounds += 1
-        fitted = _fit_once(one, z, errors, options, sizes, rounds)
+        fitted = _fit_once(one, z, errors, weights, options, sizes, rounds)
         found, evidence = fitted.found, fitted.found.evidence
         x = found.reduced.mean(evidence.mean(one.groups.own))
         following = origin + one.scale * x
@@ -185,22 +191,28 @@ def fit_one_model(
             raise FitError(
                 "the fit of geometry and effects ran away; check the campaign with a robust loss (loss=Cauchy())"
             )
-        scored = _rescore(fitted, x) if errors.searched else errors
+        scored, weights = _rescore(fitted, x) if errors.searched else (errors, weights)
         moved = np.abs(following - z)[one.group >= 0].max() / one.scale[one.group >= 0].max()
         steps = np.abs(evidence.log_variances - sizes).max()
         if errors.searched:
             steps = max(steps, np.abs(np.log(scored.variances / errors.variances)).max())
         still = rounds > 2 and bool(moved < 1.0 and steps < STANDS_STILL)
         z, errors, sizes = following, scored, evidence.log_variances
-    return _fit_once(one, z, errors, options, sizes, rounds)
+    return _fit_once(one, z, errors, weights, options, sizes, rounds)
 
 
 def _fit_once(
-    one: OneModel, z: np.ndarray, errors: RowErrors, options: FitOptions, sizes: np.ndarray, rounds: int
+    one: OneModel,
+    z: np.ndarray,
+    errors: RowErrors,
+    weights: np.ndarray,
+    options: FitOptions,
+    sizes: np.ndarray,
+    rounds: int,
 ) -> OneFit:
     at = linearise_rows(one.problem, z)
     W = whiteners(errors.covariance(at, one.problem.noise))
-    W = W * np.sqrt(_weights(at, W, one.problem, options))[:, :, None]
+    W = W * np.sqrt(weights[:, None] * _by_loss(at, W, one.problem, options))[:, :, None]
     A = (W @ at.by_entry) * np.where(one.kept, one.scale, 0.0)
     moved = np.where(one.kept, (z - one.problem.frames.start()) / one.scale, 0.0)
     y = np.einsum("nij,nj->ni", W, at.residual) + A @ moved
@@ -208,7 +220,19 @@ def _fit_once(
     rows = np.concatenate([A.reshape(-1, A.shape[2]), stated[0]]), np.concatenate([y.reshape(-1), stated[1]])
     reduced = reduce_rows(*rows, one.groups)
     found = find_sizes(reduced, sizes)
-    return OneFit(one=one, z=z, at=at, errors=errors, whitener=W, A=A, y=y, stated=stated, found=found, rounds=rounds)
+    return OneFit(
+        one=one,
+        z=z,
+        at=at,
+        errors=errors,
+        weights=weights,
+        whitener=W,
+        A=A,
+        y=y,
+        stated=stated,
+        found=found,
+        rounds=rounds,
+    )
 
 
 def _stated(one: OneModel, z: Float[np.ndarray, " z"]) -> tuple[Float[np.ndarray, "k z"], Float[np.ndarray, " k"]]:
@@ -220,7 +244,7 @@ def _stated(one: OneModel, z: Float[np.ndarray, " z"]) -> tuple[Float[np.ndarray
     return A, known.residual + A @ ((z - one.problem.frames.start()) / one.scale)
 
 
-def _weights(at: Linearisation, W: np.ndarray, problem: Problem, options: FitOptions) -> Float[np.ndarray, "n m"]:
+def _by_loss(at: Linearisation, W: np.ndarray, problem: Problem, options: FitOptions) -> Float[np.ndarray, "n m"]:
     """How much each number counts under the loss: by the root mean square of its target's whitened residuals."""
     white = np.einsum("nij,nj->ni", W, at.residual)
     n, targets = problem.seen.valid.shape
@@ -228,14 +252,16 @@ def _weights(at: Linearisation, W: np.ndarray, problem: Problem, options: FitOpt
     return np.repeat(options.loss.weights(by_target), white.shape[1] // targets, axis=1)
 
 
-def _rescore(fitted: OneFit, x: Float[np.ndarray, " z"]) -> RowErrors:
-    """The errors of single poses, one step on."""
-    found = fitted.found
+def _rescore(fitted: OneFit, x: Float[np.ndarray, " z"]) -> tuple[RowErrors, Float[np.ndarray, " n"]]:
+    """The errors of single poses and the weights of these, one step on."""
+    found, A = fitted.found, fitted.A
     S = found.reduced.covariance(found.evidence.covariance(fitted.one.groups.own))
     n, m = fitted.y.shape
-    judged = np.unique(np.linspace(0, n - 1, min(n, MOST_JUDGED)).astype(int))
-    A = fitted.A[judged]
-    left = fitted.y[judged] - A @ x
-    followed = (A.reshape(len(judged) * m, -1) @ S).reshape(A.shape)
+    left = fitted.y - A @ x
+    followed = (A.reshape(n * m, -1) @ S).reshape(A.shape)
     explained = followed @ np.swapaxes(A, 1, 2)
-    return rescore(fitted.errors, fitted.at.take(judged), fitted.whitener[judged], left, explained)
+    square = (left**2).sum(axis=1) + np.trace(explained, axis1=1, axis2=2)
+    weights = weigh(square / fitted.weights, fitted.at.seen.sum(axis=1))
+    judged = np.unique(np.linspace(0, n - 1, min(n, MOST_JUDGED)).astype(int))
+    whitener = fitted.whitener[judged] / np.sqrt(fitted.weights[judged, None, None])
+    return rescore(fitted.errors, fitted.at.take(judged), whitener, left[judged], explained[judged]), weights

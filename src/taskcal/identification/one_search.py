@@ -122,7 +122,8 @@ def _fit(
     for i, name in enumerate(names):
         start[i] = held.get(name, start[i])
     errors = _first_errors(base, options, len(model.robot.joints)) if before is None else before.errors
-    return fit_one_model(one, start, errors, options, _first_sizes(one, before), most_rounds)
+    weights = None if before is None else before.weights
+    return fit_one_model(one, start, errors, options, _first_sizes(one, before), weights, most_rounds)
 
 
 def _share(one: Effect, other: Effect, model: ErrorModel) -> bool:

@@ -12,12 +12,15 @@ the information is that of single poses, without what poses have in common throu
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from taskcal.identification.linearisation import Linearisation
 
 TYPICAL, WIDTH = 5e-5, 3.0
 """Expected standard deviation, metres and radians: what industrial robots repeat to; and that of its square's logarithm."""
+
+FREEDOM = 8.0
+"""Degrees of freedom of the t-distribution that single poses' errors are expected to have."""
 
 LEAST = 1e-14
 """Variance under which there is nothing, m² and rad²."""
@@ -85,8 +88,8 @@ def rescore(
         errors: the variances so far.
         at: the rows.
         whitener: W with W·R·Wᵀ = 1 at every pose.
-        left: whitened residuals of the estimate.
-        explained: covariance of what the estimate predicts of each pose, whitened.
+        left: whitened residuals of the estimate, with the weights of the poses.
+        explained: covariance of what the estimate predicts of each pose, likewise.
     """
     variances = errors.variances
     own = np.eye(left.shape[1]) - explained
@@ -102,6 +105,21 @@ def rescore(
     gradient = gradient * variances - np.log(variances / TYPICAL**2) / WIDTH**2
     step = np.clip(np.linalg.solve(information, gradient), -LONGEST_STEP, LONGEST_STEP)
     return errors.with_variances(np.maximum(variances * np.exp(step), LEAST))
+
+
+def weigh(square: Float[np.ndarray, " n"], numbers: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """What a pose counts whose error has this squared length in units of its covariance, made up of so many numbers.
+
+    Errors of real robots have longer tails than normal ones: each pose's covariance is divided by a weight of its own, drawn
+    from a gamma distribution of mean 1, so that errors are t-distributed with `FREEDOM` degrees of freedom (Lange, Little and
+    Taylor 1989, Journal of the American Statistical Association 84).
+    """
+    return (FREEDOM + numbers) / (FREEDOM + square)
+
+
+def log_weights(weights: Float[np.ndarray, " n"]) -> float:
+    """Log density of weights, but for what it is where all are 1."""
+    return float(0.5 * FREEDOM * (np.log(weights) - weights + 1.0).sum())
 
 
 def whiteners(R: Float[np.ndarray, "n m m"]) -> Float[np.ndarray, "n m m"]:
