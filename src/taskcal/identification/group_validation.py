@@ -1,8 +1,8 @@
 """What the one model is worth where it was not fitted: cross-validated errors, and how far its stated regions reach.
 
-Folds are left out of the normal equations, and the sizes of the groups follow by a few steps of the scoring; the rows are
-not linearised again, and what single poses add stays. An effect's worth is the error without its groups, the others as they
-are, so that no model is fitted again.
+Folds are left out of the normal equations, and the sizes of the groups follow by a few steps of the scoring, as do the weights
+of the poses; the rows are not linearised again, and what single poses add stays. An effect's worth is the error without its
+groups, the others as they are, so that no model is fitted again.
 
 Real errors have longer tails than normal ones, and sizes that were fitted are a little too good: both show in the squared
 lengths d² of the left-out errors in units of their predicted covariance. d²/3 is taken for F-distributed with 3 and ν degrees of
@@ -11,13 +11,23 @@ freedom, times s²; the covariance is stretched so that its 95 % region is that 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import betaln, chdtri, fdtri
 
-from taskcal.estimation.group_variances import GroupedFit, find_sizes, reduce_normal, reduce_rows, without
+from taskcal.estimation.group_variances import (
+    GroupedFit,
+    Groups,
+    Reduced,
+    find_sizes,
+    reduce_normal,
+    reduce_rows,
+    without,
+)
 from taskcal.identification.one_model import OneFit
+from taskcal.identification.row_errors import weigh
 
 STEPS = 2
 """Of the scoring in a fold."""
@@ -55,26 +65,24 @@ def validate_groups(
         effects: names of those whose worth is asked for.
         rng: for the draws of the sizes.
     """
-    n, m, p = fitted.A.shape
+    n = len(fitted.A)
     targets = fitted.one.problem.seen.valid.shape[1]
     numbers = {name: fitted.one.of_effect(name) for name in effects}
     errors = {name: np.full((n, targets), np.nan) for name in ("", *effects)}
     square = np.full((n, targets), np.nan)
-    flat, y = fitted.A.reshape(n * m, p), fitted.y.reshape(-1)
-    known, known_y = fitted.stated
-    everything, all_y = np.concatenate([flat, known]), np.concatenate([y, known_y])
-    H, b = (everything.T @ everything, everything.T @ all_y) if n * m >= p else (None, None)
+    # the weights of the fit know the rows that are left out: those that disagree with them count less
+    root = np.sqrt(fitted.weights)[:, None]
+    even = _Rows(A=fitted.A / root[:, :, None], y=fitted.y / root, stated=fitted.stated, groups=fitted.one.groups)
+    numbered = fitted.at.seen.sum(axis=1)
     for part in parts:
         rest = np.ones(n, dtype=bool)
         rest[part] = False
-        own, own_y = fitted.A[part].reshape(-1, p), fitted.y[part].reshape(-1)
-        if H is None or b is None:
-            rows = np.concatenate([fitted.A[rest].reshape(-1, p), known])
-            reduced = reduce_rows(rows, np.concatenate([fitted.y[rest].reshape(-1), known_y]), fitted.one.groups)
-        else:
-            left = float(all_y @ all_y - own_y @ own_y)
-            reduced = reduce_normal(H - own.T @ own, b - own.T @ own_y, left, fitted.one.groups)
-        fold = find_sizes(reduced, fitted.found.evidence.log_variances, STEPS)
+        fold = find_sizes(even.without(part), fitted.found.evidence.log_variances, STEPS)
+        if fitted.errors.searched:
+            weights = weigh(_squares(even, fold), numbered)
+            weighed = np.sqrt(weights[rest])[:, None]
+            reduced = even.reduced(even.A[rest] * weighed[:, :, None], even.y[rest] * weighed)
+            fold = find_sizes(reduced, fold.evidence.log_variances, STEPS)
         mean, S = fold.averaged(DRAWS, rng)
         errors[""][part], square[part] = _judge(fitted, part, mean, S)
         for name, group in numbers.items():
@@ -87,6 +95,48 @@ def validate_groups(
         without={name: errors[name] for name in effects},
         stretch=stretch_of(square[seen]),
     )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Rows:
+    """Whitened rows that all count alike, and what is known beside them."""
+
+    A: Float[np.ndarray, "n m p"]
+    y: Float[np.ndarray, "n m"]
+    stated: tuple[Float[np.ndarray, "k p"], Float[np.ndarray, " k"]]
+    groups: Groups
+
+    def reduced(self, A: Float[np.ndarray, "r m p"], y: Float[np.ndarray, "r m"]) -> Reduced:
+        """The equations of other rows beside what is known."""
+        known, known_y = self.stated
+        rows = np.concatenate([A.reshape(-1, A.shape[2]), known])
+        return reduce_rows(rows, np.concatenate([y.reshape(-1), known_y]), self.groups)
+
+    @cached_property
+    def _normal(self) -> tuple[np.ndarray, np.ndarray, float]:
+        known, known_y = self.stated
+        A, y = self.A.reshape(-1, self.A.shape[2]), self.y.reshape(-1)
+        return A.T @ A + known.T @ known, A.T @ y + known.T @ known_y, float(y @ y + known_y @ known_y)
+
+    def without(self, part: Int[np.ndarray, " _"]) -> Reduced:
+        """The equations without some of the rows."""
+        n, m, p = self.A.shape
+        if n * m < p:
+            rest = np.setdiff1d(np.arange(n), part)
+            return self.reduced(self.A[rest], self.y[rest])
+        H, b, square = self._normal
+        own, own_y = self.A[part].reshape(-1, p), self.y[part].reshape(-1)
+        return reduce_normal(H - own.T @ own, b - own.T @ own_y, square - float(own_y @ own_y), self.groups)
+
+
+def _squares(rows: _Rows, fold: GroupedFit) -> Float[np.ndarray, " n"]:
+    """Expected squares of what a fold's fit leaves."""
+    own = fold.reduced.groups.own
+    x = fold.reduced.mean(fold.evidence.mean(own))
+    S = fold.reduced.covariance(fold.evidence.covariance(own))
+    n, m, p = rows.A.shape
+    followed = (rows.A.reshape(n * m, p) @ S).reshape(n, m, p)
+    return ((rows.y - rows.A @ x) ** 2).sum(axis=1) + np.einsum("nip,nip->n", followed, rows.A)
 
 
 def _mean_without(fold: GroupedFit, group: Int[np.ndarray, " k"]) -> Float[np.ndarray, " p"]:
