@@ -129,11 +129,11 @@ TEN = (pytest.mark.long,)
 @pytest.mark.parametrize(
     ("name", "rows", "splits", "bound_mm"),
     [
-        pytest.param("ur5", 60, 3, 0.074, id="ur5, 60 rows"),
-        pytest.param("ur5", 60, 10, 0.073, id="ur5, 60 rows, ten splits", marks=TEN),
+        pytest.param("ur5", 60, 3, 0.073, id="ur5, 60 rows"),
+        pytest.param("ur5", 60, 10, 0.071, id="ur5, 60 rows, ten splits", marks=TEN),
         pytest.param("ur5", 700, 1, 0.047, id="ur5, 700 rows"),
-        pytest.param("abb-irb120", 60, 3, 0.34, id="irb120, 60 rows"),
-        pytest.param("abb-irb120", 60, 10, 0.315, id="irb120, 60 rows, ten splits", marks=TEN),
+        pytest.param("abb-irb120", 60, 3, 0.305, id="irb120, 60 rows"),
+        pytest.param("abb-irb120", 60, 10, 0.29, id="irb120, 60 rows, ten splits", marks=TEN),
         pytest.param("abb-irb120", 430, 1, 0.26, id="irb120, 430 rows"),
         pytest.param("barrett-wam", 0.7, 3, 1.43, id="wam, 70 %"),
         pytest.param("barrett-wam", 0.7, 10, 1.28, id="wam, 70 %, ten splits", marks=TEN),
