@@ -38,9 +38,9 @@ def test_a_sound_campaign_of_poses_has_no_findings():
         ("fanuc-r2000ic-165f", "coupling", "J3 +1"),
         ("abb-irb6660-205-1.9", "joint-order", "J4 and J5"),
         ("ur5", "joints-in-radians", ""),
-        ("barrett-wam", "joints-in-radians", ""),
+        pytest.param("barrett-wam", "joints-in-radians", "", marks=pytest.mark.slow),
         ("abb-irb120", "points-in-metres", ""),
-        ("ur5", "left-handed", ""),
+        pytest.param("ur5", "left-handed", "", marks=pytest.mark.slow),
         ("ur5", "rows-shifted", "+3"),
         ("abb-irb120", "rows-shuffled", ""),
         ("ur5", "drift", ""),
@@ -94,7 +94,9 @@ def test_joint_limits_tell_half_a_turn_from_the_sign_that_leaves_the_same_error(
     assert ("joint-sign", ("J1",)) in {(f.id, f.subject) for f in others}
 
 
-@pytest.mark.parametrize(("name", "said"), [("ur5", "J2 by 180"), ("abb-irb1200-5-0.9", "J4 by 180")])
+@pytest.mark.parametrize(
+    ("name", "said"), [("ur5", "J2 by 180"), pytest.param("abb-irb1200-5-0.9", "J4 by 180", marks=pytest.mark.slow)]
+)
 def test_a_usual_posture_decides_between_mirrored_robots(name, said):
     """With the other sign of J1 the UR5 would hang from the ceiling; with that of J5 the wrist would stay turned by half a turn."""
     robot = load_robot(name)

@@ -90,10 +90,8 @@ def _of_course(mistake: CourseMistake, explanation: Explanation, fit: LinearFit)
     else:
         names = tuple(campaign.targets[t] for t in mistake.targets)
         row = campaign.row(mistake.row)
-        fix = (
-            f"{', '.join(names)} moved on the tool by {mistake.move * 1e3:.1f} mm before {row}: take it for another target from "
-            "there on"
-        )
+        slipped = f"{', '.join(names)} slipped by {mistake.move * 1e3:.1f} mm on the robot"
+        fix = f"{slipped} before {row}: give it another name from there on"
         subject = names
         mended = _apart(campaign, mistake)
         after = held_out_error(replace(explanation.case, campaign=mended))
