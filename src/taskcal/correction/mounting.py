@@ -42,8 +42,8 @@ def mount(program: Program, cell: Cell) -> Mounted:
     stated, said = program.T_world_base, cell.T_world_base
     if stated is not None and said is not None and np.abs(stated - said).max() > SAME_BASE:
         raise TaskcalError(
-            f"the robot stands at {_at(said)} by the cell file and at {_at(stated)} by the program's files "
-            f"({_base_file(program)}); state [robot] base as it is there, or leave it out"
+            f"the robot stands at {_at(said)} by the cell file and at {_at(stated)} by {program.base_from}; state [robot] base "
+            "as it is there, or leave it out"
         )
     positions = _positions(program.moves)
     plain = not any(move.carrier or not move.tool.stated for move in program.moves)
@@ -76,7 +76,7 @@ def mount(program: Program, cell: Cell) -> Mounted:
 
 
 def _at(T: Float[np.ndarray, "4 4"]) -> str:
-    x, y, z = T[:3, 3] * 1e3
+    x, y, z = np.round(T[:3, 3] * 1e3, 2) + 0.0  # no minus before zero
     return f"[{x:.2f}, {y:.2f}, {z:.2f}] mm"
 
 
@@ -173,7 +173,7 @@ def base_statement(program: Program, cell: Cell) -> str:
     """Where the robot is taken to stand, in words; empty where nothing says it and the program is not counted in the world."""
     base_file = _base_file(program)
     if program.T_world_base is not None:
-        return f"the robot stands at {_at(program.T_world_base)} in the world, as the program's files say"
+        return f"the robot stands at {_at(program.T_world_base)} in the world, by {program.base_from}"
     if cell.T_world_base is not None:
         return f"the robot stands at {_at(cell.T_world_base)} in the world, as the cell file says"
     return base_file and (

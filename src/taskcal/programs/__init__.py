@@ -1,4 +1,4 @@
-"""Robot programs: RAPID, KRL, APT and CSV, from text to motions and back."""
+"""Robot programs: RAPID, KRL, TP, APT and CSV, from text to motions and back."""
 
 from taskcal.public_names import load_lazily
 

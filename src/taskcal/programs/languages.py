@@ -86,6 +86,12 @@ def _read_apt(sources: tuple[Source, ...], given: Surroundings) -> Program:
     return read_apt(sources, robot=given.robot, tool=given.tool, part=given.part, tools=given.tools)
 
 
+def _read_tp(sources: tuple[Source, ...], given: Surroundings) -> Program:
+    from taskcal.programs.tp.read import read_tp
+
+    return read_tp(sources, robot=given.robot, tool=given.tool, part=given.part)
+
+
 def _read_csv(sources: tuple[Source, ...], given: Surroundings) -> Program:
     from taskcal.programs.csv_path.read import read_csv_path
 
@@ -105,6 +111,13 @@ def _compose_krl(to: Composition) -> Source:
     return compose_krl(
         to.name, to.robot, to.moves, q=to.q, notes=to.notes, wait_s=to.wait_s, joint_speed_percent=percent
     )
+
+
+def _compose_tp(to: Composition) -> Source:
+    from taskcal.programs.tp.compose import compose_tp
+
+    percent = to.joint_speed_percent
+    return compose_tp(to.name, to.moves, notes=to.notes, wait_s=to.wait_s, joint_speed_percent=percent)
 
 
 def _compose_csv(to: Composition) -> Source:
@@ -131,6 +144,14 @@ LANGUAGES = (
         composed=(".src",),
         declares_frames=True,
         base_file="$machine.dat",
+    ),
+    Language(
+        name="TP",
+        suffixes=(".ls", ".va"),
+        read=_read_tp,
+        compose=_compose_tp,
+        composed=(".ls",),
+        declares_frames=False,
     ),
     Language(
         name="APT",

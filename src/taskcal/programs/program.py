@@ -160,6 +160,8 @@ class Program(ABC):
     """Motions that could not be resolved, and warnings."""
     T_world_base: Float[np.ndarray, "4 4"] | None = None
     """Where the program's files say that the robot stands; None where they do not, and the world is taken for its base."""
+    base_from: str = "the program's files"
+    """What says it."""
 
     remarks = FormerName("diagnostics")
 

@@ -18,13 +18,15 @@ def read_program(
     part: Frame | None = None,
     tools: Mapping[str, Frame] | None = None,
 ) -> Program:
-    """Read a robot program: RAPID, KRL, APT or CSV.
+    """Read a robot program: RAPID, KRL, TP, APT or CSV.
 
     Args:
         paths: its files; those that declare tools and frames belong to it.
-        robot: of a program in APT or CSV: whose own tool moves where `tool` is not given, and whose joints columns name.
-        tool: of a program in APT or CSV, which do not say it: what the positions are of.
-        part: of a program in APT or CSV: frame in which the positions are counted; the robot's base by default.
+        robot: of a program in TP, APT or CSV: whose own tool moves where `tool` is not given, and whose joints columns name.
+        tool: of a program in APT or CSV, which do not say it: what the positions are of. In TP for tools by number whose values no
+            file states.
+        part: of a program in APT or CSV: frame in which the positions are counted; the robot's base by default. In TP for user
+            frames by number whose values no file states, counted in FANUC's world frame.
         tools: of a program in APT: its tools, by the name or number by which it loads them.
 
     Raises:

@@ -97,6 +97,19 @@ class Source:
         return replace(self, text="".join([*parts, self.text[position:]]))
 
 
+def edited_piece(text: str, edits: Iterable[Edit], start: int) -> str:
+    """A piece of a file, with edits of the file that lie in it.
+
+    Args:
+        text: of the piece.
+        edits: none overlaps another one.
+        start: of the piece in the file.
+    """
+    for edit in sorted(edits, key=lambda edit: edit.start, reverse=True):
+        text = text[: edit.start - start] + edit.text + text[edit.end - start :]
+    return text
+
+
 def read_source(path: str | Path) -> Source:
     """Read a program file.
 

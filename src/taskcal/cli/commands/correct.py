@@ -164,7 +164,9 @@ class BoundsOptions:
 def command(
     programs: Annotated[
         list[Path],
-        typer.Argument(metavar="PROGRAM [MORE …]", readable=False, help="Its files: RAPID, KRL, APT or CSV."),
+        typer.Argument(
+            metavar="PROGRAM [MORE …]", readable=False, help="Its files: RAPID, KRL, TP (FANUC), APT or CSV."
+        ),
     ],
     calibration: Annotated[
         Path,

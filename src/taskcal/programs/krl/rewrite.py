@@ -15,7 +15,7 @@ from taskcal.programs.krl.status import Status
 from taskcal.programs.krl.syntax import Aggregate, Motion, Operand
 from taskcal.programs.numeral import numeral
 from taskcal.programs.program import Move, MoveKind, Waypoint
-from taskcal.programs.source import Edit, Source
+from taskcal.programs.source import Edit, Source, edited_piece
 from taskcal.robot.robot import Robot
 
 LONGEST_NAME = 24
@@ -205,7 +205,7 @@ class _Rewriting:
         beside = {name: value for name, value in zip(EXTERNAL, waypoint.external, strict=False) if not isnan(value)}
         values |= {name: value for name, value in beside.items() if first.field(name)}
         if all(first.field(name) for name in names) and all(part.value is not None for part in first.fields):
-            return _applied(written.template, edits_for(first, values), first.start)
+            return edited_piece(written.template, edits_for(first, values), first.start)
         parts = [f"{name} {numeral(values[name], 5 if name in 'XYZ' else 6)}" for name in names]
         for name in ("S", "T"):
             own = first.field(name)
@@ -257,7 +257,7 @@ class _Rewriting:
         start = source.text.rfind("\n", 0, datum.start) + 1
         end = source.text.find("\n", datum.start) + 1
         renamed = Edit(start=datum.start, end=datum.start + len(_name(datum)), text=name)
-        line = _applied(source.text[start : end or None], [renamed, *use.changes], start)
+        line = edited_piece(source.text[start : end or None], [renamed, *use.changes], start)
         at = end or len(source.text)
         self._edit(datum.file, Edit(start=at, end=at, text=line if end else source.newline + line))
         return name
@@ -266,13 +266,6 @@ class _Rewriting:
 def _name(datum: Datum) -> str:
     """A variable's name as its declaration writes it."""
     return datum.file.source.text[datum.start : datum.start + len(datum.name)]
-
-
-def _applied(text: str, edits: Sequence[Edit], offset: int) -> str:
-    """A piece of a file with edits of the file applied."""
-    for edit in sorted(edits, key=lambda edit: edit.start, reverse=True):
-        text = text[: edit.start - offset] + edit.text + text[edit.end - offset :]
-    return text
 
 
 def _mentions(files: tuple[File, ...], names: set[str]) -> dict[tuple[str, str], set[tuple[int, int]]]:

@@ -1,0 +1,1 @@
+"""TP: programs of FANUC's robots, in the text form of their listings."""
