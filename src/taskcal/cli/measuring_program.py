@@ -23,7 +23,7 @@ class MeasuringOptions:
             "--program",
             metavar="MEASURE.mod",
             readable=False,
-            help="Write a robot program that stops in every pose: RAPID .mod, KRL .src, TP .ls or .csv; may be given several times.",
+            help="Write a robot program that stops in every pose: RAPID .mod, KRL .src, TP .ls or .csv; may be given repeatedly.",
         ),
     ] = None
     wait_s: Annotated[
