@@ -68,6 +68,13 @@ class SearchOptions:
         return read_effects(self.effects)
 
 
+@dataclass(frozen=True, kw_only=True)
+class ShownOptions(OutputOptions):
+    """How the result is given, and how much of it."""
+
+    parameters: Annotated[bool, typer.Option("--parameters", help="List the parameters that were identified.")] = False
+
+
 @grouped
 def command(
     campaign: CampaignArgument,
@@ -79,9 +86,7 @@ def command(
     holdout: HoldoutOptions,
     fitting: FitCommandOptions,
     search: SearchOptions,
-    parameters: Annotated[bool, typer.Option("--parameters", help="List the parameters that were identified.")] = False,
-    *,
-    out: OutputOptions,
+    out: ShownOptions,
 ) -> None:
     """Identify a robot's parameters from a campaign, with tracker frame and targets.
 
@@ -132,7 +137,7 @@ def command(
         write_json(result)
     else:
         tracker_mm = tracker_error(read.whole.take(fitted), fitting.noise()) * 1e3
-        show_report(calibration, result, tracker_mm=tracker_mm, parameters=parameters)
+        show_report(calibration, result, tracker_mm=tracker_mm, parameters=out.parameters)
         if fit.explanation is not None:
             from taskcal.cli.effects import show_explanation
 
