@@ -63,3 +63,22 @@ def test_seven_joints_of_the_wam(run: Run, data_folder: Path, tmp_path: Path) ->
         "identify", "--robot", "barrett-wam", campaign, "-o", tmp_path / "a.json", "--holdout", "0.3", "--json"
     ).json
     assert result["held_out"]["mean_mm"] < 3.5
+
+
+def test_the_panda_by_a_ball_in_sockets_from_the_csv_and_the_urdf(run: Run, data_folder: Path, tmp_path: Path) -> None:
+    folder, out = data_folder / "panda_sockets", tmp_path / "cal.json"
+    distances = tmp_path / "distances.csv"
+    distances.write_text("socket_a,socket_b,distance_mm\n0,1,50.0\n")
+    campaign = folder / "measurements.csv"
+    fit = ["--robot", folder / "nominal.urdf", campaign, "--distances", distances, "-o", out, "--json"]
+    result = run("identify", *fit).json
+    assert result["tracker_frame"] is None
+    assert result["fitted"]["mean_mm"] < 0.46
+    assert [one["kind"] for one in result["observations"]] == ["socket"]
+    assert len(result["observations"][0]["unknowns"]) == 18
+    checked = run("validate", out, campaign, "--distances", distances, "--json").json
+    assert checked["mean_mm"] == pytest.approx(result["fitted"]["mean_mm"])
+    assert [round(one["stated_mm"], 6) for one in checked["distances"]] == [50.0] * 3
+    assert checked["distance_max_mm"] < 0.6
+    shown = " ".join(run("validate", out, campaign, "--distances", distances).out.split())
+    assert "stated distances off by" in shown

@@ -80,11 +80,13 @@ def observed_with_points(kind: str, seed: int, rows: int = 40, noise: float = 2e
     T = se3.pose(se3.exp(np.array([0.1, 0.2, 1.3])), np.array([2.0, -1.0, 0.3]))
     offset = np.array([0.05, 0.0, 0.1])
     seen = se3.apply(T, se3.apply(model.poses(campaign.q, truth.x), offset))
+    seen += noise * np.random.default_rng(seed).normal(size=seen.shape)
     seen[::2] = np.nan
     mixed = replace(
         campaign,
         targets=("smr", *campaign.targets),
         points=np.concatenate([seen[:, None], campaign.points], axis=1),
+        uncertainty=np.full((len(campaign), 2), noise),
         observations=(Point(), *campaign.observations),
     )
     return model, mixed, truth

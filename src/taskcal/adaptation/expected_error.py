@@ -12,7 +12,7 @@ predicted target in the tracker's frame. Leaving them out would count the base's
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,13 +22,14 @@ from taskcal.adaptation.nested_models import order_of_dropping
 from taskcal.estimation.scaled import pseudo_invert_scaled
 from taskcal.geometry.covariance_propagation import propagate
 from taskcal.geometry.normal_equations import normal_equations
-from taskcal.geometry.observations import Observations
 from taskcal.identification.belief import frame_precision
-from taskcal.identification.linearisation import joint_columns
-from taskcal.identification.problem import FrameLayout, Problem, observe, whitener
+from taskcal.identification.linearisation import linearise_rows
+from taskcal.identification.observation_layout import layout_of, problem_of
+from taskcal.identification.problem import FrameLayout, whitener
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import register
 from taskcal.measurement.tracker import TrackerNoise
+from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 from taskcal.task.task import TaskPoses
@@ -93,10 +94,8 @@ class Design:
         covariance[np.ix_(f, np.arange(p))] = -self.follow @ C
         covariance[np.ix_(np.arange(p), f)] = -C @ self.follow.T
         covariance[np.ix_(f, f)] = self.follow @ C @ self.follow.T + self.frame_covariance
-        shape = len(q), len(self.layout.targets)
-        rotation = np.broadcast_to(np.eye(3), (len(q), 3, 3)).copy() if self.layout.pose else None
-        nowhere = Observations(position=np.zeros((*shape, 3)), rotation=rotation, valid=np.ones(shape, dtype=bool))
         walked = self.layout.walked(np.asarray(q, dtype=float), self.layout.start())
+        nowhere = self.layout.nowhere(walked, self.layout.start())
         spread = propagate(walked, nowhere, covariance)[1][..., :3, :3]
         return np.sqrt(np.trace(spread, axis1=2, axis2=3).mean(axis=1))
 
@@ -145,22 +144,15 @@ def design(
         CampaignError: too few rows for the frames.
     """
     registration = register(model, campaign)
-    pose = campaign.rotations is not None
-    layout = FrameLayout(
-        model=model, kept=np.arange(len(model)), registration=registration, targets=campaign.targets, pose=pose
-    )
-    problem = Problem(
-        frames=layout, q=np.ascontiguousarray(campaign.q), seen=observe(campaign), noise=campaign.covariances(noise)
-    )
-    variances = np.square(model_error[: 2 if pose else 1])
-    start = layout.start()
-    walked = problem.walked(start)
-    covariance = problem.covariance(variances)
-    for t, offset in enumerate(walked.points.position if any(joint_error) else ()):
-        moved = joint_columns(walked, offset, angular=pose)[:, :, : len(joint_error)] * np.array(joint_error)
-        covariance[:, t] += moved @ np.swapaxes(moved, 1, 2)
-    white = whitener(covariance)
-    _, _, A = normal_equations(walked, problem.seen, white)
+    layout = layout_of(model, np.arange(len(model)), registration, campaign, fixed=False)
+    problem = problem_of(layout, replace(campaign, conditions=Conditions()), noise)
+    b = layout.block_size
+    covariance = problem.covariance(np.square(model_error[: b // 3]))
+    if any(joint_error):
+        moved = linearise_rows(problem, layout.start()).by_joint[:, :, : len(joint_error)] * np.array(joint_error)
+        moved = moved.reshape(len(moved), -1, b, len(joint_error))
+        covariance += moved @ np.swapaxes(moved, 2, 3)
+    A = problem.information(layout.start(), whitener(covariance))
     W = _influence(layout, task)
     frames = np.arange(len(model), len(layout.names))
     # directions in which the poses do not locate the targets are held, as in the fit
@@ -171,14 +163,10 @@ def design(
 def _influence(layout: FrameLayout, task: TaskPoses) -> Float[np.ndarray, "z z"]:
     """Weighted mean of JᵀJ of the targets' positions over the task."""
     n, targets = len(task), len(layout.targets)
-    rotation = np.broadcast_to(np.eye(3), (n, 3, 3)).copy() if layout.pose else None
-    nowhere = Observations(
-        position=np.zeros((n, targets, 3)), rotation=rotation, valid=np.ones((n, targets), dtype=bool)
-    )
-    rows = 6 if layout.pose else 3
-    weight = np.zeros((n, targets, rows, rows))
+    walked = layout.walked(task.q, layout.start())
+    weight = np.zeros((n, targets, layout.block_size, layout.block_size))
     weight[..., range(3), range(3)] = np.sqrt(task.weights / targets)[:, None, None]
-    return normal_equations(layout.walked(task.q, layout.start()), nowhere, weight)[2]
+    return normal_equations(walked, layout.nowhere(walked, layout.start()), weight)[2]
 
 
 def _without_frames(

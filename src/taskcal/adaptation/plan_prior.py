@@ -35,6 +35,7 @@ def prior_from_campaign(
     Raises:
         CampaignError: a campaign of poses, or targets that are not the station's.
     """
+    campaign.refuse_kinds("a plan that goes on from a campaign")
     if campaign.rotations is not None:
         raise CampaignError("a plan extends a campaign of points; this one measured poses")
     _check_targets("campaign", campaign.targets, station)

@@ -9,6 +9,7 @@ from taskcal.cli.fit_verdict import next_steps, verdict
 from taskcal.cli.output import say, show, show_facts, tell
 from taskcal.cli.robot_sheet import placement
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.calibration_summary import list_unknowns
 from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration
@@ -46,7 +47,8 @@ def report(calibration: Calibration, measured: Campaign, nominal: Callable[[Camp
         "holdout": None if held_out is None else held_out.summary(),
         "model_error_origin": model_error_origin(calibration),
         "prior_scale_origin": prior_scale_origin(calibration) or None,
-        "tracker_frame": placement(calibration.T_tracker_base),
+        "tracker_frame": placement(calibration.T_tracker_base) if _in_tracker(calibration) else None,
+        "observations": list_unknowns(calibration),
         "registration": _registered(calibration.layout.registration),
         "targets": {
             name: {**placement(T), "located": not unlocated, "unlocated": unlocated or None}
@@ -58,6 +60,11 @@ def report(calibration: Calibration, measured: Campaign, nominal: Callable[[Camp
             )
         },
     }
+
+
+def _in_tracker(calibration: Calibration) -> bool:
+    """Whether a tracker measured anything; else the measuring frame is the robot's base."""
+    return calibration.layout.base_size > 0
 
 
 def _registered(registration: Registration) -> dict[str, str | None]:
@@ -129,7 +136,7 @@ def _facts(result: Mapping[str, Any], *, parameters: bool) -> list[tuple[str, st
         ("model error", f"{result['model_error_mm']:.4f} mm{rotation} per axis (1σ), {result['model_error_origin']}"),
         ("prior scale", "no prior" if scale is None else f"{scale:.3g} times the tolerances{held}"),
         *([("largest correlations", "; ".join(pairs))] if parameters else []),
-        ("tracker frame", f"base at {_point(result['tracker_frame'])}{_found_from(result['registration'])}"),
+        ("tracker frame", _measuring_frame(result)),
     ]
     for name, target in result["targets"].items():
         unsure = f"; {target['unlocated']}" if target["unlocated"] else ""
@@ -146,6 +153,13 @@ def _facts(result: Mapping[str, Any], *, parameters: bool) -> list[tuple[str, st
         facts.append(("parameters", f"{len(result['parameters'])} were identified: --parameters lists them"))
     facts.append(("calibration", f"wrote {result['calibration']}"))
     return facts
+
+
+def _measuring_frame(result: Mapping[str, Any]) -> str:
+    if result["tracker_frame"] is None:
+        stands = sum(len(one["unknowns"]) for one in result["observations"])
+        return f"none: measured in the robot's base, with {stands} numbers of what stands fitted (see --json)"
+    return f"base at {_point(result['tracker_frame'])}{_found_from(result['registration'])}"
 
 
 def _found_from(registration: Mapping[str, str | None]) -> str:

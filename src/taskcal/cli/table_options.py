@@ -63,6 +63,16 @@ class TableOptions:
         ),
     ] = None
 
+    distances: Annotated[
+        Path | None,
+        typer.Option(
+            "--distances",
+            metavar="FILE",
+            readable=False,
+            help="Stated distances of sockets: columns socket_a, socket_b, distance_mm, and u_mm where known.",
+        ),
+    ] = None
+
     @property
     def read_options(self) -> "ReadOptions":
         """What is stated, as the reader takes it."""
@@ -79,4 +89,5 @@ class TableOptions:
             form=TableForm(columns=columns, decimal=marks[self.decimal], sheet=self.sheet),
             angles=None if self.angles is None else self.angles.value,
             points=self.points,
+            distances=self.distances,
         )

@@ -68,8 +68,12 @@ def diagnose(campaign: Campaign, robot: Robot) -> Diagnosis:
     Args:
         campaign: the measurements; it may lie outside the robot's limits.
         robot: the robot that is said to have been measured.
+
+    Raises:
+        CampaignError: something was observed without a tracker.
     """
     expect_kinds({"campaign": Campaign, "robot": Robot}, campaign=campaign, robot=robot)
+    campaign.refuse_kinds("the doctor")
     case = Case.of(robot, campaign)
     found = explain_singly(case)
     given = next(e for e in found if not e.mistakes)

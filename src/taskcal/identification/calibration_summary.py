@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taskcal.identification.informed_parameters import informed_parameters
+from taskcal.identification.observation_layout import ObservationLayout
 
 if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
@@ -53,6 +54,25 @@ def summarise_calibration(calibration: "Calibration") -> dict[str, Any]:
         "iterations": calibration.iterations,
         "rounds": calibration.rounds,
     }
+
+
+def list_unknowns(calibration: "Calibration") -> list[dict[str, Any]]:
+    """What stands where a tracker did not measure all: sockets, anchors …, each number with its standard error, millimetres."""
+    layout = calibration.layout
+    if not isinstance(layout, ObservationLayout):
+        return []
+    deviation = np.sqrt(np.maximum(np.diag(calibration.z_covariance), 0.0))
+    out: list[dict[str, Any]] = []
+    for target, kind, own, values in zip(
+        layout.targets, layout.kinds, layout.own, layout.unknowns(calibration.z), strict=True
+    ):
+        errors = [None] * len(values) if layout.fixed_frames else (deviation[own] * 1e3).tolist()
+        unknowns = {
+            name: {"value_mm": float(value) * 1e3, "standard_error_mm": error}
+            for name, value, error in zip(kind.unknowns, values, errors, strict=True)
+        }
+        out.append({"target": target, "kind": kind.key, "tells_scale": kind.tells_scale, "unknowns": unknowns})
+    return out
 
 
 def list_parameters(calibration: "Calibration") -> list[dict[str, Any]]:

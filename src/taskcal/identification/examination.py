@@ -11,7 +11,7 @@ from taskcal.errors import CampaignError
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.outlier import Outlier, studentise
 from taskcal.identification.prediction_errors import Validation
-from taskcal.identification.validation import reregister_frames, validate
+from taskcal.identification.validation import errors_on, reregister_frames, validate
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.short_repr import short_repr
@@ -33,7 +33,7 @@ class Examination:
     """Standard uncertainty of the measurement along each error, metres."""
     studentised: Float[np.ndarray, " points"] | None
     """Length of each error (rotation included, for poses) over its stated standard deviation; None where the frames were
-    refitted, for which the calibration states nothing."""
+    refitted, or what stands was found anew, for which the calibration states nothing."""
     inside: Bool[np.ndarray, " points"] | None
     """Whether each position is in the 95 % region that is stated for it, the tracker's noise included."""
     rotation_inside: Bool[np.ndarray, " points"] | None
@@ -86,6 +86,10 @@ class Examination:
                 }
                 for outlier in self.outliers
             ],
+            "distances": [
+                {"name": one.name, "stated_mm": one.stated * 1e3, "found_mm": one.found * 1e3}
+                for one in self.validation.compared
+            ],
             "rows": self.points(),
         }
 
@@ -113,7 +117,7 @@ def examine(
     """
     validation = validate(calibration, campaign, reregister=reregister)
     fitted = reregister_frames(calibration, campaign) if reregister else calibration
-    residual = fitted.residuals_on(campaign)
+    residual = errors_on(fitted, campaign)
     width = residual.shape[2]
     covariance = campaign.covariances(noise)[..., :width, :width]
     rows, targets = np.nonzero(campaign.valid)
@@ -122,7 +126,7 @@ def examine(
     along = np.einsum("ki,kij,kj->k", direction, covariance[rows, targets, :3, :3], direction)
     studentised = inside = rotation_inside = None
     outliers: tuple[Outlier, ...] = ()
-    if not reregister:
+    if not (reregister or campaign.observations):
         known = [calibration.targets.index(name) for name in campaign.targets]
         stated = calibration.predict_covariance(campaign.q, campaign.conditions)[:, known, :width, :width] + covariance
         lengths, outliers = studentise(residual, stated, stated, campaign, level)

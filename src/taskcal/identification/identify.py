@@ -191,6 +191,11 @@ def _conclude(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOpt
     )
 
 
+def _measured_numbers(campaign: Campaign, width: int) -> int:
+    widths = [kind.width for kind in campaign.observations] or [width] * len(campaign.targets)
+    return int(campaign.valid.sum(axis=0) @ np.array(widths))
+
+
 def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign, has_prior: bool) -> tuple[str, ...]:
     """What is unusual about a fit, in words."""
     out: list[str] = []
@@ -201,7 +206,12 @@ def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign, has_prior: bool)
             f"the robot deviates {scale:.0f} times as much as its tolerances say: check the joints' order, signs and zero "
             "positions and the lengths in the robot file, or state wider tolerances"
         )
-    measured = int(campaign.valid.sum()) * fit.residual.shape[2]
+    if campaign.observations and not any(kind.tells_scale for kind in campaign.observations):
+        out.append(
+            "no length was measured or stated: how large the robot is comes from its nominal lengths alone; state a distance of "
+            "two sockets (--distances)"
+        )
+    measured = _measured_numbers(campaign, fit.residual.shape[2])
     if measured < 2 * unknowns:
         out.append(
             f"{measured} measured numbers for {unknowns} unknowns: residuals of the fitted rows say little; hold rows out"

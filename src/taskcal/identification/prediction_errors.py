@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.measurement.observation import Compared
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Validation:
@@ -20,6 +22,8 @@ class Validation:
     """Row of the campaign that each point belongs to."""
     remarks: tuple[str, ...] = ()
     """What a user should look at before believing the result."""
+    compared: tuple[Compared, ...] = ()
+    """Lengths that are stated, such as distances of sockets, beside those that were found."""
 
     def __repr__(self) -> str:
         remarks = f", {len(self.remarks)} remarks" if self.remarks else ""
@@ -93,4 +97,7 @@ class Validation:
         if self.rotations is not None:
             out["mean_mrad"] = float(self.rotations.mean() * 1e3)
             out["max_mrad"] = float(self.rotations.max() * 1e3)
+        if self.compared:
+            off = np.abs([one.found - one.stated for one in self.compared]) * 1e3
+            out["distance_mean_mm"], out["distance_max_mm"] = float(off.mean()), float(off.max())
         return out

@@ -1,14 +1,19 @@
 """How well a calibration predicts a campaign."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from taskcal.arguments import expect_kinds
 from taskcal.errors import CampaignError
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.observation_layout import ObservationLayout
+from taskcal.identification.observed_errors import residuals_by_kind, unknowns_of
 from taskcal.identification.prediction_errors import Validation
+from taskcal.identification.problem import FrameLayout
 from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.observation import Compared
 from taskcal.measurement.plausibility import check_plausible
 from taskcal.measurement.registration import PLAUSIBLE_SHARE, register
 
@@ -29,10 +34,12 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
     expect_kinds({"calibration": Calibration, "campaign": Campaign}, calibration=calibration, campaign=campaign)
     if reregister:
         calibration = reregister_frames(calibration, campaign)
-    residual = calibration.residuals_on(campaign)
+    residual = errors_on(calibration, campaign)
     if not campaign.valid.any():
         raise CampaignError("the campaign has no measured point to compare with: every beam was lost")
-    validation = Validation.of_residuals(residual, calibration.T_tracker_base[:3, :3])
+    validation = replace(
+        Validation.of_residuals(residual, calibration.T_tracker_base[:3, :3]), compared=_compared(calibration, campaign)
+    )
     off = float(np.median(validation.errors))
     if off <= PLAUSIBLE_SHARE * calibration.model.robot.reach:
         return validation
@@ -41,6 +48,32 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
         "refit them (reregister); else it is another robot"
     )
     return replace(validation, remarks=(remark,))
+
+
+def _compared(calibration: Calibration, campaign: Campaign) -> tuple[Compared, ...]:
+    """Lengths that are stated, and as the calibrated robot finds them in a campaign."""
+    if not campaign.observations:
+        return ()
+    found = unknowns_of(calibration, campaign, settled=True)
+    return tuple(
+        one for kind, unknown in zip(campaign.observations, found, strict=True) for one in kind.compare(unknown)
+    )
+
+
+def errors_on(calibration: Calibration, campaign: Campaign) -> Float[np.ndarray, "n targets b"]:
+    """What a validation judges: measured less predicted in the tracker's frame.
+
+    Without a tracker, what stands (sockets, anchors …) is where the calibrated robot finds it in this campaign.
+
+    Raises:
+        CampaignError: a target that the calibration does not know.
+        ClosureError: a closed loop cannot be assembled at some pose.
+    """
+    return (
+        residuals_by_kind(calibration, campaign, settled=True)
+        if campaign.observations
+        else calibration.residuals_on(campaign)
+    )
 
 
 def reregister_frames(calibration: Calibration, campaign: Campaign) -> Calibration:
@@ -53,9 +86,12 @@ def reregister_frames(calibration: Calibration, campaign: Campaign) -> Calibrati
         calibration.model, campaign, poses=calibration.tool_in_base(campaign.q, campaign.conditions)
     )
     check_plausible(registration, calibration.model, campaign)
+    layout = calibration.layout
+    if isinstance(layout, ObservationLayout):  # what stands is found from the campaign
+        layout = FrameLayout(**{f.name: getattr(layout, f.name) for f in fields(FrameLayout)})
     return replace(
         calibration,
         T_tracker_base=registration.T_tracker_base,
         T_tool_target=registration.T_tool_target,
-        layout=replace(calibration.layout, targets=campaign.targets),
+        layout=replace(layout, targets=campaign.targets),
     )

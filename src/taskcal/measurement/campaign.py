@@ -127,6 +127,18 @@ class Campaign:
         """Where a target was seen."""
         return ~np.isnan(self.points[..., 0])
 
+    def refuse_kinds(self, what: str) -> None:
+        """See that a tracker measured all.
+
+        Raises:
+            CampaignError: a target was observed otherwise.
+        """
+        for name, one in zip(self.targets, self.observations, strict=False):
+            if not one.in_tracker:
+                raise CampaignError(
+                    f"{what} takes what a tracker measured; '{name}' was observed otherwise ({one.key})"
+                )
+
     @property
     def approach(self) -> Float[np.ndarray, "n joints"] | None:
         """Way in which each joint's drive turned last before the row, as `Conditions` has it."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from taskcal.measurement.joint_names import joints_called
+from taskcal.measurement.observation import kinds
 
 LENGTHS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "cm": 1e-2, "in": 0.0254, "ft": 0.3048}
 """Metres in each unit of length."""
@@ -33,7 +34,7 @@ UNITS = {
 
 Kind = Literal[
     "id", "group", "joint", "position", "quaternion", "matrix", "euler", "uncertainty", "temperature", "time", "target", "approach",
-    "move", "nominal",
+    "move", "nominal", "observed",
 ]  # fmt: skip
 
 
@@ -46,7 +47,7 @@ class Meaning:
     """Of the joint from 0 (beyond the last where there are too many), of the axis, the quaternion's part (x, y, z, w) or the angle
     from 0, of the name among names of rows; row and column of a matrix as 10·i + j."""
     target: str = ""
-    """Whose position or uncertainty it is, where the name says."""
+    """Whose position or uncertainty it is, where the name says; what the kind of observation calls the column."""
     form: str = ""
     """Of angles: ``abc`` (KUKA), ``wpr`` (FANUC), ``rpy`` (roll, pitch, yaw), ``rotvec`` (a rotation vector) or ``rxyz`` (stated
     nowhere)."""
@@ -167,7 +168,23 @@ def meanings(names: Sequence[str], units: Sequence[str], joints: Sequence[str]) 
             out.append(Meaning(kind="euler", index=angles[k][1], form=angles[k][0], unit=unit))
         else:
             out.append(_meaning(text, unit, names[k], own, len(joints)))
+    for k, column in _observed(texts).items():
+        if out[k] is None or out[k].kind != "joint":  # pyright: ignore[reportOptionalMemberAccess]
+            out[k] = Meaning(kind="observed", target=column, unit=parted[k][1])
     return _with_translation(_without_calculated(out))
+
+
+def _observed(texts: Sequence[str]) -> dict[int, str]:
+    """Columns of kinds of observation that need no tracker, by the kinds' own names: of those whose first column is there."""
+    out: dict[int, str] = {}
+    for kind in kinds():
+        at = {
+            column: next((k for k, text in enumerate(texts) if text in words), None)
+            for column, words in kind.columns.items()
+        }
+        if at and next(iter(at.values())) is not None:
+            out |= {k: column for column, k in at.items() if k is not None}
+    return out
 
 
 def contradiction(name: str, under: str) -> tuple[str, str] | None:

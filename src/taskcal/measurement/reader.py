@@ -12,6 +12,8 @@ from taskcal.arguments import expect_kinds, renamed_arguments
 from taskcal.errors import FileError, shown
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.column_meaning import ANGLES, LENGTHS
+from taskcal.measurement.observation import Point, Pose, Read, kinds
+from taskcal.measurement.observation.socket_distances import with_distances
 from taskcal.measurement.pairing import pair
 from taskcal.measurement.readings import Readings, read_readings
 from taskcal.measurement.repeated_shots import average_shots
@@ -43,6 +45,8 @@ class ReadOptions:
     """What three angles of a pose mean."""
     points: str | Path | None = None
     """Another file with the points, where the first holds joints only."""
+    distances: str | Path | None = None
+    """Another file with stated distances of sockets."""
 
 
 @renamed_arguments(nests="reference_points")
@@ -64,6 +68,8 @@ def read_campaign(
     way its drive turned last (1 up, −1 down, 0 unknown), and ``J1_move_deg``, how far. A target whose three cells are all
     empty or all zero is a lost beam. Other columns are left out. `Campaign.notes` says what was left out and decided.
 
+    Without a tracker: the ``socket`` that a ball on the tool rests in, and the ``place`` where its block stood.
+
     Rows of one id with the same joints are shots of one pose, and averaged. Units that are stated nowhere are told by the
     robot's own motion, or the file is refused. Without columns that say how poses were approached, the rows are taken in
     the order of measurement. Where their ids are rising whole numbers, a step larger than the usual one says that rows were
@@ -81,7 +87,10 @@ def read_campaign(
             twenty faults.
     """
     expect_kinds({"robot": Robot}, robot=robot)
-    return campaign_of(read_measurements(path, robot, options), robot, targets, reference_points)
+    campaign = campaign_of(read_measurements(path, robot, options), robot, targets, reference_points)
+    if options is None or options.distances is None:
+        return campaign
+    return with_distances(campaign, options.distances)
 
 
 def read_measurements(path: str | Path, robot: Robot, options: ReadOptions | None = None) -> Readings:
@@ -214,11 +223,14 @@ def campaign_of(
         if reference_points is None
         else _among(readings, reference_points, points)
     )
+    observed = _observed(readings, targets)
+    if observed and targets is not None:
+        targets = [name for name in targets if name.casefold() not in {one.target for one in observed}]
     chosen = [n for n in points if n not in fixed] if targets is None else _among(readings, targets, points)
     fixed = [n for n in fixed if n not in chosen]
     if len(chosen) > MAX_TARGETS:
         raise _header_error(readings, f"names {len(chosen)} targets; Taskcal fits {MAX_TARGETS} at most: choose some")
-    if not chosen:
+    if not chosen and not observed:
         raise _header_error(
             readings,
             f"names no target; give columns x_mm, y_mm, z_mm, or NAME_x_mm, NAME_y_mm, NAME_z_mm{_other_sheets(readings)}",
@@ -227,19 +239,45 @@ def campaign_of(
         raise _header_error(readings, f"a pose has one target, this file names {', '.join(chosen)}; choose one")
     _refuse_limits(readings, robot, q)
     ids = readings.ids or tuple(str(number) for number in range(1, len(readings) + 1))
+    values = [*(points[name] for name in chosen), *(one.points for one in observed)]
+    tracked = Point() if readings.rotations is None else Pose()
     return Campaign(
         ids=ids,
         q=q,
-        targets=tuple(chosen),
-        points=np.stack([points[name] for name in chosen], axis=1),
-        rotations=readings.rotations,
-        uncertainty=_uncertainty(readings, chosen),
+        targets=(*chosen, *(one.target for one in observed)),
+        points=np.stack(values, axis=1),
+        rotations=_rotations(readings, observed),
+        observations=(*(tracked for _ in chosen), *(one.observation for one in observed)) if observed else (),
+        uncertainty=_uncertainty(readings, [*chosen, *(one.target for one in observed)]),
         reference_points={name: points[name] for name in fixed},
         conditions=replace(_ways(readings, robot, q), temperature=readings.temperature, time=readings.time),
         source=readings.path.name,
         lines=readings.lines,
         notes=readings.notes,
     )
+
+
+def _observed(readings: Readings, targets: Sequence[str] | None) -> list[Read]:
+    """What was observed without a tracker, of all or of those that are asked for."""
+    if readings.observed is None:
+        return []
+    found = [one for kind in kinds() if (one := kind.read(readings.observed)) is not None]
+    wanted = None if targets is None else {name.casefold() for name in targets}
+    return [one for one in found if wanted is None or one.target in wanted]
+
+
+def _rotations(readings: Readings, observed: Sequence[Read]) -> Float[np.ndarray, "n 3 3"] | None:
+    """Of the only target that is measured with one.
+
+    Raises:
+        FileError: there are several.
+    """
+    turned = [one for one in observed if one.rotations is not None]
+    if len(turned) + (readings.rotations is not None) > 1:
+        raise _header_error(
+            readings, "has rotations of several targets in one file; Taskcal fits one: choose with --targets"
+        )
+    return turned[0].rotations if turned else readings.rotations
 
 
 def _other_sheets(readings: Readings) -> str:

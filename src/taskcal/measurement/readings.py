@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 from taskcal.errors import FileError, shown
 from taskcal.measurement.column_meaning import ANGLES, LENGTHS, TIMES, Meaning, contradiction, meanings
 from taskcal.measurement.joint_columns import JointColumns, joint_columns, refuse_other_axes
+from taskcal.measurement.observation import ObservedColumns
 from taskcal.measurement.rotation_columns import AngleForm, rotations
 from taskcal.measurement.spherical_columns import with_positions
 from taskcal.measurement.summary_rows import without_summaries
@@ -65,6 +66,8 @@ class Readings:
     """Radians and metres."""
     targets_by_row: tuple[str, ...] | None
     """Whose position each row holds, where a column says."""
+    observed: ObservedColumns | None
+    """Columns of kinds of observation that need no tracker; None where there are none."""
     preamble: tuple[str, ...]
     """Lines above the table and comments."""
     notes: tuple[str, ...]
@@ -92,6 +95,7 @@ class Readings:
             approach=pick(self.approach),
             move=pick(self.move),
             targets_by_row=None if self.targets_by_row is None else tuple(self.targets_by_row[i] for i in rows),
+            observed=None if self.observed is None else self.observed.take(rows),
         )
 
 
@@ -162,8 +166,23 @@ def read_readings(
         approach=approach,
         move=move,
         targets_by_row=targets_by_row,
+        observed=_observed(table, known),
         preamble=laid.preamble,
         notes=(*laid.notes, *targets.notes, *rotation_notes, *_left_out(laid, known)),
+    )
+
+
+def _observed(table: Table, known: Sequence[Meaning | None]) -> ObservedColumns | None:
+    """Columns of kinds of observation that need no tracker."""
+    at = {m.target: (table.header[k], m.unit) for k, m in enumerate(known) if m is not None and m.kind == "observed"}
+    if not at:
+        return None
+    return ObservedColumns(
+        path=table.path,
+        lines=np.array(table.lines),
+        cells={column: tuple(table.texts(name)) for column, (name, _) in at.items()},
+        headers={column: name for column, (name, _) in at.items()},
+        scales={column: LENGTHS.get(unit or "") for column, (_, unit) in at.items()},
     )
 
 

@@ -28,13 +28,17 @@ def campaign_text(campaign: Campaign, robot: Robot) -> str:
     header, columns = _joint_columns(campaign.q, robot)
     for t, name in enumerate(campaign.targets):
         prefix = "" if name == "tool" else f"{name}_"
-        for axis in range(3):
+        own = campaign.observations[t].cells(campaign.read(t)) if campaign.observations else None
+        for column, texts in (own or {}).items():
+            header.append(column)
+            columns.append(texts)
+        for axis in range(3) if own is None else ():
             header.append(f"{prefix}{'xyz'[axis]}_mm")
             columns.append(_texts(campaign.points[:, t, axis] * 1e3, 6))
         if campaign.uncertainty is not None:
             header.append(f"{prefix}u_mm")
             columns.append(_texts(campaign.uncertainty[:, t] * 1e3, 6))
-    if campaign.rotations is not None:
+    if campaign.rotations is not None and not any(one.turned and not one.in_tracker for one in campaign.observations):
         quaternion = se3.to_quaternion(campaign.rotations)
         for k, name in enumerate(("qx", "qy", "qz", "qw")):
             header.append(name)

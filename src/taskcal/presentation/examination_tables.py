@@ -1,8 +1,13 @@
 """What an examination says, for the terminal."""
 
+import numpy as np
+
 from taskcal.identification.acceptance import GUARD, Acceptance
 from taskcal.identification.examination import Examination
 from taskcal.presentation.content import Table
+
+MAX_COMPARED = 6
+"""Stated lengths that are listed."""
 
 STATISTIC = {"max": "the largest error", "p95": "the 95th percentile", "rms": "the rms error", "mean": "the mean error"}
 
@@ -60,6 +65,8 @@ def tabulate_examined_outliers(examination: Examination) -> Table:
 
 def describe_regions(examination: Examination) -> str:
     """How many points lie where the calibration said they would."""
+    if examination.inside is None and examination.campaign.observations:
+        return "not judged: what stands was found from these rows, beside which the calibration states nothing"
     if examination.inside is None:
         return "not judged: tracker frame and targets were refitted, and the regions were stated with those of the calibration"
     inside, n = int(examination.inside.sum()), len(examination.inside)
@@ -67,6 +74,17 @@ def describe_regions(examination: Examination) -> str:
     if examination.rotation_inside is not None:
         text += f", {100 * examination.rotation_inside.mean():.1f} % of the rotations"
     return text
+
+
+def describe_compared(examination: Examination) -> str:
+    """Lengths that are stated, and what they were found to be."""
+    compared = examination.validation.compared
+    off = np.abs([one.found - one.stated for one in compared]) * 1e3
+    listed = "; ".join(
+        f"{one.name} {one.found * 1e3:.3f} for {one.stated * 1e3:.3f} mm" for one in compared[:MAX_COMPARED]
+    )
+    more = f"; and {len(compared) - MAX_COMPARED} more" if len(compared) > MAX_COMPARED else ""
+    return f"off by {off.mean():.3f} mm in the mean, {off.max():.3f} mm at most: {listed}{more}"
 
 
 def describe_rule(acceptance: Acceptance) -> str:

@@ -95,6 +95,8 @@ def command(
         write_json({**examination.summary(), "acceptance": None if decision is None else decision.summary()})
     else:
         frames = "tracker frame and targets refitted" if reregister else "frames of the calibration"
+        if measured.observations:
+            frames = "from where the calibrated robot finds what stands, in these rows themselves"
         title = f"Position error of {calibrated.model.robot.name} on {campaign} ({frames})"
         _show(title, examination, decision, all_rows=all_rows)
     if decision is not None and not decision.accepted:
@@ -104,6 +106,7 @@ def command(
 def _show(title: str, examination: "Examination", decision: "Acceptance | None", *, all_rows: bool) -> None:
     from taskcal.cli.errors_table import show_errors
     from taskcal.presentation.examination_tables import (
+        describe_compared,
         describe_decision,
         describe_regions,
         describe_rule,
@@ -117,6 +120,8 @@ def _show(title: str, examination: "Examination", decision: "Acceptance | None",
         show(tabulate_examined_outliers(examination))
     outliers = f"{len(examination.outliers)} too far off for chance" if examination.outliers else "none"
     facts = [("stated regions", describe_regions(examination)), ("outliers", outliers)]
+    if examination.validation.compared:
+        facts.insert(0, ("stated distances", describe_compared(examination)))
     if decision is not None:
         facts += [("decision", describe_decision(decision)), ("decision rule", describe_rule(decision))]
     show_facts(facts)

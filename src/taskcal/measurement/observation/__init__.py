@@ -4,13 +4,17 @@ A kind is one class in one file. It says how many numbers it measures, what it p
 without a guess, and how sure it is; registration, fit, identifiability, reports and plans take it from there.
 """
 
+from taskcal.measurement.observation.columns import ObservedColumns as ObservedColumns
+from taskcal.measurement.observation.observation import Compared as Compared
 from taskcal.measurement.observation.observation import Differential as Differential
 from taskcal.measurement.observation.observation import Measured as Measured
 from taskcal.measurement.observation.observation import Observation as Observation
 from taskcal.measurement.observation.observation import Placed as Placed
+from taskcal.measurement.observation.observation import Read as Read
 from taskcal.measurement.observation.observation import Standalone as Standalone
 from taskcal.measurement.observation.observation import Stated as Stated
 from taskcal.measurement.observation.observation import kind_of as kind_of
+from taskcal.measurement.observation.observation import kinds as kinds
 from taskcal.measurement.observation.observation import refer as refer
 from taskcal.measurement.observation.point import Point as Point
 from taskcal.measurement.observation.pose import Pose as Pose

@@ -3,12 +3,14 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Self
+from types import MappingProxyType
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import UnknownName
+from taskcal.measurement.observation.columns import ObservedColumns
 from taskcal.measurement.tracker import TrackerNoise
 
 UNMEASURED = 1.0
@@ -55,6 +57,17 @@ class Placed(NamedTuple):
     """Projector onto directions in which the rows do not tell where the target sits on the tool."""
 
 
+class Read(NamedTuple):
+    """What a file says of one target that a kind observed."""
+
+    target: str
+    """Its name."""
+    observation: "Observation"
+    points: Float[np.ndarray, "n 3"]
+    """The kind's numbers, metres; NaN where nothing was read."""
+    rotations: Float[np.ndarray, "n 3 3"] | None = None
+
+
 class Stated(NamedTuple):
     """What is known of the unknowns beside the measurements: stated less found, its derivative, and how sure it is."""
 
@@ -65,6 +78,17 @@ class Stated(NamedTuple):
 
 _KINDS: dict[str, type["Observation"]] = {}
 """Every kind by its key, entered as it is defined."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compared:
+    """A length that is stated, and the same as the calibrated robot finds it."""
+
+    name: str
+    stated: float
+    """Metres."""
+    found: float
+    """Metres."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -83,6 +107,8 @@ class Observation(ABC):
     """Whether it depends on how the target is turned on the tool."""
     in_tracker: ClassVar[bool] = False
     """Whether it is measured in a frame that stands, whose pose is unknown."""
+    columns: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
+    """Columns that it reads, each with the words that people write for it, in small letters and parted by blanks."""
     of: Int[np.ndarray, " n"] | None = None
     """Which of several things each row refers to, −1 for none; None where there is one, or where no rows belong to it."""
 
@@ -121,7 +147,11 @@ class Observation(ABC):
         """What is known of the unknowns."""
         return Stated(np.zeros(0), np.zeros((0, len(unknown))), np.zeros(0))
 
-    def named_like(self, other: Self, unknown: Float[np.ndarray, " u"]) -> Float[np.ndarray, " v"]:
+    def compare(self, unknown: Float[np.ndarray, " u"]) -> tuple[Compared, ...]:
+        """What is stated beside what is found; nothing for kinds of which nothing is stated."""
+        return ()
+
+    def named_like(self, other: "Observation", unknown: Float[np.ndarray, " u"]) -> Float[np.ndarray, " v"]:
         """Another one's unknowns in the order of these, NaN for those it does not have."""
         known = dict(zip(other.unknowns, unknown, strict=True))
         return np.array([known.get(name, np.nan) for name in self.unknowns])
@@ -130,16 +160,29 @@ class Observation(ABC):
         """The same rows, what they refer to numbered as another one does; −1 where that does not know it."""
         return self
 
-    def take(self, rows: Int[np.ndarray, " k"]) -> Self:
+    def take(self, rows: Int[np.ndarray, " k"]) -> "Observation":
         """That of some of the rows."""
         return self
+
+    @classmethod
+    def read(cls, columns: ObservedColumns) -> Read | None:
+        """What a file says; None where it does not have the kind's columns.
+
+        Raises:
+            FileError: a cell is not what it must be.
+        """
+        return None
+
+    def cells(self, measured: Measured) -> dict[str, list[str]] | None:
+        """Columns of a file from which `read` reads the same; None for what a tracker measured."""
+        return None
 
     def describe(self) -> dict[str, Any]:
         """What a file holds of it, beside its key: all but the rows."""
         return {}
 
     @classmethod
-    def of_description(cls, content: Mapping[str, Any]) -> Self:
+    def of_description(cls, content: Mapping[str, Any]) -> "Observation":
         """What `describe` gave, without rows."""
         return cls(**content)
 
@@ -154,6 +197,11 @@ class Standalone(Observation):
         Raises:
             CampaignError: the rows do not tell.
         """
+
+
+def kinds() -> tuple[type[Observation], ...]:
+    """Every kind that is defined."""
+    return tuple(_KINDS.values())
 
 
 def kind_of(key: str) -> type[Observation]:

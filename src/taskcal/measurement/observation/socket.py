@@ -2,14 +2,26 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from types import MappingProxyType
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.errors import CampaignError
+from taskcal.errors import CampaignError, shown
 from taskcal.geometry import se3
-from taskcal.measurement.observation.observation import Differential, Measured, Observation, Placed, Standalone, Stated
+from taskcal.measurement.observation.columns import ObservedColumns
+from taskcal.measurement.observation.observation import (
+    Compared,
+    Differential,
+    Measured,
+    Observation,
+    Placed,
+    Read,
+    Standalone,
+    Stated,
+    refer,
+)
 from taskcal.measurement.tracker import TrackerNoise
 
 SEAT = 2e-5
@@ -45,6 +57,12 @@ class Sockets(Standalone):
     """
 
     key: ClassVar[str] = "socket"
+    columns: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+        {
+            "socket": ("socket", "socket name", "hole", "cup", "pfanne"),
+            "place": ("place", "tool position", "block", "block position", "stand"),
+        }
+    )
     sockets: tuple[str, ...]
     """Names, with the place where there are several."""
     distances: tuple[SocketDistance, ...] = ()
@@ -83,17 +101,15 @@ class Sockets(Standalone):
         seen = measured.valid
         R, p, k = tool[seen, :3, :3], tool[seen, :3, 3], self.numbers[seen]
         weight = np.ones(len(p))
-        t, unobservable = _ball(R, p, k, weight)
-        distance = _distances(R, p, k, t, weight)
+        distance = _distances(R, p, k, _ball(R, p, k, weight)[0], weight)
         for _ in range(ROUNDS):
             weight = 1.0 / np.maximum(distance, max(float(np.median(distance)), 1e-6))
-            t, unobservable = _ball(R, p, k, weight)
-            distance = _distances(R, p, k, t, weight)
-        near = distance <= FAR * max(float(np.median(distance)), 1e-5)
+            distance = _distances(R, p, k, _ball(R, p, k, weight)[0], weight)
+        near = np.asarray(distance <= FAR * max(float(np.median(distance)), 1e-5))
         if near.mean() > 0.5 and len(np.unique(k[near])) == len(np.unique(k)):
-            t, unobservable = _ball(R, p, k, near.astype(float))
             weight = near.astype(float)
-            distance = _distances(R, p, k, t, weight)
+        t, unobservable = _ball(R, p, k, weight, judged=True)
+        distance = _distances(R, p, k, t, weight)
         far = np.zeros(len(tool))
         far[seen] = distance
         target = se3.pose(np.eye(3), t)
@@ -123,7 +139,15 @@ class Sockets(Standalone):
             by_unknown[i, self.sockets.index(d.b)] = -u
         wanted = np.array([d.distance for d in self.distances])
         uncertainty = np.array([d.uncertainty for d in self.distances])
-        return Stated(wanted - apart, by_unknown.reshape(len(self.distances), -1), uncertainty)
+        return Stated(wanted - apart, by_unknown.reshape(len(self.distances), len(unknown)), uncertainty)
+
+    def compare(self, unknown: Float[np.ndarray, " u"]) -> tuple[Compared, ...]:
+        """Every stated distance of sockets that are there."""
+        found = self.apart(unknown.reshape(-1, 3))[0]
+        return tuple(
+            Compared(name=f"{d.a} to {d.b}", stated=d.distance, found=float(length))
+            for d, length in zip(self.distances, found, strict=True)
+        )
 
     def apart(
         self, centres: Float[np.ndarray, "sockets 3"]
@@ -136,7 +160,7 @@ class Sockets(Standalone):
         length = np.linalg.norm(between, axis=1)
         return length, between / np.maximum(length, 1e-12)[:, None]
 
-    def with_distances(self, distances: tuple[SocketDistance, ...]) -> Self:
+    def with_distances(self, distances: tuple[SocketDistance, ...]) -> "Sockets":
         """With distances of these sockets.
 
         Raises:
@@ -155,7 +179,7 @@ class Sockets(Standalone):
         number = [other.sockets.index(name) if name in other.sockets else -1 for name in self.sockets]
         return replace(other, of=np.array([*number, -1])[self.of])
 
-    def take(self, rows: Int[np.ndarray, " k"]) -> Self:
+    def take(self, rows: Int[np.ndarray, " k"]) -> "Sockets":
         """That of some of the rows, with the sockets that these name."""
         assert self.of is not None
         of = self.of[rows]
@@ -165,6 +189,40 @@ class Sockets(Standalone):
         number[left] = np.arange(len(left))
         distances = tuple(d for d in self.distances if d.a in names and d.b in names)
         return replace(self, sockets=names, of=number[of], distances=distances)
+
+    @classmethod
+    def read(cls, columns: ObservedColumns) -> Read | None:
+        """A socket in every row where the ball was in one; with the place of its block where several are named."""
+        if "socket" not in columns:
+            return None
+        sockets, places = columns.texts("socket"), columns.texts("place")
+        named = np.array([bool(socket) for socket in sockets])
+        if "place" in columns:
+            columns.refuse_without("place", named, "name the place where the block with the socket stood")
+        for row in np.flatnonzero(named):
+            for column, text in (("socket", sockets[row]), ("place", places[row])):
+                if "/" in text:
+                    raise columns.error(
+                        f"'{shown(text)}' has a /, which parts place and socket; leave it out", int(row), column
+                    )
+        labels = tuple(
+            (f"{place}/{socket}" if place else socket) if socket else ""
+            for place, socket in zip(places, sockets, strict=True)
+        )
+        names, of = refer(labels)
+        if not names:
+            return None
+        points = np.where((of >= 0)[:, None], np.zeros(3), np.nan)
+        return Read("ball", cls(sockets=names, of=of), points)
+
+    def cells(self, measured: Measured) -> dict[str, list[str]] | None:
+        """Socket and place of every row."""
+        assert self.of is not None
+        labels = [self.sockets[k] if k >= 0 and seen else "" for k, seen in zip(self.of, measured.valid, strict=True)]
+        sockets = [label.rpartition("/")[2] for label in labels]
+        if not any("/" in label for label in labels):
+            return {"socket": sockets}
+        return {"place": [label.rpartition("/")[0] for label in labels], "socket": sockets}
 
     def describe(self) -> dict[str, Any]:
         """What a file holds of it."""
@@ -176,7 +234,7 @@ class Sockets(Standalone):
         }
 
     @classmethod
-    def of_description(cls, content: Mapping[str, Any]) -> Self:
+    def of_description(cls, content: Mapping[str, Any]) -> "Sockets":
         """What `describe` gave, without rows."""
         return cls(
             sockets=tuple(content["sockets"]), distances=tuple(SocketDistance(**d) for d in content["distances"])
@@ -192,19 +250,20 @@ def _means(x: np.ndarray, k: np.ndarray, weight: np.ndarray, count: int) -> Floa
         return (sums / total[:, None]).reshape(count, *x.shape[1:])
 
 
-def _ball(R: np.ndarray, p: np.ndarray, k: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Place of the ball on the tool by weighted least squares, and the projector onto what the rows do not tell of it."""
+def _ball(
+    R: np.ndarray, p: np.ndarray, k: np.ndarray, weight: np.ndarray, *, judged: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
+    """Place of the ball on the tool by weighted least squares, and if judged the projector onto what the rows do not tell of it."""
     count = int(k.max()) + 1
     A, b = R - _means(R, k, weight, count)[k], -(p - _means(p, k, weight, count)[k])
     H, g = np.einsum("n,nij,nik->jk", weight, A, A), np.einsum("n,nij,ni->j", weight, A, b)
     values, vectors = np.linalg.eigh(H)
     t = np.linalg.lstsq(H, g, rcond=1e-12)[0]
     rms = np.sqrt(np.sum(weight[:, None] * (A @ t - b) ** 2) / weight.sum())
-    weak = vectors[:, values < weight.mean() * (max(rms, 1e-3) / LOCATED_WITHIN) ** 2]
-    if not weak.shape[1]:
-        return t, np.zeros((3, 3))
-    strong = np.eye(3) - weak @ weak.T
-    return np.linalg.lstsq(strong @ H @ strong, strong @ g, rcond=1e-9)[0], weak @ weak.T
+    limit = weight.mean() * (max(rms, 1e-3) / LOCATED_WITHIN) ** 2 if judged else 1e-9 * len(p)
+    told, weak = vectors[:, values >= limit], vectors[:, values < limit]
+    t = told @ np.linalg.solve(told.T @ H @ told, told.T @ g)
+    return t, weak @ weak.T
 
 
 def _distances(R: np.ndarray, p: np.ndarray, k: np.ndarray, t: np.ndarray, weight: np.ndarray) -> np.ndarray:

@@ -1,0 +1,85 @@
+"""The file of stated distances between sockets."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from taskcal.errors import FileError, shown
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.observation.socket import SocketDistance, Sockets
+from taskcal.tabular.csv_form import lay_out_file
+from taskcal.tabular.table import Table
+
+STATED = 2e-5
+"""Standard uncertainty of a distance where the file does not say, metres: what a good calliper leaves."""
+
+SMALLEST = 1e-4
+"""Metres; sockets cannot be nearer to each other."""
+
+
+def with_distances(campaign: Campaign, path: str | Path) -> Campaign:
+    """A campaign with the distances of a file: columns ``socket_a``, ``socket_b``, ``distance_mm``, and optionally ``u_mm``.
+
+    A socket is named as in the campaign: with its place as ``PLACE/SOCKET``, or without, which means both sockets wherever a
+    block with them stood.
+
+    Raises:
+        FileError: the file cannot be read, names a socket that the campaign does not have, or states a distance twice.
+    """
+    at = [t for t, kind in enumerate(campaign.observations) if isinstance(kind, Sockets)]
+    if not at:
+        raise FileError(
+            Path(path), f"states distances of sockets, and {campaign.source or 'the campaign'} has no column socket"
+        )
+    kind = campaign.observations[at[0]]
+    assert isinstance(kind, Sockets)
+    stated = tuple(_distances(Path(path), kind.sockets))
+    kinds = tuple(kind.with_distances(stated) if t == at[0] else one for t, one in enumerate(campaign.observations))
+    return replace(campaign, observations=kinds)
+
+
+def _distances(path: Path, sockets: tuple[str, ...]) -> list[SocketDistance]:
+    table = lay_out_file(path, None).table
+    a, b = table.texts("socket_a"), table.texts("socket_b")
+    distance = table.numbers("distance_mm") * 1e-3
+    uncertainty = table.numbers("u_mm", empty=True) * 1e-3 if "u_mm" in table else np.full(len(table), STATED)
+    uncertainty = np.where(np.isnan(uncertainty), STATED, uncertainty)
+    out: dict[frozenset[str], SocketDistance] = {}
+    for row in range(len(table)):
+        if distance[row] < SMALLEST:
+            raise table.error(
+                f"{distance[row] * 1e3:g} mm is not a distance of two sockets; give millimetres", row, "distance_mm"
+            )
+        if not uncertainty[row] > 0.0:
+            raise table.error("give an uncertainty above zero, or leave the cell empty", row, "u_mm")
+        for pair in _pairs(table, row, a[row], b[row], sockets):
+            if frozenset(pair) in out:
+                raise table.error(f"the distance of {pair[0]} and {pair[1]} is stated twice; keep one", row, "socket_a")
+            out[frozenset(pair)] = SocketDistance(
+                a=pair[0], b=pair[1], distance=float(distance[row]), uncertainty=float(uncertainty[row])
+            )
+    if not out:
+        raise FileError(path, "states no distance")
+    return list(out.values())
+
+
+def _pairs(table: Table, row: int, a: str, b: str, sockets: tuple[str, ...]) -> list[tuple[str, str]]:
+    """The pairs of sockets that a row means."""
+    if a == b:
+        raise table.error(f"'{shown(a)}' is no distance from itself; name two sockets", row, "socket_b")
+    if a in sockets and b in sockets:
+        return [(a, b)]
+    places = {name.rpartition("/")[0] for name in sockets if "/" in name}
+    pairs = [(f"{p}/{a}", f"{p}/{b}") for p in sorted(places) if f"{p}/{a}" in sockets and f"{p}/{b}" in sockets]
+    if pairs:
+        return pairs
+    known = {name.rpartition("/")[2] for name in sockets} | set(sockets)
+    column, name = ("socket_a", a) if a not in known else ("socket_b", b)
+    raise table.error(
+        f"no block of the campaign has the sockets '{shown(a)}' and '{shown(b)}'; it has {', '.join(sockets)}"
+        if {a, b} <= known
+        else f"the campaign has no socket '{shown(name)}'; it has {', '.join(sockets)}",
+        row,
+        column,
+    )

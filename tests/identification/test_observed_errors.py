@@ -1,0 +1,139 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.errors import CampaignError
+from taskcal.geometry import se3
+from taskcal.identification.calibration_file import load_calibration
+from taskcal.identification.identify import identify
+from taskcal.identification.observed_errors import covariance_by_kind, residuals_by_kind, unknowns_of
+from taskcal.identification.validation import validate
+from taskcal.measurement.virtual_cell import simulate
+from tests.laws.observations import KINDS_WITHOUT_TRACKER, observed, observed_with_points
+
+
+def tool_error(calibration, truth, seed=0):
+    """Mean error of the tool in space at other postures, as far as a shift and a turn of the base and another tool point leave it,
+    metres."""
+    q = np.random.default_rng(seed).uniform(-2.0, 2.0, (200, 6))
+    found, true = calibration.tool_in_base(q), truth.model.poses(q, truth.x)
+    p, off = found[:, :3, 3], (true - found)[:, :3, 3]
+    moves = np.concatenate([se3.by_twist(p), found[:, :3, :3]], axis=2)
+    left = off - moves @ np.linalg.lstsq(moves.reshape(-1, 9), off.reshape(-1), rcond=None)[0]
+    return float(np.linalg.norm(left, axis=1).mean())
+
+
+@pytest.mark.parametrize("kind", KINDS_WITHOUT_TRACKER)
+def test_the_robot_is_found_without_a_tracker_and_without_a_guess(kind):
+    model, campaign, truth = observed(kind, 2, rows=80)
+    calibration = identify(model, campaign)
+    nominal = identify(model, campaign, keep=[], prior=None)
+    assert not calibration.left_out
+    assert tool_error(calibration, truth) < 0.15 * tool_error(nominal, truth)
+    residual = residuals_by_kind(calibration, campaign)
+    np.testing.assert_allclose(residual[campaign.valid], calibration.residuals[campaign.valid], atol=1e-12)
+    np.testing.assert_array_equal(np.isnan(residual[..., 0]), ~campaign.valid)
+
+
+@pytest.mark.parametrize("kind", KINDS_WITHOUT_TRACKER)
+def test_a_tracker_beside_it_makes_neither_worse(kind):
+    model, both, truth = observed_with_points(kind, 2, rows=60)
+    error = tool_error(identify(model, both), truth)
+    for name in both.targets:
+        assert error < 1.05 * tool_error(identify(model, both.of_targets([name])), truth)
+
+
+@pytest.mark.parametrize("kind", KINDS_WITHOUT_TRACKER)
+def test_a_calibration_is_saved_and_loaded_with_what_stands(kind, tmp_path):
+    model, campaign, _ = observed_with_points(kind, 4)
+    calibration = identify(model, campaign)
+    calibration.save(tmp_path / "cal.json")
+    loaded = load_calibration(tmp_path / "cal.json")
+    np.testing.assert_array_equal(loaded.residuals_on(campaign), calibration.residuals_on(campaign))
+    np.testing.assert_array_equal(loaded.predict_covariance(campaign.q), calibration.predict_covariance(campaign.q))
+    assert loaded.to_json() == calibration.to_json()
+
+
+def test_without_a_stated_distance_the_size_of_the_robot_is_not_seen():
+    model, campaign, _ = observed("socket", 6, rows=80)
+    unstated = replace(campaign, observations=tuple(replace(one, distances=()) for one in campaign.observations))
+    stated, free = identify(model, campaign), identify(model, unstated)
+    assert any("how large the robot is comes from its nominal lengths" in remark for remark in free.remarks)
+    assert not any("how large" in remark for remark in stated.remarks)
+
+    def spread(calibration):
+        """Standard error of how far the two sockets of a block are apart."""
+        (own,) = calibration.layout.own
+        a, b = calibration.z[own].reshape(-1, 3)[:2]
+        g = np.zeros(len(calibration.z))
+        g[own[:3]], g[own[3:6]] = (a - b) / np.linalg.norm(a - b), (b - a) / np.linalg.norm(a - b)
+        return float(np.sqrt(g @ calibration.z_covariance @ g))
+
+    assert spread(stated) < 2.5e-5
+    assert spread(free) > spread(stated)
+
+
+def test_a_row_in_the_wrong_socket_is_left_out_and_named():
+    model, campaign, _ = observed("socket", 3, rows=60)
+    (kind,) = campaign.observations
+    of = kind.of.copy()
+    of[7] = (of[7] + 1) % 4
+    calibration = identify(model, replace(campaign, observations=(replace(kind, of=of),)))
+    assert [row.row for row in calibration.left_out] == [7]
+    assert "1 of 60 rows cannot be right" in calibration.remarks[0]
+
+
+def test_a_validation_judges_each_socket_by_its_own_mean_wherever_its_block_stands():
+    model, campaign, _ = observed("socket", 5, rows=80)
+    (kind,) = campaign.observations
+    first = np.isin(kind.of, (0, 1))
+    calibration = identify(model, campaign.take(np.flatnonzero(first)))
+    elsewhere = campaign.take(np.flatnonzero(~first))
+    validation = validate(calibration, elsewhere)
+    ball = calibration.target_poses(elsewhere.q)[:, 0, :3, 3]
+    of = elsewhere.observations[0].of
+    middle = np.stack([ball[of == k].mean(axis=0) for k in range(2)])
+    np.testing.assert_allclose(validation.errors, np.linalg.norm(ball - middle[of], axis=1), atol=1e-12)
+    (one,) = validation.compared
+    assert (one.name, one.stated) == ("1/a to 1/b", 0.08)
+    assert one.found == pytest.approx(np.linalg.norm(middle[0] - middle[1]))
+    assert validation.summary()["distance_max_mm"] == pytest.approx(1e3 * abs(one.found - one.stated))
+
+
+def test_what_the_calibration_knows_of_a_socket_is_where_rows_held_out_are_expected():
+    model, campaign, _ = observed("socket", 5, rows=60)
+    calibration = identify(model, campaign.take(np.arange(50)))
+    (known,) = unknowns_of(calibration, campaign.take(np.arange(50, 60)))
+    names = campaign.take(np.arange(50, 60)).observations[0].unknowns
+    assert (
+        dict(zip(names, known, strict=True)).items()
+        <= dict(zip(calibration.all_names, calibration.z, strict=True)).items()
+    )
+
+
+def test_the_stated_covariance_is_that_of_the_errors_over_many_robots():
+    squares = []
+    for seed in range(8):
+        model, campaign, _ = observed("socket", 100 + seed, rows=60)
+        calibration = identify(model, campaign.take(np.arange(50)), gross_errors="keep")
+        rest = campaign.take(np.arange(50, 60))
+        C = covariance_by_kind(calibration, rest) + rest.covariances()
+        r = residuals_by_kind(calibration, rest)
+        squares.append(np.einsum("nti,ntij,ntj->nt", r, np.linalg.inv(C), r).ravel())
+    assert 2.4 < np.mean(np.concatenate(squares)) < 3.8
+
+
+def test_sockets_are_no_targets_of_a_tracker_s_calibration():
+    model, campaign, truth = observed("socket", 5)
+    plain, _ = simulate(model, campaign.q, rng=np.random.default_rng(0), x=truth.x)
+    calibration = identify(model, plain)
+    with pytest.raises(CampaignError, match="the campaign's target 'ball' is not in the calibration"):
+        validate(calibration, campaign)
+    assert validate(calibration, campaign, reregister=True).mean < 5e-4
+
+
+def test_too_few_postures_are_refused():
+    model, campaign, _ = observed("socket", 5)
+    with pytest.raises(CampaignError, match="measured numbers in 5 rows are too few"):
+        identify(model, campaign.take(np.arange(5)))
