@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 from taskcal.demo.reference import reference_task
 from taskcal.errors import CampaignError, ReachError
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import check_rows, register
+from taskcal.measurement.enough_rows import check_rows
+from taskcal.measurement.registration import register
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel

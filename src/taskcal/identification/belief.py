@@ -9,12 +9,10 @@ from scipy.linalg import block_diag
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.identification.observation_layout import ObservationLayout
 from taskcal.identification.problem import FrameLayout
+from taskcal.measurement.observation.pose import TURN_PRIOR
 
 BASE_PRIOR, TARGET_PRIOR = 10.0, 1.0
 """Standard deviations of tracker frame and targets about their registration, metres and radians: as good as none."""
-
-TURN_PRIOR = 1e-3
-"""The same of how far measured rotations are turned against the axes of the positions, radians: a twentieth of a degree."""
 
 UNOBSERVABLE_PRIOR = 1e-6
 """The same along directions in which the poses do not locate the targets: there they stay at the tool point."""
@@ -58,7 +56,10 @@ def frame_precision(layout: FrameLayout) -> Float[np.ndarray, "frames frames"]:
     """Next to nothing is known of tracker frame and targets, but for directions that the poses do not determine."""
     count, base = len(layout.names) - len(layout.kept), layout.base_size
     deviation = np.where(np.arange(count) < base, BASE_PRIOR, TARGET_PRIOR)
-    deviation[12 if layout.turned else count :] = TURN_PRIOR
+    if isinstance(layout, ObservationLayout):
+        deviation[count - sum(map(len, layout.own)) :] = np.concatenate([kind.deviations for kind in layout.kinds])
+    else:
+        deviation[12 if layout.turned else count :] = TURN_PRIOR
     out = np.diag(deviation**-2.0)
     held = layout.registration.unobservable / UNOBSERVABLE_PRIOR**2
     if isinstance(layout, ObservationLayout):

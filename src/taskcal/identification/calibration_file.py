@@ -17,11 +17,11 @@ from taskcal.identification.considered import spread_out
 from taskcal.identification.field import ResidualField
 from taskcal.identification.held_out import HeldOut
 from taskcal.identification.observation_layout import ObservationLayout
+from taskcal.identification.observation_section import ObservationSection
 from taskcal.identification.outlier import LeftOut, Outlier
 from taskcal.identification.packed_covariance import unpack_covariance
 from taskcal.identification.problem import FrameLayout
 from taskcal.identification.provenance import Provenance
-from taskcal.measurement.observation import Observation, kind_of
 from taskcal.measurement.registration_file import RegistrationSection
 from taskcal.robot.effects import Effect, effect_from
 from taskcal.robot.error_model import ErrorModel
@@ -126,33 +126,6 @@ class ProvenanceSection(Section):
     created: str
     options: dict[str, Any]
     notes: tuple[str, ...] = ()
-
-
-class ObservationSection(Section):
-    """How a target was observed without a tracker."""
-
-    kind: str
-    options: dict[str, Any]
-    unknowns: Vector
-
-    def observation(self) -> Observation:
-        """The kind, without rows.
-
-        Raises:
-            TaskcalError: there is no such kind, or its options are not its own.
-        """
-        kind = kind_of(self.kind)
-        try:
-            made = kind.of_description(self.options)
-        except (KeyError, TypeError, ValueError) as error:
-            raise TaskcalError(
-                f"the options of its observation '{shown(self.kind)}' are none: {shown(error)}"
-            ) from error
-        if len(made.unknowns) != len(self.unknowns):
-            raise TaskcalError(
-                f"its observation '{self.kind}' has {len(self.unknowns)} unknowns, where {len(made.unknowns)} belong"
-            )
-        return made
 
 
 class CalibrationFile(Section):

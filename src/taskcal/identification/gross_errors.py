@@ -16,8 +16,8 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.observed_errors import covariance_by_kind
 from taskcal.identification.outlier import LeftOut
 from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.enough_rows import named_file
 from taskcal.measurement.plausibility import most_wrong_rows
-from taskcal.measurement.registration import named_file
 from taskcal.measurement.tracker import TrackerNoise
 
 GROSS_SIGMAS = 10.0

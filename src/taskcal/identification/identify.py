@@ -21,8 +21,9 @@ from taskcal.identification.outlier import studentise
 from taskcal.identification.provenance import Provenance
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.consensus import find_consensus
+from taskcal.measurement.enough_rows import check_rows
 from taskcal.measurement.plausibility import check_plausible, check_targets
-from taskcal.measurement.registration import Registration, check_rows, nominal_poses, register
+from taskcal.measurement.registration import Registration, nominal_poses, register
 from taskcal.robot.error_model import ErrorModel
 
 WORTHLESS_SIZE = 3e-4

@@ -65,13 +65,12 @@ def unknowns_of(
     out: list[np.ndarray] = []
     layout = calibration.layout
     for t, kind in enumerate(campaign.observations):
-        unknown = kind.settle(ends[:, t], campaign.read(t))
-        if isinstance(layout, ObservationLayout) and not settled:
-            own, known = layout.kinds[numbers[t]], layout.unknowns(calibration.z)[numbers[t]]
-            if own.key == kind.key:
-                held = kind.named_like(own, known)
-                unknown = np.where(np.isnan(held), unknown, held)
-        out.append(unknown)
+        known = np.full(len(kind.unknowns), np.nan)
+        if isinstance(layout, ObservationLayout) and layout.kinds[numbers[t]].key == kind.key:
+            known = kind.named_like(layout.kinds[numbers[t]], layout.unknowns(calibration.z)[numbers[t]])
+        found = kind.settle(ends[:, t], campaign.read(t), known)
+        first, second = (found, known) if settled else (known, found)
+        out.append(np.where(np.isnan(first), second, first))
     return tuple(out)
 
 

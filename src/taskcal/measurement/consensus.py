@@ -13,7 +13,8 @@ from taskcal.errors import CampaignError
 from taskcal.estimation.blas import single_threaded
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import Registration, named_file, register_closely, register_observations
+from taskcal.measurement.enough_rows import named_file
+from taskcal.measurement.registration import Registration, register_closely, register_observations
 from taskcal.robot.error_model import ErrorModel
 
 TRUSTED_SHARE = 0.75

@@ -5,7 +5,8 @@ import numpy as np
 from taskcal.errors import CampaignError
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.consensus import find_consensus
-from taskcal.measurement.registration import PLAUSIBLE_SHARE, Registration, named_file, nominal_poses
+from taskcal.measurement.enough_rows import named_file
+from taskcal.measurement.registration import PLAUSIBLE_SHARE, Registration, nominal_poses
 from taskcal.robot.error_model import ErrorModel
 
 LARGEST_SHARE = 0.1

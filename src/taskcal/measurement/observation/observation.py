@@ -123,6 +123,11 @@ class Observation(ABC):
         return ()
 
     @property
+    def deviations(self) -> Float[np.ndarray, " u"]:
+        """Standard deviations of its unknowns about where they start: by default as good as unknown."""
+        return np.ones(len(self.unknowns))
+
+    @property
     def tells_scale(self) -> bool:
         """Whether it compares the robot with a length that is known."""
         return True
@@ -139,9 +144,17 @@ class Observation(ABC):
     ) -> Float[np.ndarray, "n w w"]:
         """Of the noise of each row, m² and rad²; the uncertainty, metres, where the campaign states it."""
 
-    def settle(self, target: Float[np.ndarray, "n 4 4"], measured: Measured) -> Float[np.ndarray, " u"]:
-        """The unknowns that fit best where the poses of the target are known; NaN for those that no row shows."""
-        return np.zeros(0)
+    def settle(
+        self, target: Float[np.ndarray, "n 4 4"], measured: Measured, known: Float[np.ndarray, " u"]
+    ) -> Float[np.ndarray, " u"]:
+        """The unknowns that fit best where the poses of the target are known; NaN for those that no row shows.
+
+        Args:
+            target: its poses.
+            measured: what was read.
+            known: the unknowns as a calibration has them, NaN for those that it does not know; of no concern to most kinds.
+        """
+        return np.nan_to_num(known)
 
     def stated(self, unknown: Float[np.ndarray, " u"]) -> Stated:
         """What is known of the unknowns."""

@@ -11,6 +11,9 @@ from taskcal.measurement.observation.observation import Differential, Measured, 
 from taskcal.measurement.observation.point import Point
 from taskcal.measurement.tracker import TrackerNoise
 
+TURN_PRIOR = 1e-3
+"""Expected size of the turn between an instrument's rotations and positions, radians: a twentieth of a degree."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Pose(Observation):
@@ -21,6 +24,16 @@ class Pose(Observation):
     turned: ClassVar[bool] = True
     in_tracker: ClassVar[bool] = True
 
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """How far the instrument's rotations are turned against the axes of its positions."""
+        return ("orientation.rx", "orientation.ry", "orientation.rz")
+
+    @property
+    def deviations(self) -> Float[np.ndarray, " u"]:
+        """A twentieth of a degree."""
+        return np.full(3, TURN_PRIOR)
+
     def differentiate(
         self, target: Float[np.ndarray, "n 4 4"], unknown: Float[np.ndarray, " u"], measured: Measured
     ) -> Differential:
@@ -28,12 +41,14 @@ class Pose(Observation):
         assert measured.rotations is not None
         n, seen = len(target), measured.valid
         turned = np.zeros((n, 3))
-        turned[seen] = se3.log(measured.rotations[seen] @ np.swapaxes(target[seen, :3, :3], 1, 2))
-        by_target = np.zeros((n, 6, 6))
+        turn = se3.exp(unknown)
+        turned[seen] = se3.log(measured.rotations[seen] @ np.swapaxes(turn @ target[seen, :3, :3], 1, 2))
+        by_target, by_unknown = np.zeros((n, 6, 6)), np.zeros((n, 6, 3))
         by_target[:, :3, :3] = np.eye(3)
-        by_target[:, 3:, 3:] = turn_by_rotation(turned)
+        by_turn = turn_by_rotation(turned)
+        by_target[:, 3:, 3:], by_unknown[:, 3:] = by_turn @ turn, by_turn @ se3.left_jacobian(unknown)
         residual = np.concatenate([measured.points - target[:, :3, 3], turned], axis=1)
-        return Differential(residual, by_target, np.zeros((n, 6, 0)))
+        return Differential(residual, by_target, by_unknown)
 
     def covariance(
         self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise

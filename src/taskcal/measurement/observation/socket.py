@@ -22,13 +22,11 @@ from taskcal.measurement.observation.observation import (
     Stated,
     refer,
 )
+from taskcal.measurement.observation.unlocated import LEAST_ERROR, LOCATED_WITHIN
 from taskcal.measurement.tracker import TrackerNoise
 
 SEAT = 2e-5
 """How well a ball sits in a socket where the campaign does not say, metres per axis."""
-
-LOCATED_WITHIN = 0.02
-"""A direction of the ball's place on the tool is determined if its standard deviation is below this, metres."""
 
 ROUNDS = 12
 """Of reweighting, after which rows that disagree hardly count."""
@@ -117,7 +115,9 @@ class Sockets(Standalone):
         centres = np.where(np.isnan(centres), np.mean(p + R @ t, axis=0), centres)  # of sockets that no row shows
         return Placed(target, centres.reshape(-1), far, unobservable)
 
-    def settle(self, target: Float[np.ndarray, "n 4 4"], measured: Measured) -> Float[np.ndarray, " u"]:
+    def settle(
+        self, target: Float[np.ndarray, "n 4 4"], measured: Measured, known: Float[np.ndarray, " u"]
+    ) -> Float[np.ndarray, " u"]:
         """Each socket at the mean of what its own rows say."""
         seen = measured.valid
         return _means(target[seen, :3, 3], self.numbers[seen], np.ones(int(seen.sum())), len(self.sockets)).reshape(-1)
@@ -260,7 +260,7 @@ def _ball(
     values, vectors = np.linalg.eigh(H)
     t = np.linalg.lstsq(H, g, rcond=1e-12)[0]
     rms = np.sqrt(np.sum(weight[:, None] * (A @ t - b) ** 2) / weight.sum())
-    limit = weight.mean() * (max(rms, 1e-3) / LOCATED_WITHIN) ** 2 if judged else 1e-9 * len(p)
+    limit = weight.mean() * (max(rms, LEAST_ERROR) / LOCATED_WITHIN) ** 2 if judged else 1e-9 * len(p)
     told, weak = vectors[:, values >= limit], vectors[:, values < limit]
     t = told @ np.linalg.solve(told.T @ H @ told, told.T @ g)
     return t, weak @ weak.T
