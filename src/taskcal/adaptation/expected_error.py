@@ -144,7 +144,7 @@ def design(
         CampaignError: too few rows for the frames.
     """
     registration = register(model, campaign)
-    layout = layout_of(model, np.arange(len(model)), registration, campaign, fixed=False)
+    layout = replace(layout_of(model, np.arange(len(model)), registration, campaign, fixed=False), turned=False)
     problem = problem_of(layout, replace(campaign, conditions=Conditions()), noise)
     b = layout.block_size
     covariance = problem.covariance(np.square(model_error[: b // 3]))
