@@ -6,13 +6,13 @@ import numpy as np
 
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.observation import Point, Sockets
+from taskcal.measurement.observation import Landmarks, Lengths, Point, Sockets
 from taskcal.measurement.observation.socket import SocketDistance
 from taskcal.measurement.virtual_cell import Truth
 from taskcal.robot.error_model import ErrorModel
 from tests.identification.arms import arm, defects
 
-KINDS_WITHOUT_TRACKER = ("socket",)
+KINDS_WITHOUT_TRACKER = ("socket", "distance", "landmark")
 
 
 def reach(
@@ -55,6 +55,34 @@ def socket_campaign(
     return campaign_of(np.concatenate(q)[order], "ball", kind), truth
 
 
+def wire_campaign(
+    rng: np.random.Generator, model: ErrorModel, x: np.ndarray, rows: int, *, noise: float = 0.0
+) -> tuple[Campaign, Truth]:
+    """Lengths to three anchors, each of another posture; noise of the length, metres."""
+    offset = np.array([0.02, 0.03, 0.1])
+    truth = Truth(model=model, x=x, T_tracker_base=np.eye(4), T_tool_target=se3.pose(np.eye(3), offset)[None])
+    q = rng.uniform(-2.0, 2.0, (rows, len(model.robot.joints)))
+    anchors = np.array([[2.5, 0.3, -0.4], [-1.0, 2.4, 0.2], [0.4, -1.5, 2.2]])
+    of = np.arange(rows) % 3
+    length = np.linalg.norm(truth.points(q)[:, 0] - anchors[of], axis=1) + np.array([0.05, -0.02, 0.01])[of]
+    points = np.zeros((rows, 1, 3))
+    points[:, 0, 0] = length + noise * rng.normal(size=rows)
+    return campaign_of(q, "wire", Lengths(anchors=("a", "b", "c"), of=of), points), truth
+
+
+def sighted_campaign(
+    rng: np.random.Generator, model: ErrorModel, x: np.ndarray, rows: int, *, noise: float = 0.0
+) -> tuple[Campaign, Truth]:
+    """Four landmarks, one after another, from a sensor on the tool; noise of each coordinate, metres."""
+    X = se3.pose(se3.exp(np.array([0.4, -2.0, 1.0])), np.array([0.05, -0.03, 0.08]))
+    truth = Truth(model=model, x=x, T_tracker_base=np.eye(4), T_tool_target=X[None])
+    q = rng.uniform(-2.0, 2.0, (rows, len(model.robot.joints)))
+    landmarks = np.array([[1.2, 0.1, 0.0], [0.9, 0.5, 0.2], [0.7, -0.6, 0.4], [-0.8, 0.3, 0.1]])
+    of = np.arange(rows) % 4
+    seen = se3.apply(se3.inverse(truth.poses(q)[:, 0]), landmarks[of]) + noise * rng.normal(size=(rows, 3))
+    return campaign_of(q, "sensor", Landmarks(landmarks=("a", "b", "c", "d"), of=of), seen[:, None]), truth
+
+
 def campaign_of(q, target, kind, points=None) -> Campaign:
     """A campaign of one target."""
     return Campaign(
@@ -70,7 +98,8 @@ def observed(kind: str, seed: int, rows: int = 40, factor: float = 1.0, noise: f
     """A model, a campaign of a kind, and its truth."""
     rng, model = arm(seed)
     x = defects(rng, model, factor)
-    campaign, truth = {"socket": socket_campaign}[kind](rng, model, x, rows, noise=noise)
+    measure = {"socket": socket_campaign, "distance": wire_campaign, "landmark": sighted_campaign}[kind]
+    campaign, truth = measure(rng, model, x, rows, noise=noise)
     return model, campaign, truth
 
 

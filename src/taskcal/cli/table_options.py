@@ -73,6 +73,14 @@ class TableOptions:
         ),
     ] = None
 
+    wire_scale: Annotated[
+        bool,
+        typer.Option(
+            "--wire-scale",
+            help="Fit the scale of measured lengths (d_mm) too; the robot's size is then nominal.",
+        ),
+    ] = False
+
     @property
     def read_options(self) -> "ReadOptions":
         """What is stated, as the reader takes it."""
@@ -90,4 +98,5 @@ class TableOptions:
             angles=None if self.angles is None else self.angles.value,
             points=self.points,
             distances=self.distances,
+            wire_scale=self.wire_scale,
         )

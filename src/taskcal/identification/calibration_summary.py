@@ -57,7 +57,10 @@ def summarise_calibration(calibration: "Calibration") -> dict[str, Any]:
 
 
 def list_unknowns(calibration: "Calibration") -> list[dict[str, Any]]:
-    """What stands where a tracker did not measure all: sockets, anchors …, each number with its standard error, millimetres."""
+    """What stands where a tracker did not measure all: sockets, anchors …, each number with its standard error.
+
+    Millimetres, milliradians, or parts per million, as the keys say.
+    """
     layout = calibration.layout
     if not isinstance(layout, ObservationLayout):
         return []
@@ -66,13 +69,19 @@ def list_unknowns(calibration: "Calibration") -> list[dict[str, Any]]:
     for target, kind, own, values in zip(
         layout.targets, layout.kinds, layout.own, layout.unknowns(calibration.z), strict=True
     ):
-        errors = [None] * len(values) if layout.fixed_frames else (deviation[own] * 1e3).tolist()
+        errors = np.full(len(values), np.nan) if layout.fixed_frames else deviation[own]
         unknowns = {
-            name: {"value_mm": float(value) * 1e3, "standard_error_mm": error}
+            name: _in_unit(name, float(value), float(error))
             for name, value, error in zip(kind.unknowns, values, errors, strict=True)
         }
         out.append({"target": target, "kind": kind.key, "tells_scale": kind.tells_scale, "unknowns": unknowns})
     return out
+
+
+def _in_unit(name: str, value: float, error: float) -> dict[str, float | None]:
+    last = name.rpartition(".")[2]
+    unit, factor = ("ppm", 1e6) if last == "scale" else ("mrad", 1e3) if last in ("rx", "ry", "rz") else ("mm", 1e3)
+    return {f"value_{unit}": value * factor, f"standard_error_{unit}": None if np.isnan(error) else error * factor}
 
 
 def list_parameters(calibration: "Calibration") -> list[dict[str, Any]]:

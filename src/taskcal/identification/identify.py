@@ -210,7 +210,7 @@ def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign, has_prior: bool)
     if campaign.observations and not any(kind.tells_scale for kind in campaign.observations):
         out.append(
             "no length was measured or stated: how large the robot is comes from its nominal lengths alone; state a distance of "
-            "two sockets (--distances)"
+            "two sockets (--distances), or trust a wire's scale"
         )
     measured = _measured_numbers(campaign, fit.residual.shape[2])
     if measured < 2 * unknowns:

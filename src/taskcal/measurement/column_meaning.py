@@ -168,21 +168,27 @@ def meanings(names: Sequence[str], units: Sequence[str], joints: Sequence[str]) 
             out.append(Meaning(kind="euler", index=angles[k][1], form=angles[k][0], unit=unit))
         else:
             out.append(_meaning(text, unit, names[k], own, len(joints)))
-    for k, column in _observed(texts).items():
-        if out[k] is None or out[k].kind != "joint":  # pyright: ignore[reportOptionalMemberAccess]
+    tracked = any(meaning is not None and meaning.kind == "position" for meaning in out)
+    for k, column in _observed(texts, tracked=tracked).items():
+        if (meaning := out[k]) is None or meaning.kind != "joint":
             out[k] = Meaning(kind="observed", target=column, unit=parted[k][1])
     return _with_translation(_without_calculated(out))
 
 
-def _observed(texts: Sequence[str]) -> dict[int, str]:
-    """Columns of kinds of observation that need no tracker, by the kinds' own names: of those whose first column is there."""
+def _observed(texts: Sequence[str], *, tracked: bool) -> dict[int, str]:
+    """Columns of kinds of observation that need no tracker, by the kinds' own names.
+
+    A kind is there with the columns that it needs; beside a tracker's points, where ``d`` and ``sx`` may mean something else, with
+    the column that names what it refers to.
+    """
     out: dict[int, str] = {}
     for kind in kinds():
         at = {
             column: next((k for k, text in enumerate(texts) if text in words), None)
             for column, words in kind.columns.items()
         }
-        if at and next(iter(at.values())) is not None:
+        there = bool(kind.needed) and all(at[column] is not None for column in kind.needed)
+        if there and (not tracked or at[kind.label] is not None):
             out |= {k: column for column, k in at.items() if k is not None}
     return out
 

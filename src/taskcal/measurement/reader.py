@@ -14,6 +14,7 @@ from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.column_meaning import ANGLES, LENGTHS
 from taskcal.measurement.observation import Point, Pose, Read, kinds
 from taskcal.measurement.observation.socket_distances import with_distances
+from taskcal.measurement.observation.wire_scale import with_unknown_scale
 from taskcal.measurement.pairing import pair
 from taskcal.measurement.readings import Readings, read_readings
 from taskcal.measurement.repeated_shots import average_shots
@@ -47,6 +48,8 @@ class ReadOptions:
     """Another file with the points, where the first holds joints only."""
     distances: str | Path | None = None
     """Another file with stated distances of sockets."""
+    wire_scale: bool = False
+    """Whether the scale of measured lengths (`d_mm`) is unknown."""
 
 
 @renamed_arguments(nests="reference_points")
@@ -68,7 +71,8 @@ def read_campaign(
     way its drive turned last (1 up, −1 down, 0 unknown), and ``J1_move_deg``, how far. A target whose three cells are all
     empty or all zero is a lost beam. Other columns are left out. `Campaign.notes` says what was left out and decided.
 
-    Without a tracker: the ``socket`` that a ball on the tool rests in, and the ``place`` where its block stood.
+    Without a tracker: the ``socket`` that a ball on the tool rests in, and the ``place`` where its block
+    stood; or ``d_mm``, the length of a wire from the tool to an ``anchor``.
 
     Rows of one id with the same joints are shots of one pose, and averaged. Units that are stated nowhere are told by the
     robot's own motion, or the file is refused. Without columns that say how poses were approached, the rows are taken in
@@ -88,6 +92,8 @@ def read_campaign(
     """
     expect_kinds({"robot": Robot}, robot=robot)
     campaign = campaign_of(read_measurements(path, robot, options), robot, targets, reference_points)
+    if options is not None and options.wire_scale:
+        campaign = with_unknown_scale(campaign)
     if options is None or options.distances is None:
         return campaign
     return with_distances(campaign, options.distances)

@@ -7,17 +7,7 @@ from taskcal.errors import FileError
 from taskcal.measurement.observation import Sockets
 from taskcal.measurement.reader import ReadOptions, read_campaign
 from taskcal.measurement.writer import write_campaign
-from taskcal.robot.catalogue import load_robot
-
-ROBOT = load_robot("ur5")
-JOINTS = ",".join(f"q{k}_deg" for k in range(1, 7))
-
-
-def written(tmp_path, header, *rows):
-    file = tmp_path / "campaign.csv"
-    lines = [f"id,{JOINTS},{header}", *(f"{k},10,-60,50,{k},20,{3 * k},{row}" for k, row in enumerate(rows))]
-    file.write_text("\n".join(lines) + "\n")
-    return file
+from tests.measurement.observation.files import ROBOT, written
 
 
 @pytest.mark.parametrize("place", ["place", "Tool_Position", "block"])

@@ -5,6 +5,8 @@ without a guess, and how sure it is; registration, fit, identifiability, reports
 """
 
 from taskcal.measurement.observation.columns import ObservedColumns as ObservedColumns
+from taskcal.measurement.observation.distance import Lengths as Lengths
+from taskcal.measurement.observation.landmark import Landmarks as Landmarks
 from taskcal.measurement.observation.observation import Compared as Compared
 from taskcal.measurement.observation.observation import Differential as Differential
 from taskcal.measurement.observation.observation import Measured as Measured

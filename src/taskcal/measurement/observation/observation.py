@@ -109,6 +109,10 @@ class Observation(ABC):
     """Whether it is measured in a frame that stands, whose pose is unknown."""
     columns: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     """Columns that it reads, each with the words that people write for it, in small letters and parted by blanks."""
+    needed: ClassVar[tuple[str, ...]] = ()
+    """Those of them that a file must have."""
+    label: ClassVar[str] = ""
+    """The column that names what each row refers to: a file with a tracker's points has the kind only where this is there."""
     of: Int[np.ndarray, " n"] | None = None
     """Which of several things each row refers to, −1 for none; None where there is one, or where no rows belong to it."""
 

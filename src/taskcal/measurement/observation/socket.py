@@ -55,6 +55,8 @@ class Sockets(Standalone):
     """
 
     key: ClassVar[str] = "socket"
+    needed: ClassVar[tuple[str, ...]] = ("socket",)
+    label: ClassVar[str] = "socket"
     columns: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         {
             "socket": ("socket", "socket name", "hole", "cup", "pfanne"),
