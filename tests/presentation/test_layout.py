@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskcal.presentation.layout import fold, lay_out_facts, lay_out_table
@@ -24,6 +24,7 @@ def text_of(lines):
     return [word for line in lines for word in line.split()]
 
 
+@settings(max_examples=30)
 @given(tables(), st.sampled_from([40, 60, 80, 100, 140]))
 def test_every_word_of_a_table_stands_whole_and_lines_keep_the_width(table, width):
     header, rows, left = table
@@ -37,6 +38,7 @@ def test_every_word_of_a_table_stands_whole_and_lines_keep_the_width(table, widt
         assert len(line) <= width or max(map(len, line.split())) + max(map(len, header)) + 5 > width
 
 
+@settings(max_examples=30)
 @given(tables())
 def test_what_fits_is_a_plain_table_with_one_line_for_each_row(table):
     header, rows, left = table
@@ -47,6 +49,7 @@ def test_what_fits_is_a_plain_table_with_one_line_for_each_row(table):
         assert text_of([line]) == " ".join(row).split()
 
 
+@settings(max_examples=30)
 @given(st.lists(st.tuples(words, sentences), max_size=6), st.sampled_from([60, 80]))
 def test_facts_keep_their_words_and_the_width(facts, width):
     lines = lay_out_facts(facts, width)
@@ -76,6 +79,11 @@ def test_a_wide_table_of_many_rows_stacks_them():
     assert lines[0] == " id r0"
     assert text_of([lines[1]]) == ["value0", "0.000000"]
     assert len(lines) == 9 * 13
+
+
+def test_columns_without_a_word_are_no_trouble():
+    lines = lay_out_table(["0", "", "x" * 30, "y" * 30], [("", [["", "", "", ""]])], (), 40)
+    assert {"0", "x" * 30, "y" * 30} <= set(text_of(lines))
 
 
 def test_headings_of_groups_stand_over_their_rows():

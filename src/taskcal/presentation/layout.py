@@ -62,7 +62,7 @@ def lay_out_facts(facts: Iterable[tuple[str, str]], width: int) -> list[str]:
 
 def fold(text: str, width: int) -> list[str]:
     """Lines of a text, cut between words alone."""
-    return textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False) or [""]
+    return textwrap.wrap(text, max(width, 1), break_long_words=False, break_on_hyphens=False) or [""]
 
 
 def _fit(header: Sequence[str], rows: Rows, left: Collection[int], room: int) -> list[int]:
