@@ -76,8 +76,10 @@ def accept(examination: Examination, limit: float, of: Statistic = "max") -> Acc
         of: what is held against it: the largest error, the 95th percentile, the root mean square or the mean.
 
     Raises:
-        ValueError: a limit that is not above zero.
+        ValueError: a limit that is not above zero, or another statistic.
     """
+    if of not in STATISTICS:
+        raise ValueError(f"of is {of!r}; give {', '.join(STATISTICS)}")
     if not 0.0 < limit < np.inf:
         raise ValueError(f"limit is {limit!r}; give metres above zero")
     errors, guard = examination.validation.errors, GUARD * examination.uncertainty
