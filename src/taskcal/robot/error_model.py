@@ -13,6 +13,7 @@ from taskcal.geometry import walk
 from taskcal.geometry.chain import Chain, Step
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Effect, LinearTerm
+from taskcal.robot.effects.declared_term import term_on
 from taskcal.robot.error_frames import defect_steps, length_steps
 from taskcal.robot.joint_side import JointTerm, Shift
 from taskcal.robot.load import Load
@@ -69,7 +70,7 @@ class ErrorModel:
                 f"{robot.name} has joints that others drive ({robot.driven[0].name}); how effects pass through their linkage is "
                 "not modelled: identify it without effects"
             )
-        added = [_term(effect, robot) for effect in self.effects]
+        added = [term_on(effect, robot) for effect in self.effects]
         self._idle = tuple(term.nominal is None for term in added)
         self.effect_names = tuple(name for term in added for name in term.names)
         self.terms = (*(() if robot.four_bar is None else (robot.four_bar,)), *added)
@@ -343,17 +344,3 @@ class ErrorModel:
         out = np.zeros((len(own), self.chain.joints, joints))  # what effects add to the chain stands still
         out[:, : own.shape[1]] = own
         return out
-
-
-def _term(effect: Effect, robot: Robot) -> LinearTerm:
-    """What an effect does on a robot.
-
-    Raises:
-        TaskcalError: it depends on conditions that it does not declare.
-    """
-    term = effect.term(robot)
-    if term.given is not None and not (effect.needs or effect.uses):
-        raise TaskcalError(
-            f'the effect {type(effect).__name__} depends on conditions; say which in its class, such as needs = ("temperature",)'
-        )
-    return term
