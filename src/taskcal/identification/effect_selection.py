@@ -2,8 +2,8 @@
 
 With all of them, each effect of each joint is as large as the data say, which may be nothing (`one_model`). Closed forms tell
 what each is worth: how far the log evidence would fall without it, and how far the error where rows were not fitted would
-rise. The model is kept only where it predicts rows that were not fitted better than the geometry alone, by a standard error of
-the difference at least.
+rise. The model is kept only where it predicts rows that were not fitted better than the geometry alone, and where the log
+evidence is for it as much as for an effect that is called proven.
 """
 
 from collections.abc import Callable, Sequence
@@ -219,8 +219,12 @@ def _find_all(selection: _Selection, trial: _Trial, search: EffectSearch) -> _Se
     )
     whole = one.errors.whole
     gain, error = mean_over_rows(selection.errors - whole)
-    better = bool(gain > error)
-    reason = f"predicts rows that were not fitted {'' if better else 'no '}better"
+    after, before = one.calibration.log_evidence, selection.calibration.log_evidence
+    for_it = gain > error if after is None or before is None else after - before > MIN_EVIDENCE_GAIN
+    better = bool(gain > 0.0 and for_it)
+    reason = f"predicts rows that were not fitted {'' if gain > 0.0 else 'no '}better"
+    if gain > 0.0 and not for_it:
+        reason += ", but without the evidence for it"
     together = _stage(
         "all effects", one.calibration, selection.calibration, whole, selection.errors, accepted=better, reason=reason
     )
