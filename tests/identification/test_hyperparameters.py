@@ -5,9 +5,11 @@ import pytest
 
 from taskcal.identification.identify import identify
 from taskcal.measurement.tracker import TrackerNoise
+from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from tests.laws.campaigns import measure
+from tests.laws.observations import socket_campaign
 from tests.laws.robots import industrial, industrial_positions
 
 NOISE = TrackerNoise(rotation=1e-5)
@@ -55,3 +57,10 @@ def test_a_model_error_that_is_given_is_that_of_its_own_group() -> None:
     added = found.predict_covariance(q) - found.predict_covariance(q, model_error=False)
     expected = np.diag([POSITION**2] * 3 + [ROTATION**2] * 3)
     np.testing.assert_allclose(added[:, 0], np.broadcast_to(expected, (5, 6, 6)), atol=1e-6 * ROTATION**2)
+
+
+def test_a_fit_without_a_tracker_ends_although_only_the_prior_says_how_all_that_stands_is_turned():
+    model, rng = ErrorModel(load_robot("abb-irb120")), np.random.default_rng(3)
+    campaign, _ = socket_campaign(rng, model, rng.normal(size=len(model)) * model.tolerances, 90, noise=2e-5)
+    calibration = identify(model, campaign, gross_errors="keep")
+    assert calibration.iterations > 100

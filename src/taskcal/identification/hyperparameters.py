@@ -116,7 +116,7 @@ def fit_with_hyperparameters(problem: Problem, belief: Belief, options: FitOptio
         variances=variances, prior_factor=1.0 if isinstance(prior_scale, str) else float(prior_scale) ** 2
     )
     z = start
-    final = _final(belief)
+    final = _final(belief, problem)
     loose = replace(final, decrement=max(final.decrement, 1e-3))
     searching = search_error or search_scale
     rounds = 0
@@ -144,13 +144,19 @@ def _drop_insignificant(fitted: Fitted, hyper: Hyperparameters, problem: Problem
     return replace(hyper, variances=np.where(hyper.variances < 2.0 * np.array(errors), 0.0, hyper.variances))
 
 
+SLOW = Stopping(decrement=1e-8, iterations=500)
+"""Of a fit without a tracker: directions in which only the prior says where all that stands is turned are as curved by the rows as
+by the prior, and there Gauss–Newton's steps shrink by a constant factor alone. The last step is of 10⁻⁴ standard deviations."""
+
 UNDAMPED_END = 1e-2
 """Newton decrement at which a fit without prior ends: its next step would be a seventh of a standard deviation. Steps
 in undetermined directions are longer but gain nothing; a fit that went on would creep along them without end."""
 
 
-def _final(belief: Belief) -> Stopping:
-    return Stopping(decrement=UNDAMPED_END, decrease=1e-6) if belief.prior is None else Stopping()
+def _final(belief: Belief, problem: Problem) -> Stopping:
+    if belief.prior is None:
+        return Stopping(decrement=UNDAMPED_END, decrease=1e-6)
+    return SLOW if problem.kinds else Stopping()
 
 
 def _first_variances(problem: Problem, start: np.ndarray, groups: int) -> np.ndarray:

@@ -85,6 +85,9 @@ def readings_text(readings: Readings, robot: Robot) -> str:
         quaternion = se3.to_quaternion(readings.rotations)
         header += ["qx", "qy", "qz", "qw"]
         columns += [_texts(quaternion[:, k], 10) for k in range(4)]
+    if readings.observed is not None:
+        header += list(readings.observed.headers.values())
+        columns += [list(texts) for texts in readings.observed.cells.values()]
     ids = readings.ids or tuple(str(number) for number in range(1, len(readings) + 1))
     return _table(["id", *header], [list(ids), *columns])
 

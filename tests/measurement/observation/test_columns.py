@@ -5,8 +5,8 @@ import pytest
 
 from taskcal.errors import FileError
 from taskcal.measurement.observation import Sockets
-from taskcal.measurement.reader import ReadOptions, read_campaign
-from taskcal.measurement.writer import write_campaign
+from taskcal.measurement.reader import ReadOptions, read_campaign, read_measurements
+from taskcal.measurement.writer import readings_text, write_campaign
 from tests.measurement.observation.files import ROBOT, written
 
 
@@ -70,6 +70,13 @@ def test_what_is_written_is_read_back(tmp_path):
     assert again.observations[1].sockets == ("l/a", "r/b")
     assert again.observations[1].of.tolist() == campaign.observations[1].of.tolist()
     np.testing.assert_allclose(again.uncertainty, campaign.uncertainty)
+
+
+def test_a_file_of_sockets_alone_keeps_them_when_it_is_converted(tmp_path):
+    readings = read_measurements(written(tmp_path, "place,socket", "l,a", "r,b", ","), ROBOT)
+    header, *rows = readings_text(readings, ROBOT).splitlines()
+    assert header.endswith(",place,socket")
+    assert [row.rpartition("000,")[2] for row in rows] == ["l,a", "r,b", ","]
 
 
 def test_a_column_place_alone_means_nothing(tmp_path):
