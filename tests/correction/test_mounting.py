@@ -202,12 +202,14 @@ def test_an_axis_that_carries_nothing_goes_along_in_step(corners, part, robot, c
 
 
 def test_tools_that_are_loaded_have_to_be_told(tmp_path, corners, robot, calibration):
-    points = "".join("GOTO/" + ",".join(f"{v:.6f}" for v in (*(T[:3, 3] * 1e3), *-T[:3, 2])) + "\n" for T in corners)
+    points = "".join(
+        "GOTO/" + ",".join(f"{v:.6f}" for v in (*(T[:3, 3] * 1e3), *-T[:3, 2])) + "\n" for T in corners[:1]
+    )
     text = f"LOAD/TOOL,1\n{points}LOAD/TOOL,2\n{points}"
     path = tmp_path / "part.apt"
     path.write_text(text)
     found = correct(calibration, read_program(path, robot=robot), bounds=COARSE)
-    assert sorted(found.rejected) == [3, 4, 5]
+    assert list(found.rejected) == [1]
     (why,) = set(found.rejected.values())
     assert why.startswith(
         "tool 2 is loaded, and it is not known where that is; state it in the cell file: [[tool]] name = "
