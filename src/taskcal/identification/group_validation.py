@@ -26,7 +26,7 @@ from taskcal.estimation.group_variances import (
     reduce_rows,
     without,
 )
-from taskcal.identification.one_model import OneFit
+from taskcal.identification.one_model import OneFit, judged_rows, spread_to_all
 from taskcal.identification.row_errors import weigh
 
 STEPS = 2
@@ -135,8 +135,9 @@ def _squares(rows: _Rows, fold: GroupedFit) -> Float[np.ndarray, " n"]:
     x = fold.reduced.mean(fold.evidence.mean(own))
     S = fold.reduced.covariance(fold.evidence.covariance(own))
     n, m, p = rows.A.shape
-    followed = (rows.A.reshape(n * m, p) @ S).reshape(n, m, p)
-    return ((rows.y - rows.A @ x) ** 2).sum(axis=1) + np.einsum("nip,nip->n", followed, rows.A)
+    A = rows.A[judged_rows(n)]
+    spread = np.einsum("nip,nip->n", (A.reshape(-1, p) @ S).reshape(-1, m, p), A)
+    return ((rows.y - rows.A @ x) ** 2).sum(axis=1) + spread_to_all(spread, n)
 
 
 def _mean_without(fold: GroupedFit, group: Int[np.ndarray, " k"]) -> Float[np.ndarray, " p"]:

@@ -252,16 +252,28 @@ def _by_loss(at: Linearisation, W: np.ndarray, problem: Problem, options: FitOpt
     return np.repeat(options.loss.weights(by_target), white.shape[1] // targets, axis=1)
 
 
+def judged_rows(n: int) -> Int[np.ndarray, " k"]:
+    """Poses that stand for all, evenly among them."""
+    return np.unique(np.linspace(0, n - 1, min(n, MOST_JUDGED)).astype(int))
+
+
+def spread_to_all(values: Float[np.ndarray, " k"], n: int) -> Float[np.ndarray, " n"]:
+    """What is known of the poses that stand for all; of the others, among so many, the mean."""
+    out = np.full(n, values.mean())
+    out[judged_rows(n)] = values
+    return out
+
+
 def _rescore(fitted: OneFit, x: Float[np.ndarray, " z"]) -> tuple[RowErrors, Float[np.ndarray, " n"]]:
     """The errors of single poses and the weights of these, one step on."""
     found, A = fitted.found, fitted.A
     S = found.reduced.covariance(found.evidence.covariance(fitted.one.groups.own))
     n, m = fitted.y.shape
-    left = fitted.y - A @ x
-    followed = (A.reshape(n * m, -1) @ S).reshape(A.shape)
-    explained = followed @ np.swapaxes(A, 1, 2)
-    square = (left**2).sum(axis=1) + np.trace(explained, axis1=1, axis2=2)
-    weights = weigh(square / fitted.weights, fitted.at.seen.sum(axis=1))
-    judged = np.unique(np.linspace(0, n - 1, min(n, MOST_JUDGED)).astype(int))
+    left, judged = fitted.y - A @ x, judged_rows(n)
+    followed = (A[judged].reshape(len(judged) * m, -1) @ S).reshape(len(judged), m, -1)
+    explained = followed @ np.swapaxes(A[judged], 1, 2)
+    square = (left**2).sum(axis=1) / fitted.weights
+    spread = np.trace(explained, axis1=1, axis2=2) / fitted.weights[judged]
+    weights = weigh(square + spread_to_all(spread, n), fitted.at.seen.sum(axis=1))
     whitener = fitted.whitener[judged] / np.sqrt(fitted.weights[judged, None, None])
-    return rescore(fitted.errors, fitted.at.take(judged), whitener, left[judged], explained[judged]), weights
+    return rescore(fitted.errors, fitted.at.take(judged), whitener, left[judged], explained), weights
