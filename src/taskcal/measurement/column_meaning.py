@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from taskcal.measurement.joint_names import joints_called
-from taskcal.measurement.observation import kinds
+from taskcal.measurement.observation import find_columns
 
 LENGTHS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "cm": 1e-2, "in": 0.0254, "ft": 0.3048}
 """Metres in each unit of length."""
@@ -169,28 +169,10 @@ def meanings(names: Sequence[str], units: Sequence[str], joints: Sequence[str]) 
         else:
             out.append(_meaning(text, unit, names[k], own, len(joints)))
     tracked = any(meaning is not None and meaning.kind == "position" for meaning in out)
-    for k, column in _observed(texts, tracked=tracked).items():
+    for k, column in find_columns(texts, tracked=tracked).items():
         if (meaning := out[k]) is None or meaning.kind != "joint":
             out[k] = Meaning(kind="observed", target=column, unit=parted[k][1])
     return _with_translation(_without_calculated(out))
-
-
-def _observed(texts: Sequence[str], *, tracked: bool) -> dict[int, str]:
-    """Columns of kinds of observation that need no tracker, by the kinds' own names.
-
-    A kind is there with the columns that it needs; beside a tracker's points, where ``d`` and ``sx`` may mean something else, with
-    the column that names what it refers to.
-    """
-    out: dict[int, str] = {}
-    for kind in kinds():
-        at = {
-            column: next((k for k, text in enumerate(texts) if text in words), None)
-            for column, words in kind.columns.items()
-        }
-        there = bool(kind.needed) and all(at[column] is not None for column in kind.needed)
-        if there and (not tracked or at[kind.label] is not None):
-            out |= {k: column for column, k in at.items() if k is not None}
-    return out
 
 
 def contradiction(name: str, under: str) -> tuple[str, str] | None:

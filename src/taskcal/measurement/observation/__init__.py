@@ -15,6 +15,7 @@ from taskcal.measurement.observation.observation import Placed as Placed
 from taskcal.measurement.observation.observation import Read as Read
 from taskcal.measurement.observation.observation import Standalone as Standalone
 from taskcal.measurement.observation.observation import Stated as Stated
+from taskcal.measurement.observation.observation import find_columns as find_columns
 from taskcal.measurement.observation.observation import kind_of as kind_of
 from taskcal.measurement.observation.observation import kinds as kinds
 from taskcal.measurement.observation.observation import refer as refer

@@ -1,7 +1,7 @@
 """The concept: an observation is a function of the pose of something on the tool, with unknowns and noise of its own."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
@@ -219,6 +219,24 @@ class Standalone(Observation):
 def kinds() -> tuple[type[Observation], ...]:
     """Every kind that is defined."""
     return tuple(_KINDS.values())
+
+
+def find_columns(texts: Sequence[str], *, tracked: bool) -> dict[int, str]:
+    """Columns of kinds of observation that need no tracker, by the kinds' own names.
+
+    A kind is there with the columns that it needs; beside a tracker's points, where ``d`` and ``sx`` may mean something else, with
+    the column that names what it refers to.
+    """
+    out: dict[int, str] = {}
+    for kind in kinds():
+        at = {
+            column: next((k for k, text in enumerate(texts) if text in words), None)
+            for column, words in kind.columns.items()
+        }
+        there = bool(kind.needed) and all(at[column] is not None for column in kind.needed)
+        if there and (not tracked or at[kind.label] is not None):
+            out |= {k: column for column, k in at.items() if k is not None}
+    return out
 
 
 def kind_of(key: str) -> type[Observation]:
