@@ -1,7 +1,6 @@
 """Calibration files: back to the last bit, and refused with a reason where they are broken."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -343,13 +342,3 @@ def test_a_calibration_of_nominal_lengths_saves_and_loads(tmp_path):
     q = irb6660_positions(rng, 10)
     assert again.names == found.names
     np.testing.assert_array_equal(again.predict(q), found.predict(q))
-
-
-def test_what_was_left_out_of_the_campaign_stays_with_the_calibration(tmp_path):
-    rng = np.random.default_rng(0)
-    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
-    campaign, _ = measure(rng, model, irb6660_positions(rng, 30), np.zeros(len(model)), sigma=3e-5)
-    noted = identify(model, replace(campaign, notes=("column left out: comment",)))
-    assert noted.provenance.notes == ("column left out: comment",)
-    noted.save(tmp_path / "cal.json")
-    assert load_calibration(tmp_path / "cal.json").provenance == noted.provenance
