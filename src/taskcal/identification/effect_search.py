@@ -21,7 +21,7 @@ class EffectSearch:
     candidates: Sequence[Effect] | None = None
     """Effects that compete; None for what every effect that is defined proposes for the robot (`Effect.candidates`)."""
     field: bool = False
-    """Try a residual field."""
+    """Let the smooth field of all joints (`JointField`) take part, too."""
     folds: int = 5
     """Of the cross-validation."""
     seed: int = 0

@@ -56,7 +56,8 @@ def explain(
         model: the geometric model, possibly with effects that are certain, or expected whatever the data say.
         campaign: the measurements.
         progress: told what is being done, in the order of `search_steps`.
-        **choices: ``effects`` to add without proof; by default the candidates are tried. ``field``, to try a residual field.
+        **choices: ``effects`` to add without proof; by default the candidates are tried. ``field``, to
+            let the smooth field of all joints take part, too.
             ``candidates``, effects that compete; by default what every effect that is defined proposes for the robot
             (`Effect.candidates`). ``folds`` of the cross-validation (5), ``seed`` of its folds (0). All others are those of
             `identify`.
@@ -81,11 +82,11 @@ def select_effects(
     options: FitOptions | None = None,
     progress: Callable[[str], None] = _silent,
 ) -> Explanation:
-    """Identify geometry, then the effects that the data prove, then a residual field if it proves itself.
+    """Identify geometry, then geometry and all effects at once, and keep the effects where the data prove them.
 
     Candidates compete where the campaign tells what they need and use (`Effect.is_told`): backlash, settling and overshoot where
     it has the ways to its rows, thermal expansion where all rows have temperatures, or times, that differ enough. Of two that have
-    parameters in common, such as a compliance of two tolerances, the model gets one.
+    parameters in common the model gets one.
 
     Args:
         model: the geometric model, possibly with effects that are certain, or expected whatever the data say.
