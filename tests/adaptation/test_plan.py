@@ -86,7 +86,7 @@ def test_extending_a_campaign_lowers_the_expected_error_and_goes_where_it_helps(
     campaign, _ = simulate(model, first.q, rng=np.random.default_rng(4))
     more = plan(model, listed, 6, candidates=pool, campaign=campaign)
     fitted = identify(model, campaign)
-    scales = {"model_error": fitted.model_error, "prior_scale": fitted.prior_scale}
+    scales = {"model_error": fitted.model_error, "prior": fitted.prior_scale * model.tolerances}
     alone = design(model, campaign, reach_task(model, listed), **scales).expected_error(np.arange(len(model)))
     assert more.by_count[0] < alone
     assert more.expected < more.random.min() < alone

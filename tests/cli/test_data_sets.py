@@ -129,10 +129,19 @@ def test_joints_and_points_of_the_irb120_in_files_without_names(
     assert result["fitted"]["mean_mm"] < 0.5
 
 
-def test_the_pandas_file_is_refused_as_the_page_says(run: Run, data_folder: Path, tmp_path: Path) -> None:
-    folder = data_folder / "panda_sockets"
-    result = run(
-        "identify", folder / "measurements.csv", "--robot", folder / "nominal.urdf", "-o", tmp_path / "cal.json"
+def test_a_ball_in_sockets_by_the_line_that_the_page_gives(
+    run: Run, data_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("measurements.csv", "nominal.urdf"):
+        (tmp_path / name).symlink_to(data_folder / "panda_sockets" / name)
+    (printed,) = [line for line in COMMANDS if line.startswith("printf")]
+    (tmp_path / "distances.csv").write_bytes(
+        subprocess.run(["sh", "-c", printed.partition(">")[0]], capture_output=True).stdout
     )
-    assert result.status == 1
-    assert "names no target" in result.err
+    result = run(*command_for("nominal.urdf"), "--json").json
+    assert round(result["fitted"]["mean_mm"], 2) == 0.45
+    assert f"{result['nominal']['mean_mm']:.1f} mm" in PAGE
+    alone = run(*[word for word in command_for("nominal.urdf") if "distances" not in word], "--json").json
+    assert 0.4 < alone["fitted"]["mean_mm"] < 0.5  # not a robot of no size, of which all points are one
+    assert "how large the robot is comes from its nominal lengths" in " ".join(alone["remarks"])

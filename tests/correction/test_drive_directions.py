@@ -121,6 +121,6 @@ def test_a_touched_part_is_where_the_drives_stood_when_it_was_touched(
 def test_the_uncertainty_counts_what_is_not_known_of_the_lost_motion(lost_motion, measured, make_moves, middle):
     frames = calibrate_frames(lost_motion, make_moves([middle])[0], Cell())
     q = measured[:5]
-    without = frames.variances(q, Conditions(approach=np.zeros_like(q)))
-    known = frames.variances(q, Conditions(approach=np.ones_like(q)))
-    assert (known[:, 0] > 1.05 * without[:, 0]).all()
+    not_told = frames.variances(q, Conditions(approach=np.zeros_like(q)))
+    told = frames.variances(q, Conditions(approach=np.ones_like(q)))
+    assert (not_told[:, 0] > 1.05 * told[:, 0]).all()

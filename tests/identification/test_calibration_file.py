@@ -252,10 +252,10 @@ BROKEN = {
         "a number has too many digits",
     ),
     "deep brackets": (lambda text: "[" * 100_000, "its JSON is nested too deeply"),
-    "empty": (lambda text: "", r"cal\.json:1: is not a whole JSON file .*cut off"),
+    "empty": (lambda text: "", r"cal\.json:1: is not a whole JSON file.*cut off"),
     "truncated": (
         lambda text: text[: len(text) // 2],
-        r"cal\.json:\d+: is not a whole JSON file .*cut off: save the calibration again",
+        r"cal\.json:\d+: is not a whole JSON file.*cut off: save the calibration again",
     ),
     "no JSON": (lambda text: "id,J1_deg\n1,2\n", r"cal\.json:1: is not a whole JSON file"),
     "a list": (lambda text: "[1, 2]", "is JSON, but no calibration: 'format' is not 'taskcal-calibration'"),

@@ -61,6 +61,11 @@ def test_without_a_stated_distance_the_size_of_the_robot_is_not_seen():
     stated, free = identify(model, campaign), identify(model, unstated)
     assert any("how large the robot is comes from its nominal lengths" in remark for remark in free.remarks)
     assert not any("how large" in remark for remark in stated.remarks)
+    assert free.prior_scale == 1.0
+    with pytest.raises(CampaignError, match=r"has no length that was measured or stated.*at most 3 tolerances"):
+        identify(model, unstated, prior=None)
+    with pytest.raises(CampaignError, match="the smallest best"):
+        identify(model, unstated, prior_scale=10.0)
 
     def spread(calibration):
         """Standard error of how far the two sockets of a block are apart."""

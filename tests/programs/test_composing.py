@@ -29,7 +29,7 @@ def test_motions_to_joint_positions_come_back_in_their_order(tmp_path_factory, r
     notes = [f"pose {k}" for k in range(len(q))]
     source = compose_program(path, ROBOT, moves_to_joints(ROBOT, q, path), notes=notes, wait_s=2.5)
     write_whole(source.path, source.encode())
-    program = read_program(path)
+    program = read_program(path, robot=ROBOT)
     assert not program.diagnostics
     assert [(move.kind, move.stops) for move in program.moves] == [("axes", True)] * len(q)
     np.testing.assert_allclose([move.end.q for move in program.moves], q, atol=2e-7)
@@ -76,6 +76,6 @@ def test_poses_in_csv_come_back_with_arcs_and_speeds(tmp_path):
 @pytest.mark.parametrize("name", ["a.apt", "a.dat", "a.sys"])
 def test_only_some_languages_are_composed(name):
     with pytest.raises(
-        FileError, match=r"cannot be composed; programs are written as \.mod, \.prg, \.modx, \.src, \.csv"
+        FileError, match=r"cannot be composed; programs are written as \.mod, \.prg, \.modx, \.src, \.ls, \.csv"
     ):
         compose_program(name, ROBOT, ())

@@ -27,6 +27,7 @@ from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.identify import identify
 from taskcal.identification.one_search import OneModelFound, find_one_model
 from taskcal.identification.search_steps import ASKED_FOR, CHECK, GEOMETRY
+from taskcal.identification.unseen_size import with_size_held
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.effects import Effect
@@ -107,6 +108,7 @@ def select_effects(
         raise TaskcalError(
             "effects are found by their evidence, which needs a prior; name the effects, or keep the prior"
         )
+    options = with_size_held(model, campaign, options)
     progress(GEOMETRY)
     best = identify(model, campaign, options=options)
     # rows that are wrong for the geometry are wrong for all that is tried beside it

@@ -71,6 +71,10 @@ class Examination:
 
     def summary(self) -> dict[str, Any]:
         """What `Validation.summary` says, the share inside the stated regions, the outliers, and every point."""
+        compared = [
+            {"name": one.name, "stated_mm": one.stated * 1e3, "found_mm": one.found * 1e3}
+            for one in self.validation.compared
+        ]
         return {
             **self.validation.summary(),
             "inside_share": None if self.inside is None else float(self.inside.mean()),
@@ -86,10 +90,7 @@ class Examination:
                 }
                 for outlier in self.outliers
             ],
-            "distances": [
-                {"name": one.name, "stated_mm": one.stated * 1e3, "found_mm": one.found * 1e3}
-                for one in self.validation.compared
-            ],
+            **({"distances": compared} if compared else {}),
             "rows": self.points(),
         }
 

@@ -19,6 +19,7 @@ from taskcal.identification.informed_parameters import UNSEEN_SHARE
 from taskcal.identification.observation_layout import layout_of, problem_of
 from taskcal.identification.outlier import studentise
 from taskcal.identification.provenance import Provenance
+from taskcal.identification.unseen_size import size_is_unseen, with_size_held
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.consensus import find_consensus
 from taskcal.measurement.enough_rows import check_rows
@@ -80,8 +81,9 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
 
     Raises:
         CampaignError: too few rows, a row at which the nominal robot's closed loop does not close, joints and points that do
-            not belong together, more wrong rows than can be told from right ones, a target too far from the tool point, or a
-            model that depends on temperature or time and a row without.
+            not belong together, lengths without a prior where none was measured or stated, more wrong rows than can be told
+            from right ones, a target too far from the tool point, or a model that depends on temperature or time and a row
+            without.
         UnknownName: a name in `keep` that the model does not have.
         FitError: the fit did not converge, or took everything that was measured for error.
         ValueError: an option that would silently mean something else.
@@ -90,6 +92,7 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
     chosen = FitOptions.of(**options)
     kept = np.arange(len(model)) if chosen.keep is None else model.indices(chosen.keep)
     check_rows(campaign)
+    chosen = with_size_held(model, campaign, chosen)
     for effect in model.effects:
         campaign.check_told(effect.needs, effect.key)
     poses = nominal_poses(model, campaign)
@@ -208,9 +211,10 @@ def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign, has_prior: bool)
             "positions and the lengths in the robot file, or state wider tolerances"
         )
     if campaign.observations and not any(kind.tells_scale for kind in campaign.observations):
+        held = " within its tolerances as they are stated" if size_is_unseen(campaign) else ""
         out.append(
-            "no length was measured or stated: how large the robot is comes from its nominal lengths alone; state a distance of "
-            "two sockets (--distances), or trust a wire's scale"
+            f"no length that is known was measured or stated: how large the robot is comes from its nominal lengths alone{held}; "
+            "state a distance of two sockets (--distances), or trust the wire's scale"
         )
     measured = _measured_numbers(campaign, fit.residual.shape[2])
     if measured < 2 * unknowns:

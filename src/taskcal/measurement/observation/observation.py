@@ -136,6 +136,11 @@ class Observation(ABC):
         """Whether it compares the robot with a length that is known."""
         return True
 
+    @property
+    def shrinks(self) -> bool:
+        """Whether its residuals vanish with the size of the robot, whatever was read."""
+        return False
+
     @abstractmethod
     def differentiate(
         self, target: Float[np.ndarray, "n 4 4"], unknown: Float[np.ndarray, " u"], measured: Measured

@@ -79,6 +79,11 @@ class Sockets(Standalone):
         return bool(self.distances)
 
     @property
+    def shrinks(self) -> bool:
+        """Unless any length is stated."""
+        return not self.distances
+
+    @property
     def numbers(self) -> Int[np.ndarray, " n"]:
         """Socket of each row, any for rows without one."""
         assert self.of is not None
