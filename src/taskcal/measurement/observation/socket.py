@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -30,6 +30,9 @@ SEAT = 2e-5
 
 ROUNDS = 12
 """Of reweighting, after which rows that disagree hardly count."""
+
+STANDS_STILL = 1e-3
+"""Share of the median distance by which no row's moves in the last round."""
 
 FAR = 10.0
 """Times the median distance, from which on a row disagrees."""
@@ -105,16 +108,19 @@ class Sockets(Standalone):
         """With p + R·t = s linear in the ball's place t on the tool and in the sockets s: these are means once t is known."""
         seen = measured.valid
         R, p, k = tool[seen, :3, :3], tool[seen, :3, 3], self.numbers[seen]
+        rows = _Rows.of_poses(R, p, k)
+        distance = rows.apart(np.ones(len(p)))
         weight = np.ones(len(p))
-        distance = _distances(R, p, k, _ball(R, p, k, weight)[0], weight)
         for _ in range(ROUNDS):
-            weight = 1.0 / np.maximum(distance, max(float(np.median(distance)), 1e-6))
-            distance = _distances(R, p, k, _ball(R, p, k, weight)[0], weight)
+            before, weight = distance, 1.0 / np.maximum(distance, max(float(np.median(distance)), 1e-6))
+            distance = rows.apart(weight)
+            if np.abs(distance - before).max() < STANDS_STILL * float(np.median(distance)):
+                break
         near = np.asarray(distance <= FAR * max(float(np.median(distance)), 1e-5))
         if near.mean() > 0.5 and len(np.unique(k[near])) == len(np.unique(k)):
             weight = near.astype(float)
-        t, unobservable = _ball(R, p, k, weight, judged=True)
-        distance = _distances(R, p, k, t, weight)
+        t, unobservable = rows.located(weight)
+        distance = np.linalg.norm(rows.left(weight, t), axis=1)
         far = np.zeros(len(tool))
         far[seen] = distance
         target = se3.pose(np.eye(3), t)
@@ -257,23 +263,58 @@ def _means(x: np.ndarray, k: np.ndarray, weight: np.ndarray, count: int) -> Floa
         return (sums / total[:, None]).reshape(count, *x.shape[1:])
 
 
-def _ball(
-    R: np.ndarray, p: np.ndarray, k: np.ndarray, weight: np.ndarray, *, judged: bool = False
-) -> tuple[np.ndarray, np.ndarray]:
-    """Place of the ball on the tool by weighted least squares, and if judged the projector onto what the rows do not tell of it."""
-    count = int(k.max()) + 1
-    A, b = R - _means(R, k, weight, count)[k], -(p - _means(p, k, weight, count)[k])
-    H, g = np.einsum("n,nij,nik->jk", weight, A, A), np.einsum("n,nij,ni->j", weight, A, b)
-    values, vectors = np.linalg.eigh(H)
-    t = np.linalg.lstsq(H, g, rcond=1e-12)[0]
-    rms = np.sqrt(np.sum(weight[:, None] * (A @ t - b) ** 2) / weight.sum())
-    limit = weight.mean() * (max(rms, LEAST_ERROR) / LOCATED_WITHIN) ** 2 if judged else 1e-9 * len(p)
-    told, weak = vectors[:, values >= limit], vectors[:, values < limit]
-    t = told @ np.linalg.solve(told.T @ H @ told, told.T @ g)
-    return t, weak @ weak.T
+class _Rows(NamedTuple):
+    """Rows of balls in sockets: how far p + R·t is from the mean of its own socket is linear in the ball's place t."""
 
+    socket: Float[np.ndarray, "sockets n"]
+    """One for each row of a socket."""
+    of: Int[np.ndarray, " n"]
+    """Socket of each row."""
+    moved: Float[np.ndarray, "n 12"]
+    """R, row by row, and p."""
 
-def _distances(R: np.ndarray, p: np.ndarray, k: np.ndarray, t: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Of each row's ball from its socket."""
-    x = p + R @ t
-    return np.linalg.norm(x - _means(x, k, weight, int(k.max()) + 1)[k], axis=1)
+    @classmethod
+    def of_poses(cls, R: np.ndarray, p: np.ndarray, k: np.ndarray) -> "_Rows":
+        """From the poses of the tool and the socket of each."""
+        _, of = np.unique(k, return_inverse=True)
+        socket = np.zeros((int(of.max()) + 1, len(k)))
+        socket[of, np.arange(len(k))] = 1.0
+        return cls(socket, of, np.concatenate([R.reshape(-1, 9), p], axis=1))
+
+    def centred(self, weight: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, "n 3 3"], Float[np.ndarray, "n 3"]]:
+        """R and p less the means of their sockets."""
+        share = self.socket * weight
+        apart = self.moved - ((share @ self.moved) / share.sum(axis=1)[:, None])[self.of]
+        return apart[:, :9].reshape(-1, 3, 3), apart[:, 9:]
+
+    def equations(
+        self, weight: Float[np.ndarray, " n"]
+    ) -> tuple[np.ndarray, np.ndarray, Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
+        """Rows A·t = b, and their weighted normal equations."""
+        A, p = self.centred(weight)
+        flat, b = A.reshape(-1, 3), -p.reshape(-1)
+        weighted = (flat * np.repeat(weight, 3)[:, None]).T
+        return flat, b, weighted @ flat, weighted @ b
+
+    def apart(self, weight: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Distance of each ball from the mean of its socket, the ball where that is least."""
+        A, b, H, g = self.equations(weight)
+        # the least place where the rows do not tell of it
+        t = np.linalg.pinv(H, rcond=1e-12, hermitian=True) @ g
+        return np.linalg.norm((A @ t - b).reshape(-1, 3), axis=1)
+
+    def left(self, weight: Float[np.ndarray, " n"], t: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "n 3"]:
+        """Where each ball is, less the mean of its socket."""
+        A, p = self.centred(weight)
+        return A @ t + p
+
+    def located(self, weight: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:
+        """Place of the ball on the tool by weighted least squares, and the projector onto what the rows do not tell of it."""
+        A, b, H, g = self.equations(weight)
+        values, vectors = np.linalg.eigh(H)
+        t = np.linalg.pinv(H, rcond=1e-12, hermitian=True) @ g
+        square = ((A @ t - b).reshape(-1, 3) ** 2).sum(axis=1)
+        rms = np.sqrt(weight @ square / weight.sum())
+        limit = weight.mean() * (max(rms, LEAST_ERROR) / LOCATED_WITHIN) ** 2
+        told, weak = vectors[:, values >= limit], vectors[:, values < limit]
+        return told @ np.linalg.solve(told.T @ H @ told, told.T @ g), weak @ weak.T
