@@ -6,13 +6,13 @@ import numpy as np
 
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.observation import Landmarks, Lengths, Point, Sockets
+from taskcal.measurement.observation import Boards, Landmarks, Lengths, Point, Sockets
 from taskcal.measurement.observation.socket import SocketDistance
 from taskcal.measurement.virtual_cell import Truth
 from taskcal.robot.error_model import ErrorModel
 from tests.identification.arms import arm, defects
 
-KINDS_WITHOUT_TRACKER = ("socket", "distance", "landmark")
+KINDS_WITHOUT_TRACKER = ("socket", "distance", "landmark", "board")
 
 
 def reach(
@@ -83,6 +83,19 @@ def sighted_campaign(
     return campaign_of(q, "sensor", Landmarks(landmarks=("a", "b", "c", "d"), of=of), seen[:, None]), truth
 
 
+def board_campaign(
+    rng: np.random.Generator, model: ErrorModel, x: np.ndarray, rows: int, *, noise: float = 0.0
+) -> tuple[Campaign, Truth]:
+    """The same landmarks, each a board of which the sensor sees how it is turned, ten times as uncertain in radians."""
+    seen, truth = sighted_campaign(rng, model, x, rows, noise=noise)
+    boards = se3.exp(rng.normal(size=(4, 3)))
+    (of,) = (one.of for one in seen.observations)
+    turned = np.swapaxes(truth.poses(seen.q)[:, 0, :3, :3], 1, 2) @ boards[of]
+    turned = se3.exp(10.0 * noise * rng.normal(size=(rows, 3))) @ turned
+    kind = Boards(landmarks=("a", "b", "c", "d"), of=of)
+    return replace(seen, observations=(kind,), rotations=turned), truth
+
+
 def campaign_of(q, target, kind, points=None) -> Campaign:
     """A campaign of one target."""
     return Campaign(
@@ -98,7 +111,12 @@ def observed(kind: str, seed: int, rows: int = 40, factor: float = 1.0, noise: f
     """A model, a campaign of a kind, and its truth."""
     rng, model = arm(seed)
     x = defects(rng, model, factor)
-    measure = {"socket": socket_campaign, "distance": wire_campaign, "landmark": sighted_campaign}[kind]
+    measure = {
+        "socket": socket_campaign,
+        "distance": wire_campaign,
+        "landmark": sighted_campaign,
+        "board": board_campaign,
+    }[kind]
     campaign, truth = measure(rng, model, x, rows, noise=noise)
     return model, campaign, truth
 

@@ -38,7 +38,7 @@ def campaign_text(campaign: Campaign, robot: Robot) -> str:
         if campaign.uncertainty is not None:
             header.append(f"{prefix}u_mm")
             columns.append(_texts(campaign.uncertainty[:, t] * 1e3, 6))
-    if campaign.rotations is not None and not any(one.turned and not one.in_tracker for one in campaign.observations):
+    if campaign.rotations is not None and all(one.in_tracker for one in campaign.observations if one.width == 6):
         quaternion = se3.to_quaternion(campaign.rotations)
         for k, name in enumerate(("qx", "qy", "qz", "qw")):
             header.append(name)

@@ -104,3 +104,12 @@ def test_sightings_are_read_and_written(tmp_path):
 def test_a_wrong_cell_is_refused(tmp_path, header, row, message):
     with pytest.raises(FileError, match=re.escape(message)):
         read_campaign(written(tmp_path, header, row), ROBOT)
+
+
+def test_a_tracker_s_poses_beside_sightings_are_written_with_their_rotations(tmp_path):
+    header = "x_mm,y_mm,z_mm,qx,qy,qz,qw,sx_mm,sy_mm,sz_mm,landmark"
+    campaign = read_campaign(written(tmp_path, header, "400,1,2,0,0,0.6,0.8,1,2,300,a"), ROBOT)
+    write_campaign(tmp_path / "again.csv", campaign, ROBOT)
+    again = read_campaign(tmp_path / "again.csv", ROBOT)
+    assert [one.key for one in again.observations] == ["pose", "landmark"]
+    np.testing.assert_allclose(again.rotations, campaign.rotations, atol=1e-9)

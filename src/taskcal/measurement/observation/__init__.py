@@ -4,6 +4,7 @@ A kind is one class in one file. It says how many numbers it measures, what it p
 without a guess, and how sure it is; registration, fit, identifiability, reports and plans take it from there.
 """
 
+from taskcal.measurement.observation.board import Boards as Boards
 from taskcal.measurement.observation.columns import ObservedColumns as ObservedColumns
 from taskcal.measurement.observation.distance import Lengths as Lengths
 from taskcal.measurement.observation.landmark import Landmarks as Landmarks

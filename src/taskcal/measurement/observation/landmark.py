@@ -49,7 +49,7 @@ class Landmarks(Standalone):
             "sx": ("sx", "sensor x"),
             "sy": ("sy", "sensor y"),
             "sz": ("sz", "sensor z"),
-            "landmark": ("landmark", "feature", "tag", "marke"),
+            "landmark": ("landmark", "board", "feature", "tag", "marke"),
         }
     )
     turned: ClassVar[bool] = True
@@ -144,6 +144,15 @@ class Landmarks(Standalone):
     @classmethod
     def read(cls, columns: ObservedColumns) -> Read | None:
         """A sighting in every row that has all three numbers, of the landmark that is named, or of the only one.
+
+        Raises:
+            FileError: some of the three numbers, or the landmark's name, are lacking.
+        """
+        return None if "sqx" in columns else cls.sightings(columns)
+
+    @classmethod
+    def sightings(cls, columns: ObservedColumns) -> Read | None:
+        """The same, whether or not the file says how what was seen is turned.
 
         Raises:
             FileError: some of the three numbers, or the landmark's name, are lacking.
