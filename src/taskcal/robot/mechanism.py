@@ -6,11 +6,11 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import RobotError
-from taskcal.geometry import se3, walk
-from taskcal.geometry.chain import Chain, Joint
-from taskcal.geometry.four_bar import FourBar, can_close, close_four_bar
+from taskcal.geometry.four_bar import FourBar, can_close
 from taskcal.robot.joint_side import FourBarDrive
+from taskcal.robot.loop_pins import find_loop_pins
 from taskcal.robot.robot import Robot
+from taskcal.robot.skeleton import trace_skeleton
 
 SINGULAR_SHARE = 1e-9
 """Of the largest singular value of a loop's screws: what is below it is rounding."""
@@ -147,37 +147,15 @@ def loop_screws(robot: Robot, drive: FourBarDrive) -> Float[np.ndarray, "6 5"]:
 
     The crank turns about the arm's axis; its pin is parallel to that, the rocker's to the elbow's axis.
     """
-    bar, arm, elbow = drive.bar, int(np.argmax(np.abs(drive.arm))), int(drive.moved[0])
     alpha = float(robot.limits.mean(axis=1) @ drive.arm) if np.isfinite(robot.limits).all() else 0.0
-    kappa = _ordinary(bar, alpha)
-    theta = float(close_four_bar(bar, np.array([alpha]), np.array([kappa])).angle[0])
+    kappa = _ordinary(drive.bar, alpha)
     q = np.linalg.pinv(np.stack([drive.arm, drive.crank])) @ np.array([alpha, kappa])
-    s = robot.joint_map(q[None])[0] + drive.output * (theta - kappa)
-    (axis, ground), (elbow_axis, hinge) = (_axis(robot, s, joint) for joint in (arm, elbow))
-    elbow_axis = elbow_axis if axis @ elbow_axis >= 0.0 else -elbow_axis
-    across = (hinge - ground) - axis * float(axis @ (hinge - ground))
-    if np.linalg.norm(across) < 1e-9:
-        names = f"{robot.joint_names[arm]} and {robot.joint_names[elbow]}"
-        raise RobotError(
-            f"the four-bar has an arm of {bar.arm * 1e3:g} mm, but the axes of {names} meet; check the joints"
-        )
-    forward = across / np.linalg.norm(across)
-    # the loop's angles grow with the joint that turns the arm, which may turn against its axis
-    sense = float(np.sign(robot.joint_map.matrix[arm] @ drive.arm))
-    crank = ground + bar.crank * se3.exp(sense * (kappa + bar.crank_angle - alpha) * axis) @ forward
-    rocker = hinge + bar.rocker * se3.exp(sense * (theta + bar.rocker_angle - alpha) * elbow_axis) @ forward
-    pins = [(axis, ground), (axis, ground), (axis, crank), (elbow_axis, rocker), (elbow_axis, hinge)]
-    return np.stack([screw(direction, point - ground) for direction, point in pins], axis=1)
-
-
-def _axis(
-    robot: Robot, s: Float[np.ndarray, " coordinates"], joint: int
-) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
-    """Direction and a point of a joint's axis in the base, at chain coordinates s."""
-    steps = robot.steps()
-    before = steps[: [k for k, step in enumerate(steps) if isinstance(step, Joint)][joint]]
-    T = walk.poses(Chain.of(before), np.ascontiguousarray(s[None, :joint]), np.zeros((0, 6)))[0]
-    return T[:3, 2], T[:3, 3]
+    skeleton = trace_skeleton(robot, q[None])
+    pins = find_loop_pins(robot, q[None], skeleton.origins, skeleton.axes)
+    ground = pins.ground[0]
+    directed = [(pins.axis, pins.ground)] * 2
+    directed += [(pins.axis, pins.crank), (pins.elbow_axis, pins.rocker), (pins.elbow_axis, pins.hinge)]
+    return np.stack([screw(direction[0], point[0] - ground) for direction, point in directed], axis=1)
 
 
 def _ordinary(bar: FourBar, alpha: float) -> float:
