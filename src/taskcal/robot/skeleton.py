@@ -17,13 +17,13 @@ from taskcal.robot.robot import Part, Robot
 class Skeleton:
     """Lines of the nominal robot in its base, metres."""
 
-    links: tuple[Float[np.ndarray, "n corners 3"], ...]
+    links: tuple[Float[np.ndarray, "n _ 3"], ...]
     """Corners of every body from the base on: to the first joint, from joint to joint, and from the last one to the tool."""
     origins: Float[np.ndarray, "n joints 3"]
     """A point of every joint's axis."""
     axes: Float[np.ndarray, "n joints 3"]
     """Directions of these."""
-    loop: tuple[Float[np.ndarray, "n corners 3"], ...]
+    loop: tuple[Float[np.ndarray, "n _ 3"], ...]
     """Crank, rod and rocker of a closed loop; empty for an open chain."""
     tool: Float[np.ndarray, "n 4 4"]
     """Poses of the tool."""
