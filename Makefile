@@ -14,13 +14,16 @@ unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help demo test test-quick test-long lint format types layers docs bench bench-smoke clean
+.PHONY: help demo studio test test-quick test-long lint format types layers docs bench bench-smoke clean
 
 help:  ## list these targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
 
 demo: $(VENV)/.runtime  ## run the demonstration (runtime dependencies only)
 	$(BIN)/taskcal demo
+
+studio: $(VENV)/.studio  ## start the studio on a virtual robot's example project, in taskcal-studio/
+	$(BIN)/taskcal studio taskcal-studio --example
 
 test: $(VENV)/.test  ## run the tests
 	$(BIN)/python -m pytest --numprocesses auto
@@ -58,7 +61,7 @@ bench-smoke: $(VENV)/.test  ## run every benchmark once, untimed
 	else echo "no benchmarks yet"; fi
 
 clean:  ## remove .venv and everything built
-	rm -rf $(VENV) build dist docs/_build taskcal-demo
+	rm -rf $(VENV) build dist docs/_build taskcal-demo taskcal-studio
 	rm -rf .pytest_cache .ruff_cache .hypothesis .benchmarks .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
@@ -70,6 +73,10 @@ $(VENV)/pyvenv.cfg:
 # Stamps: the package is installed editable, so only its dependencies make these stale.
 $(VENV)/.runtime: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
 	$(PIP) -e .
+	@touch $@
+
+$(VENV)/.studio: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
+	$(PIP) -e '.[studio]'
 	@touch $@
 
 $(VENV)/.test: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt

@@ -27,6 +27,7 @@ SUMMARIES = {
     "export": "Write a calibrated robot as URDF, YAML or table, or fit what a controller can hold.",
     "report": "Make a page of a calibration: parameters, residuals, outliers, uncertainty over a task, and what the residuals "
     "depend on.",
+    "studio": "Work through pages in the browser, on a project's folder.",
     "doctor": "Find what is wrong with a campaign; without one, check the installation.",
     "warm": "Compile all kernels now, so that no later command has to.",
 }

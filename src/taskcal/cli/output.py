@@ -13,6 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from taskcal.cli.progress_lines import report_step
 from taskcal.cli.sign_of_life import clear_sign
 from taskcal.errors import printable, shortened
 
@@ -115,6 +116,7 @@ def working(step: str, steps: int | None = None) -> Generator[Callable[[str], No
     columns = (SpinnerColumn(), described, TimeElapsedColumn()) if steps is None else counted
     with Progress(*columns, console=out, transient=True, disable=not out.is_terminal) as bar:
         task = bar.add_task(for_terminal(step), total=steps)
+        report_step(step, 0, steps)
         begun = 0
 
         def begin(text: str) -> None:
@@ -123,6 +125,7 @@ def working(step: str, steps: int | None = None) -> Generator[Callable[[str], No
                 return
             begun = begun + 1 if steps is None else min(begun + 1, steps - 1)
             bar.update(task, completed=begun, description=for_terminal(text), refresh=True)
+            report_step(text, begun, steps)
 
         yield begin
         if steps is not None:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 
 from taskcal.cli.output import for_terminal
+from taskcal.cli.progress_lines import report_step
 from taskcal.cli.sign_of_life import clear_sign
 
 
@@ -21,6 +22,7 @@ def bar_over(steps: Sequence[str]) -> Generator[Callable[[str], None], None, Non
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=out, transient=True, disable=not out.is_terminal) as bar:
         task = bar.add_task(for_terminal(steps[0]), total=len(steps))
+        report_step(steps[0], 0, len(steps))
         begun = 0
 
         def begin(step: str) -> None:
@@ -30,6 +32,7 @@ def bar_over(steps: Sequence[str]) -> Generator[Callable[[str], None], None, Non
                 done = steps.index(step, begun)
                 begun = done + 1
             bar.update(task, completed=done, description=for_terminal(step), refresh=True)
+            report_step(step, done, len(steps))
 
         yield begin
         bar.update(task, completed=len(steps), refresh=True)

@@ -1,0 +1,79 @@
+"""``taskcal studio``: pages in the browser, on a project's folder."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from taskcal.cli.output import info, tell
+from taskcal.errors import FileError, TaskcalError
+
+MISSING = "the studio needs NiceGUI, which is not installed; install Taskcal with it: pip install 'taskcal[studio]'"
+
+
+def command(
+    folder: Annotated[
+        Path,
+        typer.Argument(metavar="[FOLDER]", readable=False, help="The project's folder; made if absent."),
+    ] = Path("taskcal-project"),
+    example: Annotated[
+        bool, typer.Option("--example", help="Begin with a virtual IRB 6660, its campaign, its task and a program.")
+    ] = False,
+    host: Annotated[
+        str,
+        typer.Option(
+            "--host",
+            metavar="ADDRESS",
+            help="Address to listen on; on any but this machine's own a token is asked for.",
+        ),
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, metavar="N", help="Port to listen on; 0 for one that is free.")
+    ] = 8421,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the browser, too.")] = True,
+) -> None:
+    """Work through pages in the browser, on a project's folder.
+
+    The folder is one of plain files: what is dropped or computed lies there as the other commands read and write it, and
+    project.toml says what is being worked with. One studio at a time opens a folder.
+    """
+    try:
+        import nicegui  # noqa: F401  # pyright: ignore[reportUnusedImport]
+    except ImportError as error:
+        raise TaskcalError(MISSING) from error
+    from secrets import token_urlsafe
+
+    from taskcal.studio.example_project import begin_example
+    from taskcal.studio.folder_lock import FolderLock
+    from taskcal.studio.project import Project
+    from taskcal.studio.server import Address, is_loopback, listen, serve
+    from taskcal.studio.studio import Studio
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(folder, f"cannot be made: {error.strerror or error}; name another") from error
+    lock = FolderLock(folder)
+    try:
+        project = begin_example(folder) if example else Project(folder)
+        address = Address(host=host, port=port, token="" if is_loopback(host) else token_urlsafe(24))
+        bound = listen(address)
+        shown = f"[{host}]" if ":" in host and not host.startswith("[") else host
+        page = f"http://{shown}:{bound.getsockname()[1]}/"
+        lock.tell(page)
+        whole = page + (f"?token={address.token}" if address.token else "")
+        tell(f"Taskcal studio: {whole}")
+        info(f"project {project.folder}; Ctrl-C ends the studio")
+        if browser:
+            _open(whole)
+        serve(Studio(project), address, bound)
+    finally:
+        lock.release()
+
+
+def _open(page: str) -> None:
+    """Open the page once it is served; the socket is bound already, and a browser waits that long."""
+    import threading
+    import webbrowser
+
+    threading.Thread(target=webbrowser.open, args=(page,), daemon=True).start()

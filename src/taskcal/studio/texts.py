@@ -1,0 +1,40 @@
+"""What the pages say, in each language; all of it stands in ``texts.toml``."""
+
+import tomllib
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+LANGUAGES = {"en": "English", "de": "Deutsch"}
+"""By the code that browsers use."""
+
+
+@cache
+def catalogue() -> Mapping[str, Mapping[str, str]]:
+    """Texts by language, by key."""
+    content = tomllib.loads((Path(__file__).parent / "texts.toml").read_text(encoding="utf-8"))
+    return {f"{page}.{key}": languages for page, texts in content.items() for key, languages in texts.items()}
+
+
+class Texts:
+    """The texts of one language."""
+
+    def __init__(self, language: str) -> None:
+        """Take a language of `LANGUAGES`."""
+        self.language = language
+
+    def __call__(self, key: str, **values: object) -> str:
+        """The text of a key, with values in its places."""
+        return catalogue()[key][self.language].format(**values)
+
+
+def preferred(accepted: str) -> str:
+    """The language that a browser's ``Accept-Language`` asks for first; English where it asks for none of ours."""
+    wanted: list[tuple[float, int, str]] = []
+    for place, part in enumerate(accepted.split(",")):
+        code, _, weight = part.strip().partition(";q=")
+        try:
+            wanted.append((-float(weight or 1.0), place, code.split("-")[0].lower()))
+        except ValueError:
+            continue
+    return next((code for _, _, code in sorted(wanted) if code in LANGUAGES), "en")

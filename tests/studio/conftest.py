@@ -1,0 +1,112 @@
+"""A studio that is served to a real browser, with everything that its pages complain of."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+PICTURES = Path(os.environ.get("TASKCAL_PICTURES", "/tmp/taskcal-pictures"))
+"""Screenshots of every page, to be looked at."""
+
+SIZES = {"desk": (1440, 900), "tablet": (820, 1180)}
+
+
+@contextmanager
+def served(folder: Path, *options: str) -> Iterator[str]:
+    """A studio on a folder; gives the address of its pages."""
+    command = [sys.executable, "-m", "taskcal", "studio", str(folder), "--no-browser", "--port", "0", *options]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        try:
+            assert process.stdout is not None
+            line = process.stdout.readline()
+            assert line.startswith("Taskcal studio: http://"), line
+            yield line.removeprefix("Taskcal studio: ").strip()
+        finally:
+            process.terminate()
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Generator[Any, None, None]:
+    """A browser without a window."""
+    from playwright.sync_api import sync_playwright
+
+    program = os.environ.get("TASKCAL_CHROMIUM") or shutil.which("chromium")
+    if program is None:
+        if os.environ.get("CI") == "true":
+            pytest.fail("no chromium is installed; the studio's pages have not been looked at")
+        pytest.skip("no chromium is installed")
+    with sync_playwright() as playwright:
+        options = ["--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=program, args=options)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="session")
+def example(tmp_path_factory: pytest.TempPathFactory) -> Generator[tuple[str, Path], None, None]:
+    """A studio on the example project, which tests of one session share; its address and its folder."""
+    folder = tmp_path_factory.mktemp("studio") / "example"
+    with served(folder, "--example") as address:
+        yield address, folder
+
+
+class Tab:
+    """A page in a browser, and what its console said."""
+
+    def __init__(self, context: Any, address: str) -> None:
+        self.page = context.new_page()
+        self.page.set_default_timeout(15_000)
+        self.address = address
+        self.complaints: list[str] = []
+        self.page.on("console", self._listen)
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+
+    def _listen(self, said: Any) -> None:
+        if said.type in ("error", "warning") and "GL Driver Message" not in said.text:
+            self.complaints.append(f"{said.type}: {said.text}")
+
+    def open(self, key: str) -> Any:
+        """Go to a page, and wait for its content."""
+        self.page.goto(f"{self.address}{key}")
+        return self.ready()
+
+    def ready(self) -> Any:
+        """Wait until the page is filled."""
+        self.page.wait_for_selector("[data-ready]", timeout=30_000)
+        return self.page
+
+    def picture(self, name: str) -> None:
+        """Keep a screenshot at each size."""
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        for size, (width, height) in SIZES.items():
+            self.page.set_viewport_size({"width": width, "height": height})
+            self.page.wait_for_timeout(300)
+            self.page.screenshot(path=PICTURES / f"{name}-{size}.png", full_page=True)
+
+
+@contextmanager
+def open_tab(browser: Any, address: str, **options: Any) -> Iterator[Tab]:
+    """A tab in a window of its own, without the cookies of others."""
+    context = browser.new_context(viewport={"width": 1440, "height": 900}, **options)
+    try:
+        yield Tab(context, address)
+    finally:
+        context.close()
+
+
+@pytest.fixture
+def tab(chromium: Any, example: tuple[str, Path]) -> Generator[Tab, None, None]:
+    """A tab on the example; the test fails if the page complained."""
+    with open_tab(chromium, example[0]) as opened:
+        yield opened
+    assert opened.complaints == []

@@ -1,0 +1,59 @@
+"""A project is what its files say: saved as it goes, opened again as it was, and closed to what lies outside."""
+
+import os
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from taskcal.errors import FileError, TaskcalError
+from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT, Project
+
+
+def test_what_is_chosen_is_there_when_the_folder_is_opened_again(tmp_path: Path) -> None:
+    Project(tmp_path).choose(robot="ur5", holdout=0.25)
+    choices = Project(tmp_path).choices
+    assert (choices.name, choices.robot, choices.holdout) == (tmp_path.name, "ur5", 0.25)
+    assert tomllib.loads((tmp_path / "project.toml").read_text())["robot"] == "ur5"
+
+
+def test_a_dropped_file_is_kept_byte_for_byte_and_twice_the_same_is_one(tmp_path: Path) -> None:
+    project = Project(tmp_path)
+    first = project.put(LAYOUT.campaigns, "my data.csv", b"a;b\r\n1;2", CAMPAIGN_ENDINGS)
+    assert first == "campaigns/my-data.csv"
+    assert (tmp_path / first).read_bytes() == b"a;b\r\n1;2"
+    assert project.put(LAYOUT.campaigns, "my data.csv", b"a;b\r\n1;2", CAMPAIGN_ENDINGS) == first
+    assert project.put(LAYOUT.campaigns, "my data.csv", b"other", CAMPAIGN_ENDINGS) == "campaigns/my-data-2.csv"
+    assert project.files(LAYOUT.campaigns) == ["campaigns/my-data-2.csv", "campaigns/my-data.csv"]
+
+
+@pytest.mark.parametrize("outside", ["../x.csv", "/etc/passwd", "campaigns/../../x.csv", "campaigns/a/../../../b"])
+def test_no_path_leaves_the_folder(tmp_path: Path, outside: str) -> None:
+    project = Project(tmp_path)
+    with pytest.raises((TaskcalError, ValueError)):
+        project.path(outside)
+    (tmp_path / "project.toml").write_text(f'name = "x"\ncampaign = "{outside}"\n')
+    with pytest.raises(FileError, match="folder of the project"):
+        _ = project.choices
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links need rights elsewhere")
+def test_links_out_of_the_folder_are_not_followed(tmp_path: Path) -> None:
+    inside, secret = tmp_path / "p", tmp_path / "secret.csv"
+    (inside / "campaigns").mkdir(parents=True)
+    secret.write_text("secret")
+    (inside / "campaigns" / "a.csv").symlink_to(secret)
+    (inside / "robots").symlink_to(tmp_path)
+    project = Project(inside)
+    assert project.files(LAYOUT.campaigns) == []
+    with pytest.raises(FileError, match="outside"):
+        project.path("campaigns/a.csv")
+    with pytest.raises(FileError, match="outside"):
+        project.put(LAYOUT.robots, "x.toml", b"", (".toml",))
+
+
+def test_a_project_file_that_was_edited_wrongly_is_named(tmp_path: Path) -> None:
+    project = Project(tmp_path)
+    (tmp_path / "project.toml").write_text('name = "x"\nholdout = 3.0\n')
+    with pytest.raises(FileError, match=r"project\.toml.*holdout"):
+        _ = project.choices

@@ -1,0 +1,118 @@
+"""The robot's page in a real browser: chosen, drawn, jogged by slider, number and keyboard, in both languages and colours."""
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from tests.studio.conftest import Tab, open_tab, served
+
+pytestmark = [pytest.mark.browser, pytest.mark.long]
+
+
+def serious(page: Any) -> list[str]:
+    """What axe finds that keeps people out."""
+    from axe_playwright_python.sync_playwright import Axe
+
+    found = Axe().run(page).response["violations"]
+    return [f"{v['id']}: {v['nodes'][0]['html']}" for v in found if v["impact"] in ("serious", "critical")]
+
+
+def tool_text(degrees: list[float]) -> str:
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    T = model.nominal.poses(np.radians([degrees]))[0]
+    return " ".join(f"{value:.4f}" for value in T[:3, 3] * 1e3) + " mm"
+
+
+def test_the_first_view_is_there_within_two_seconds(chromium: Any, tmp_path: Path) -> None:
+    with served(tmp_path) as address, open_tab(chromium, address) as tab:
+        begun = time.perf_counter()
+        tab.page.goto(address)
+        tab.page.wait_for_selector("h1")
+        assert time.perf_counter() - begun < 2.0
+
+
+def test_sliders_and_numbers_move_the_tool_to_where_the_library_has_it(tab: Tab) -> None:
+    page = tab.open("robot")
+    assert tool_text([0.0] * 6) in page.inner_text("main")
+    number = page.get_by_label("J2 (°)")
+    number.fill("12.5")
+    number.press("Enter")
+    page.get_by_text(tool_text([0.0, 12.5, 0.0, 0.0, 0.0, 0.0])).wait_for()
+    slider = page.get_by_label("J5", exact=True)
+    slider.focus()
+    slider.press("End")
+    page.get_by_text(tool_text([0.0, 12.5, 0.0, 0.0, 120.0, 0.0])).wait_for()
+    page.get_by_label("J4 (°)").fill("310")
+    page.get_by_label("J4 (°)").press("Enter")
+    page.get_by_role("alert").filter(has_text="J4 = 310.000° is outside -300 to 300°").wait_for()
+    number.fill("95")  # crank and rod line up before
+    number.press("Enter")
+    page.get_by_role("alert").filter(has_text="the four-bar does not close").wait_for()
+    page.get_by_role("button", name="All joints to zero").click()
+    page.get_by_text(tool_text([0.0] * 6)).wait_for()
+    tab.picture("robot")
+
+
+def test_another_robot_is_chosen_and_kept(chromium: Any, tmp_path: Path) -> None:
+    with served(tmp_path) as address, open_tab(chromium, address) as tab:
+        page = tab.open("robot")
+        assert "No robot is chosen yet." in page.inner_text("main")
+        page.get_by_label("Robot", exact=True).select_option("ur5")
+        page.get_by_text("Joints of Universal Robots UR5").wait_for()
+        tab.open("robot")
+        assert "Universal Robots UR5" in page.inner_text("table")
+        assert tab.complaints == []
+    assert 'robot = "ur5"' in (tmp_path / "project.toml").read_text()
+
+
+@pytest.mark.parametrize(("language", "theme"), [("de", "dark"), ("en", "light")])
+def test_nobody_is_kept_out(tab: Tab, language: str, theme: str) -> None:
+    page = tab.open("robot")
+    page.goto(f"{tab.address}settings?language={language}&page=robot")
+    page.goto(f"{tab.address}settings?theme={theme}&page=robot")
+    tab.ready()
+    assert page.locator("html").get_attribute("lang") == language
+    assert page.locator("h1").inner_text() == {"de": "Roboter", "en": "Robot"}[language]
+    assert serious(page) == []
+    tab.picture(f"robot-{language}-{theme}")
+
+
+def test_the_page_is_worked_by_keyboard_alone(tab: Tab) -> None:
+    page = tab.open("robot")
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")  # skip to the content
+    reached: list[str] = []
+    for _ in range(30):
+        page.keyboard.press("Tab")
+        reached.append(
+            page.evaluate("document.activeElement.getAttribute('aria-label') || document.activeElement.innerText")
+        )
+    assert {"J1", "J6 (°)", "All joints to zero", "From above"} <= set(reached)
+
+
+def test_a_dropped_robot_is_taken_and_a_wrong_file_is_refused_where_it_was_dropped(
+    chromium: Any, tmp_path: Path
+) -> None:
+    from importlib import resources
+
+    catalogue = resources.files("taskcal.robot") / "catalogue"
+    with served(tmp_path) as address, open_tab(chromium, address) as tab:
+        page = tab.open("robot")
+        page.get_by_text("A robot that is not in the list").click()
+        chooser = page.locator("input[type=file]")
+        chooser.set_input_files({"name": "../../<b>mine.toml", "mimeType": "", "buffer": b"name = 3"})
+        page.get_by_role("alert").filter(has_text="b-mine.toml").wait_for()
+        content = (catalogue / "ur5.toml").read_bytes()
+        page.get_by_text("A robot that is not in the list").click()
+        page.locator("input[type=file]").set_input_files({"name": "good.toml", "mimeType": "", "buffer": content})
+        page.get_by_text("Joints of Universal Robots UR5").wait_for()
+        page.get_by_text("A robot that is not in the list").click()
+        page.locator("input[type=file]").set_input_files({"name": "x.exe", "mimeType": "", "buffer": b"MZ"})
+        page.get_by_role("alert").filter(has_text="'x.exe' is not a file of this kind").wait_for()
+    assert sorted(path.name for path in (tmp_path / "robots").iterdir()) == ["b-mine.toml", "good.toml"]
+    assert not (tmp_path.parent / "mine.toml").exists()
