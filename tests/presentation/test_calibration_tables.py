@@ -7,7 +7,7 @@ import numpy as np
 from taskcal.identification.identify import identify
 from taskcal.identification.outlier import LeftOut, Outlier
 from taskcal.measurement.virtual_cell import simulate
-from taskcal.presentation.calibration_report import calibration_html
+from taskcal.presentation.calibration_report import Beside, calibration_page
 from taskcal.presentation.calibration_tables import tabulate_left_out, tabulate_outliers, tabulate_parameters
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -29,7 +29,7 @@ def test_tables_stand_on_the_page_as_they_are_printed() -> None:
     )
     assert tabulate_outliers(calibration).rows == (("7", "9", "p7", "tool", "1.500", "6.2"),)
     assert tabulate_left_out(calibration).rows == (("3", "–", "p3", "250.00", "900"),)
-    page = calibration_html(calibration, None, version="1")
-    for table in (parameters, tabulate_outliers(calibration), tabulate_left_out(calibration)):
+    page = calibration_page(calibration, Beside(), version="1").html()
+    for table in (tabulate_outliers(calibration), tabulate_left_out(calibration)):
         assert all(cell in page for row in table.rows for cell in row[2:])
         assert table.title in page

@@ -27,8 +27,8 @@ def test_one_model_of_residuals_is_shown_at_a_time(truth_and_fits: tuple[Truth, 
     menu = figure.layout.updatemenus[0]
     assert np.flatnonzero(menu.buttons[menu.active].args[0]["visible"]).tolist() == shown
     lengths = np.linalg.norm([figure.data[i].y for i in shown[:3]], axis=0)
-    np.testing.assert_allclose(lengths, 1e6 * np.linalg.norm(fits["whole"].residuals[:, 0], axis=1))
-    assert "µm" in axis_titles(figure)
+    np.testing.assert_allclose(lengths, 1e3 * np.linalg.norm(fits["whole"].residuals[:, 0], axis=1))
+    assert "mm" in axis_titles(figure)
 
 
 def test_parameters_are_drawn_in_millimetres_and_milliradians(

@@ -19,8 +19,8 @@ def of_lengths(mm, part, folds=0, by="neighbours"):
 def test_the_sentence_has_mean_spread_and_the_best_and_worst_part():
     sentence = describe_held_out(of_lengths([0.1, 0.1, 0.3, 0.3], [0, 0, 1, 1]))
     assert "2 groups of neighbouring poses, not seen by the fit" in sentence
-    assert "0.2000 ± 0.1000 mm (1σ)" in sentence
-    assert "from 0.1000 to 0.3000 mm" in sentence
+    assert "0.200 ± 0.100 mm (1σ)" in sentence
+    assert "from 0.100 to 0.300 mm" in sentence
     assert "3 folds of blocks" in describe_held_out(of_lengths([0.1, 0.2, 0.3], [0, 1, 2], folds=3, by="blocks"))
     assert "does not tell how far" in describe_held_out(of_lengths([0.1, 0.2], [0, 0]))
 
@@ -32,8 +32,8 @@ def test_the_page_shows_them_or_says_how_to_get_them(fitted):
     shown = held_out_section(replace(calibration, held_out=of_lengths([0.1, 0.1, 0.3, np.nan], [0, 0, 1, 2])))
     _, errors, parts = shown.blocks
     assert [row[0] for row in errors.rows] == ["nominal robot, frames only", "calibrated"]
-    assert errors.rows[0][5] == "1.6667"
-    assert parts.rows == (("0", "2", "0.1000", "0.1000"), ("1", "1", "0.3000", "0.3000"))
+    assert errors.rows[0][5] == "1.667"
+    assert parts.rows == (("0", "2", "0.100", "0.100"), ("1", "1", "0.300", "0.300"))
 
 
 @pytest.mark.parametrize("by", ["rows", "chosen"])

@@ -13,8 +13,8 @@ def test_each_column_is_what_it_is_called():
     cells = dict(zip(table.header, row, strict=True))
     assert (cells["plan"], cells["poses"], cells["model"]) == ("grid", "12", "all")
     assert float(cells["median"]) == pytest.approx(0.025)
-    assert float(cells["rms"]) == pytest.approx(np.sqrt(np.mean(GEOMETRY**2)), abs=1e-4)
-    assert float(cells["at a pose"]) == pytest.approx(np.sqrt(np.mean(GEOMETRY**2) + 0.05**2), abs=1e-4)
+    assert float(cells["rms"]) == pytest.approx(np.sqrt(np.mean(GEOMETRY**2)), abs=6e-4)
+    assert float(cells["at a pose"]) == pytest.approx(np.sqrt(np.mean(GEOMETRY**2) + 0.05**2), abs=6e-4)
     assert float(cells["5 % below"]) < float(cells["median"]) < float(cells["95 % below"])
     assert "'milling', 4 virtual robots" in table.title
 

@@ -7,7 +7,7 @@ from taskcal.demo.reference import reference_task
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify
 from taskcal.measurement.virtual_cell import simulate
-from taskcal.presentation.calibration_report import calibration_html
+from taskcal.presentation.calibration_report import Beside, calibration_page
 from taskcal.presentation.unobservable import describe_unobservable
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -83,6 +83,6 @@ def test_of_several_targets_only_the_middle_is_taken_at_the_tool_point():
 
 def test_the_page_says_it_of_each_target():
     calibration = fitted(one_orientation(), FAR)
-    page = calibration_html(calibration, None, version="0")
+    page = calibration_page(calibration, Beside(), version="0").html()
     assert all(f"Target {name}: the poses do not locate the targets, but for" in page for name in FAR)
     assert "on the tool: it is taken at the tool point" not in page

@@ -5,6 +5,7 @@ from typing import Any
 
 from taskcal.cli.output import started_as
 from taskcal.identification.calibration import Calibration
+from taskcal.presentation.verdict import verdict as sentence
 
 MUCH_WORSE = 1.6
 """Times the fitted error, beyond which held-out rows say that there are too few."""
@@ -23,14 +24,8 @@ def verdict(result: Mapping[str, Any]) -> str:
         result: what `calibration_report.report` says.
     """
     held_out = result["held_out"]
-    before, after = result["nominal"]["mean_mm"], (held_out or result["fitted"])["mean_mm"]
-    where = (
-        f"on {held_out['n']} points that were not fitted"
-        if held_out is not None
-        else "on the fitted rows themselves, which is too good: none were held out"
-    )
-    change = f"{before / after:.1f} times as accurate as before" if after < before else "no better than before"
-    return f"{result['robot']} is {change}: {before:.3f} mm mean error in space nominally, {after:.3f} mm calibrated, {where}."
+    after = (held_out or result["fitted"])["mean_mm"]
+    return sentence(result["robot"], result["nominal"]["mean_mm"], after, held_out and held_out["n"])
 
 
 def next_steps(calibration: Calibration, result: Mapping[str, Any], tracker_mm: float) -> list[str]:

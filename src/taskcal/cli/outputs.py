@@ -50,6 +50,19 @@ class Outputs:
         write_all(contents)
         _account.written.extend(contents)
 
+    def write_beside(self, contents: Mapping[Path, str | bytes], *, force: bool = False) -> None:
+        """Write files whose names were not known before, each in a folder that may still have to be made.
+
+        Raises:
+            FileError: one of them cannot be written, or exists and is not as this command wrote it.
+        """
+        for path in contents:
+            if path.is_file() and not force and path not in self.paths and not _is_own(path, self.command):
+                raise FileError(path, _not_own(self.command))
+            path.parent.mkdir(exist_ok=True)
+        if contents:
+            self.write(contents)
+
 
 def check_outputs(
     command: str,
@@ -85,12 +98,13 @@ def check_outputs(
         if any(_are_one(path, given) for given in read):
             raise FileError(path, "would overwrite what is read, and that is never overwritten; name another file")
         if path.is_file() and not force and option not in updated and not _is_own(path, command):
-            raise FileError(
-                path,
-                f"exists already, and is not as taskcal {command} wrote it; name another file, or replace it with --force",
-            )
+            raise FileError(path, _not_own(command))
     _account.planned.extend(path for option, path in named if option not in updated)
     return Outputs(command, tuple(path for _, path in named))
+
+
+def _not_own(command: str) -> str:
+    return f"exists already, and is not as taskcal {command} wrote it; name another file, or replace it with --force"
 
 
 def begin_account() -> None:

@@ -15,6 +15,7 @@ from taskcal.demo.predictions import Predictions
 from taskcal.demo.procedure import ONE, Procedure
 from taskcal.presentation.content import Chart, Section, Table, Text
 from taskcal.presentation.fit_figures import draw_parameters, draw_residuals
+from taskcal.presentation.length_unit import MICROMETRES
 
 
 def identification_section(procedure: Procedure) -> Section:
@@ -42,7 +43,7 @@ def identification_section(procedure: Procedure) -> Section:
             tables.tabulate_residuals(procedure),
             Chart(
                 title="Residuals, pose by pose",
-                figure=draw_residuals(panels, "all"),
+                figure=draw_residuals(panels, "all", MICROMETRES),
                 note="Measured less predicted, along the robot's base axes. The list at the right changes the model.",
             ),
         ),

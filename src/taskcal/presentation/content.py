@@ -1,7 +1,9 @@
 """What a report is made of: sections of short texts, tables, figures and commands."""
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -93,9 +95,48 @@ class Chart:
     title: str
     figure: "go.Figure"
     note: str = ""
+    least_width: int = 0
+    """CSS pixels under which a page scrolls it sideways, where it has many panels or labels."""
 
 
-Block = Table | Text | Points | Numbers | Commands | Chart
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scene:
+    """A figure in space that is turned with the mouse, and how to read it. All lengths are millimetres."""
+
+    kind: ClassVar[str] = "scene"
+    title: str
+    poses: tuple[Mapping[str, Any], ...] = ()
+    """A robot at some poses, as `robot_scene.draw_robot` has them; one is shown at a time."""
+    radius: float = 0.0
+    """Of the robot's first link."""
+    layers: tuple[Mapping[str, Any], ...] = ()
+    """Strokes, arrows, points and markers, each with a label and a colour."""
+    shown: int = 0
+    """Number of the pose that is shown first."""
+    scale: float | None = None
+    """Times that arrows are drawn longer than they are at first; None where there are no arrows."""
+    floor: bool = False
+    """Whether a grid at height zero and the axes of the base are drawn."""
+    note: str = ""
+
+    @property
+    def scale_decades(self) -> float:
+        """Where the slider stands at first."""
+        return math.log10(self.scale or 1.0)
+
+    def content(self) -> dict[str, Any]:
+        """What the page draws."""
+        return {
+            "poses": self.poses,
+            "radius": self.radius,
+            "layers": self.layers,
+            "shown": self.shown,
+            "scale": None if self.scale is None else {"start": self.scale},
+            "floor": self.floor,
+        }
+
+
+Block = Table | Text | Points | Numbers | Commands | Chart | Scene
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

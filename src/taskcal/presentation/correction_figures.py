@@ -42,7 +42,7 @@ def draw_errors(program: Program, lines: Mapping[str, Deviations], title: str) -
                 name=label,
                 line={"color": colour, "width": 1.2},
                 customdata=line,
-                hovertemplate="line %{customdata}: %{y:.4f} mm<extra>" + label + "</extra>",
+                hovertemplate="line %{customdata}: %{y:.3f} mm<extra>" + label + "</extra>",
             )
         )
     figure.update_xaxes(title_text="motion, in the order of the program")

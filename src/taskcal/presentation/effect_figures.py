@@ -6,7 +6,10 @@ from plotly.subplots import make_subplots
 from taskcal.analysis.sensitivity import Sensitivity
 from taskcal.presentation.theme import AXIS_COLOURS, INK, label_panels, styled, switch
 
-FOR_TOLERANCE = "effect of its tolerance (µm)"
+FOR_TOLERANCE = "effect of its tolerance (mm)"
+MANY = 70
+"""Parameters whose names are not all written."""
+
 PER_UNIT = "effect per unit (mm/mm, mm/mrad …)"
 
 
@@ -28,7 +31,7 @@ def draw_effects(sensitivities: Sensitivity) -> go.Figure:
         ((sensitivities.maximum, sensitivities.maximum_in_space), (sensitivities.rms_per_axis, sensitivities.rms)),
         start=1,
     ):
-        scaled += [*(per_axis(scaled=True) * 1e6).tolist(), (in_space(scaled=True) * 1e6).tolist()]
+        scaled += [*(per_axis(scaled=True) * 1e3).tolist(), (in_space(scaled=True) * 1e3).tolist()]
         raw += [*(per_axis() * to_shown).tolist(), (in_space() * to_shown).tolist()]
         for axis, (letter, colour) in enumerate(AXIS_COLOURS.items()):
             figure.add_bar(
@@ -58,7 +61,11 @@ def draw_effects(sensitivities: Sensitivity) -> go.Figure:
         )
     styled(figure, height=780, top=100)
     figure.update_layout(barmode="group", bargap=0.2, legend={"y": 1.05})
-    figure.update_xaxes(tickangle=-60, tickfont={"size": 12}, showticklabels=True, showgrid=False)
+    figure.update_xaxes(
+        tickangle=-60, tickfont={"size": 12 if len(names) < 40 else 10}, showticklabels=True, showgrid=False
+    )
+    if len(names) < MANY:
+        figure.update_xaxes(dtick=1)
     figure.update_yaxes(title_text=FOR_TOLERANCE)
     axes = ["yaxis.title.text", "yaxis2.title.text"]
     switch(

@@ -27,15 +27,15 @@ def tabulate_effects(sensitivities: Sensitivity) -> Table:
                 p.shown.influence,
                 *(f"{values[i] * to_shown[i]:.3f}" for values in raw),
                 f"{p.tolerance * p.shown.factor:g} {p.shown.name}",
-                *(f"{values[i] * 1e6:.0f}" for values in scaled),
+                *(f"{values[i] * 1e3:.3f}" for values in scaled),
             )
         )
     kinds = [f"{kind}\n{axis}" for kind in ("largest", "rms") for axis in ("X", "Y", "Z", "space")]
     return Table.of_rows(
         f"All {len(rows)} parameters in numbers",
-        ("parameter", "unit", *kinds, "tolerance", *(f"{kind} µm" for kind in kinds)),
+        ("parameter", "unit", *kinds, "tolerance", *(f"{kind} mm" for kind in kinds)),
         rows,
         text_columns=(0, 1),
-        note="Per unit of the parameter; then in µm for a defect of one tolerance (1σ).",
+        note="Per unit of the parameter; then in mm for a defect of one tolerance (1σ).",
         folded=True,
     )

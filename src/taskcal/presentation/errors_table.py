@@ -39,4 +39,4 @@ def tabulate_errors(
 
 
 def _text(value: float | int) -> str:
-    return str(value) if isinstance(value, int) else f"{value:.4f}"
+    return str(value) if isinstance(value, int) else f"{value:.3f}"

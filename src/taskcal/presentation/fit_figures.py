@@ -9,31 +9,36 @@ from jaxtyping import Float
 from plotly.subplots import make_subplots
 
 from taskcal.identification.calibration import Calibration
+from taskcal.presentation.effect_figures import MANY
+from taskcal.presentation.length_unit import MILLIMETRES, LengthUnit
 from taskcal.presentation.theme import AXIS_COLOURS, AXIS_SHAPES, INK, SERIES, VERMILION, label_panels, styled, switch
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.parameter import ShownUnit
 
 
-def draw_residuals(calibrations: Mapping[str, Mapping[str, Calibration]], start: str = "") -> go.Figure:
+def draw_residuals(
+    calibrations: Mapping[str, Mapping[str, Calibration]], start: str = "", unit: LengthUnit = MILLIMETRES
+) -> go.Figure:
     """Residuals of the first target, pose by pose, in the robot's base axes.
 
     Args:
         calibrations: a panel for each campaign, in it the models to choose from, in the same order in all.
         start: beginning of the name of the model that is shown first; the last by default.
+        unit: of the residuals.
     """
     figure = make_subplots(
         rows=len(calibrations),
         cols=1,
         shared_xaxes=True,
         vertical_spacing=0.12,
-        subplot_titles=[f"measured in {label}" for label in calibrations],
+        subplot_titles=[f"measured in {label}" for label in calibrations] if len(calibrations) > 1 else None,
     )
     models = [list(panel) for panel in calibrations.values()]
     shown = next((m for m, name in enumerate(models[0]) if start and name.startswith(start)), len(models[0]) - 1)
     owner: list[int] = []
     for row, (label, panel) in enumerate(calibrations.items(), start=1):
         for m, (name, calibration) in enumerate(panel.items()):
-            values = calibration.residuals[:, 0, :3] @ calibration.T_tracker_base[:3, :3] * 1e6
+            values = calibration.residuals[:, 0, :3] @ calibration.T_tracker_base[:3, :3] * unit.factor
             for axis, letter in enumerate("XYZ"):
                 owner.append(m)
                 figure.add_scatter(
@@ -45,13 +50,15 @@ def draw_residuals(calibrations: Mapping[str, Mapping[str, Calibration]], start:
                     visible=m == shown,
                     mode="markers",
                     marker={"color": AXIS_COLOURS[letter], "symbol": AXIS_SHAPES[letter], "size": 7},
-                    hovertemplate="pose %{x}: %{y:.1f} µm<extra>" + f"{letter}, {name}, {label}</extra>",
+                    hovertemplate=f"pose %{{x}}: %{{y:.{unit.digits}f}} {unit.name}<extra>"
+                    + f"{letter}, {name}, {label}</extra>",
                     row=row,
                     col=1,
                 )
-    styled(figure, height=260 * len(calibrations) + 120, top=100)
-    figure.update_layout(legend={"y": 1.06})
-    figure.update_yaxes(title_text="residual (µm)")
+    several = len(calibrations) > 1 or len(models[0]) > 1
+    styled(figure, height=260 * len(calibrations) + 120, top=100 if several else 60)
+    figure.update_layout(legend={"y": 1.06 if several else 1.02})
+    figure.update_yaxes(title_text=f"residual ({unit.name})")
     figure.update_xaxes(title_text="measured pose", row=len(calibrations), col=1)
     if len(models[0]) > 1:
         choices = {
@@ -125,7 +132,10 @@ def draw_parameters(calibrations: Mapping[str, Calibration], truth: Float[np.nda
         )
     styled(figure, height=340 * len(panels), top=100)
     figure.update_layout(legend={"y": 1.0 + 0.12 / len(panels)})
-    figure.update_xaxes(tickangle=-60, tickfont={"size": 12})
+    figure.update_xaxes(tickangle=-60, tickfont={"size": 11})
+    for row, panel in enumerate(panels, start=1):
+        if len(panel.columns) < MANY:
+            figure.update_xaxes(dtick=1, row=row, col=1)
     if len(calibrations) > 1:
         choices = {label: ({"visible": [o in (k, -1) for o in owner]},) for k, label in enumerate(calibrations)}
         switch(figure, choices, y=1.06)

@@ -27,9 +27,9 @@ def describe_held_out(held_out: HeldOut) -> str:
     folds = f"{held_out.folds} folds of {kind}" if held_out.folds else f"{len(means)} {kind}"
     seen = "each predicted by a fit of the others" if held_out.folds else "not seen by the fit"
     if len(means) < 2:
-        return f"{folds}, {seen}: {mean:.4f} mm on average; a single part does not tell how far to trust that"
-    spread = f"{mean:.4f} ± {held_out.standard_error * 1e3:.4f} mm (1σ) on average"
-    return f"{folds}, {seen}: {spread}, from {means.min():.4f} to {means.max():.4f} mm in single ones"
+        return f"{folds}, {seen}: {mean:.3f} mm on average; a single part does not tell how far to trust that"
+    spread = f"{mean:.3f} ± {held_out.standard_error * 1e3:.3f} mm (1σ) on average"
+    return f"{folds}, {seen}: {spread}, from {means.min():.3f} to {means.max():.3f} mm in single ones"
 
 
 def held_out_section(calibration: Calibration) -> Section:
@@ -65,7 +65,7 @@ def _tabulate_parts(held_out: HeldOut) -> Table:
     """The mean error of every part."""
     length = np.linalg.norm(held_out.residuals[..., :3], axis=2) * 1e3
     rows = [
-        (str(part), str(int(np.isfinite(own).sum())), f"{np.nanmean(own):.4f}", f"{np.nanmax(own):.4f}")
+        (str(part), str(int(np.isfinite(own).sum())), f"{np.nanmean(own):.3f}", f"{np.nanmax(own):.3f}")
         for part in np.unique(held_out.part)
         if np.isfinite(own := length[held_out.part == part]).any()
     ]

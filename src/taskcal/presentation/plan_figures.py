@@ -24,7 +24,7 @@ def draw_by_count(plan: Plan) -> go.Figure:
         name="chosen one by one",
         line={"color": BLUE, "width": 2.5},
         marker={"size": 5},
-        hovertemplate="%{x} poses: %{y:.4f} mm<extra>chosen one by one</extra>",
+        hovertemplate="%{x} poses: %{y:.3f} mm<extra>chosen one by one</extra>",
     )
     low, mean, high = plan.random.min() * 1e3, plan.random.mean() * 1e3, plan.random.max() * 1e3
     figure.add_scatter(
@@ -34,7 +34,7 @@ def draw_by_count(plan: Plan) -> go.Figure:
         mode="markers",
         name=f"random poses: mean and range of {len(plan.random)} plans",
         marker={"color": ORANGE, "symbol": "square", "size": 10},
-        hovertemplate="%{y:.4f} mm<extra>random poses</extra>",
+        hovertemplate="%{y:.3f} mm<extra>random poses</extra>",
     )
     for value, name, colour, symbol in (
         (plan.grid, "poses spread evenly", GREEN, "triangle-up"),
@@ -46,7 +46,7 @@ def draw_by_count(plan: Plan) -> go.Figure:
             mode="markers",
             name=name,
             marker={"color": colour, "symbol": symbol, "size": 12},
-            hovertemplate="%{y:.4f} mm<extra>" + name + "</extra>",
+            hovertemplate="%{y:.3f} mm<extra>" + name + "</extra>",
         )
     start = "calibration as it is" if plan.extends else "nominal robot, frames found"
     levels = [(plan.before, start, GREY, "dot")]

@@ -32,7 +32,7 @@ def plan_html(model: ErrorModel, task: Task, plan: Plan, *, seed: int, version: 
                 Text(
                     (
                         f"Model error: {state_model_error(plan.model_error * 1e3, plan.model_error_origin)}. It counts as noise of "
-                        f"the measurements; with it a single pose is expected to be {plan.expected_at_a_pose * 1e3:.4f} mm off. ",
+                        f"the measurements; with it a single pose is expected to be {plan.expected_at_a_pose * 1e3:.3f} mm off. ",
                         "Expected errors are root mean squares in space over the task, of the measured targets in the tracker's "
                         f"frame, from {_sources(plan)} alone: no true robot is simulated. Random poses and poses spread "
                         "evenly lie in the task's own workspace; the plan may leave it a little and turn the tool farther, which "
@@ -79,9 +79,9 @@ def _sources(plan: Plan) -> str:
 
 def _numbers(plan: Plan) -> tuple[tuple[str, str, str], ...]:
     items = [
-        (f"{plan.expected * 1e3:.4f}", "mm", "expected after measuring this plan"),
-        (f"{plan.random.mean() * 1e3:.4f}", "mm", "expected after as many random poses, on average"),
-        (f"{plan.before * 1e3:.4f}", "mm", "expected of the calibration as it is")
+        (f"{plan.expected * 1e3:.3f}", "mm", "expected after measuring this plan"),
+        (f"{plan.random.mean() * 1e3:.3f}", "mm", "expected after as many random poses, on average"),
+        (f"{plan.before * 1e3:.3f}", "mm", "expected of the calibration as it is")
         if plan.extends
         else (f"{plan.before * 1e3:.3f}", "mm", "expected of the nominal robot, frames found from the same poses"),
     ]

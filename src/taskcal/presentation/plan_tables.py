@@ -19,10 +19,10 @@ def tabulate_expected_errors(plan: Plan, task: str, *, measured_before: int = 0)
     added = f" added to {measured_before}" if measured_before else ""
     before = "calibration as it is" if plan.extends else "nominal robot, frames found"
     rows = [
-        ("this plan", f"{plan.expected * 1e3:.4f}", ""),
-        ("random poses", f"{plan.random.mean() * 1e3:.4f}", f"{low:.4f} to {high:.4f}"),
-        ("poses spread evenly", f"{plan.grid * 1e3:.4f}", ""),
-        (before, f"{plan.before * 1e3:.4f}", ""),
+        ("this plan", f"{plan.expected * 1e3:.3f}", ""),
+        ("random poses", f"{plan.random.mean() * 1e3:.3f}", f"{low:.3f} to {high:.3f}"),
+        ("poses spread evenly", f"{plan.grid * 1e3:.3f}", ""),
+        (before, f"{plan.before * 1e3:.3f}", ""),
     ]
     return Table.of_rows(
         f"Error to be expected over '{task}' from {len(plan.q)} poses{added}: rms in space, mm",
@@ -39,6 +39,6 @@ def tabulate_by_count(plan: Plan) -> Table:
     return Table.of_rows(
         "After so many poses, chosen one by one",
         ("poses", "expected"),
-        [(str(n), f"{error * 1e3:.4f}") for n, error in errors],
+        [(str(n), f"{error * 1e3:.3f}") for n, error in errors],
         text_columns=(),
     )

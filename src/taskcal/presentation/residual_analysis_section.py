@@ -13,13 +13,13 @@ def residual_analysis_section(analysis: ResidualAnalysis, rows: str) -> Section:
         rows: which poses they are, in words.
     """
     numbers = [
-        (f"{analysis.rms * 1e3:.4f}", "mm", "is left in space (rms, mean of the targets)"),
-        (f"{analysis.tracker * 1e3:.4f}", "mm", "of it would be left by the tracker's noise alone"),
+        (f"{analysis.rms * 1e3:.3f}", "mm", "is left in space (rms, mean of the targets)"),
+        (f"{analysis.tracker * 1e3:.3f}", "mm", "of it would be left by the tracker's noise alone"),
     ]
     if analysis.non_rigid is not None and analysis.rigid is not None:
         numbers += [
-            (f"{analysis.rigid * 1e3:.4f}", "mm", "per coordinate is motion of all targets as one body (rms)"),
-            (f"{analysis.non_rigid * 1e3:.4f}", "mm", "per coordinate is motion of targets against each other (rms)"),
+            (f"{analysis.rigid * 1e3:.3f}", "mm", "per coordinate is motion of all targets as one body (rms)"),
+            (f"{analysis.non_rigid * 1e3:.3f}", "mm", "per coordinate is motion of targets against each other (rms)"),
         ]
     blocks: list[Block] = [Numbers(tuple(numbers)), Points(_said(analysis))]
     if any(e.p_value is not None for e in analysis.explained):
@@ -43,7 +43,7 @@ def residual_analysis_section(analysis: ResidualAnalysis, rows: str) -> Section:
         (
             e.regressor.name,
             e.regressor.moves,
-            f"{100 * e.share:.1f}",
+            f"{round(100 * e.share, 1) + 0.0:.1f}",
             "" if e.p_value is None else f"{e.p_value:.2g}",
         )
         for e in analysis.explained

@@ -28,7 +28,7 @@ def draw_ladder(selection: Selection, accuracy: float | None = None) -> go.Figur
         line={"color": BLUE, "width": 2.2},
         marker={"size": 6},
         customdata=[f"; next to go: {name}" if name else "" for name in gone],
-        hovertemplate="%{x} parameters: %{y:.4f} mm%{customdata}<extra>expected</extra>",
+        hovertemplate="%{x} parameters: %{y:.3f} mm%{customdata}<extra>expected</extra>",
     )
     _draw_cross_validated(figure, selection)
     _draw_references(figure, selection)
@@ -63,7 +63,7 @@ def _draw_cross_validated(figure: go.Figure, selection: Selection) -> None:
             mode="markers",
             name="cross-validated on the campaign (mean ± standard error)",
             marker={"color": VERMILION, "size": 7, "symbol": "circle-open", "line": {"width": 2}},
-            hovertemplate="%{x} parameters: %{y:.4f} mm<extra>cross-validated</extra>",
+            hovertemplate="%{x} parameters: %{y:.3f} mm<extra>cross-validated</extra>",
         )
 
 
@@ -77,7 +77,7 @@ def _draw_references(figure: go.Figure, selection: Selection) -> None:
             mode="markers",
             name=f"{label} ({count})",
             marker={"color": colour, "symbol": symbol, "size": 13, "line": {"color": "white", "width": 1.5}},
-            hovertemplate=f"{label}, {count} parameters: " + "%{y:.4f} mm<extra></extra>",
+            hovertemplate=f"{label}, {count} parameters: " + "%{y:.3f} mm<extra></extra>",
         )
 
 
@@ -90,5 +90,5 @@ def _draw_choice(figure: go.Figure, selection: Selection) -> None:
         mode="markers",
         name=f"chosen ({chosen})",
         marker={"color": "rgba(0,0,0,0)", "symbol": "circle", "size": 17, "line": {"color": INK, "width": 2.5}},
-        hovertemplate=f"chosen: {chosen} parameters, " + "%{y:.4f} mm<extra></extra>",
+        hovertemplate=f"chosen: {chosen} parameters, " + "%{y:.3f} mm<extra></extra>",
     )

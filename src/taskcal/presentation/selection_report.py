@@ -65,8 +65,8 @@ def _how_many(model: ErrorModel, selection: Selection, accuracy: float | None) -
             Numbers(
                 (
                     (f"{len(selection.kept)} of {len(model)}", "", "parameters are enough"),
-                    (f"{chosen.expected * 1e3:.4f}", "mm", "expected with them over the task, rms in space"),
-                    (f"{selection.ladder[0].expected * 1e3:.4f}", "mm", "expected with all of them"),
+                    (f"{chosen.expected * 1e3:.3f}", "mm", "expected with them over the task, rms in space"),
+                    (f"{selection.ladder[0].expected * 1e3:.3f}", "mm", "expected with all of them"),
                     (f"{selection.before * 1e3:.3f}", "mm", "expected of the nominal robot, frames found"),
                 )
             ),
@@ -75,7 +75,7 @@ def _how_many(model: ErrorModel, selection: Selection, accuracy: float | None) -
                     f"Chosen is {selection.why}.",
                     f"Model error: {error}.",
                     *(
-                        f"The {REFERENCES[name][0]} has {size} parameters and is expected to leave {left * 1e3:.4f} mm."
+                        f"The {REFERENCES[name][0]} has {size} parameters and is expected to leave {left * 1e3:.3f} mm."
                         for name, (size, left) in selection.references.items()
                     ),
                 )
@@ -99,7 +99,12 @@ def _which(model: ErrorModel, selection: Selection, effects: Sensitivity) -> Sec
         blocks=(
             Text((f"Kept: {kept or 'none, the frames alone'}.",)),
             tabulate_dropped(selection, model),
-            Chart(title="Effect of every parameter on the tool point", figure=draw_effects(effects), note=_EFFECTS),
+            Chart(
+                title="Effect of every parameter on the tool point",
+                least_width=700,
+                figure=draw_effects(effects),
+                note=_EFFECTS,
+            ),
             tabulate_effects(effects),
         ),
     )

@@ -11,8 +11,8 @@ def tabulate_ladder(selection: Selection) -> Table:
     rows = [
         (
             str(nested.size),
-            f"{nested.expected * 1e3:.4f}",
-            *(["" if nested.cross_validated is None else f"{nested.cross_validated * 1e3:.4f}"] if crossed else []),
+            f"{nested.expected * 1e3:.3f}",
+            *(["" if nested.cross_validated is None else f"{nested.cross_validated * 1e3:.3f}"] if crossed else []),
             "chosen" if nested.size == len(selection.kept) else "",
         )
         for nested in selection.ladder

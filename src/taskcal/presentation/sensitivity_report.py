@@ -59,7 +59,7 @@ def _effects(sensitivity: Sensitivity, table: EliminationTable, told_apart: Told
         blocks=(
             Numbers(
                 (
-                    (strongest.name, "", f"moves the tool most for its tolerance: {largest.max() * 1e6:.0f} µm"),
+                    (strongest.name, "", f"moves the tool most for its tolerance: {largest.max() * 1e3:.3f} mm"),
                     (f"{eliminated.rank} of {len(model)}", "", "parameters are independent at these poses"),
                     (
                         f"{told_apart.count} of {eliminated.rank}",
@@ -71,6 +71,7 @@ def _effects(sensitivity: Sensitivity, table: EliminationTable, told_apart: Told
             ),
             Chart(
                 title="Effect of every parameter on the tool point",
+                least_width=700,
                 figure=draw_effects(sensitivity),
                 note="Along the robot's base axes and in space, nominal robot. A tolerance is one standard deviation.",
             ),

@@ -24,7 +24,7 @@ def draw_study(study: Study) -> go.Figure:
             line={"width": 1.5},
             boxpoints="all" if study.robots <= 40 else "outliers",
             jitter=0.4,
-            hovertemplate="%{y:.4f} mm<extra>" + model + "</extra>",
+            hovertemplate="%{y:.3f} mm<extra>" + model + "</extra>",
         )
     styled(figure, height=500, legend=len(models) > 1, top=90)
     figure.update_layout(boxmode="group")

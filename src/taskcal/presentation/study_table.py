@@ -26,7 +26,7 @@ def tabulate_study(study: Study, task: str) -> Table:
             line["plan"],
             str(line["count"]),
             line["model"],
-            *(f"{line[key]:.4f}" for key in ERRORS),
+            *(f"{line[key]:.3f}" for key in ERRORS),
             *((f"{line['share_accurate']:.0%}",) if within else ()),
         )
         for line in study.summary()

@@ -11,8 +11,6 @@ from plotly.subplots import make_subplots
 from taskcal.adaptation.task_map import Maps, Slice
 from taskcal.presentation.theme import AXIS_COLOURS, SERIES, label_panels, styled, switch
 
-"""A map for each slice."""
-
 COLOURS = "Viridis"
 
 
@@ -30,7 +28,7 @@ def draw_maps(slices: Sequence[Slice], views: Mapping[str, Maps], *, from_zero: 
         horizontal_spacing=0.1,
         subplot_titles=[f"{at.plane[0].upper()}–{at.plane[1].upper()} through the middle" for at in slices],
     )
-    drawn = {label: [_micrometres(values) for values in maps] for label, maps in views.items()}
+    drawn = {label: [_millimetres(values) for values in maps] for label, maps in views.items()}
     ranges = {label: _range(maps, from_zero) for label, maps in drawn.items()}
     first = next(iter(drawn))
     for col, (at, values) in enumerate(zip(slices, drawn[first], strict=True), start=1):
@@ -40,7 +38,7 @@ def draw_maps(slices: Sequence[Slice], views: Mapping[str, Maps], *, from_zero: 
             z=values,
             coloraxis="coloraxis",
             zsmooth="best" if np.all(at.reached) else False,
-            hovertemplate="%{x:.0f}, %{y:.0f} mm: %{z:.3g} µm<extra></extra>",
+            hovertemplate="%{x:.0f}, %{y:.0f} mm: %{z:.3g} mm<extra></extra>",
             row=1,
             col=col,
         )
@@ -53,7 +51,7 @@ def draw_maps(slices: Sequence[Slice], views: Mapping[str, Maps], *, from_zero: 
     styled(figure, height=430 + 40 * several, legend=False, top=60 + 50 * several)
     low, high = ranges[first]
     figure.update_layout(
-        coloraxis={"colorscale": COLOURS, "colorbar": {"title": {"text": "µm"}, "len": 1.0}, "cmin": low, "cmax": high}
+        coloraxis={"colorscale": COLOURS, "colorbar": {"title": {"text": "mm"}, "len": 1.0}, "cmin": low, "cmax": high}
     )
     figure.update_xaxes(showgrid=False)
     figure.update_yaxes(showgrid=False, zeroline=False)
@@ -67,11 +65,11 @@ def _choice(maps: Sequence[np.ndarray], span: tuple[float, float]) -> tuple[dict
     return {"z": plain}, {"coloraxis.cmin": span[0], "coloraxis.cmax": span[1]}
 
 
-def _micrometres(values: Float[np.ndarray, "v u"]) -> Float[np.ndarray, "v u"]:
+def _millimetres(values: Float[np.ndarray, "v u"]) -> Float[np.ndarray, "v u"]:
     """Rounded to four digits or so, for the size of the page."""
-    scaled = values * 1e6
-    top = float(np.nanmax(np.abs(scaled), initial=1e-3))
-    return np.round(scaled, max(0, 4 - int(np.ceil(np.log10(max(top, 1e-3))))))
+    scaled = values * 1e3
+    top = float(np.nanmax(np.abs(scaled), initial=1e-6))
+    return np.round(scaled, max(0, 4 - int(np.ceil(np.log10(max(top, 1e-6))))))
 
 
 def _range(maps: Sequence[np.ndarray], from_zero: bool) -> tuple[float, float]:
@@ -92,15 +90,15 @@ def draw_curves(curves: Mapping[str, Float[np.ndarray, " n"]]) -> go.Figure:
     for k, (label, values) in enumerate(curves.items()):
         figure.add_scatter(
             x=np.arange(len(values)),
-            y=values * 1e6,
+            y=values * 1e3,
             mode="lines+markers" if len(values) < 60 else "lines",
             name=label,
             line={"color": SERIES[k % len(SERIES)], "width": 2.2},
-            hovertemplate="pose %{x}: %{y:.1f} µm<extra>" + label + "</extra>",
+            hovertemplate="pose %{x}: %{y:.3f} mm<extra>" + label + "</extra>",
         )
     styled(figure, height=420, top=80)
     figure.update_xaxes(title_text="pose of the task")
-    figure.update_yaxes(title_text="error in space (µm)", type="log", dtick="D2")
+    figure.update_yaxes(title_text="error in space (mm)", type="log", dtick="D2")
     return figure
 
 
@@ -142,7 +140,7 @@ def draw_bands(bands: Mapping[str, Float[np.ndarray, "n 3"]]) -> go.Figure:
                 mode="lines",
                 line={"width": 0},
                 showlegend=False,
-                hovertemplate="pose %{x}: ±%{y:.4f} mm<extra>" + f"{axis}, {label}</extra>",
+                hovertemplate="pose %{x}: ±%{y:.3f} mm<extra>" + f"{axis}, {label}</extra>",
                 row=row,
                 col=1,
             )

@@ -40,6 +40,7 @@ def task_section(model: ErrorModel, maps: TaskMaps | TaskCurves, identified: str
             Text((frames,)),
             Chart(
                 title="Error to be expected before identification and after",
+                least_width=700,
                 figure=draw_maps(
                     maps.slices, {"after": maps.after, "before": maps.before, "tolerances": maps.tolerance}
                 ),
@@ -47,6 +48,7 @@ def task_section(model: ErrorModel, maps: TaskMaps | TaskCurves, identified: str
             ),
             Chart(
                 title="Effect of a single parameter's tolerance in space",
+                least_width=700,
                 figure=draw_maps(maps.coarse, {labels[name]: maps.effects[name] for name in strongest}, from_zero=True),
                 note="Choose the parameter in the list, which begins with the strongest. Each has its own scale of colours.",
             ),

@@ -35,9 +35,49 @@ def test_a_calibration_over_a_workspace(run: Run, cell: Path, tmp_path: Path) ->
     result = ended.json
     assert result["target_mm"] < result["after_mm"] < result["before_mm"]
     assert result["target_mm"] < 0.02
-    assert figures(page) == 3
-    for part in ("Outliers", "No point is too far"):
-        assert (part in page.read_text(encoding="utf-8")) == ((part == "Outliers") == (result["outliers"] > 0))
+    assert figures(page) == 9
+    assert ("No point is too far" in page.read_text(encoding="utf-8")) == (result["outliers"] == 0)
+
+
+def test_the_head_the_summary_and_every_section_of_a_page(run: Run, cell: Path, tmp_path: Path) -> None:
+    page, summary, head = (tmp_path / name for name in ("r.html", "r.md", "head.toml"))
+    head.write_text('customer = "Example & Sons"\nserial_number = "6660-1"\ntemperature_C = 21.5\ndate = 2026-11-20\n')
+    both = ["--header", head, "--markdown", summary, "-o", page, "--campaign", cell / "one.csv"]
+    ended = run("report", cell / "cal.json", *both)
+    assert ended.status == 0
+    assert ended.out.endswith(f"wrote {page}, {summary}\n")
+    text, plain = page.read_text(encoding="utf-8"), summary.read_text(encoding="utf-8")
+    assert "Example &amp; Sons" in text
+    for said in ("Example & Sons", "temperature: 21.5 °C", "date: 2026-11-20"):
+        assert said in plain
+    for title in (
+        "In short",
+        "The robot",
+        "Uncertainty of a predicted position",
+        "What each part of the model is worth",
+    ):
+        assert f". {title}</h2>" in text
+        assert f". {title}\n" in plain
+    assert "µm" not in text[text.index("<main>") : text.index("</main>")]
+    head.write_text('costumer = "Example"\n')
+    wrong = run("report", cell / "cal.json", "--header", head, "-o", page)
+    assert (wrong.status, wrong.out) == (1, "")
+    assert "'costumer' is not a known key" in wrong.err
+
+
+def test_figures_need_a_browser_a_format_and_a_folder(
+    run: Run, cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = tmp_path / "r.html"
+    monkeypatch.setenv("TASKCAL_BROWSER", "no-such-browser")
+    figured = ["report", cell / "cal.json", "-o", page, "--figures", tmp_path / "figures"]
+    without = run(*figured)
+    assert (without.status, without.out) == (1, "")
+    assert "TASKCAL_BROWSER names no-such-browser, which is not a program" in without.err
+    assert run(*figured, "--figure-format", "gif").status == 2
+    assert not page.exists()
+    monkeypatch.setenv("TASKCAL_BROWSER", "python3")
+    assert "no folder" in run("report", cell / "cal.json", "-o", page, "--figures", tmp_path / "a" / "b").err
 
 
 def test_a_calibration_along_a_path_and_without_a_task(run: Run, cell: Path, path: Path, tmp_path: Path) -> None:
@@ -45,7 +85,7 @@ def test_a_calibration_along_a_path_and_without_a_task(run: Run, cell: Path, pat
     assert "over 'line'" in run("report", cell / "cal.json", "--task", path, "-o", page).out
     assert "±1.96σ" in page.read_text(encoding="utf-8")
     assert run("report", cell / "cal.json", "-o", page).status == 0
-    assert figures(page) == 2
+    assert figures(page) == 8
 
 
 def test_what_the_remainder_goes_with(run: Run, cell: Path, tmp_path: Path) -> None:
@@ -74,7 +114,7 @@ def test_a_calibration_of_frames_alone(run: Run, cell: Path, tmp_path: Path) -> 
     assert found["fitted"]["mean_mm"] > 0.1
     assert run("identify", *frames).status == 0
     assert run("report", tmp_path / "cal.json", "--task", cell / "task.toml", "-o", tmp_path / "r.html").status == 0
-    assert figures(tmp_path / "r.html") == 2
+    assert figures(tmp_path / "r.html") == 8
 
 
 def test_poses_and_several_targets_too(run: Run, cell: Path, tmp_path: Path) -> None:

@@ -10,8 +10,12 @@ from taskcal.cli.option_groups import grouped
 from taskcal.cli.options import CalibrationArgument, OutputOptions, SeedOption
 from taskcal.cli.output import show_table, tell, working, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
+from taskcal.cli.page_options import BesidePageOptions
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from taskcal.adaptation.calibration_ladder import Rung
     from taskcal.adaptation.task_uncertainty import Uncertainty
     from taskcal.identification.calibration import Calibration
     from taskcal.identification.residual_analysis import ResidualAnalysis
@@ -31,28 +35,44 @@ def command(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="REPORT.html", readable=False, help="Page to write.")
     ] = Path("report.html"),
+    beside: BesidePageOptions,
     seed: SeedOption = 0,
     out: OutputOptions,
 ) -> None:
-    """Make a page of a calibration: parameters, residuals, outliers, uncertainty over a task, and what the residuals depend on.
+    """Make a page of a calibration, for a person who was not there.
 
-    With --campaign it shows what its residuals depend on: joints, gravity, approach, order, temperature.
+    The verdict, the robot in space with its errors before and after, what is left at each pose, the uncertainty of what is
+    predicted, the parameters with their intervals and why they were kept, outliers, and where it all comes from. With
+    --task, how well the tool is known over a task; with --campaign, what the residuals depend on and what each part of the
+    model is worth.
     """
-    inputs = [calibration, *files_of_task(task), *measured.inputs]
-    outputs = check_outputs("report", [("--output", output)], inputs, force=out.force)
+    inputs = [calibration, *files_of_task(task), *measured.inputs, beside.header]
+    places = [("--output", output), ("--markdown", beside.markdown)]
+    outputs = check_outputs("report", places, inputs, force=out.force)
+    beside.kind()
+    header = beside.labelled()
     from taskcal.adaptation.task_uncertainty import uncertainty_over
     from taskcal.identification.calibration_file import load_calibration
     from taskcal.identification.provenance import package_version
-    from taskcal.presentation.calibration_report import calibration_html
+    from taskcal.presentation.calibration_report import Beside, calibration_page
     from taskcal.task.task import load_task
 
     calibrated = load_calibration(calibration)
     described = None if task is None else load_task(task)
     with working("uncertainty, then the page"):
         uncertainty = None if described is None else uncertainty_over(calibrated, described, seed)
-        remainder = _examine(calibrated, measured, seed)
-        page = calibration_html(calibrated, uncertainty, version=package_version(), remainder=remainder)
-        outputs.write({output: page})
+        remainder, rungs = _examine(calibrated, measured, seed)
+        shown = Beside(
+            over=uncertainty,
+            space=None if described is None else described.workspace,
+            remainder=remainder,
+            rungs=rungs,
+            header=header,
+        )
+        page = calibration_page(calibrated, shown, version=package_version())
+        outputs.write({output: page.html()})
+        others = beside.files_of(page)
+        outputs.write_beside(others, force=out.force)
     if out.as_json:
         write_json(_result(output, calibrated, uncertainty, remainder))
         return
@@ -63,7 +83,14 @@ def command(
         )
     if remainder is not None:
         show_remainder(remainder)
-    tell(f"wrote {output}")
+    tell(f"wrote {output}{''.join(f', {path}' for path in _few(list(others), beside))}")
+
+
+def _few(files: list[Path], beside: BesidePageOptions) -> list[str]:
+    """Files in words, the figures as one."""
+    figures = [path for path in files if beside.figures is not None and path.parent == beside.figures]
+    texts = [str(path) for path in files if path not in figures]
+    return [*texts, *([f"{len(figures)} figures in {beside.figures}"] if figures else [])]
 
 
 def _result(
@@ -102,20 +129,23 @@ def show_remainder(remainder: "ResidualAnalysis") -> None:
         tell(f"{title}: nothing that was tried")
 
 
-def _examine(calibration: "Calibration", measured: MeasuredOptions, seed: int) -> "ResidualAnalysis | None":
-    """What the residuals on the campaign go with; None where there is none.
+def _examine(
+    calibration: "Calibration", measured: MeasuredOptions, seed: int
+) -> tuple["ResidualAnalysis | None", "Sequence[Rung]"]:
+    """What the residuals on the campaign go with, and what each part of the model is worth there; nothing without a campaign.
 
     Raises:
         FileError: the campaign has other targets or too few poses.
     """
     if measured.campaign is None:
-        return None
+        return None, ()
+    from taskcal.adaptation.calibration_ladder import climb
     from taskcal.errors import CampaignError, FileError
     from taskcal.identification.residual_analysis import analyse_residuals
 
     targets = None if calibration.targets == ("tool",) else calibration.targets
     campaign = measured.read(measured.campaign, calibration.model.robot, targets=targets).campaign
     try:
-        return analyse_residuals(calibration, campaign, seed=seed)
+        return analyse_residuals(calibration, campaign, seed=seed), climb(calibration, campaign, seed=seed)
     except CampaignError as error:
         raise FileError(measured.campaign, str(error)) from error

@@ -1,0 +1,116 @@
+"""What a command that makes a page writes beside it, and how."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from taskcal.presentation.figure_files import FigureFormat
+    from taskcal.presentation.report import Page
+
+
+@dataclass(frozen=True, kw_only=True)
+class BesidePageOptions:
+    """Head of the page, and the same content in other forms."""
+
+    header: Annotated[
+        Path | None,
+        typer.Option(
+            "--header",
+            metavar="HEADER.toml",
+            readable=False,
+            help="Head of the page: customer, order, serial_number, place, date, operator, instrument, temperature_C, remark.",
+        ),
+    ] = None
+    markdown: Annotated[
+        Path | None,
+        typer.Option(
+            "--markdown", metavar="SUMMARY.md", readable=False, help="Write the page's words and tables here too."
+        ),
+    ] = None
+    figures: Annotated[
+        Path | None,
+        typer.Option(
+            "--figures",
+            metavar="DIR",
+            readable=False,
+            help="Write every figure here too; needs Chromium, Chrome or Edge.",
+        ),
+    ] = None
+    figure_format: Annotated[
+        str, typer.Option("--figure-format", metavar="png|svg|pdf", help="Format of these files.")
+    ] = "png"
+
+    def labelled(self) -> list[tuple[str, str]]:
+        """The head of the page.
+
+        Raises:
+            FileError: its file is not as it should be.
+        """
+        if self.header is None:
+            return []
+        from taskcal.cli.report_header import read_header
+
+        return read_header(self.header)
+
+    def kind(self) -> "FigureFormat":
+        """The format of figures.
+
+        Raises:
+            typer.BadParameter: there is no such format.
+            FileError: the folder for figures is a file, or its parent is missing.
+            TaskcalError: figures are asked for, and there is no browser to draw them.
+        """
+        from taskcal.presentation.figure_files import FORMATS
+
+        for known in FORMATS:
+            if known == self.figure_format:
+                self._check_folder()
+                return known
+        raise typer.BadParameter(
+            f"'{self.figure_format}' is not one of {', '.join(FORMATS)}", param_hint="--figure-format"
+        )
+
+    def _check_folder(self) -> None:
+        if self.figures is None:
+            return
+        from taskcal.errors import FileError
+        from taskcal.presentation.browser import find_browser
+
+        find_browser()
+        if self.figures.is_file():
+            raise FileError(self.figures, "is a file; name a folder for the figures")
+        if not self.figures.parent.is_dir():
+            raise FileError(self.figures, f"cannot be made: there is no folder '{self.figures.parent}'; make it first")
+
+    def files_of(self, page: "Page") -> Mapping[Path, str | bytes]:
+        """Everything that is written beside the page.
+
+        Raises:
+            TaskcalError: the figures cannot be drawn.
+        """
+        from taskcal.presentation.figure_files import draw_figures, figures_of
+        from taskcal.presentation.markdown import as_markdown
+
+        kind, out, named = self.kind(), dict[Path, str | bytes](), dict[str, str]()
+        if self.figures is not None:
+            names = figures_of(page)
+            for title, content in draw_figures(page, kind).items():
+                file = self.figures / f"{names[title]}.{kind}"
+                out[file] = content
+                named[title] = _seen_from(self.markdown, file)
+        if self.markdown is not None:
+            out[self.markdown] = as_markdown(page, {} if kind == "pdf" else named)
+        return out
+
+
+def _seen_from(text: Path | None, file: Path) -> str:
+    """A figure's file as a text that lies elsewhere names it."""
+    if text is None:
+        return file.name
+    import os
+
+    return Path(os.path.relpath(file, text.parent)).as_posix()

@@ -1,0 +1,77 @@
+"""What the uncertainty of a predicted point is made of (JCGM 100:2008, GUM): one line for each source that is independent."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.identification.calibration import Calibration
+
+COVERAGE_FACTOR = 2.0
+"""k of the expanded uncertainty: 95 % along one direction, of a normal distribution."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contribution:
+    """One source."""
+
+    source: str
+    evaluation: Literal["A", "B"]
+    """A: from the residuals of this campaign; B: from what is known beforehand."""
+    deviation: float
+    """Standard uncertainty in space, root mean square over the poses, metres."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class UncertaintyBudget:
+    """Independent contributions to the uncertainty of the first target where it is predicted."""
+
+    contributions: tuple[Contribution, ...]
+
+    @property
+    def combined(self) -> float:
+        """Combined standard uncertainty in space, metres."""
+        return float(np.sqrt(sum(one.deviation**2 for one in self.contributions)))
+
+    @property
+    def expanded(self) -> float:
+        """Expanded uncertainty along one axis, k = 2, metres: a third of the variance in space."""
+        return COVERAGE_FACTOR * self.combined / np.sqrt(3.0)
+
+
+def budget_at(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> UncertaintyBudget:
+    """The budget of a predicted position, averaged over some poses.
+
+    Args:
+        calibration: the calibration.
+        q: joint positions, radians.
+
+    Raises:
+        ClosureError: a closed loop cannot be assembled at some pose.
+    """
+    fitted = _mean_square(calibration.predict_covariance(q, model_error=False))
+    all_in_all = _mean_square(calibration.predict_covariance(q))
+    own_error = 0.0 if calibration.field is not None else 3.0 * calibration.model_error[0] ** 2
+    given = calibration.provenance.options.get("model_error", "estimate") != "estimate"
+    rest = max(all_in_all - fitted - own_error, 0.0)
+    parts: list[tuple[str, Literal["A", "B"], float]] = [
+        ("parameters, tracker frame and target, as the data tell them", "A", fitted),
+        ("what the model cannot explain, of a single pose", "B" if given else "A", own_error),
+        (
+            "the residual field" if calibration.field is not None else "joints that stand off at a single pose",
+            "A",
+            rest,
+        ),
+    ]
+    return UncertaintyBudget(
+        contributions=tuple(
+            Contribution(source=source, evaluation=kind, deviation=float(np.sqrt(square)))
+            for source, kind, square in parts
+            if square > 1e-18
+        )
+    )
+
+
+def _mean_square(covariance: Float[np.ndarray, "n targets b b"]) -> float:
+    return float(np.trace(covariance[:, 0, :3, :3], axis1=1, axis2=2).mean())

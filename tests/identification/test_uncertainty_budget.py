@@ -1,0 +1,28 @@
+"""The lines of a budget add, as squares, to what the calibration states of its predictions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.identification.identify import identify
+from taskcal.identification.uncertainty_budget import budget_at
+from taskcal.measurement.virtual_cell import simulate
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+
+
+@pytest.mark.parametrize("joint_error", [(), (1e-4,) * 6])
+def test_contributions_add_to_what_is_stated(joint_error: tuple[float, ...]) -> None:
+    rng = np.random.default_rng(0)
+    model = ErrorModel(load_robot("ur5"))
+    campaign, _ = simulate(model, rng.uniform(-1.2, 1.2, (30, 6)), rng=rng)
+    calibration = replace(identify(model, campaign, model_error=2e-4), joint_error=joint_error)
+    q = rng.uniform(-1.0, 1.0, (9, 6))
+    budget = budget_at(calibration, q)
+    stated = np.trace(calibration.predict_covariance(q)[:, 0], axis1=1, axis2=2).mean()
+    assert budget.combined**2 == pytest.approx(stated)
+    assert budget.expanded == pytest.approx(2.0 * np.sqrt(stated / 3.0))
+    assert len(budget.contributions) == (3 if joint_error else 2)
+    given = next(one for one in budget.contributions if one.evaluation == "B")
+    assert given.deviation == pytest.approx(np.sqrt(3.0) * 2e-4)
