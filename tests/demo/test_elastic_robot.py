@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from taskcal.demo.elastic_robot import GEARS, STIFFNESS, WEIGHTS, elastic_model
-from taskcal.demo.model_trial import INSIDE, try_models
+from taskcal.demo.model_trial import try_models
 from taskcal.demo.reference import reference_task
 from taskcal.identification.effect_selection import explain
 from taskcal.identification.identify import identify
-from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import SOFT, EncoderGain
 from taskcal.robot.effects.load_path import LoadPath
@@ -72,23 +71,10 @@ def test_what_geometry_leaves_is_found_and_predicted(trials):
         assert explained.new.mean < 0.5 * plain.new.mean
 
 
-def test_predictions_with_effects_are_inside_their_intervals(trials, poses):
-    """400 poses of four robots; the errors at the poses of one robot go together, hence the width of the bounds.
-
-    The kindest case for what is stated: no error of this robot belongs to a single pose, which 60 noisy rows cannot know. What
-    they leave possible makes the whole interval too wide, by no more than half; without it, what is stated holds.
-    """
-    truth = elastic_model(GEOMETRY.robot)
-    known, stated = [], []
-    for seed, (_, explained) in enumerate(trials):
-        _, true = simulate(truth, poses[0], rng=np.random.default_rng(seed))
-        error = (true.points(poses[1]) - explained.calibration.predict(poses[1]))[:, 0]
-        for model_error, ratios in ((False, known), (True, stated)):
-            covariance = explained.calibration.predict_covariance(poses[1], model_error=model_error)[:, 0]
-            ratios.append(error / np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)))
-    assert 0.88 < np.mean(np.abs(known) < INSIDE) < 0.98
-    assert np.mean(np.abs(stated) < INSIDE) > 0.94
-    assert np.sqrt(np.mean(np.square(stated))) > 1.0 / 1.5
+def test_predictions_with_effects_are_inside_their_intervals(trials):
+    """400 poses of four robots; the errors at the poses of one robot go together, hence the width of the bounds."""
+    inside = np.mean([explained.inside for _, explained in trials])
+    assert 0.90 < inside < 0.99
 
 
 def test_a_fit_that_is_told_the_truth_s_model_is_inside_its_intervals(poses):

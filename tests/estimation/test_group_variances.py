@@ -1,13 +1,23 @@
 """Groups whose sizes the rows tell, against textbook formulas and finite differences."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 from scipy.optimize import approx_fprime
+from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from taskcal.estimation.group_variances import Groups, _scores, find_sizes, reduce_normal, reduce_rows, without
+from taskcal.estimation.group_variances import (
+    Groups,
+    _scores,
+    find_sizes,
+    log_integrated,
+    reduce_normal,
+    reduce_rows,
+    without,
+)
 
 GROUP = np.array([0, 0, 0, 1, 1, -1, -1, 2])
 
@@ -95,3 +105,23 @@ def test_a_held_group_keeps_its_size():
     A, y, groups = problem(60)
     held = Groups(group=GROUP, held=groups.held, location=np.array([0.0, 1.5, 0.0]), spread=np.diag([9.0, 0.0, 9.0]))
     assert find_sizes(reduce_rows(A, y, held), np.zeros(3)).evidence.log_variances[1] == 1.5
+
+
+def test_the_sizes_are_integrated_out():
+    """Against the sum over a grid, of groups of which two are expected together."""
+    A, y, groups = problem(60)
+    spread = np.array([[9.0, 0.0, 0.0], [0.0, 2.0, 1.0], [0.0, 1.0, 2.0]])
+    groups = replace(groups, spread=spread)
+    fit = find_sizes(reduce_rows(A, y, groups), np.zeros(3))
+    steps, expected = np.linspace(-12.0, 9.0, 22), np.linalg.inv(spread)
+    logs = []
+    for point in product(steps, repeat=3):
+        sizes = np.array(point)
+        logs.append(fit.reduced.at(sizes).log - 0.5 * sizes @ expected @ sizes)
+    total = logsumexp(logs) + 3.0 * np.log(steps[1] - steps[0]) + 0.5 * np.log(np.linalg.det(expected / (2.0 * np.pi)))
+    assert log_integrated(fit) == pytest.approx(
+        total, abs=0.6
+    )  # Laplace's approximation takes a flat side for a steep one
+    assert log_integrated(fit) < fit.evidence.log - 2.0
+    assert log_integrated(fit, [0, 1, 2]) == without(fit, np.arange(3)).log == pytest.approx(0.0)
+    assert log_integrated(fit) - log_integrated(fit, [0]) > 10.0

@@ -12,6 +12,7 @@ largest posterior, by Fisher scoring: with P = (1 + A·D·Aᵀ)⁻¹ and M = A�
 How uncertain the sizes themselves are is in the covariance, by draws from their Laplace approximation.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -133,7 +134,7 @@ class Evidence:
     reduced: Reduced
     log_variances: Float[np.ndarray, " groups"]
     log: float
-    """Gain of log marginal likelihood over groups that are all zero."""
+    """Gain of log marginal likelihood at these sizes over groups that are all zero."""
     root: Float[np.ndarray, " grouped"]
     """Standard deviation of every grouped parameter."""
     L: Float[np.ndarray, "k k"]
@@ -289,6 +290,28 @@ def without(fit: GroupedFit, left_out: Int[np.ndarray, " k"]) -> Evidence:
     return fit.reduced.at(theta)
 
 
+def log_integrated(fit: GroupedFit, left_out: Sequence[int] | Int[np.ndarray, " k"] = ()) -> float:
+    """Gain of log marginal likelihood over groups that are all zero, the sizes integrated out by Laplace's approximation.
+
+    At the likeliest sizes alone, each group that is allowed for would seem to be worth something on every campaign: its size was
+    chosen to be.
+
+    Args:
+        fit: at its likeliest sizes.
+        left_out: groups that are zero instead, the others of the sizes that they have.
+    """
+    groups = fit.reduced.groups
+    at = without(fit, np.asarray(left_out, dtype=int)) if len(left_out) else fit.evidence
+    s = np.setdiff1d(groups.searched, left_out)
+    if not len(s):
+        return at.log
+    expected = np.linalg.inv(groups.spread[np.ix_(s, s)])
+    off = (at.log_variances - groups.location)[s]
+    information = _information(at, groups)[np.ix_(s, s)] + expected
+    narrowed = np.linalg.slogdet(information)[1] - np.linalg.slogdet(expected)[1]
+    return at.log - 0.5 * float(off @ expected @ off) - 0.5 * float(narrowed)
+
+
 def _posterior(at: Evidence, groups: Groups) -> float:
     off = (at.log_variances - groups.location)[groups.searched]
     return at.log - 0.5 * float(off @ groups.precision @ off)
@@ -302,6 +325,11 @@ def _scores(
     v = np.exp(at.log_variances)
     gained = np.bincount(groups.own, weights=at.g**2 - np.diag(at.M), minlength=count)
     gradient = 0.5 * v * gained
-    information = 0.5 * np.outer(v, v) * groups.sums(at.M * at.M)
     gradient = gradient[s] - groups.precision @ (at.log_variances - groups.location)[s]
-    return gradient, information[np.ix_(s, s)] + groups.precision
+    return gradient, _information(at, groups)[np.ix_(s, s)] + groups.precision
+
+
+def _information(at: Evidence, groups: Groups) -> Float[np.ndarray, "groups groups"]:
+    """Fisher's, of the log variances, without their prior."""
+    v = np.exp(at.log_variances)
+    return 0.5 * np.outer(v, v) * groups.sums(at.M * at.M)

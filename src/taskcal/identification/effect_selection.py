@@ -18,7 +18,7 @@ from taskcal.analysis.identifiability import identifiability
 from taskcal.arguments import expect_kinds
 from taskcal.errors import TaskcalError
 from taskcal.estimation.blas import single_threaded
-from taskcal.estimation.group_variances import without
+from taskcal.estimation.group_variances import log_integrated
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.cross_validation import mean_over_rows, predict_left_out, split_postures
 from taskcal.identification.effect_search import EffectSearch, ExplainChoices, competing_effects
@@ -249,7 +249,7 @@ def _find_all(selection: _Selection, trial: _Trial, search: EffectSearch) -> _Se
 def _worth(effect: Effect, one: OneModelFound, *, enters: bool) -> Stage:
     """What the model would lose without an effect."""
     groups = one.fitted.one.of_effect(effect.name)
-    fall = one.fitted.found.evidence.log - without(one.fitted.found, groups).log
+    fall = log_integrated(one.fitted.found) - log_integrated(one.fitted.found, groups)
     errors = one.errors.without[effect.name]
     worth, error = mean_over_rows(errors - one.errors.whole)
     gained = f"log evidence falls by {fall:.1f} without it, {MIN_EVIDENCE_GAIN:g} is asked for"

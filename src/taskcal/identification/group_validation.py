@@ -4,9 +4,10 @@ Folds are left out of the normal equations, and the sizes of the groups follow b
 of the poses; the rows are not linearised again, and what single poses add stays. An effect's worth is the error without its
 groups, the others as they are, so that no model is fitted again.
 
-Real errors have longer tails than normal ones, and sizes that were fitted are a little too good: both show in the squared
-lengths d² of the left-out errors in units of their predicted covariance. d²/3 is taken for F-distributed with 3 and ν degrees of
-freedom, times s²; the covariance is stretched so that its 95 % region is that of this distribution.
+Real errors have longer tails than normal ones, sizes that were fitted are a little too good, and effects that were allowed for
+but are not there make what is stated too large: all of it shows in the left-out errors. They are taken for t-distributed with ν
+degrees of freedom and the scale N + f·X, N the covariance of the instrument's noise, which is stated, and X what is predicted
+beside it; X is stretched so that the 95 % region of N and X is that of this distribution.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,7 +16,8 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.special import betaln, chdtri, fdtri
+from scipy.optimize import brentq
+from scipy.special import chdtri, fdtri, gammaln
 
 from taskcal.estimation.group_variances import (
     GroupedFit,
@@ -38,8 +40,14 @@ DRAWS = 2
 TAILS = np.array([4.0, 6.0, 9.0, 14.0, 25.0, 60.0, 1000.0])
 """Degrees of freedom that are tried."""
 
-STRETCH = np.exp(np.linspace(np.log(0.25), np.log(9.0), 73))
-"""Values of s² that are tried."""
+STRETCH = np.exp(np.linspace(np.log(0.05), np.log(9.0), 73))
+"""Values of f that are tried."""
+
+MOST_STRETCH = 25.0
+"""With the tails."""
+
+STRETCH_WIDTH = 1.0
+"""Standard deviation of the logarithm of f, which is expected to be 1, before anything is left out."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,7 +59,7 @@ class LeftOutErrors:
     without: Mapping[str, Float[np.ndarray, "n targets"]]
     """The same with each effect left out."""
     stretch: float
-    """Factor of the covariance that makes 95 % regions hold 95 %."""
+    """Factor of the covariance, but for the instrument's noise, that makes 95 % regions hold 95 %."""
 
 
 def validate_groups(
@@ -69,7 +77,7 @@ def validate_groups(
     targets = fitted.one.problem.seen.valid.shape[1]
     numbers = {name: fitted.one.of_effect(name) for name in effects}
     errors = {name: np.full((n, targets), np.nan) for name in ("", *effects)}
-    square = np.full((n, targets), np.nan)
+    error, predicted = np.zeros((n, targets, 3)), np.zeros((n, targets, 3, 3))
     # the weights of the fit know the rows that are left out: those that disagree with them count less
     root = np.sqrt(fitted.weights)[:, None]
     even = _Rows(A=fitted.A / root[:, :, None], y=fitted.y / root, stated=fitted.stated, groups=fitted.one.groups)
@@ -84,16 +92,18 @@ def validate_groups(
             reduced = even.reduced(even.A[rest] * weighed[:, :, None], even.y[rest] * weighed)
             fold = find_sizes(reduced, fold.evidence.log_variances, STEPS)
         mean, S = fold.averaged(DRAWS, rng)
-        errors[""][part], square[part] = _judge(fitted, part, mean, S)
+        error[part], predicted[part] = _judge(fitted, part, mean, S)
+        errors[""][part] = np.linalg.norm(error[part], axis=2)
         for name, group in numbers.items():
             errors[name][part] = _lengths(fitted, part, _mean_without(fold, group))
     seen = fitted.one.problem.seen.valid
-    for values in (*errors.values(), square):
+    for values in errors.values():
         values[~seen] = np.nan
+    noise = fitted.one.problem.noise[:, :, :3, :3][seen]
     return LeftOutErrors(
         whole=errors[""],
         without={name: errors[name] for name in effects},
-        stretch=stretch_of(square[seen]),
+        stretch=stretch_of(error[seen], noise, predicted[seen] - noise),
     )
 
 
@@ -154,8 +164,8 @@ def _lengths(fitted: OneFit, part: np.ndarray, mean: np.ndarray) -> Float[np.nda
 
 def _judge(
     fitted: OneFit, part: np.ndarray, mean: np.ndarray, S: np.ndarray
-) -> tuple[Float[np.ndarray, "k targets"], Float[np.ndarray, "k targets"]]:
-    """Errors of position of some rows, and their squares in units of their predicted covariance."""
+) -> tuple[Float[np.ndarray, "k targets 3"], Float[np.ndarray, "k targets 3 3"]]:
+    """Errors of position of some rows, and their predicted covariance."""
     A, k, m = fitted.A[part], len(part), fitted.A.shape[1]
     back = np.linalg.inv(fitted.whitener[part])
     error = np.einsum("nij,nj->ni", back, fitted.y[part] - A @ mean)
@@ -165,22 +175,42 @@ def _judge(
     covariance = back @ spread @ np.swapaxes(back, 1, 2)
     targets = fitted.one.problem.seen.valid.shape[1]
     width = m // targets
-    lengths, squares = np.empty((k, targets)), np.empty((k, targets))
-    for t in range(targets):
-        at = slice(t * width, t * width + 3)
-        lengths[:, t] = np.linalg.norm(error[:, at], axis=1)
-        solved = np.linalg.solve(covariance[:, at, at], error[:, at, None])[..., 0]
-        squares[:, t] = np.einsum("ni,ni->n", error[:, at], solved)
-    return lengths, squares
+    own = [slice(t * width, t * width + 3) for t in range(targets)]
+    return np.stack([error[:, at] for at in own], axis=1), np.stack([covariance[:, at, at] for at in own], axis=1)
 
 
-def stretch_of(square: Float[np.ndarray, " points"]) -> float:
-    """Factor of the covariance that makes its 95 % region hold 95 % of errors of these squared lengths."""
-    scaled = np.maximum(square, 1e-12) / 3.0
-    s, nu = np.meshgrid(STRETCH, TAILS, indexing="ij")
-    tails = np.array([np.log(c + 3.0 * scaled[:, None] / STRETCH).sum(axis=0) for c in TAILS]).T
-    # log density of F with 3 and ν degrees of freedom, of d²/3s², less log s², but for a constant
-    constant = 0.5 * nu * np.log(nu) - betaln(1.5, 0.5 * nu)
-    log = len(scaled) * (constant - 1.5 * np.log(s)) - 0.5 * (3.0 + nu) * tails
-    k = int(log.argmax())
-    return float(s.ravel()[k] * 3.0 * fdtri(3.0, nu.ravel()[k], 0.95) / chdtri(3.0, 0.05))
+def stretch_of(
+    error: Float[np.ndarray, "points 3"],
+    noise: Float[np.ndarray, "points 3 3"],
+    predicted: Float[np.ndarray, "points 3 3"],
+) -> float:
+    """Factor of the predicted covariance that makes the 95 % region of it and the noise hold 95 % of such errors.
+
+    Args:
+        error: left-out errors.
+        noise: covariance of the instrument's noise.
+        predicted: covariance of what is predicted beside it.
+    """
+    # in the axes in which noise is 1 and what is predicted diagonal, the scale is 1 + f·v
+    root = np.linalg.inv(np.linalg.cholesky(noise))
+    v, turn = np.linalg.eigh(root @ predicted @ np.swapaxes(root, 1, 2))
+    square = (np.swapaxes(turn, 1, 2) @ (root @ error[..., None]))[..., 0] ** 2
+    v = np.maximum(v, 0.0)
+    scales = 1.0 + STRETCH[:, None, None] * v
+    lengths, volume = (square / scales).sum(axis=2), 0.5 * np.log(scales).sum(axis=(1, 2))
+    log = np.array([multivariate_t_log(lengths, nu).sum(axis=1) - volume for nu in TAILS]).T
+    log -= 0.5 * (np.log(STRETCH)[:, None] / STRETCH_WIDTH) ** 2
+    best, tail = np.unravel_index(int(log.argmax()), log.shape)
+    longer = float(3.0 * fdtri(3.0, TAILS[tail], 0.95) / chdtri(3.0, 0.05))
+    # longer tails of the whole, the noise's with it, are held by what is predicted alone: in the mean, or as far as that goes
+    scale = 1.0 + STRETCH[best] * v
+
+    def held(stretch: float) -> float:
+        return float((scale / (1.0 + stretch * v)).mean()) - 1.0 / longer
+
+    return brentq(held, 0.0, MOST_STRETCH) if held(MOST_STRETCH) < 0.0 else MOST_STRETCH
+
+
+def multivariate_t_log(squares: Float[np.ndarray, "..."], nu: float) -> Float[np.ndarray, "..."]:
+    """Log density of a t-distribution in three dimensions at these squared lengths, but for its scale and log π."""
+    return gammaln(0.5 * (nu + 3.0)) - gammaln(0.5 * nu) - 1.5 * np.log(nu) - 0.5 * (nu + 3.0) * np.log1p(squares / nu)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.estimation.group_variances import log_integrated
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.linearisation import linearise_rows
@@ -27,7 +28,7 @@ def calibrate(
         fitted: the fit.
         campaign: what was fitted.
         options: how.
-        stretch: factor of all covariances.
+        stretch: factor of all covariances but the instrument's.
         rng: for the draws of the sizes.
     """
     one, errors = fitted.one, fitted.errors
@@ -41,9 +42,11 @@ def calibrate(
     residual[~one.problem.seen.valid] = np.nan
     R = errors.covariance(at, one.problem.noise)
     followed = at.by_entry @ S @ np.swapaxes(at.by_entry, 1, 2)
-    noise = _of_targets(R, targets)
-    own = noise - _of_targets(followed, targets)
-    studentised, outliers = studentise(residual, own * stretch, noise * stretch, campaign, options.outlier_level)
+    single, tracker = _of_targets(R, targets), one.problem.noise
+    # stretched beside the tracker's noise; where there is more than was predicted, all of it, so that none is negative
+    known = max(1.0 - stretch, 0.0) * tracker
+    noise, own = known + stretch * single, known + stretch * (single - _of_targets(followed, targets))
+    studentised, outliers = studentise(residual, own, noise, campaign, options.outlier_level)
     T_tracker_base, T_tool_target = layout.frames(z)
     white = [errors.position] if errors.rotation is None else [errors.position, errors.rotation]
     estimated = np.flatnonzero(one.kept[: len(model)])
@@ -81,11 +84,11 @@ def calibrate(
 
 
 def log_evidence(fitted: OneFit) -> float:
-    """Log marginal likelihood of the fit, but for a constant of the campaign, as of an `identify`."""
+    """Log marginal likelihood of the fit, but for a constant of the campaign, as of an `identify`; sizes integrated out."""
     reduced = fitted.found.reduced
     whitened = np.log(np.abs(np.diagonal(fitted.whitener, axis1=1, axis2=2))).sum()
     weighed = log_weights(fitted.weights[fitted.at.seen.any(axis=1)])
-    return float(whitened + weighed + reduced.log_alone + fitted.found.evidence.log)
+    return float(whitened + weighed + reduced.log_alone + log_integrated(fitted.found))
 
 
 def _group_deviations(fitted: OneFit) -> Float[np.ndarray, " p"]:
