@@ -20,6 +20,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
+from taskcal.geometry.walk import in_chunks
+
 LONGEST_STEP = 2.5
 """Of a log variance in one step of the scoring."""
 
@@ -28,6 +30,10 @@ MOST_STEPS = 40
 
 SETTLED = 1e-2
 """Expected gain of log posterior by the next step at which the scoring ends."""
+
+
+MULTIPLIED_AT_ONCE = 1024
+"""Rows of a thread; whatever the number of threads, so that sums are the same to the bit."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -205,7 +211,8 @@ def reduce_rows(A: Float[np.ndarray, "rows p"], y: Float[np.ndarray, " rows"], g
     """The equations of whitened rows, in the smaller of their two forms."""
     k, f = groups.grouped, groups.ungrouped
     if len(y) >= len(k):
-        return reduce_normal(A.T @ A, A.T @ y, float(y @ y), groups)
+        H = sum(in_chunks(lambda rows: A[rows].T @ A[rows], len(A), MULTIPLIED_AT_ONCE))
+        return reduce_normal(H, A.T @ y, float(y @ y), groups)
     # their priors are rows too, so that what is left is the projection of all rows
     root = np.linalg.cholesky(groups.held).T
     free = np.concatenate([A[:, f], root])

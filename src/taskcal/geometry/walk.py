@@ -243,8 +243,8 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="taskcal-walk")
 
 
-def in_chunks(walk_rows: Callable[[slice], Any], n: int) -> list[Any]:
-    """Call `walk_rows` with slices that cover n poses, on a thread pool where there are many; results in order.
+def in_chunks(walk_rows: Callable[[slice], Any], n: int, size: int = CHUNK) -> list[Any]:
+    """Call `walk_rows` with slices that cover n poses, so many each, on a thread pool where there are several; results in order.
 
     Raises:
         ClosureError: as `walk_rows` does, its pose counted among all n.
@@ -256,9 +256,9 @@ def in_chunks(walk_rows: Callable[[slice], Any], n: int) -> list[Any]:
         except ClosureError as error:
             raise error.counted_from(rows.start) from None
 
-    if n <= CHUNK:
+    if n <= size:
         return [count(slice(0, n))]
-    return list(_pool().map(count, [slice(i, min(i + CHUNK, n)) for i in range(0, n, CHUNK)]))
+    return list(_pool().map(count, [slice(i, min(i + size, n)) for i in range(0, n, size)]))
 
 
 def poses(

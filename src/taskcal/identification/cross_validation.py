@@ -26,8 +26,6 @@ def split_postures(q: Float[np.ndarray, "n joints"], folds: int, seed: int) -> l
     Raises:
         CampaignError: fewer postures than folds.
     """
-    from sklearn.model_selection import GroupKFold
-
     posture = group_postures(q, SAME_POSTURE_RAD)
     different = len(np.unique(posture))
     if different < folds:
@@ -35,7 +33,8 @@ def split_postures(q: Float[np.ndarray, "n joints"], folds: int, seed: int) -> l
             f"{len(q)} rows at {different} different poses are too few to leave out one part of {folds} after another; "
             "measure more poses"
         )
-    return [left for _, left in GroupKFold(folds, shuffle=True, random_state=seed).split(q, groups=posture)]
+    part = np.array_split(np.random.default_rng(seed).permutation(np.unique(posture)), folds)
+    return [np.flatnonzero(np.isin(posture, some)) for some in part]
 
 
 def predict_left_out(

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import FitError
 from taskcal.estimation.group_variances import GroupedFit, Groups, find_sizes, reduce_rows
+from taskcal.geometry.walk import in_chunks
 from taskcal.identification.belief import frame_precision
 from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.linearisation import Linearisation, linearise_rows
@@ -31,6 +32,9 @@ MOST_ROUNDS = 8
 
 MOST_JUDGED = 300
 """Poses, evenly among all, that the row errors are found from."""
+
+WHITENED_AT_ONCE = 128
+"""Poses of a thread."""
 
 STANDS_STILL = 0.1
 """Change of a logarithm of a variance, in standard errors of the others, under which it has settled."""
@@ -213,7 +217,12 @@ def _fit_once(
     at = linearise_rows(one.problem, z)
     W = whiteners(errors.covariance(at, one.problem.noise))
     W = W * np.sqrt(weights[:, None] * _by_loss(at, W, one.problem, options))[:, :, None]
-    A = (W @ at.by_entry) * np.where(one.kept, one.scale, 0.0)
+    A, scale = np.empty_like(at.by_entry), np.where(one.kept, one.scale, 0.0)
+
+    def whiten(rows: slice) -> None:
+        np.multiply(W[rows] @ at.by_entry[rows], scale, out=A[rows])
+
+    in_chunks(whiten, len(A), WHITENED_AT_ONCE)
     moved = np.where(one.kept, (z - one.problem.frames.start()) / one.scale, 0.0)
     y = np.einsum("nij,nj->ni", W, at.residual) + A @ moved
     stated = _stated(one, z)
