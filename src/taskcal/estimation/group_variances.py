@@ -211,7 +211,7 @@ def reduce_rows(A: Float[np.ndarray, "rows p"], y: Float[np.ndarray, " rows"], g
     """The equations of whitened rows, in the smaller of their two forms."""
     k, f = groups.grouped, groups.ungrouped
     if len(y) >= len(k):
-        H = sum(in_chunks(lambda rows: A[rows].T @ A[rows], len(A), MULTIPLIED_AT_ONCE))
+        H = np.sum(in_chunks(lambda rows: A[rows].T @ A[rows], len(A), MULTIPLIED_AT_ONCE), axis=0)
         return reduce_normal(H, A.T @ y, float(y @ y), groups)
     # their priors are rows too, so that what is left is the projection of all rows
     root = np.linalg.cholesky(groups.held).T

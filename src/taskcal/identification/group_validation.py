@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 from scipy.special import chdtri, fdtri, gammaln
 
 from taskcal.estimation.group_variances import (
@@ -208,7 +208,7 @@ def stretch_of(
     def held(stretch: float) -> float:
         return float((scale / (1.0 + stretch * v)).mean()) - 1.0 / longer
 
-    return brentq(held, 0.0, MOST_STRETCH) if held(MOST_STRETCH) < 0.0 else MOST_STRETCH
+    return float(root_scalar(held, bracket=(0.0, MOST_STRETCH)).root) if held(MOST_STRETCH) < 0.0 else MOST_STRETCH
 
 
 def multivariate_t_log(squares: Float[np.ndarray, "..."], nu: float) -> Float[np.ndarray, "..."]:
