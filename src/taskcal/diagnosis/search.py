@@ -15,7 +15,8 @@ from taskcal.diagnosis.robot_mistakes import robot_mistakes
 from taskcal.diagnosis.row_mistakes import row_mistakes
 from taskcal.diagnosis.supposition import Case, JointMap, Supposition, nominal_poses
 from taskcal.errors import CampaignError
-from taskcal.measurement.registration import register_closely
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.registration import Registration, register_closely
 from taskcal.robot.robot import TWO_TURNS
 
 PER_MISTAKE = 0.8
@@ -240,7 +241,7 @@ def _trimmed_distances(
     out = None
     for _ in range(3):
         try:
-            registration = register_closely(campaign.take(chosen), T[chosen])
+            registration = _registered(campaign, T, chosen, case.model.robot.reach)
         except (CampaignError, np.linalg.LinAlgError):
             return out
         ends = (registration.T_tracker_base @ T)[:, None] @ registration.T_tool_target
@@ -251,3 +252,19 @@ def _trimmed_distances(
         out = row[tested]
         chosen = fitted[np.argsort(row[fitted])[: int(np.ceil(0.75 * len(fitted)))]]
     return out
+
+
+def _registered(
+    campaign: Campaign, T: Float[np.ndarray, "n 4 4"], chosen: Int[np.ndarray, " k"], reach: float
+) -> Registration:
+    """Register on some rows, from where all rows together point as well, if they alone lead to where nothing fits.
+
+    Raises:
+        CampaignError: these rows do not show all targets.
+    """
+    part = campaign.take(chosen)
+    alone = register_closely(part, T[chosen])
+    if alone.rms <= SOUND_SHARE * reach:
+        return alone
+    together = register_closely(campaign, T).T_tracker_base[:3, :3]
+    return min(alone, register_closely(part, T[chosen], together), key=lambda registration: registration.rms)
