@@ -123,3 +123,7 @@ def test_what_the_controller_says_beside_what_was_measured_is_no_target(said, me
 
     assert kinds(said, measured) == {"nominal"}
     assert kinds(said) == kinds(said, "base1") == {"position"}
+
+
+def test_a_text_too_long_for_a_name_says_nothing_and_costs_little():
+    assert split_unit("(" * 100_000) == ("", None)

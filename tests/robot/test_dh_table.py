@@ -177,3 +177,9 @@ SOUND = {
 def test_a_table_in_its_units_is_read(case, tmp_path):
     robot = read_dh_table(write(tmp_path / "arm.csv", SOUND[case]), "dh")
     assert len(robot.joints) == len(SOUND[case])
+
+
+def test_a_table_of_more_rows_than_joints_is_refused(tmp_path):
+    path = write(tmp_path / "dh.csv", [f"{k},90,0,400,0" for k in range(200)])
+    with pytest.raises(FileError, match=r"dh\.csv: has 200 rows, one for each joint; a robot has up to 50"):
+        read_dh_table(path, "dh")

@@ -126,3 +126,13 @@ def test_the_header_is_checked_in_time_that_grows_with_its_columns(tmp_path):
     with pytest.raises(FileError, match=r"two columns are named 'c0'"):
         read_csv(write(tmp_path, f"{header},c0\n"))
     assert time.perf_counter() - began < 2.0
+
+
+@pytest.mark.parametrize("line", ["1\n", "1,2,3\n", "\n"])
+def test_more_lines_than_rows_so_short_can_be_are_refused(tmp_path, line):
+    with pytest.raises(FileError, match=rf"has 40000 lines of {len(line) - 1} characters by the mean; is it a table"):
+        read_csv(write(tmp_path, line * 40_000))
+
+
+def test_many_short_rows_are_read(tmp_path):
+    assert len(read_csv(write(tmp_path, "x_mm,y_mm,z_mm\n" + "1.234,5.678,9.012\n" * 40_000))) == 40_000

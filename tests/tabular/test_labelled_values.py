@@ -1,3 +1,4 @@
+import time
 from pathlib import Path
 
 from taskcal.tabular.labelled_values import has_labelled_values, parse_labelled_values
@@ -25,3 +26,11 @@ def test_without_sections_there_are_no_ids():
 def test_a_table_is_no_log():
     assert not has_labelled_values("a,b,c\n1,2,3\n")
     assert not has_labelled_values("x=1 y=2 z=3\n" + "1 2 3\n" * 5)
+
+
+def test_a_long_word_in_a_log_costs_little():
+    begin = time.process_time()
+    assert parse_labelled_values(Path("a.txt"), LOG + "a" * 200_000).notes == (
+        "2 lines without Cnt, X, Y … are left out",
+    )
+    assert time.process_time() - begin < 1.0

@@ -1,5 +1,6 @@
 """Cells of a table as numbers, and what is said of those that are none."""
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -52,3 +53,10 @@ def test_a_column_that_is_not_there_is_told_with_those_that_are() -> None:
     assert "x_mm" in column("1")
     with pytest.raises(FileError, match="no column 'y_mm'; it has x_mm"):
         column("1").texts("y_mm")
+
+
+def test_a_cell_of_many_digits_is_refused_soon() -> None:
+    begin = time.process_time()
+    with pytest.raises(FileError, match="is not a number"):
+        column("9" * 200_000 + "}").numbers("x_mm")
+    assert time.process_time() - begin < 1.0

@@ -13,6 +13,7 @@ from taskcal.correction.external_axis import AXES, Carries, ExternalAxis
 from taskcal.errors import FileError
 from taskcal.files import write_whole
 from taskcal.geometry import se3
+from taskcal.repeated import repeated
 from taskcal.toml_file import Finite, NotNegative, Quaternion, Section, read_toml
 
 MIN_POINTS = 3
@@ -140,13 +141,10 @@ class CellFile(Section):
     def _names(self) -> Self:
         for kind, sections in (("tools", self.tool), ("parts", self.part)):
             names = [section.name.casefold() for section in sections]
-            twice = [name for name in names if names.count(name) > 1]
-            if twice:
+            if twice := repeated(names):
                 raise ValueError(f"two {kind} are named '{twice[0]}'")
-        numbers = [section.number for section in self.axis]
-        repeated = [number for number in numbers if numbers.count(number) > 1]
-        if repeated:
-            raise ValueError(f"axis {repeated[0]} is stated twice")
+        if twice := repeated(section.number for section in self.axis):
+            raise ValueError(f"axis {twice[0]} is stated twice")
         return self
 
 

@@ -125,7 +125,9 @@ _MOVE = re.compile(r"(?P<joint>.+) move")
 
 
 def split_unit(name: str) -> tuple[str, str | None]:
-    """A column's name in small letters, its words parted by one blank, and its unit where it ends with one."""
+    """A column's name in small letters, its words parted by one blank, and its unit where it ends with one; nothing of a text."""
+    if len(name) > LONGEST_NAME:
+        return "", None
     text = name.strip().casefold()
     bracketed = re.fullmatch(r"(.*?)\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*", text)
     unit: str | None = None
@@ -149,7 +151,7 @@ def meanings(names: Sequence[str], units: Sequence[str], joints: Sequence[str]) 
         units: from a row of units, empty where it states none.
         joints: names of the robot's joints, in order.
     """
-    split = [split_unit(name) if len(name) <= LONGEST_NAME else ("", None) for name in names]
+    split = [split_unit(name) for name in names]
     parted = [(text, unit or UNITS.get(under)) for (text, unit), under in zip(split, units, strict=True)]
     texts = [text for text, _ in parted]
     joint_at, left = _joints_stood(parted, joints)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.measurement.column_meaning import ANGLES, LENGTHS, LONGEST_NAME, UNITS, split_unit
+from taskcal.measurement.column_meaning import ANGLES, LENGTHS, UNITS, split_unit
 from taskcal.measurement.stated_units import stated_units
 from taskcal.tabular.layout import Laid
 from taskcal.tabular.table import Table
@@ -57,7 +57,7 @@ def with_positions(laid: Laid) -> Laid:
     """
     if not any(laid.table.header):
         return laid
-    parted = [split_unit(name) if len(name) <= LONGEST_NAME else ("", None) for name in laid.table.header]
+    parted = [split_unit(name) for name in laid.table.header]
     if any(text in ("x", "x coordinate", "x koordinate") or text.endswith(" x") for text, _ in parted):
         return laid
     directed = _directed(laid.table, [text for text, _ in parted])

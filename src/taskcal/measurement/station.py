@@ -11,6 +11,7 @@ from pydantic import Field
 from taskcal.errors import FileError
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import Box, Links, beam_is_free
+from taskcal.repeated import repeated
 from taskcal.short_repr import short_repr
 from taskcal.toml_file import Direction, Finite, HalfTurn, NotNegative, Positive, Quaternion, Section, read_toml
 
@@ -130,7 +131,6 @@ def load_station(path: str | Path) -> Station:
     path = Path(path)
     described = read_toml(path, StationFile)
     names = [section.name for section in described.reflector]
-    twice = {name for name in names if names.count(name) > 1}
-    if twice:
+    if twice := repeated(names):
         raise FileError(path, f"two reflectors are named '{min(twice)}'; give each its own name")
     return described.station()

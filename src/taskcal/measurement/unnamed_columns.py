@@ -8,7 +8,7 @@ from taskcal.robot.robot import Robot
 from taskcal.tabular.layout import Laid
 
 _COUNT = re.compile(r"\d{1,9}", re.ASCII)
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?(\d+(?:\.\d*)?|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 
 def name_columns(laid: Laid, robot: Robot) -> Laid:

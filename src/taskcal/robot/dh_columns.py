@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import FileError, TaskcalError, shown
+from taskcal.repeated import repeated
 from taskcal.robot.dh_units import NEARLY_PARALLEL_DEG, ROUNDING_RAD, SMALLEST_ROBOT_MM, TWO_PI, USUAL_ANGLES_RAD
 from taskcal.tabular.table import Table
 
@@ -60,10 +61,9 @@ def in_own_terms(table: Table, units: str | None = None) -> tuple[Table, tuple[s
     stated = _stated(units)
     columns = [_column(header) for header in table.header]
     names = [column.stands_for for column in columns]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        both = " and ".join(f"'{shown(c.header, 40)}'" for c in columns if c.stands_for == twice)
-        raise FileError(table.path, f"two columns are {twice}: {both}; keep one", line=1)
+    if twice := repeated(names):
+        both = " and ".join(f"'{shown(c.header, 40)}'" for c in columns if c.stands_for == twice[0])
+        raise FileError(table.path, f"two columns are {twice[0]}: {both}; keep one", line=1)
     remarks: list[str] = []
     length, angle = stated.get("length"), stated.get("angle")
     bare = [column for column in columns if column.unit is None]

@@ -6,7 +6,7 @@ from typing import Any, Literal, get_args
 from taskcal.errors import FileError, TaskcalError, UnknownName
 from taskcal.robot.dh_columns import in_own_terms
 from taskcal.robot.dh_units import LIMITS, check_units
-from taskcal.robot.file import robot_from
+from taskcal.robot.file import MOST_JOINTS, robot_from
 from taskcal.robot.robot import Robot
 from taskcal.tabular.column_groups import ColumnGroups
 from taskcal.tabular.csv_form import read_csv
@@ -41,7 +41,10 @@ def describe_dh_table(
     """
     if convention.lower() not in get_args(Convention):
         raise UnknownName("convention", convention, get_args(Convention), "of Denavit–Hartenberg tables")
-    table, told = in_own_terms(read_csv(path), units)
+    rows = read_csv(path)
+    if len(rows) > MOST_JOINTS:
+        raise FileError(rows.path, f"has {len(rows)} rows, one for each joint; a robot has up to {MOST_JOINTS}")
+    table, told = in_own_terms(rows, units)
     columns = ColumnGroups(table)
     joint_names = columns.texts("joint")
     numbers = {column: columns.numbers(column) for column in _NUMBERS}

@@ -11,6 +11,7 @@ from taskcal.arguments import expect_kinds, warn_renamed
 from taskcal.errors import TaskcalError, UnknownName
 from taskcal.geometry import walk
 from taskcal.geometry.chain import Chain, Step
+from taskcal.repeated import repeated
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Effect, LinearTerm
 from taskcal.robot.effects.declared_term import term_on
@@ -91,8 +92,7 @@ class ErrorModel:
             names += term.names
             units += term.units
         stated = {name: t for term in added for name, t in zip(term.names, term.tolerances, strict=True)}
-        twice = {name for name in names if names.count(name) > 1}
-        if twice:
+        if twice := repeated(names):
             raise TaskcalError(f"two effects have a parameter '{min(twice)}'; add each effect once")
         self.parameters = parameters_of(robot, names, units, stated)
         unknown = set(overrides_of(robot, names)) - set(names)

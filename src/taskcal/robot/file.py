@@ -10,6 +10,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from taskcal.errors import FileError, RobotError, TaskcalError
 from taskcal.geometry.four_bar import FourBar
+from taskcal.repeated import repeated
 from taskcal.robot.expression import parse_linear
 from taskcal.robot.joint_section import JointSection, StepSection
 from taskcal.robot.joint_side import FourBarDrive, JointMap
@@ -107,8 +108,7 @@ class RobotFile(Section):
     @model_validator(mode="after")
     def _names(self) -> Self:
         every = [joint.name for joint in self.joint]
-        twice = {name for name in every if every.count(name) > 1}
-        if twice:
+        if twice := repeated(every):
             raise ValueError(f"two joints are named '{min(twice)}'")
         names = [joint.name for joint in self.own]
         if not names:

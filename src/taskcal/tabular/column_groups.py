@@ -1,7 +1,6 @@
 """Columns that mean something together, whatever form of table they come from."""
 
 import re
-from collections import Counter
 from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
 
@@ -9,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from taskcal.errors import FileError, shown
+from taskcal.repeated import repeated
 from taskcal.tabular.table import Table
 
 POSITION = ("x_mm", "y_mm", "z_mm")
@@ -55,8 +55,7 @@ class ColumnGroups:
     def __init__(self, table: Table):
         self.table = table
         lowered = [name.lower() for name in table.header]
-        twice = [name for name, times in Counter(lowered).items() if times > 1]
-        if twice:
+        if twice := repeated(lowered):
             raise self.refusal(f"two columns are named '{shown(min(twice))}' but for letter case; keep one")
         self.names = dict(zip(lowered, table.header, strict=True))
         """As the file writes them, by their small letters."""

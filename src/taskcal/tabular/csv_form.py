@@ -1,10 +1,10 @@
 """Tables in files, whatever form they have: text in columns or a workbook."""
 
-from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
 from taskcal.errors import FileError, shown
+from taskcal.repeated import repeated
 from taskcal.tabular.decimal_mark import DecimalMark
 from taskcal.tabular.delimited import parse_delimited, parse_plain, with_decimal_points
 from taskcal.tabular.digit_groups import in_plain_digits
@@ -16,6 +16,10 @@ from taskcal.tabular.motion_capture import is_motion_capture, parse_motion_captu
 from taskcal.tabular.sheet import Sheet
 from taskcal.tabular.table import Table
 from taskcal.text_file import read_bytes
+
+MANY_LINES, SHORTEST_LINE = 30_000, 12
+"""So many lines have so many characters at least, by the mean: three numbers of four digits, and what parts them. Lines cost time
+and memory however short they are."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,8 +69,12 @@ def parse_sheet(path: Path, text: str, decimal: DecimalMark | None = None) -> Sh
     """The rows that a file's text holds, in whatever form.
 
     Raises:
-        FileError: it is a form whose rows cannot be told.
+        FileError: it is a form whose rows cannot be told, or has far more lines than such short ones can be rows.
     """
+    lines = text.count("\n")
+    if lines > MANY_LINES and len(text) < SHORTEST_LINE * lines:
+        mean = len(text) / lines - 1.0
+        raise FileError(path, f"has {lines} lines of {mean:.0f} characters by the mean; is it a table of measurements?")
     text = in_plain_digits(text)
     if is_motion_capture(text):
         return parse_motion_capture(path, text)
@@ -106,8 +114,7 @@ def named_table(laid: Laid) -> Table:
     if any(laid.units):
         units = " ".join(filter(None, laid.units))
         raise FileError(table.path, f"has a row of units ({shown(units)}); state them in the names, as in x_mm")
-    twice = [name for name, times in Counter(table.header).items() if times > 1]
-    if twice:
+    if twice := repeated(table.header):
         message = f"two columns are named '{shown(min(twice))}'; column names must differ"
         raise FileError(table.path, message, line=table.header_line)
     if len(laid.faults) == 1:

@@ -15,7 +15,7 @@ _STATISTIC = re.compile(
 )
 """Names of statistics, in English and German."""
 
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 _REMARK = re.compile(
     r"\W{2,}.*|<.*|\W*(?:end|eof|ende|fin|stop)\b.*|[^\W\d_][^:=]{0,40}[:=].*"

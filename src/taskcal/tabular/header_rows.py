@@ -13,6 +13,9 @@ _RULE = re.compile(
 )
 """A line drawn below names, or the kinds of their values."""
 
+LONGEST_GROUP = 200
+"""Letters of a group's name that may end with its unit; longer ones are text."""
+
 _BRACKETED = re.compile(r".*[\[(]\s*([^\[\]()]{1,12}?)\s*[\])]")
 
 
@@ -27,7 +30,10 @@ def without_rules(sheet: Sheet) -> Sheet:
 
 def group_units(above: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
     """The units that the groups of columns state in brackets, as in ``Position [mm]``; empty where a group states none."""
-    return tuple(match[1] if (match := _BRACKETED.fullmatch(group)) else "" for group in _groups(above, len(names)))
+    return tuple(
+        match[1] if len(group) <= LONGEST_GROUP and (match := _BRACKETED.fullmatch(group)) else ""
+        for group in _groups(above, len(names))
+    )
 
 
 def _groups(above: Sequence[str], count: int) -> list[str]:

@@ -7,7 +7,8 @@ from pathlib import Path
 from taskcal.tabular.sheet import Sheet
 
 _PAIR = re.compile(
-    r"([A-Za-z_][\w.\[\]°/]*)\s*[=:]\s*([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)(?=[\s,;]|$)", re.ASCII
+    r"(?<![\w.\[\]°/])([A-Za-z_][\w.\[\]°/]*+)\s*+[=:]\s*([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)(?=[\s,;]|$)",
+    re.ASCII,
 )
 
 _SECTION = re.compile(r"\s*(?P<what>[^\W\d_]+)[ _.#:-]*(?P<number>\d+)\s*:?\s*$")

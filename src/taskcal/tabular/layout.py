@@ -22,14 +22,14 @@ UNITS = frozenset({
 })  # fmt: skip
 """What may stand under a column's name in a row of units."""
 
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|[+-]?(?:nan|inf)", re.ASCII | re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d+)?|[+-]?(?:nan|inf)", re.ASCII | re.IGNORECASE)
 
 _COMMENTS = 200
 """Comments from the beginning, and as many from the end, that may name columns."""
 
 _LABEL = re.compile(r"[^\W\d_][^:]*:\s*\S")
 
-_BRACKETS = re.compile(r"^[\[({<]\s*(.*?)\s*[\])}>]$")
+_BRACKETS = re.compile(r"[\[({<].*[\])}>]$", re.DOTALL)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -146,8 +146,7 @@ def _is_units(row: Sequence[str]) -> bool:
 def bare_unit(text: str) -> str:
     """A unit in small letters, without brackets around it."""
     text = text.strip()
-    match = _BRACKETS.match(text)
-    return (match[1] if match else text).casefold()
+    return (text[1:-1].strip() if _BRACKETS.match(text) else text).casefold()
 
 
 def _named(sheet: Sheet, names: Sequence[str], first: int) -> Laid:

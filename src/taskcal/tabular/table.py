@@ -15,7 +15,7 @@ from taskcal.tabular.faults import Faults
 LARGEST = 1e6
 """Of any number in a table: 1 km in millimetres, or 2800 turns in degrees."""
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?(\d+(?:\.\d*)?|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 """Python also reads 1_000 and the digits of other scripts, which no instrument writes."""
 
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf(inity)?)", re.IGNORECASE)

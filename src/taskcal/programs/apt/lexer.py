@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 SEPARATORS = "/,()="
 _TOKEN = re.compile(r"[/,()=]|[^/,()=]+")
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+-]?(\d+(?:\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _LARGEST = 1e9
 
 

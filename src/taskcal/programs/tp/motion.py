@@ -13,7 +13,7 @@ from taskcal.programs.unresolved import Unresolved
 _KEYWORD = re.compile(r"\s*(?P<keyword>[JLCAS])(?=\s*P(R)?\s*\[)", re.IGNORECASE)
 _OPERAND = re.compile(r"\s*(?P<kind>PR|P)\s*\[", re.IGNORECASE)
 _NUMBER = re.compile(r"\s*(\d{1,5})\s*(:.*)?", re.DOTALL)
-_PLAIN_SPEED = re.compile(r"(\d+\.?\d*|\.\d+)\s*(%|mm/sec|cm/min|inch/min|deg/sec|sec|msec)", re.IGNORECASE)
+_PLAIN_SPEED = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*(%|mm/sec|cm/min|inch/min|deg/sec|sec|msec)", re.IGNORECASE)
 _OTHER_SPEED = re.compile(
     r"(?:A?R\[[^\]]*\]\s*(%|mm/sec|cm/min|inch/min|deg/sec|sec|msec)|max_speed|weld_speed)", re.IGNORECASE
 )
