@@ -35,24 +35,46 @@ def generate(rng: np.random.Generator) -> Generated:
     dat = ["&ACCESS RVP", "DEFDAT  PART PUBLIC", "EXT  BAS (BAS_COMMAND  :IN,REAL  :IN )"]
     dat += [f"DECL{_one(rng, BLANKS[1:])}E6POS {point}={_pose(rng)}{_one(rng, COMMENTS)}" for point in points]
     frames = [f"$TOOL={_pose(rng, status=False)}", f"$BASE = {_pose(rng, status=False)}"]
-    src = ["&ACCESS RVP", "&REL 3", "DEF PART( )", "BAS (#INITMOV,0 )", *frames, "$VEL.CP=0.1"]
-    motions = 0
+    declared = ["DECL E6POS FP", "INT N", "DECL FRAME F"]
+    src = ["&ACCESS RVP", "&REL 3", "DEF PART( )", *declared, "BAS (#INITMOV,0 )", *frames, "$VEL.CP=0.1"]
+    motions, calls = 0, False
     for _ in range(int(rng.integers(1, 9))):
         moves = rng.random() < 0.6
         motions += moves
         if rng.random() < 0.1:
             src += [f"LIN {_pose(rng)}", _one(rng, LEANING)]
             motions += 2
+        if rng.random() < 0.1:
+            src += _computed(rng)
+            motions += 1
+        if rng.random() < 0.1:
+            src.append(_one(rng, ("SUB(1)", "sub( 2 )", "SUB(N,F)")))
+            motions += not calls
+            calls = True
         src.append(_one(rng, BLANKS) + (_motion(rng, points) if moves else _one(rng, PASSIVE)) + _one(rng, COMMENTS))
+    sub = ["DEF SUB(N :IN,F :OUT)", "INT N", "DECL FRAME F", "N=N+1", f"LIN {_pose(rng)}", "END"] if calls else []
     newline, encoding = _one(rng, ("\r\n", "\n")), _one(rng, ("utf-8", "cp1252"))
     last = _one(rng, ("", newline))
     return Generated(
         sources=tuple(
             Source.of(Path(name), (newline.join(lines) + last).encode(encoding))
-            for name, lines in (("part.src", [*src, "END"]), ("PART.DAT", [*dat, "ENDDAT"]))
+            for name, lines in (("part.src", [*src, "END", *sub]), ("PART.DAT", [*dat, "ENDDAT"]))
         ),
         motions=motions,
     )
+
+
+def _computed(rng: np.random.Generator) -> list[str]:
+    """Lines that compute a point from constants, and a motion there."""
+    steps = (
+        [f"FP={_pose(rng)}", "FP.Z=FP.Z+1.5"],
+        ["N=2", f"FP={_pose(rng)}", "IF N == 2 THEN", "FP.X=N*2-(1.5+FP.Y)", "ELSE", "FP.A=$ANIN[1]", "ENDIF"],
+        [f"F={_pose(rng, status=False)}", f"FP=F:{_pose(rng, status=False)}"],
+    )
+    return [
+        *steps[int(rng.integers(len(steps)))],
+        _one(rng, ("LIN FP", "ptp fp", "LIN FP:{X 0,Y 0,Z 1} C_DIS", "SLIN FP")),
+    ]
 
 
 def _one(rng: np.random.Generator, choices: Sequence[str]) -> str:

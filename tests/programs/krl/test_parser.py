@@ -78,7 +78,7 @@ def test_motions_that_are_not_understood_say_why(text, trouble):
         assert line.trouble or not line.operands[0].parts
 
 
-@pytest.mark.parametrize("text", ["P[I]", "OFFSET(P1)", "P1.X", "{X 1,X 2}", "{X 1", "P1:", "P1 + P2", "{1 2}"])
+@pytest.mark.parametrize("text", ["OFFSET(P1)", "P1.X", "{X 1,X 2}", "{X 1", "P1:", "P1 + P2", "{1 2}"])
 def test_points_that_are_no_constants_have_no_parts(text):
     line = only(f"LIN {text} C_DIS")
     assert isinstance(line, Motion)
@@ -123,3 +123,11 @@ def test_routines_calls_and_steering():
     assert begin.name == "COUNT"
     assert isinstance(call, Call)
     assert ["".join(w.text for w in a) for a in call.arguments] == ["#CP_PARAMS", "0.5"]
+
+
+def test_an_index_that_is_computed_is_kept():
+    line = only("LIN P[I+1,2] C_DIS")
+    assert isinstance(line, Motion)
+    (part,) = line.operands[0].parts
+    assert isinstance(part, Reference)
+    assert (part.name, [len(words) for words in part.index]) == ("P[I+1,2]", [3, 1])

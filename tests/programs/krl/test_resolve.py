@@ -12,7 +12,7 @@ from tests.programs.krl.small_programs import FRAMES, POSE, read
     [
         (f"LIN {POSE}", r"part\.src:2: LIN stays as it is: \$TOOL is not set before it"),
         (f"$TOOL=TOOL_DATA[9]\nLIN {POSE}", r"TOOL_DATA\[9\] is not in the files given; pass \$config\.dat"),
-        (f"$TOOL=TOOL_DATA[N]\nLIN {POSE}", "is set to something that the text does not state as a frame"),
+        (f"$TOOL=TOOL_DATA[N]\nLIN {POSE}", "which element of TOOL_DATA is meant is known only at run time"),
         (f"BAS(#TOOL,N)\nLIN {POSE}", "which element of TOOL_DATA is meant is not stated as a number"),
         (f"{FRAMES}$BASE.X=5\nLIN {POSE}", r"\$BASE.X is changed on its own"),
         (f"{FRAMES}BAS(#INITMOV,0)\nLIN {POSE}", r"BAS\(#INITMOV\) resets tool and base"),

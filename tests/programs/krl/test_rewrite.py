@@ -151,7 +151,7 @@ def test_motions_that_agree_share_a_point():
     assert "XP1_2={X 902.00000" in dat.text
 
 
-@pytest.mark.parametrize("use", ["$H_POS=XP1", "IF DISTANCE(XP1) THEN", "LIN_REL XP1"])
+@pytest.mark.parametrize("use", ["$H_POS=XP1", "IF XP1.X > LIMIT THEN", "LIN_REL XP1"])
 def test_a_point_that_is_used_otherwise_stays(use):
     program = body(f"{FRAMES}LIN XP1\n{use}", f"DECL E6POS XP1={POSE}")
     src, dat = program.rewrite(KR16, {0: (to(0.901),)})

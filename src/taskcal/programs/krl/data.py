@@ -1,78 +1,37 @@
 """Data lists: the points, frames and parameter sets that a KRL program names."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.programs.krl.data_lists import Datum, File, aggregate_of, number_texts, plain_value, stated
+from taskcal.programs.krl.parameters import given_by_value, handed_over
 from taskcal.programs.krl.position import AXES, EXTERNAL, POSE, pose
 from taskcal.programs.krl.syntax import (
-    Aggregate,
     Assignment,
     Begin,
     Call,
+    Control,
     Declaration,
-    Declared,
     End,
     Operand,
+    Reference,
     Statement,
 )
-from taskcal.programs.source import Place, Source
+from taskcal.programs.source import Place
 from taskcal.programs.unresolved import Unresolved
 
 BUILT_IN = "BAS"
 """KUKA's own routine for motion parameters, and its module: what it does is known, whether or not its text is passed."""
 
+TABLES = ("TOOL_DATA", "BASE_DATA")
+"""The controller's tools and bases."""
+
 READ = frozenset({*POSE, *AXES, *EXTERNAL, "S", "T", "TOOL_NO", "BASE_NO", "IPO_FRAME"})
 """Components of points, frames and parameter sets that matter for where the robot goes."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class File:
-    """A file of a program."""
-
-    number: int
-    """Its place among the program's files."""
-    source: Source
-    statements: tuple[Statement, ...]
-
-    @property
-    def module(self) -> str:
-        """Name of the program to which it belongs: ``.src`` and ``.dat`` of one name are one module."""
-        return self.source.path.stem.upper()
-
-    @property
-    def holds_data(self) -> bool:
-        """Whether it is a data list."""
-        return self.source.path.suffix.lower() == ".dat"
-
-    @cached_property
-    def serves_all(self) -> bool:
-        """Whether it is a data list of the system, which every program sees."""
-        return any(isinstance(line, Begin) and line.name.startswith("$") for line in self.statements)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Datum:
-    """A variable with the value that its data list states."""
-
-    file: File
-    name: str
-    """In capitals, with its index."""
-    aggregate: Aggregate
-    shared: bool
-    """Other programs may use it, too."""
-    declaration: Declaration | None
-    """None for an element of an array, which has no declaration of its own."""
-    start: int
-    """First character of its name."""
-
-    @property
-    def place(self) -> Place:
-        """Where it stands."""
-        return self.file.source.place(self.start)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -80,10 +39,14 @@ class Data:
     """What the data lists of a program say, and what its code changes of it."""
 
     files: tuple[File, ...]
+    roots: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
+    """By name of a routine: the routines that nothing calls, from which it is reached."""
+    set_elsewhere: dict[str, Place] = field(default_factory=dict[str, Place])
+    """Tools and bases that were taken as the data list states them, and where a program of its own changes them."""
 
     @cached_property
     def _own(self) -> dict[tuple[str, str], Datum]:
-        return {(datum.file.module, datum.name): datum for file in self.files for datum in _stated(file)}
+        return {(datum.file.module, datum.name): datum for file in self.files for datum in stated(file)}
 
     @cached_property
     def _shared(self) -> dict[str, Datum]:
@@ -105,22 +68,90 @@ class Data:
         return out
 
     @cached_property
-    def _changed(self) -> dict[str, list[tuple[str, Place]]]:
-        """By variable or element: the modules in which code assigns it or hands it to a routine, and where."""
-        out: dict[str, list[tuple[str, Place]]] = {}
+    def by_value(self) -> Mapping[str, tuple[bool, ...]]:
+        """By name of a routine: which of its parameters are given by value."""
+        return given_by_value(line for file in self.files for line in file.statements)
+
+    @cached_property
+    def _changed(self) -> dict[str, list[tuple[str, str, Place]]]:
+        """By variable or element: module and routine in which code assigns it or hands it to a routine, and where."""
+        out: dict[str, list[tuple[str, str, Place]]] = {}
         for file in self.files:
             if file.holds_data or file.module == BUILT_IN:
                 continue
-            for line, own in _lines_with_own_names(file):
-                names: tuple[str, ...] = ()
-                if isinstance(line, Assignment):
-                    names = (*_element(line), *line.changed)
-                elif isinstance(line, Call) and line.name != BUILT_IN:
-                    names = line.changed
-                for name in names:
+            for line, routine, own in _lines_with_own_names(file):
+                for name in _changed_by(line, self.by_value):
                     if name.partition("[")[0] not in own:
-                        out.setdefault(name, []).append((file.module, file.source.place(line.start)))
+                        place = file.source.place(line.start)
+                        out.setdefault(name, []).append((file.module, routine, place))
         return out
+
+    @cached_property
+    def _numbers(self) -> dict[tuple[str, str], tuple[float | bool, bool]]:
+        """Numbers and truth values that data lists state, and whether other programs may use them, too."""
+        out: dict[tuple[str, str], tuple[float | bool, bool]] = {}
+        for file in self.files:
+            for line in file.statements if file.holds_data else ():
+                for name, text, shared in number_texts(line, file):
+                    value = plain_value(text)
+                    if value is not None:
+                        out[file.module, name] = value, file.serves_all or shared
+        return out
+
+    @cached_property
+    def _shared_numbers(self) -> dict[str, float | bool]:
+        return {name: value for (_, name), (value, shared) in self._numbers.items() if shared}
+
+    @cached_property
+    def whole_numbers(self) -> frozenset[str]:
+        """Variables that a data list or a routine declares as INT."""
+        return frozenset(
+            variable.name
+            for file in self.files
+            for line in file.statements
+            if isinstance(line, Declaration) and line.type == "INT"
+            for variable in line.variables
+        )
+
+    @cached_property
+    def _listed(self) -> dict[str, frozenset[str]]:
+        out: dict[str, set[str]] = {}
+        for file in self.files:
+            for line in file.statements if file.holds_data and not file.serves_all else ():
+                if isinstance(line, Declaration) and not line.shared:
+                    out.setdefault(file.module, set()).update(variable.name for variable in line.variables)
+        return {module: frozenset(names) for module, names in out.items()}
+
+    def listed(self, module: str) -> frozenset[str]:
+        """Variables of a module's own data list, of which other programs know nothing."""
+        return self._listed.get(module, frozenset())
+
+    def number(self, name: str, module: str) -> float | bool | None:
+        """The number or truth value that a data list states for a variable, if no line of code ever changes it."""
+        variable = name.partition("[")[0]
+        if (module, variable) in self._local or self._changed.keys() & {name, variable}:
+            return None
+        own = self._numbers.get((module, name))
+        return self._shared_numbers.get(name) if own is None else own[0]
+
+    @cached_property
+    def initial_frames(self) -> tuple[float | None, float | None]:
+        """Numbers of the tool and the base that BAS(#INITMOV) sets, by the bas.src of the files; None where it does not say."""
+        tool: float | None = None
+        base: float | None = None
+        for line in _lines_of("INITMOV", self.files):
+            match line:
+                case Assignment(name="$TOOL", value=Operand(parts=(Reference(name=name),))) if name.startswith(
+                    "TOOL_DATA["
+                ):
+                    tool = _as_number(name[len("TOOL_DATA[") : -1])
+                case Call(name="TOOL", arguments=((word,),)):
+                    tool = _as_number(word.text)
+                case Call(name="BASE", arguments=((word,),)):
+                    base = _as_number(word.text)
+                case _:
+                    pass
+        return tool, base
 
     @cached_property
     def robroot(self) -> Float[np.ndarray, "4 4"] | None:
@@ -137,13 +168,13 @@ class Data:
             for line in file.statements
             if not file.holds_data and isinstance(line, Assignment) and line.variable == "$ROBROOT"
         ]
-        aggregate = _aggregate(lines[0].value) if len(lines) == 1 and lines[0].name == "$ROBROOT" else None
+        aggregate = aggregate_of(lines[0].value) if len(lines) == 1 and lines[0].name == "$ROBROOT" else None
         if aggregate is None:
-            raise Unresolved(f"$ROBROOT is changed by the program, at {self._changed['$ROBROOT'][0][1]}")
+            raise Unresolved(f"$ROBROOT is changed by the program, at {self._changed['$ROBROOT'][0][2]}")
         return pose(aggregate)
 
-    def find(self, name: str, module: str) -> Datum:
-        """The variable that a name means in a module.
+    def find(self, name: str, module: str, routine: str = "") -> Datum:
+        """The variable that a name means in a module, or in one of its routines.
 
         Raises:
             Unresolved: no data list states it, or the program changes it.
@@ -151,16 +182,53 @@ class Data:
         variable = name.partition("[")[0]
         datum = None if (module, variable) in self._local else self._own.get((module, name), self._shared.get(name))
         elements = {name, variable}
-        for where, place in (change for element in elements for change in self._changed.get(element, [])):
-            if where == module or (datum is not None and datum.shared):
+        for where, changing, place in (change for element in elements for change in self._changed.get(element, [])):
+            if datum is not None and variable in TABLES and self._apart(routine, changing):
+                self.set_elsewhere.setdefault(name, place)
+            elif where == module or (datum is not None and datum.shared):
                 raise Unresolved(f"{name} is changed by the program, at {place}")
         if datum is None and (module, variable) in self._local:
             raise Unresolved(f"{name} is a variable of the program's own, whose value is known only at run time")
         if datum is None:
-            files = "$config.dat" if variable in ("TOOL_DATA", "BASE_DATA") else "the .dat that states it"
+            files = "$config.dat" if variable in TABLES else "the .dat that states it"
             hint = "" if variable.startswith("$") else f"; pass {files}"
             raise Unresolved(f"{name} is not in the files given{hint}")
         return datum
+
+    def _apart(self, routine: str, other: str) -> bool:
+        """Whether no run of the program comes through both of two routines."""
+        roots, others = self.roots.get(routine, frozenset()), self.roots.get(other, frozenset())
+        return bool(roots) and bool(others) and not roots & others
+
+
+def _changed_by(line: Statement, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
+    """Variables and elements that a line assigns or hands to a routine."""
+    match line:
+        case Assignment():
+            return (*_element(line), *line.changed)
+        case Call() if line.name != BUILT_IN:
+            return handed_over(line, by_value)
+        case Control(keyword="FOR") if line.words:
+            return (line.words[0].upper,)
+        case Control():
+            return line.changed
+        case _:
+            return ()
+
+
+def _as_number(text: str) -> float | None:
+    value = plain_value(text)
+    return value if isinstance(value, float) else None
+
+
+def _lines_of(routine: str, files: tuple[File, ...]) -> Iterator[Statement]:
+    """Lines of a routine of KUKA's own file."""
+    inside = False
+    for file in files:
+        for line in file.statements if file.module == BUILT_IN and not file.holds_data else ():
+            inside = line.name == routine if isinstance(line, Begin) else inside and not isinstance(line, End)
+            if inside:
+                yield line
 
 
 def _element(line: Assignment) -> tuple[str, ...]:
@@ -173,8 +241,8 @@ def _element(line: Assignment) -> tuple[str, ...]:
     return (f"{name}[{index}]" if bracket and index.isdecimal() else line.variable,)
 
 
-def _lines_with_own_names(file: File) -> Iterator[tuple[Statement, frozenset[str]]]:
-    """Lines of a program, with the names that their routine declares for itself: its parameters and its variables."""
+def _lines_with_own_names(file: File) -> Iterator[tuple[Statement, str, frozenset[str]]]:
+    """Lines of a program, with their routine and the names that it declares for itself: its parameters and its variables."""
     start = 0
     for i, line in enumerate((*file.statements, None)):
         if line is not None and not isinstance(line, Begin | End):
@@ -184,49 +252,5 @@ def _lines_with_own_names(file: File) -> Iterator[tuple[Statement, frozenset[str
         own = set(head.parameters) if isinstance(head, Begin) else set[str]()
         own |= {v.name for at in body if isinstance(at, Declaration) for v in at.variables}
         for at in body:
-            yield at, frozenset(own)
+            yield at, head.name if isinstance(head, Begin) else "", frozenset(own)
         start = i + 1
-
-
-def _stated(file: File) -> Iterator[Datum]:
-    """Variables to which a data list gives an aggregate."""
-    if not file.holds_data:
-        return
-    declared_shared: set[str] = set()
-    for line in file.statements:
-        if isinstance(line, Declaration):
-            for variable in line.variables:
-                if line.shared:
-                    declared_shared.add(variable.name)
-                aggregate = _aggregate(variable.value)
-                if aggregate is not None:
-                    yield _datum(file, line, variable, aggregate)
-        elif isinstance(line, Assignment):
-            aggregate = _aggregate(line.value)
-            if aggregate is not None:
-                yield Datum(
-                    file=file,
-                    name=line.name,
-                    aggregate=aggregate,
-                    shared=file.serves_all or line.variable in declared_shared,
-                    declaration=None,
-                    start=line.start,
-                )
-
-
-def _datum(file: File, line: Declaration, variable: Declared, aggregate: Aggregate) -> Datum:
-    return Datum(
-        file=file,
-        name=variable.name,
-        aggregate=aggregate,
-        shared=file.serves_all or line.shared,
-        declaration=line,
-        start=variable.start,
-    )
-
-
-def _aggregate(value: Operand | None) -> Aggregate | None:
-    if value is None or len(value.parts) != 1:
-        return None
-    part = value.parts[0]
-    return part if isinstance(part, Aggregate) else None

@@ -9,94 +9,17 @@ from jaxtyping import Float
 
 from taskcal.geometry import se3
 from taskcal.programs.krl.data import Data
+from taskcal.programs.krl.expressions import Lookup, name_of, number_of, with_values
 from taskcal.programs.krl.lexer import Word
 from taskcal.programs.krl.parser import parse_operand
 from taskcal.programs.krl.position import pose
+from taskcal.programs.krl.state import EVERYTHING, Held, State, Table
 from taskcal.programs.krl.syntax import Aggregate, Assignment, Call, Field, Operand
+from taskcal.programs.krl.variables import Known, Names
 from taskcal.programs.program import Frame
 from taskcal.programs.unresolved import Unresolved
 
-Table = Literal["tool", "base", "null", "own"]
-"""Where a frame comes from: TOOL_DATA, BASE_DATA, the zero frame, or the program's own."""
-
-EVERYTHING = frozenset({"tool", "base", "mode", "parameters", "speed", "motion"})
-"""What lines can alter: $TOOL, $BASE, $IPO_MODE, FDAT_ACT, $VEL.CP, and where the robot is."""
-
 NULL = Frame(name="$NULLFRAME", T=np.eye(4))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Held:
-    """What a frame variable holds."""
-
-    frame: Frame | None
-    """None where the text does not tell."""
-    table: Table = "own"
-    reason: str = ""
-    """Why it does not tell."""
-    carrier: str = ""
-    """What moves it; empty where it stands still."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class State:
-    """What the lines before have set."""
-
-    tool: Held
-    base: Held
-    fixed_tool: bool | None = False
-    """$IPO_MODE is #TCP: the tool stands still, the robot holds the part; None where the text does not tell."""
-    parameters: Aggregate | None = None
-    """FDAT_ACT, which the next BAS makes tool and base."""
-    parameters_reason: str = "FDAT_ACT is not set before it"
-    speed: float | None = None
-    """$VEL.CP, metres per second."""
-    turn_speed: float | None = None
-    """$VEL.ORI1, degrees per second."""
-    last: int | None = None
-    """Number of the motion that ends where the robot is now."""
-
-    @classmethod
-    def unset(cls) -> "State":
-        """At the start of a program that nothing calls."""
-        return cls(
-            tool=Held(frame=None, reason="$TOOL is not set before it"),
-            base=Held(frame=None, reason="$BASE is not set before it"),
-        )
-
-    def forgotten(self, reason: str, what: frozenset[str] = EVERYTHING) -> "State":
-        """Where some of `EVERYTHING` may have become anything."""
-        unknown = Held(frame=None, reason=reason)
-        return State(
-            tool=unknown if "tool" in what else self.tool,
-            base=unknown if "base" in what else self.base,
-            fixed_tool=None if "mode" in what else self.fixed_tool,
-            parameters=None if "parameters" in what else self.parameters,
-            parameters_reason=reason if "parameters" in what else self.parameters_reason,
-            speed=None if "speed" in what else self.speed,
-            turn_speed=None if "speed" in what else self.turn_speed,
-            last=None if "motion" in what else self.last,
-        )
-
-
-def merged(states: Sequence[State], reason: str) -> State:
-    """What holds after any of some ways through the program."""
-    first = states[0]
-    same = {
-        name: all(getattr(other, name) == getattr(first, name) for other in states)
-        for name in ("tool", "base", "fixed_tool", "parameters", "speed", "turn_speed", "last")
-    }
-    unknown = Held(frame=None, reason=reason)
-    return State(
-        tool=first.tool if same["tool"] else unknown,
-        base=first.base if same["base"] else unknown,
-        fixed_tool=first.fixed_tool if same["fixed_tool"] else None,
-        parameters=first.parameters if same["parameters"] else None,
-        parameters_reason=first.parameters_reason if same["parameters"] else reason,
-        speed=first.speed if same["speed"] else None,
-        turn_speed=first.turn_speed if same["turn_speed"] else None,
-        last=first.last if same["last"] else None,
-    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -104,38 +27,49 @@ class Frames:
     """Frames by what a module says of them."""
 
     data: Data
-    module: str
+    names: Names
+    """What names of variables mean in the routine."""
     made: dict[tuple[str, bytes], Frame] = field(default_factory=dict[tuple[str, bytes], Frame])
     """Frames met so far, so that one frame is one object."""
 
     def _frame(self, name: str, T: Float[np.ndarray, "4 4"]) -> Frame:
         return self.made.setdefault((name, T.tobytes()), Frame(name=name, T=T))
 
-    def of(self, operand: Operand, name: str) -> Held:
+    def known(self, state: State) -> Known:
+        """The values of variables where something holds."""
+        return Known(names=self.names, data=self.data, variables=state.variables)
+
+    def of(self, operand: Operand, name: str, known: Known) -> Held:
         """The frame that an operand states, called by a name where it has none of its own."""
         try:
             if not operand.parts:
                 raise Unresolved(f"{name} is set to something that the text does not state as a frame")
-            T = np.eye(4)
+            T, names = np.eye(4), list[str]()
             for part in operand.parts:
-                T = T @ (pose(part) if isinstance(part, Aggregate) else self._named(part.name))
+                if isinstance(part, Aggregate):
+                    T = T @ pose(with_values(part, known))
+                else:
+                    names.append(name_of(part, known))
+                    T = T @ self._named(names[-1], known)
         except Unresolved as trouble:
             return Held(frame=None, reason=str(trouble))
-        first = operand.parts[0]
-        if len(operand.parts) > 1 or isinstance(first, Aggregate):
+        if len(operand.parts) > 1 or not names:
             return Held(frame=self._frame(name, T))
-        if first.name in ("$NULLFRAME", "$WORLD"):
+        if names[0] in ("$NULLFRAME", "$WORLD"):
             return Held(frame=NULL, table="null")
-        variable = first.name.partition("[")[0]
+        variable = names[0].partition("[")[0]
         table: Table = "tool" if variable == "TOOL_DATA" else "base" if variable == "BASE_DATA" else "own"
-        return Held(frame=self._frame(first.name, T), table=table)
+        return Held(frame=self._frame(names[0], T), table=table)
 
-    def _named(self, name: str) -> Float[np.ndarray, "4 4"]:
+    def _named(self, name: str, known: Known) -> Float[np.ndarray, "4 4"]:
         if name in ("$NULLFRAME", "$WORLD"):
             return np.eye(4)
         if name == "$ROBROOT":
             return self.robroot
-        return pose(self.data.find(name, self.module).aggregate)
+        assigned = known.assigned(name)
+        if isinstance(assigned, Aggregate):
+            return pose(assigned)
+        return pose(self.data.find(name, self.names.module, self.names.routine).aggregate)
 
     @property
     def robroot(self) -> Float[np.ndarray, "4 4"]:
@@ -146,7 +80,7 @@ class Frames:
         """
         return np.eye(4) if self.data.robroot is None else self.data.robroot
 
-    def numbered(self, table: Literal["tool", "base"], number: float | None) -> Held:
+    def numbered(self, table: Literal["tool", "base"], number: float | None, known: Known) -> Held:
         """An element of TOOL_DATA or BASE_DATA; the zero frame for number 0."""
         array = "TOOL_DATA" if table == "tool" else "BASE_DATA"
         if number is None:
@@ -155,7 +89,7 @@ class Frames:
             return Held(frame=NULL, table="null")
         name = f"{array}[{number:g}]"
         try:
-            return Held(frame=self._frame(name, self._named(name)), table=table)
+            return Held(frame=self._frame(name, self._named(name, known)), table=table)
         except Unresolved as trouble:
             return Held(frame=None, reason=str(trouble))
 
@@ -168,36 +102,36 @@ class Frames:
         text = mode.text.upper() if mode else "#BASE"
         return replace(
             state,
-            tool=self.numbered("tool", parameters.value("TOOL_NO")),
-            base=self.numbered("base", parameters.value("BASE_NO")),
+            tool=self.numbered("tool", parameters.value("TOOL_NO"), self.known(state)),
+            base=self.numbered("base", parameters.value("BASE_NO"), self.known(state)),
             fixed_tool={"#BASE": False, "#TCP": True}.get(text),
         )
 
     def after_assignment(self, state: State, line: Assignment) -> State:
         """The state behind an assignment."""
-        value = line.value
+        value, known = line.value, self.known(state)
         match line.name:
             case "$TOOL":
-                return replace(state, tool=self.of(value, "$TOOL"))
+                return replace(state, tool=self.of(value, "$TOOL", known))
             case "$BASE":
-                return replace(state, base=self.of(value, "$BASE"))
+                return replace(state, base=self.of(value, "$BASE", known))
             case "$IPO_MODE":
                 return replace(state, fixed_tool={"#BASE": False, "#TCP": True}.get(line.text))
             case "FDAT_ACT":
                 return self._with_parameters(state, value)
             case "$VEL.CP":
-                return replace(state, speed=_plain_number(line.text))
+                return replace(state, speed=_number(line.words, known))
             case "$VEL":
                 part = value.parts[0] if len(value.parts) == 1 else None
                 if not isinstance(part, Aggregate):
                     return replace(state, speed=None, turn_speed=None)
                 return replace(state, speed=part.value("CP"), turn_speed=part.value("ORI1"))
             case "$VEL.ORI1":
-                return replace(state, turn_speed=_plain_number(line.text))
+                return replace(state, turn_speed=_number(line.words, known))
             case _:
                 pass
         if line.variable == "FDAT_ACT" and state.parameters is not None:
-            return replace(state, parameters=_with_component(state.parameters, line))
+            return replace(state, parameters=_with_component(state.parameters, line, known))
         if line.variable in ("$TOOL", "$BASE"):
             held = Held(frame=None, reason=f"{line.name} is changed on its own")
             return replace(state, tool=held) if line.variable == "$TOOL" else replace(state, base=held)
@@ -213,11 +147,14 @@ class Frames:
         if len(value.parts) != 1:
             raise Unresolved("FDAT_ACT is not set to a set of parameters")
         part = value.parts[0]
-        return part if isinstance(part, Aggregate) else self.data.find(part.name, self.module).aggregate
+        if isinstance(part, Aggregate):
+            return part
+        return self.data.find(part.name, self.names.module, self.names.routine).aggregate
 
     def after_bas(self, state: State, line: Call) -> State:
         """The state behind a call of BAS, the controller's routine for motion parameters (bas.src)."""
-        number = _number_of(line.arguments[1]) if len(line.arguments) > 1 else None
+        known = self.known(state)
+        number = _number(line.arguments[1], known) if len(line.arguments) > 1 else None
         match line.command:
             case "#PTP_PARAMS" | "#PTP_DAT" | "#FRAMES":
                 return self.of_parameters(state, state.parameters)
@@ -228,18 +165,28 @@ class Frames:
             case "#VEL_CP":
                 return replace(state, speed=number)
             case "#TOOL":
-                return replace(state, tool=self.numbered("tool", number))
+                return replace(state, tool=self.numbered("tool", number, known))
             case "#BASE":
-                return replace(state, base=self.numbered("base", number))
+                return replace(state, base=self.numbered("base", number, known))
             case "#EX_BASE":
                 return replace(
-                    state, base=replace(self.numbered("base", number), carrier="an external kinematic system")
+                    state, base=replace(self.numbered("base", number, known), carrier="an external kinematic system")
                 )
             case "#INITMOV":
-                reset = state.forgotten("BAS(#INITMOV) resets tool and base before it", EVERYTHING - {"motion"})
-                return replace(reset, fixed_tool=False)
+                return self._initial(state)
             case _:
                 return state
+
+    def _initial(self, state: State) -> State:
+        """The state behind BAS(#INITMOV): as the bas.src that was passed says; else tool and base are not known."""
+        reset = state.forgotten("BAS(#INITMOV) resets tool and base before it", EVERYTHING - {"motion"})
+        tool, base = self.data.initial_frames
+        known = self.known(state)
+        if tool is not None:
+            reset = replace(reset, tool=self.numbered("tool", tool, known))
+        if base is not None:
+            reset = replace(reset, base=self.numbered("base", base, known))
+        return replace(reset, fixed_tool=False)
 
     def with_settings(self, state: State, settings: dict[str, tuple[Word, ...]]) -> State:
         """The state of one motion that sets tool, base or mode for itself."""
@@ -248,20 +195,20 @@ class Frames:
             if function in ("STOOL", "STOOL2", "SBASE", "SIPO_MODE"):
                 state = self._set_by(state, name, words)
             elif name in ("$TOOL", "$BASE"):
-                held = self.of(parse_operand(words), name)
+                held = self.of(parse_operand(words), name, self.known(state))
                 state = replace(state, tool=held) if name == "$TOOL" else replace(state, base=held)
             elif name == "$IPO_MODE":
                 state = replace(state, fixed_tool={"#BASE": False, "#TCP": True}.get("".join(w.upper for w in words)))
             elif name in ("$VEL", "$VEL.CP"):
-                state = replace(state, speed=_number_of(words[2:3] if function == "SVEL_CP" else words))
+                state = replace(state, speed=_number(words[2:3] if function == "SVEL_CP" else words, self.known(state)))
             elif name == "$VEL.ORI1":
-                state = replace(state, turn_speed=_number_of(words))
+                state = replace(state, turn_speed=_number(words, self.known(state)))
         return state
 
     def _set_by(self, state: State, name: str, words: tuple[Word, ...]) -> State:
         """One of the inline forms' functions of a set of frame parameters, such as ``STOOL2(FP1)``."""
         try:
-            parameters = self.data.find(words[2].upper, self.module).aggregate
+            parameters = self.data.find(words[2].upper, self.names.module, self.names.routine).aggregate
         except Unresolved as trouble:
             unknown = Held(frame=None, reason=str(trouble))
             return replace(state, tool=unknown, base=unknown, fixed_tool=None)
@@ -306,27 +253,22 @@ class Frames:
         return frame if np.array_equal(T, frame.T) else self._frame(frame.name, T)
 
 
-def _with_component(parameters: Aggregate, line: Assignment) -> Aggregate:
+def _with_component(parameters: Aggregate, line: Assignment, known: Known) -> Aggregate:
     """A set of parameters with one component as a line sets it: a number, or something that the text does not tell."""
     name = line.name.partition(".")[2]
     new = Field(
         name=name,
         text=line.text,
-        value=_plain_number(line.text),
-        start=line.value.start,
-        end=line.value.end,
+        value=_number(line.words, known),
+        start=0,
+        end=0,
         touches=False,
     )
     return replace(parameters, fields=(*(old for old in parameters.fields if old.name != name), new))
 
 
-def _number_of(words: Sequence[Word]) -> float | None:
-    return _plain_number("".join(word.text for word in words))
-
-
-def _plain_number(text: str) -> float | None:
+def _number(words: Sequence[Word], lookup: Lookup) -> float | None:
     try:
-        value = float(text)
-    except ValueError:
+        return number_of(words, lookup)
+    except Unresolved:
         return None
-    return value if np.isfinite(value) else None

@@ -54,3 +54,11 @@ def _words(text: str, start: int, end: int) -> list[Word]:
         for match in _WORD.finditer(text, start, end)
         if match.lastgroup and match.lastgroup != "blank"
     ]
+
+
+def bit_string(text: str) -> float | None:
+    """The number that a bit string such as ``'B1010'`` or ``'HFF'`` means, in capitals; None where it is none."""
+    digits, base = text[2:-1], {"'B": 2, "'H": 16}.get(text[:2])
+    if base is None or not digits or len(digits) > 32 or not set(digits) <= set("0123456789ABCDEF"[:base]):
+        return None
+    return float(int(digits, base))

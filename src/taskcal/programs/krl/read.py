@@ -4,13 +4,26 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from taskcal.errors import FileError
-from taskcal.programs.krl.data import Data, File
-from taskcal.programs.krl.frames import Frames, State, merged
+from taskcal.programs.krl.calls import MOST_PASSES, Calls
+from taskcal.programs.krl.data import Data
+from taskcal.programs.krl.data_lists import File
+from taskcal.programs.krl.findings import Findings, Found
+from taskcal.programs.krl.frames import Frames
 from taskcal.programs.krl.lexer import lines_of_words
 from taskcal.programs.krl.parser import parse
-from taskcal.programs.krl.resolve import Findings, Walk
+from taskcal.programs.krl.resolve import Walk
 from taskcal.programs.krl.rewrite import Site, rewrite
-from taskcal.programs.krl.routines import altering, callers_first, callers_of, routines_of
+from taskcal.programs.krl.routines import (
+    Routine,
+    altering,
+    callers_first,
+    callers_of,
+    changing,
+    roots_of,
+    routines_of,
+    unasked,
+)
+from taskcal.programs.krl.state import State, merged
 from taskcal.programs.krl.syntax import Begin
 from taskcal.programs.program import Diagnostic, Frame, Program, Waypoint
 from taskcal.programs.source import Source
@@ -72,25 +85,66 @@ class _Reading:
 
     def program(self) -> KrlProgram:
         """Read all routines, callers before those they call, so that tool and base pass from one to the other."""
-        data = Data(files=self.files)
         routines = routines_of(self.files)
-        alters = altering(routines)
         callers = callers_of(routines)
-        called_at: dict[str, list[State]] = {name: [] for name in routines}
+        data = Data(files=self.files, roots=roots_of(callers))
+        changes = changing(routines, data)
+        beside = unasked(self.files).intersection(routines)
+        volatile = frozenset[str]().union(*(changes[name] for name in beside))
+        frames: dict[Routine, Frames] = {}
         made: dict[tuple[str, bytes], Frame] = {}
+
+        def frames_of(routine: Routine) -> Frames:
+            if routine not in frames:
+                frames[routine] = Frames(data=data, names=routine.names(data, volatile), made=made)
+            return frames[routine]
+
+        passing: dict[tuple[int, int], Found] = {}
+        quiet = Findings(found=passing, beside=self.findings.found)
+
+        def follow(routine: Routine, state: State, calls: Calls) -> State:
+            return Walk(findings=quiet, routine=routine, frames=frames_of(routine), calls=calls).run(state)
+
+        calls = Calls(
+            routines=routines,
+            alters=altering(routines),
+            changes=changes,
+            names=lambda routine: frames_of(routine).names,
+            follow=follow,
+            called_at={name: [] for name in routines},
+            left=[MOST_PASSES * sum(len(file.statements) for file in self.files)],
+        )
+        findings = replace(self.findings, beside=passing)
         done: set[str] = set()
         for name in callers_first(callers):
-            states = called_at[name]
-            entry = merged(states, f"{name} is called with different ones") if states else State.unset()
+            entry = self._entry(name, calls.called_at[name], beside)
             if not callers[name] <= done:
-                entry = entry.forgotten(f"{name} is called in a circle")
+                entry = replace(entry.forgotten(f"{name} is called in a circle"), variables={})
             done.add(name)
             for routine in routines[name]:
-                frames = Frames(data=data, module=routine.file.module, made=made)
-                walk = Walk(findings=self.findings, routine=routine, frames=frames, alters=alters, called_at=called_at)
-                walk.run(replace(entry, last=None))
+                walk = Walk(findings=findings, routine=routine, frames=frames_of(routine), calls=calls)
+                walk.run(entry)
         self._warn()
+        self._say_set_elsewhere(data)
         return self._ordered(data)
+
+    @staticmethod
+    def _entry(name: str, states: list[State], beside: frozenset[str]) -> State:
+        """What holds at the start of the routines of a name."""
+        if name in beside or not states:
+            states = [*states, State.unset()]
+        return merged(states, f"{name} is called with different ones")
+
+    def _say_set_elsewhere(self, data: Data) -> None:
+        """Say which tools and bases another program may change."""
+        for name, place in data.set_elsewhere.items():
+            number = next(i for i, file in enumerate(self.files) if file.source.path == place.path)
+            text = (
+                f"{name} is changed here, in a program of its own; motions are corrected for the value in the data list"
+            )
+            lines = self.files[number].source.text.split("\n")
+            position = sum(len(line) + 1 for line in lines[: place.line - 1])
+            self.findings.diagnose(self.files[number], position, text)
 
     def _warn(self) -> None:
         """Say where the controller may correct its geometry by itself."""
@@ -109,13 +163,12 @@ class _Reading:
             T_world_base = data.robroot
         except Unresolved:  # the motions to poses say so
             T_world_base = None
-        motions = sorted(self.findings.found, key=lambda f: (f.site.file.number, f.site.motion.start))
-        number = {f.number: i for i, f in enumerate(motions)}
+        keys = sorted(self.findings.found)
+        motions = [self.findings.found[key] for key in keys]
+        number = {key: i for i, key in enumerate(keys)}
         return KrlProgram(
             sources=tuple(file.source for file in self.files),
-            moves=tuple(
-                replace(f.move, follows=None if f.move.follows is None else number[f.move.follows]) for f in motions
-            ),
+            moves=tuple(replace(f.move, follows=None if f.follows is None else number.get(f.follows)) for f in motions),
             diagnostics=tuple(
                 Diagnostic(place=self.files[file].source.place(position), text=text)
                 for file, position, text in sorted(set(self.findings.diagnostics))

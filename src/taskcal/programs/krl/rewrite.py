@@ -8,7 +8,7 @@ from math import isnan
 import numpy as np
 
 from taskcal.programs.fresh_names import FreshNames
-from taskcal.programs.krl.data import Datum, File
+from taskcal.programs.krl.data_lists import Datum, File
 from taskcal.programs.krl.lexer import lines_of_words
 from taskcal.programs.krl.position import AXES, EXTERNAL, axis_values, edits_for, has_axes, has_pose, pose_values, whole
 from taskcal.programs.krl.status import Status
@@ -40,6 +40,8 @@ class Written:
     """Where it is a variable, or starts with one."""
     file: File
     """Of the motion."""
+    computed: bool = False
+    """Code computes some of it, so that its numbers stand nowhere in the text."""
 
     @property
     def template(self) -> str:
@@ -170,12 +172,12 @@ class _Rewriting:
         first, operand = written.aggregates[0], written.operand
         if has_axes(first) == (waypoint.T is None):
             changes = edits_for(first, self._values(written, waypoint))
-            if written.datum is None and len(operand.parts) == 1:
+            if written.datum is None and len(operand.parts) == 1 and not written.computed:
                 for change in changes:
                     self._edit(written.file, change)
                 return
             datum = written.listed
-            if datum is not None:
+            if datum is not None and not written.computed:
                 key = (datum.file.number, datum.start, tuple(changes))
                 self.uses.setdefault(key, _Use(datum=datum, changes=key[2])).points.append(written)
                 return
@@ -204,7 +206,8 @@ class _Rewriting:
         names = [name for name in values if name not in ("S", "T")]
         beside = {name: value for name, value in zip(EXTERNAL, waypoint.external, strict=False) if not isnan(value)}
         values |= {name: value for name, value in beside.items() if first.field(name)}
-        if all(first.field(name) for name in names) and all(part.value is not None for part in first.fields):
+        numbers = all(first.field(name) for name in names) and all(part.value is not None for part in first.fields)
+        if numbers and not written.computed:
             return edited_piece(written.template, edits_for(first, values), first.start)
         parts = [f"{name} {numeral(values[name], 5 if name in 'XYZ' else 6)}" for name in names]
         for name in ("S", "T"):

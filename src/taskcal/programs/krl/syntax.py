@@ -65,6 +65,8 @@ class Reference:
     """In capitals, with its index: ``TOOL_DATA[3]``."""
     start: int
     end: int
+    index: tuple[tuple[Word, ...], ...] = ()
+    """Expressions of its index, where that is not a number."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -94,6 +96,8 @@ class Begin(Statement):
     """In capitals."""
     parameters: tuple[str, ...] = ()
     """What the routine is given, in capitals."""
+    by_value: tuple[bool, ...] = ()
+    """Of each, whether it is given by value, so that the caller's own variable stays."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -137,6 +141,10 @@ class Assignment(Statement):
     """The value as written, in capitals and without blanks."""
     changed: tuple[str, ...]
     """Variables handed to functions on the way."""
+    left: tuple[Word, ...]
+    """What is assigned to."""
+    words: tuple[Word, ...]
+    """The value."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -163,8 +171,6 @@ class Call(Statement):
     name: str
     """In capitals."""
     arguments: tuple[tuple[Word, ...], ...]
-    changed: tuple[str, ...]
-    """Variables handed over."""
 
     @property
     def command(self) -> str:
@@ -177,3 +183,7 @@ class Control(Statement):
     """A line that steers where the program goes on, by its first word; ``LABEL`` for a label."""
 
     keyword: str
+    words: tuple[Word, ...] = ()
+    """What stands behind it."""
+    changed: tuple[str, ...] = ()
+    """Variables handed to functions on the way."""

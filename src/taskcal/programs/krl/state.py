@@ -1,0 +1,94 @@
+"""What the lines of a KRL program before another one have set: tool, base, mode, speed, and where the robot is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+from taskcal.programs.krl.expressions import Value
+from taskcal.programs.krl.syntax import Aggregate
+from taskcal.programs.krl.variables import Variables, common
+from taskcal.programs.program import Frame
+
+Table = Literal["tool", "base", "null", "own"]
+"""Where a frame comes from: TOOL_DATA, BASE_DATA, the zero frame, or the program's own."""
+
+EVERYTHING = frozenset({"tool", "base", "mode", "parameters", "speed", "motion"})
+"""What lines can alter: $TOOL, $BASE, $IPO_MODE, FDAT_ACT, $VEL.CP, and where the robot is."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Held:
+    """What a frame variable holds."""
+
+    frame: Frame | None
+    """None where the text does not tell."""
+    table: Table = "own"
+    reason: str = ""
+    """Why it does not tell."""
+    carrier: str = ""
+    """What moves it; empty where it stands still."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class State:
+    """What the lines before have set."""
+
+    tool: Held
+    base: Held
+    fixed_tool: bool | None = False
+    """$IPO_MODE is #TCP: the tool stands still, the robot holds the part; None where the text does not tell."""
+    parameters: Aggregate | None = None
+    """FDAT_ACT, which the next BAS makes tool and base."""
+    parameters_reason: str = "FDAT_ACT is not set before it"
+    speed: float | None = None
+    """$VEL.CP, metres per second."""
+    turn_speed: float | None = None
+    """$VEL.ORI1, degrees per second."""
+    last: tuple[int, int] | None = None
+    """File and first character of the motion that ends where the robot is now."""
+    variables: Variables = field(default_factory=dict[str, Value])
+    """What code has assigned, as far as the text tells."""
+
+    @classmethod
+    def unset(cls) -> "State":
+        """At the start of a program that nothing calls."""
+        return cls(
+            tool=Held(frame=None, reason="$TOOL is not set before it"),
+            base=Held(frame=None, reason="$BASE is not set before it"),
+        )
+
+    def forgotten(self, reason: str, what: frozenset[str] = EVERYTHING) -> "State":
+        """Where some of `EVERYTHING` may have become anything."""
+        unknown = Held(frame=None, reason=reason)
+        return State(
+            tool=unknown if "tool" in what else self.tool,
+            base=unknown if "base" in what else self.base,
+            fixed_tool=None if "mode" in what else self.fixed_tool,
+            parameters=None if "parameters" in what else self.parameters,
+            parameters_reason=reason if "parameters" in what else self.parameters_reason,
+            speed=None if "speed" in what else self.speed,
+            turn_speed=None if "speed" in what else self.turn_speed,
+            last=None if "motion" in what else self.last,
+            variables=self.variables,
+        )
+
+
+def merged(states: Sequence[State], reason: str) -> State:
+    """What holds after any of some ways through the program."""
+    first = states[0]
+    same = {
+        name: all(getattr(other, name) == getattr(first, name) for other in states)
+        for name in ("tool", "base", "fixed_tool", "parameters", "speed", "turn_speed", "last")
+    }
+    unknown = Held(frame=None, reason=reason)
+    return State(
+        tool=first.tool if same["tool"] else unknown,
+        base=first.base if same["base"] else unknown,
+        fixed_tool=first.fixed_tool if same["fixed_tool"] else None,
+        parameters=first.parameters if same["parameters"] else None,
+        parameters_reason=first.parameters_reason if same["parameters"] else reason,
+        speed=first.speed if same["speed"] else None,
+        turn_speed=first.turn_speed if same["turn_speed"] else None,
+        last=first.last if same["last"] else None,
+        variables=common(state.variables for state in states),
+    )
