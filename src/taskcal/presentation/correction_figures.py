@@ -1,6 +1,7 @@
 """Figures of a corrected program: its error along the way, and where it goes."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -8,17 +9,19 @@ from jaxtyping import Float
 
 from taskcal.correction.assessment import Deviations
 from taskcal.correction.correction import Correction
-from taskcal.presentation.theme import BLUE, ORANGE, VERMILION, styled, styled_space
+from taskcal.presentation.content import Scene
+from taskcal.presentation.space import coloured_points, spread_rows
+from taskcal.presentation.theme import BLUE, ORANGE, VERMILION, styled
 from taskcal.programs.program import Program
 
 FLOOR = 1e-5
 """Smaller errors are drawn as this, millimetres: what is left there is the rounding of the program's numbers."""
 
-LEAST_ROOM = 5.0
-"""Half of what a figure in space shows at least along each axis, millimetres."""
-
 MOST = 20_000
 """Points of a curve; more are thinned out."""
+
+MOST_IN_SPACE = 4000
+"""Points in space; more would only hide each other."""
 
 
 def draw_errors_along(correction: Correction) -> go.Figure:
@@ -81,53 +84,29 @@ def draw_errors_per_axis(correction: Correction) -> go.Figure:
     return styled(figure, height=380)
 
 
-def draw_program(correction: Correction) -> go.Figure:
+def draw_program(correction: Correction) -> Scene:
     """Where the program takes the tool, coloured by its error before; in each part's own frame."""
     deviations = correction.before
     position = _positions(correction, deviations)
-    figure = go.Figure()
     moves = correction.program.moves
     own = np.array([moves[i].part.name for i in deviations.move])
     top = float(deviations.length.max() * 1e3) if len(deviations.error) else 1.0
+    layers: list[Mapping[str, Any]] = []
     for name in dict.fromkeys(own.tolist()):
         rows = np.flatnonzero((own == name) & np.isfinite(position[:, 0]))
-        rows = rows[_thinned(len(rows))]
-        if not len(rows):
-            continue
-        p = position[rows] * 1e3
-        figure.add_trace(
-            go.Scatter3d(
-                x=p[:, 0],
-                y=p[:, 1],
-                z=p[:, 2],
-                mode="markers",
-                name=name or "base",
-                marker={
-                    "size": 2.5,
-                    "color": deviations.length[rows] * 1e3,
-                    "cmin": 0.0,
-                    "cmax": top,
-                    "colorscale": "Cividis",
-                    "showscale": not figure.data,
-                    "colorbar": {"title": {"text": "error before (mm)"}, "len": 0.7},
-                },
-                hovertemplate="%{marker.color:.3f} mm<extra></extra>",
-            )
-        )
-    styled_space(figure, distance=1.6)
-    figure.update_scenes(
-        {f"{axis}axis_range": list(limits) for axis, limits in zip("xyz", _room(position), strict=True)}
+        rows = rows[spread_rows(len(rows), MOST_IN_SPACE)]
+        if len(rows):
+            length = deviations.length[rows] * 1e3
+            lines = [moves[i].place.line for i in deviations.move[rows]]
+            tips = [f"line {line}: {error:.3f} mm" for line, error in zip(lines, length, strict=True)]
+            label = f"{name or 'base'}: error before, dark 0 to bright {top:.3f} mm"
+            layers.append(coloured_points(label, position[rows], length, (0.0, top), tips))
+    return Scene(
+        title="Where the program goes",
+        layers=tuple(layers),
+        note="Bright points are those that the robot misses most without the correction; a bright corner is where the part "
+        "would be worst. Every part in its own frame.",
     )
-    return figure
-
-
-def _room(position: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "3 2"]:
-    """Limits of axes about some points, millimetres; a scene whose axes are drawn to scale needs some depth in each."""
-    p = position[np.isfinite(position[:, 0])] * 1e3
-    low, high = p.min(axis=0), p.max(axis=0)
-    half = np.maximum(0.5 * (high - low), max(0.1 * float((high - low).max()), LEAST_ROOM))
-    middle = 0.5 * (low + high)
-    return np.stack([middle - 1.05 * half, middle + 1.05 * half], axis=1)
 
 
 def _positions(correction: Correction, deviations: Deviations) -> Float[np.ndarray, "k 3"]:

@@ -61,18 +61,16 @@ def _errors(correction: Correction) -> Section:
             Chart(
                 title="Predicted error along the program",
                 figure=draw_errors_along(correction),
-                note="Distance of the true tool from where it is wanted; between targets, from its way.",
+                note="The lower line should lie well below the upper one along the whole program; where it does not, see "
+                "what was left alone. Distance of the true tool from where it is wanted; between targets, from its way.",
             ),
             Chart(
                 title="Errors at targets along the part's axes",
                 figure=draw_errors_per_axis(correction),
-                note="Boxes hold the middle half, whiskers reach 1.5 times as far.",
+                note="After the correction, boxes should lie about zero and be short. They hold the middle half, whiskers "
+                "reach 1.5 times as far.",
             ),
-            Chart(
-                title="Where the program goes",
-                figure=draw_program(correction),
-                note="Every part in its own frame, coloured by the error before.",
-            ),
+            draw_program(correction),
         ]
     return Section(title="Errors", blocks=tuple(blocks))
 

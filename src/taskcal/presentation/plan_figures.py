@@ -5,7 +5,7 @@ import plotly.graph_objects as go
 from jaxtyping import Float
 
 from taskcal.adaptation.plan import Plan
-from taskcal.presentation.theme import BLUE, GREEN, GREY, INK, ORANGE, VERMILION, styled, styled_space
+from taskcal.presentation.theme import BLUE, GREEN, GREY, INK, ORANGE, VERMILION, styled
 from taskcal.task.workspace import Workspace
 
 
@@ -66,60 +66,6 @@ def draw_by_count(plan: Plan) -> go.Figure:
     figure.update_xaxes(title_text="measured poses", range=[0, count * 1.03])
     figure.update_yaxes(title_text="expected error (mm, rms)", type="log", dtick="D2")
     return figure
-
-
-def draw_plan(points: Float[np.ndarray, "n 3"], axes: Float[np.ndarray, "n 3"], space: Workspace | None) -> go.Figure:
-    """Where the planned poses are, in the order in which to measure them, and the task's workspace.
-
-    Args:
-        points: tool points in the base, metres.
-        axes: z axes of the tool in the base.
-        space: the task's workspace; None for a list of poses or a path.
-    """
-    figure = go.Figure()
-    x, y, z = points.T * 1e3
-    length = 0.12 * float(np.ptp(points, axis=0).max()) * 1e3
-    figure.add_scatter3d(
-        x=x, y=y, z=z, mode="lines", name="way", line={"color": "#b8c1ca", "width": 2}, hoverinfo="skip"
-    )
-    stems = np.full((len(points), 3, 3), np.nan)
-    stems[:, 0], stems[:, 1] = points * 1e3, points * 1e3 - axes * length
-    sx, sy, sz = stems.reshape(-1, 3).T
-    figure.add_scatter3d(
-        x=sx,
-        y=sy,
-        z=sz,
-        mode="lines",
-        name="tool, seen from its point",
-        line={"color": BLUE, "width": 4},
-        hoverinfo="skip",
-    )
-    figure.add_scatter3d(
-        x=x,
-        y=y,
-        z=z,
-        mode="markers",
-        name="tool points",
-        marker={
-            "size": 5,
-            "color": np.arange(len(points)),
-            "colorscale": "Viridis",
-            "colorbar": {"title": {"text": "order"}, "len": 0.7},
-        },
-        hovertemplate="pose %{marker.color}: %{x:.0f} %{y:.0f} %{z:.0f} mm<extra></extra>",
-    )
-    if space is not None:
-        ex, ey, ez = outline(space).T * 1e3
-        figure.add_scatter3d(
-            x=ex,
-            y=ey,
-            z=ez,
-            mode="lines",
-            name="workspace of the task",
-            line={"color": INK, "width": 3},
-            hoverinfo="skip",
-        )
-    return styled_space(figure, distance=1.3)
 
 
 def outline(space: Workspace) -> Float[np.ndarray, "k 3"]:

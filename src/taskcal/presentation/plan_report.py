@@ -5,7 +5,8 @@ import numpy as np
 from taskcal.adaptation.plan import Plan
 from taskcal.presentation.content import Chart, Numbers, Section, Table, Text
 from taskcal.presentation.model_error_origin import state_model_error
-from taskcal.presentation.plan_figures import draw_by_count, draw_plan
+from taskcal.presentation.plan_figures import draw_by_count
+from taskcal.presentation.plan_scene import plan_scene
 from taskcal.presentation.plan_tables import tabulate_by_count, tabulate_expected_errors
 from taskcal.presentation.report import report_html
 from taskcal.robot.error_model import ErrorModel
@@ -22,7 +23,6 @@ def plan_html(model: ErrorModel, task: Task, plan: Plan, *, seed: int, version: 
         seed: of the plan, for the footer.
         version: of the package, for the footer.
     """
-    T = model.poses(plan.q)
     sections = [
         Section(
             title="What it is worth",
@@ -50,11 +50,7 @@ def plan_html(model: ErrorModel, task: Task, plan: Plan, *, seed: int, version: 
         Section(
             title="The poses",
             blocks=(
-                Chart(
-                    title="Where the tool point is, and how the tool is turned",
-                    figure=draw_plan(T[:, :3, 3], T[:, :3, 2], task.workspace),
-                    note="In the robot's base. Turn it with the mouse.",
-                ),
+                plan_scene(model, plan, task.workspace),
                 _joints(model, plan),
                 _lost(plan),
             ),

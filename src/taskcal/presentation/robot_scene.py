@@ -9,8 +9,8 @@ from jaxtyping import Float
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.measured_errors import MeasuredErrors
 from taskcal.presentation.content import Scene
-from taskcal.presentation.plan_figures import outline
-from taskcal.presentation.theme import BLUE, INK, PURPLE, VERMILION
+from taskcal.presentation.space import spread_rows, to_mm, workspace_layer
+from taskcal.presentation.theme import BLUE, INK, VERMILION
 from taskcal.robot.robot import Robot
 from taskcal.robot.skeleton import trace_skeleton
 from taskcal.task.workspace import Workspace
@@ -121,20 +121,6 @@ def link_radius(robot: Robot) -> float:
     return THICKNESS * robot.reach
 
 
-def workspace_layer(space: Workspace) -> Mapping[str, Any]:
-    """The edges of a workspace."""
-    edges = outline(space)
-    gaps = np.flatnonzero(np.isnan(edges[:, 0]))
-    strokes = [to_mm(stroke[np.isfinite(stroke[:, 0])]) for stroke in np.split(edges, gaps)]
-    return {
-        "kind": "strokes",
-        "label": "workspace of the task",
-        "colour": PURPLE,
-        "width": 2.2,
-        "at": [stroke for stroke in strokes if stroke],
-    }
-
-
 def _arrows(
     label: str,
     errors: Float[np.ndarray, "k 3"],
@@ -171,16 +157,6 @@ def nice_scale(scale: float) -> float:
     """The nearest 1, 2 or 5 of a decade, from 1 to 10 000."""
     choices = np.array([m * 10.0**k for k in range(4) for m in (1, 2, 5)] + [1e4])
     return float(choices[np.argmin(np.abs(np.log(choices / max(scale, 1e-9))))])
-
-
-def spread_rows(count: int, most: int) -> np.ndarray:
-    """Numbers of at most so many rows, spread evenly over all."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int)) if count else np.zeros(0, dtype=int)
-
-
-def to_mm(points: Float[np.ndarray, "k 3"]) -> list[list[float]]:
-    """Millimetres, to a tenth."""
-    return np.round(np.asarray(points) * 1e3, 1).tolist()
 
 
 def _length(error: Float[np.ndarray, " 3"]) -> float:
