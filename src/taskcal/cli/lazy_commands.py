@@ -25,8 +25,7 @@ SUMMARIES = {
     "correct": "Correct a robot program, so that the true tool goes where the program says.",
     "poses": "Compute tool poses from joint positions, nominal and calibrated, or joint positions from tool poses.",
     "export": "Write a calibrated robot as URDF, YAML or table, or fit what a controller can hold.",
-    "report": "Make a page of a calibration: parameters, residuals, outliers, uncertainty over a task, and what the residuals "
-    "depend on.",
+    "report": "Make a page of a calibration, for a person who was not there.",
     "studio": "Work through pages in the browser, on a project's folder.",
     "doctor": "Find what is wrong with a campaign; without one, check the installation.",
     "warm": "Compile all kernels now, so that no later command has to.",

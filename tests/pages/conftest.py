@@ -1,0 +1,54 @@
+"""Pages of every kind, made once, for a real browser to open."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from taskcal.cli import main
+from tests.pages.made_pages import PAGES
+from tests.studio.conftest import chromium
+
+__all__ = ["chromium"]
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where pages and what they are made of lie."""
+    return tmp_path_factory.mktemp("pages")
+
+
+@pytest.fixture(scope="session")
+def made(folder: Path) -> Callable[[str], Path]:
+    """Makes a page by its name, once."""
+    pages: dict[str, Path] = {}
+
+    def call(*arguments: object) -> None:
+        words = [str(argument) for argument in arguments]
+        assert main(words) == 0, words
+
+    def make(name: str) -> Path:
+        if name not in pages:
+            before = os.getcwd()
+            os.chdir(folder)
+            try:
+                pages[name] = folder / PAGES[name](call, folder)
+            finally:
+                os.chdir(before)
+        return pages[name]
+
+    return make
+
+
+@pytest.fixture
+def tab(chromium: Any) -> Any:
+    """A tab; the test fails if a page in it complained."""
+    context = chromium.new_context(viewport={"width": 1440, "height": 900})
+    page, complaints = context.new_page(), list[str]()
+    page.on("console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    yield page
+    context.close()
+    assert complaints == []

@@ -1,0 +1,118 @@
+"""Every kind of page in a real browser: no complaints, nothing that keeps people out, every figure drawn, all of it on paper."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import plotly.graph_objects as go
+import pytest
+
+from taskcal.presentation.content import Chart, Scene, Section
+from taskcal.presentation.report import report_html
+from tests.pages.made_pages import PAGES
+from tests.pages.printed import Printed, squeezed
+from tests.studio.conftest import PICTURES
+from tests.studio.test_robot_in_browser import serious
+
+pytestmark = [pytest.mark.browser, pytest.mark.long]
+
+SIZES = {"desk": (1440, 900), "phone": (390, 844)}
+
+MARKS = ".scatterlayer path, .barlayer path, .boxlayer path, .heatmaplayer image, .gl-container canvas"
+"""What a chart draws of its data."""
+
+DRAWN = """() => [...document.querySelectorAll("figure")].map((figure) => {
+  const title = figure.querySelector("figcaption").textContent, canvas = figure.querySelector(".scene canvas");
+  if (canvas) {
+    const data = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+    let inked = 0;
+    for (let k = 0; k < data.length; k += 4) inked += Math.min(data[k], data[k + 1], data[k + 2]) < 200;
+    return [title, inked / (data.length / 4) > 0.002];
+  }
+  const marks = [...figure.querySelectorAll(MARKS)];
+  return [title, marks.filter((mark) => { const b = mark.getBoundingClientRect(); return b.width + b.height > 3; }).length > 0];
+})""".replace("MARKS", repr(MARKS))
+"""Title of every figure, and whether there is anything in it."""
+
+
+def opened(tab: Any, page: Path) -> None:
+    tab.goto(page.as_uri())
+    tab.wait_for_selector("html[data-drawn]", timeout=30_000)
+    tab.wait_for_timeout(200)
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_on_screens(name: str, made: Callable[[str], Path], tab: Any) -> None:
+    opened(tab, made(name))
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    for size, (width, height) in SIZES.items():
+        tab.set_viewport_size({"width": width, "height": height})
+        tab.wait_for_timeout(400)
+        assert tab.evaluate("document.documentElement.scrollWidth") <= width
+        assert serious(tab) == []
+        drawn = tab.evaluate(DRAWN)
+        assert drawn
+        assert [title for title, there in drawn if not there] == []
+        tab.screenshot(path=PICTURES / f"{name.replace(' ', '-')}-{size}.png", full_page=True)
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_on_paper(name: str, made: Callable[[str], Path], tab: Any) -> None:
+    opened(tab, made(name))
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    sheet = PICTURES / f"{name.replace(' ', '-')}.pdf"
+    captions = tab.eval_on_selector_all("figcaption", "all => all.map(one => one.textContent)")
+    tables = tab.eval_on_selector_all(
+        "table", "all => all.map(t => [...t.tBodies[0].rows].map(r => r.cells[0].textContent))"
+    )
+    titles = tab.eval_on_selector_all("h2, h3, summary", "all => all.map(one => one.textContent)")
+    tab.pdf(path=sheet, prefer_css_page_size=True, print_background=True)
+    paper = Printed(sheet)
+    assert [title for title in titles if squeezed(title) not in paper.text] == []
+    assert [cell for rows in tables for cell in rows if squeezed(cell) not in paper.text] == []
+    for caption in captions:
+        found = paper.caption(caption[: caption.index(".") + 1])
+        assert found is not None, caption
+        assert found.height > 150.0, f"{caption} is left alone at the foot of a sheet"
+        assert found.drawn > 0.002, f"nothing is drawn under {caption}"
+
+
+def test_controls_are_left_off_paper_and_folds_opened(made: Callable[[str], Path], tab: Any) -> None:
+    opened(tab, made("calibration of a loop"))
+    tab.emulate_media(media="print")
+    for control in (".updatemenu-container", ".modebar", ".scene .controls", "nav"):
+        assert tab.locator(control).count() > 0
+        assert not any(one.is_visible() for one in tab.locator(control).all())
+    assert all(one.is_visible() for one in tab.locator("details table").all())
+
+
+def test_an_empty_figure_is_seen_to_be_empty(tmp_path: Path, tab: Any) -> None:
+    """The test above would be worth nothing if it called everything drawn."""
+    blocks = (Chart(title="nothing", figure=go.Figure()), Scene(title="nowhere", layers=()))
+    page = tmp_path / "empty.html"
+    page.write_text(report_html("empty", [Section(title="none", blocks=blocks)]), "utf-8")
+    opened(tab, page)
+    assert [there for _, there in tab.evaluate(DRAWN)] == [False, False]
+
+
+def test_the_robot_turns_and_its_errors_grow(made: Callable[[str], Path], tab: Any) -> None:
+    opened(tab, made("calibration of a loop"))
+    canvas = tab.locator(".scene canvas").first
+    canvas.scroll_into_view_if_needed()
+    views = [canvas.screenshot()]
+    box = canvas.bounding_box()
+    tab.mouse.move(box["x"] + 200, box["y"] + 200)
+    tab.mouse.down()
+    tab.mouse.move(box["x"] + 320, box["y"] + 230)
+    tab.mouse.up()
+    views.append(canvas.screenshot())
+    canvas.press("ArrowLeft")
+    views.append(canvas.screenshot())
+    for slider in ("scale", "pose"):
+        tab.locator(f".scene input[name={slider}]").press("Home")
+        views.append(canvas.screenshot())
+    tab.get_by_label("robot", exact=True).uncheck()
+    views.append(canvas.screenshot())
+    assert all(one != other for one, other in pairwise(views))
+    assert tab.locator(".scene output[name=scale]").inner_text() == "× 1"
