@@ -14,7 +14,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help demo studio test test-quick test-long lint format types layers docs bench bench-smoke clean
+.PHONY: help demo studio test test-quick test-long browser lint format types layers docs bench bench-smoke clean
 
 help:  ## list these targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
@@ -32,7 +32,10 @@ test-quick: $(VENV)/.test  ## run some tests of every file on few examples, for 
 	$(BIN)/python -m pytest --numprocesses auto --hypothesis-profile quick -m quick
 
 test-long: $(VENV)/.test  ## run the experiments that take minutes each
-	$(BIN)/python -m pytest --numprocesses auto -m long
+	$(BIN)/python -m pytest --numprocesses auto -m "long and not browser"
+
+browser: $(VENV)/.dev  ## open reports, documents and studio in a real browser (Debian's chromium); screenshots in build/pictures
+	TASKCAL_PICTURES="$${TASKCAL_PICTURES:-build/pictures}" timeout 600 $(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m browser
 
 lint: $(VENV)/.dev  ## rules and format (ruff), spelling (codespell), dead code (vulture)
 	$(BIN)/ruff check .

@@ -47,6 +47,7 @@ def tab(chromium: Any) -> Any:
     """A tab; the test fails if a page in it complained."""
     context = chromium.new_context(viewport={"width": 1440, "height": 900})
     page, complaints = context.new_page(), list[str]()
+    page.set_default_timeout(120_000)
     page.on("console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None)
     page.on("pageerror", lambda error: complaints.append(str(error)))
     yield page

@@ -142,6 +142,18 @@ def flat_program(call: Call, folder: Path) -> str:
     return "correct.html"
 
 
+def performance(call: Call, folder: Path) -> str:
+    rows = [
+        f"P{pose},{cycle},{100 * pose},0,500,{100 * pose + 0.2 + 0.01 * (cycle * pose % 5)},{0.01 * (cycle % 3)},500.1"
+        for pose in range(1, 6)
+        for cycle in range(30)
+    ]
+    header = "pose,cycle,command_x_mm,command_y_mm,command_z_mm,x_mm,y_mm,z_mm"
+    (folder / "poses-measured.csv").write_text("\n".join([header, *rows]) + "\n")
+    call("performance", folder / "poses-measured.csv", "--report", "performance.html", "--force")
+    return "performance.html"
+
+
 PAGES: dict[str, Callable[[Call, Path], str]] = {
     "calibration of a loop": calibration_of_a_loop,
     "calibration of one target": calibration_of_one_target,
@@ -153,4 +165,5 @@ PAGES: dict[str, Callable[[Call, Path], str]] = {
     "selection": selection,
     "sensitivity": sensitivity_of_poses,
     "flat program": flat_program,
+    "performance": performance,
 }

@@ -37,8 +37,8 @@ DRAWN = """() => [...document.querySelectorAll("figure")].map((figure) => {
 
 
 def opened(tab: Any, page: Path) -> None:
-    tab.goto(page.as_uri())
-    tab.wait_for_selector("html[data-drawn]", timeout=30_000)
+    tab.goto(page.as_uri(), timeout=120_000)
+    tab.wait_for_selector("html[data-drawn]", timeout=120_000)
     tab.wait_for_timeout(200)
 
 

@@ -35,7 +35,7 @@ def scene() -> Scene:
 
 
 def test_every_target_is_drawn_also_where_its_way_is_not_known(scene: Scene) -> None:
-    (layer,) = scene.layers
+    _, layer = scene.layers
     drawn = np.array(layer["at"])
     assert np.isfinite(drawn).all()
     for point in ([350, 0, 300], [400, 0, 300], [410, 60, 300]):
@@ -43,7 +43,7 @@ def test_every_target_is_drawn_also_where_its_way_is_not_known(scene: Scene) -> 
 
 
 def test_its_colours_and_words_are_the_errors(scene: Scene) -> None:
-    (layer,) = scene.layers
+    _, layer = scene.layers
     values = np.array(layer["values"])
     assert (layer["least"], layer["most"]) == (0.0, pytest.approx(values.max(), abs=1e-5))
     assert all(f"{value:.3f} mm" in tip for value, tip in zip(values, layer["tips"], strict=True))

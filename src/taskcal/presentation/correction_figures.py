@@ -10,8 +10,8 @@ from jaxtyping import Float
 from taskcal.correction.assessment import Deviations
 from taskcal.correction.correction import Correction
 from taskcal.presentation.content import Scene
-from taskcal.presentation.space import coloured_points, spread_rows
-from taskcal.presentation.theme import BLUE, ORANGE, VERMILION, styled
+from taskcal.presentation.space import coloured_points, spread_rows, to_mm
+from taskcal.presentation.theme import BLUE, GREY, ORANGE, VERMILION, styled
 from taskcal.programs.program import Program
 
 FLOOR = 1e-5
@@ -100,6 +100,8 @@ def draw_program(correction: Correction) -> Scene:
             lines = [moves[i].place.line for i in deviations.move[rows]]
             tips = [f"line {line}: {error:.3f} mm" for line, error in zip(lines, length, strict=True)]
             label = f"{name or 'base'}: error before, dark 0 to bright {top:.3f} mm"
+            way = {"kind": "strokes", "label": f"{name or 'base'}: way", "colour": GREY, "width": 1.2}
+            layers.append({**way, "at": [to_mm(position[rows])]})
             layers.append(coloured_points(label, position[rows], length, (0.0, top), tips))
     return Scene(
         title="Where the program goes",

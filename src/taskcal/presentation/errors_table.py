@@ -8,7 +8,7 @@ COLUMNS = {
     "max_x_mm": "max x mm",
     "max_y_mm": "max y mm",
     "max_z_mm": "max z mm",
-    "max_mm": "max in space mm",
+    "max_mm": "max mm",
     "mean_mm": "mean mm",
     "rms_mm": "rms mm",
     "p95_mm": "p95 mm",

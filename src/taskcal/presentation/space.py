@@ -54,7 +54,7 @@ def coloured_points(
     return {
         "kind": "points",
         "label": label,
-        "size": 3.2,
+        "size": 4,
         "at": to_mm(points),
         "values": np.round(values, 5).tolist(),
         "least": span[0],

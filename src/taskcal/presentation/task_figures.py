@@ -25,7 +25,7 @@ def draw_maps(slices: Sequence[Slice], views: Mapping[str, Maps], *, from_zero: 
     figure = make_subplots(
         rows=1,
         cols=len(slices),
-        horizontal_spacing=0.1,
+        horizontal_spacing=0.14,
         subplot_titles=[f"{at.plane[0].upper()}–{at.plane[1].upper()} through the middle" for at in slices],
     )
     drawn = {label: [_millimetres(values) for values in maps] for label, maps in views.items()}

@@ -156,3 +156,20 @@ def test_rotations_keep_their_former_keys_beside_the_present_ones(run: Run, tmp_
     assert pose["AP_rx_deg"] == pytest.approx(0.5)
     assert [pose[f"AP_{new}_deg"] for new in ("rx", "ry", "rz")] == [pose[f"AP_{old}_deg"] for old in "abc"]
     assert [pose[f"RP_{new}_deg"] for new in ("rx", "ry", "rz")] == [pose[f"RP_{old}_deg"] for old in "abc"]
+
+
+def test_the_page_says_what_the_terminal_says(run: Run, poses: Path, circle: tuple[Path, Path], tmp_path: Path) -> None:
+    page = tmp_path / "performance.html"
+    results = run("performance", poses, "--report", page, "--json").json
+    text = page.read_text(encoding="utf-8")
+    assert f"{max(line['AP_p_mm'] for line in results['poses']):.3f}" in text
+    assert f"{max(line['RP_l_mm'] for line in results['poses']):.3f}" in text
+    assert text.count("<figure>") == 2
+    for title in ("Poses", "Directions of approach", "Distances"):
+        assert f". {title}</h2>" in text
+    measured, commanded = circle
+    assert run("performance", measured, "--command", commanded, "--report", page).status == 0
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<figure>") == 1
+    assert "0.200" in text
+    assert run("performance", poses, "--report", poses).status == 1

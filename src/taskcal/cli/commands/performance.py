@@ -3,12 +3,18 @@
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.options import JsonOption, split_names
+from taskcal.cli.option_groups import grouped
+from taskcal.cli.options import PageOptions, split_names
 from taskcal.cli.output import info, show_table, write_json
+from taskcal.cli.outputs import check_outputs
+
+if TYPE_CHECKING:
+    from taskcal.cli.outputs import Outputs
+    from taskcal.presentation.report import Page
 
 POSE_CYCLES, PATH_CYCLES = 30, 10
 """How many cycles the standard asks for (ISO 9283:1998, 6.9)."""
@@ -19,6 +25,7 @@ FORMER_AXES = {"x": "a", "y": "b", "z": "c"}
 """Letters that the rotations about the axes were called by, which are the standard's for its Euler angles."""
 
 
+@grouped
 def command(
     measured: Annotated[
         Path, typer.Argument(metavar="MEASURED.csv", readable=False, help="Measured cycles, with their commands.")
@@ -43,20 +50,25 @@ def command(
             help="Two poses to judge the distance of; may be repeated; else each two in turn.",
         ),
     ] = None,
-    as_json: JsonOption = False,
+    *,
+    out: PageOptions,
 ) -> None:
     """Accuracy and repeatability of measured poses or paths (ISO 9283)."""
+    outputs = check_outputs("performance", [("--report", out.report)], [measured, commanded], force=out.force)
+    as_json = out.as_json
     if path or commanded is not None:
         if distance:
             raise typer.BadParameter("a path has no poses with distances; leave one out", param_hint="--distance")
-        result = _of_path(measured, commanded)
+        result, page = _of_path(measured, commanded)
+        _write(outputs, out.report, page)
         if as_json:
             write_json(_with_former_keys(result))
         else:
             _show(f"Path of {measured}", [result])
         return
     pairs = None if distance is None else [_pair(text) for text in distance]
-    results = _of_poses(measured, pairs)
+    results, page = _of_poses(measured, pairs)
+    _write(outputs, out.report, page)
     if as_json:
         write_json({of: [_with_former_keys(line) for line in lines] for of, lines in results.items()})
         return
@@ -72,10 +84,12 @@ def _pair(text: str) -> tuple[str, str]:
     return names[0], names[1]
 
 
-def _of_path(measured: Path, commanded: Path | None) -> dict[str, Any]:
+def _of_path(measured: Path, commanded: Path | None) -> "tuple[dict[str, Any], Page]":
     from taskcal.errors import CampaignError, FileError
+    from taskcal.identification.provenance import package_version
     from taskcal.measurement.cycles import read_path_cycles
     from taskcal.measurement.path_performance import assess_path
+    from taskcal.presentation.performance_report import path_performance_page
 
     cycles = read_path_cycles(measured, commanded)
     try:
@@ -91,13 +105,18 @@ def _of_path(measured: Path, commanded: Path | None) -> dict[str, Any]:
     left_out = [cycles.sections[i] for i in performance.left_out]
     if left_out:
         info(f"{len(left_out)} of {len(cycles.sections)} sections are not crossed by every pass and left out")
-    return {**performance.summary(), "left_out": left_out}
+    page = path_performance_page(performance, str(measured), version=package_version())
+    return {**performance.summary(), "left_out": left_out}, page
 
 
-def _of_poses(measured: Path, pairs: Sequence[tuple[str, str]] | None) -> dict[str, list[dict[str, Any]]]:
+def _of_poses(
+    measured: Path, pairs: Sequence[tuple[str, str]] | None
+) -> "tuple[dict[str, list[dict[str, Any]]], Page]":
     from taskcal.errors import CampaignError, FileError
+    from taskcal.identification.provenance import package_version
     from taskcal.measurement.cycle_performance import assess_cycles
     from taskcal.measurement.cycles import read_pose_cycles
+    from taskcal.presentation.performance_report import pose_performance_page
 
     cycles = read_pose_cycles(measured)
     try:
@@ -105,7 +124,14 @@ def _of_poses(measured: Path, pairs: Sequence[tuple[str, str]] | None) -> dict[s
     except CampaignError as error:
         raise FileError(measured, str(error)) from error
     _ask_for_cycles("a pose", min(pose.cycles for pose in performance.poses.values()), POSE_CYCLES)
-    return performance.summary()
+    return performance.summary(), pose_performance_page(performance, str(measured), version=package_version())
+
+
+def _write(outputs: "Outputs", path: Path | None, page: "Page") -> None:
+    """Write the page, where one was asked for."""
+    if path is not None:
+        outputs.write({path: page.html()})
+        info(f"wrote {path}")
 
 
 def _ask_for_cycles(what: str, cycles: int, wanted: int) -> None:

@@ -1,0 +1,47 @@
+"""Every page of the documents in a real browser: no complaints, nothing that keeps people out, none wider than the screen."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.pages.test_pages import SIZES
+from tests.studio.conftest import PICTURES
+from tests.studio.test_robot_in_browser import serious
+
+pytestmark = [pytest.mark.browser, pytest.mark.long]
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+LOOKED_AT = ("index.html", "tutorial/index.html", "examples/index.html")
+"""Pages of which screenshots are kept."""
+
+FEWEST = 40
+"""Pages; fewer, and something was not built."""
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("docs")
+    subprocess.run([sys.executable, "-m", "sphinx", "-q", "-b", "html", str(DOCS), str(out)], check=True)
+    return out
+
+
+def test_every_page_opens_without_complaint(built: Path, tab: Any) -> None:
+    pages = [page for page in sorted(built.rglob("*.html")) if not {"_static", "_modules"} & set(page.parts)]
+    assert len(pages) >= FEWEST
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    found: list[str] = []
+    for page in pages:
+        name = page.relative_to(built).as_posix()
+        tab.goto(page.as_uri())
+        for size, (width, height) in SIZES.items():
+            tab.set_viewport_size({"width": width, "height": height})
+            if tab.evaluate("document.documentElement.scrollWidth") > width:
+                found.append(f"{name}: wider than {width}")
+            if name in LOOKED_AT:
+                tab.screenshot(path=PICTURES / f"docs-{name.replace('/', '-')}-{size}.png", full_page=True)
+        found += [f"{name}: {one}" for one in serious(tab)]
+    assert found == []
