@@ -91,7 +91,7 @@ class Tab:
         for size, (width, height) in SIZES.items():
             self.page.set_viewport_size({"width": width, "height": height})
             self.page.wait_for_timeout(300)
-            self.page.screenshot(path=PICTURES / f"{name}-{size}.png", full_page=True)
+            self.page.screenshot(path=PICTURES / f"{name}-{size}.png", full_page=True, timeout=60_000)
 
 
 @contextmanager

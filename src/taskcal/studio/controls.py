@@ -1,15 +1,20 @@
 """The few controls that pages are made of: elements of HTML that browsers make reachable by keyboard themselves."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 from nicegui import ui
 from nicegui.element import Element
 from nicegui.elements.mixins.text_element import TextElement
 
+from taskcal.presentation.content import Table
 from taskcal.studio.texts import Texts
 
 VALUE = "(event) => emit(event.target.value)"
+LONG_CELL = 40
+"""Characters beyond which a cell of words is folded."""
+
 CHECKED = "(event) => emit(event.target.checked)"
 
 
@@ -76,7 +81,8 @@ def table(caption: str, header: Sequence[str], rows: Iterable[Sequence[str]], wo
     left = set(words)
 
     def cell(tag: str, column: int, content: str) -> TextElement:
-        return text(tag, content).classes("words" if column in left else "")
+        kind = "words long" if len(content) > LONG_CELL else "words"
+        return text(tag, content).classes(kind if column in left else "")
 
     with ui.element("div").classes("scroll").props("tabindex=0 role=region") as around:
         set_attribute(around, "aria-label", caption)
@@ -91,6 +97,66 @@ def table(caption: str, header: Sequence[str], rows: Iterable[Sequence[str]], wo
                         for column, content in enumerate(row):
                             cell("td", column, content)
     return around
+
+
+def tabulated(shown: Table) -> Element:
+    """A table as reports and the command line have it."""
+    made = table(shown.title, shown.header, shown.rows, shown.text_columns)
+    if shown.note:
+        text("p", shown.note).classes("quiet")
+    return made
+
+
+def number(
+    label: str, value: float, on_change: Callable[[float], Any], *, low: float, high: float, step: str
+) -> Element:
+    """A number to type; what is not one, or out of its bounds, is not handed on.
+
+    Args:
+        label: what it is.
+        value: what it is now.
+        on_change: called with a number within the bounds.
+        low: the least.
+        high: the largest.
+        step: of the arrows beside it.
+    """
+
+    def handle(event: Any) -> None:
+        with suppress(ValueError):
+            if low <= float(event.args) <= high:
+                on_change(float(event.args))
+
+    with ui.element("label").classes("row") as whole:
+        text("span", label)
+        field = ui.element("input").classes("value").props(f"type=number min={low:g} max={high:g} step={step}")
+        set_attribute(field, "value", f"{value:g}")
+        set_attribute(field, "aria-label", label)
+        field.on("change", handle, js_handler=VALUE)
+    return whole
+
+
+def tick(label: str, value: bool, on_change: Callable[[bool], Any]) -> Element:
+    """A box to tick."""
+    with ui.element("label").classes("row") as whole:
+        box = (
+            ui.element("input")
+            .props("type=checkbox")
+            .on("change", lambda e: on_change(e.args is True), js_handler=CHECKED)
+        )
+        set_attribute(box, "checked", value)
+        text("span", label)
+    return whole
+
+
+def line_of_text(label: str, value: str, on_change: Callable[[str], Any]) -> Element:
+    """A line to type."""
+    with ui.element("label").classes("row") as whole:
+        text("span", label)
+        field = ui.element("input").classes("value").props("type=text size=50 maxlength=2000")
+        set_attribute(field, "value", value)
+        set_attribute(field, "aria-label", label)
+        field.on("change", lambda e: on_change(str(e.args).strip()), js_handler=VALUE)
+    return whole
 
 
 def facts(pairs: Iterable[tuple[str, str]]) -> Element:

@@ -9,7 +9,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from taskcal.errors import TaskcalError
-from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT, PROGRAM_ENDINGS, ROBOT_ENDINGS, TASK_ENDINGS
+from taskcal.studio.project import CAMPAIGN_ENDINGS, CELL_ENDINGS, LAYOUT, PROGRAM_ENDINGS, ROBOT_ENDINGS, TASK_ENDINGS
 from taskcal.studio.studio import Studio
 
 
@@ -27,6 +27,7 @@ KINDS: Mapping[str, Kind] = {
     "robot": Kind(folder=LAYOUT.robots, endings=ROBOT_ENDINGS, choice="robot"),
     "campaign": Kind(folder=LAYOUT.campaigns, endings=CAMPAIGN_ENDINGS, choice="campaign"),
     "task": Kind(folder=LAYOUT.tasks, endings=TASK_ENDINGS, choice="task"),
+    "cell": Kind(folder=LAYOUT.cells, endings=CELL_ENDINGS, choice="cell"),
     "program": Kind(folder=LAYOUT.programs, endings=PROGRAM_ENDINGS, choice="program"),
 }
 

@@ -110,9 +110,9 @@ class Gate:
             nonlocal begun
             if message["type"] == "http.response.start":
                 begun = True
-                own = {name for name, _ in HEADERS}
-                kept = [(name, value) for name, value in message.get("headers", []) if name.lower() not in own]
-                message = {**message, "headers": [*kept, *HEADERS]}
+                own = [(name.lower(), value) for name, value in message.get("headers", [])]
+                stated = {name for name, _ in own}
+                message = {**message, "headers": [*own, *(header for header in HEADERS if header[0] not in stated)]}
             await send(message)
 
         try:

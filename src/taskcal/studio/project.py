@@ -25,6 +25,7 @@ class Layout:
     plans: str = "plans"
     calibrations: str = "calibrations"
     programs: str = "programs"
+    cells: str = "cells"
     corrected: str = "corrected"
     reports: str = "reports"
 
@@ -33,7 +34,11 @@ LAYOUT = Layout()
 
 CAMPAIGN_ENDINGS = (".csv", ".txt", ".dat", ".tsv", ".log", ".xlsx")
 ROBOT_ENDINGS = (".toml", ".urdf", ".xacro")
+CELL_ENDINGS = (".toml",)
 TASK_ENDINGS = (".toml",)
+RESULT = ".result.json"
+"""Ending of what the command line said of a calibration, beside it."""
+
 PROGRAM_ENDINGS = tuple(suffix for language in LANGUAGES for suffix in language.suffixes)
 
 
@@ -59,10 +64,18 @@ class Choices(Section):
     task: ProjectFile = ""
     calibration: ProjectFile = ""
     program: ProjectFile = ""
+    cell: ProjectFile = ""
+    tool: str = Field(default="", max_length=200)
+    """Of the cell file, for programs that name none."""
+    part: str = Field(default="", max_length=200)
+    """Likewise."""
+    accept_uncertain: bool = False
+    """Whether a program is written that is corrected by less than its uncertainty."""
     effects: str = "none"
     holdout: float = Field(default=0.3, ge=0.0, lt=1.0)
     seed: int = Field(default=0, ge=0)
     robust: bool = False
+    """Whether outliers count less."""
 
 
 class Project:
@@ -124,6 +137,10 @@ class Project:
             and path.resolve().is_relative_to(self.folder)
             and (not endings or path.name.lower().endswith(endings))
         )
+
+    def calibrations(self) -> list[str]:
+        """Paths of the calibrations."""
+        return [path for path in self.files(LAYOUT.calibrations, (".json",)) if not path.endswith(RESULT)]
 
     def put(self, folder: str, given: str, content: bytes, endings: tuple[str, ...]) -> str:
         """Save a file that somebody dropped, beside what is there; the same file twice is one.

@@ -19,6 +19,7 @@ from taskcal.errors import TaskcalError
 from taskcal.studio.controls import text
 from taskcal.studio.dropped_files import receiver
 from taskcal.studio.gate import Gate
+from taskcal.studio.given_files import giver
 from taskcal.studio.page_frame import LANGUAGE_COOKIE, THEME_COOKIE, THEMES, add_page
 from taskcal.studio.pages.robot_page import warm_up
 from taskcal.studio.road import ROAD
@@ -26,6 +27,9 @@ from taskcal.studio.studio import Studio
 from taskcal.studio.texts import LANGUAGES
 
 YEAR_S = 31_536_000
+
+RECONNECT_S = 30.0
+"""That a page may be out of touch, on a machine that computes on all its cores, before it is made anew."""
 
 NAMES_HERE = ("127.0.0.1", "localhost", "[::1]")
 
@@ -87,6 +91,7 @@ def application(studio: Studio, address: Address, port: int) -> Gate:
     outer.get("/settings")(_settings)
     outer.get("/alive")(_alive)
     outer.post("/drop/{kind}")(receiver(studio))
+    outer.get("/file/{folder}/{name}")(giver(studio))
     ui.page("/")(_begin)
     for page in ROAD:
         add_page(page, ROAD, studio)
@@ -94,7 +99,15 @@ def application(studio: Studio, address: Address, port: int) -> Gate:
     pages.on_exception(lambda error: log.error("a page failed", exc_info=error))
     pages.on_startup(lambda: asyncio.get_running_loop().run_in_executor(None, warm_up, studio.project))
     pages.on_shutdown(studio.close)
-    ui.run_with(outer, title="Taskcal", favicon="📐", dark=None, tailwind=False, show_welcome_message=False)
+    ui.run_with(
+        outer,
+        title="Taskcal",
+        favicon="📐",
+        dark=None,
+        tailwind=False,
+        show_welcome_message=False,
+        reconnect_timeout=RECONNECT_S,
+    )
     hosts = {f"{name}:{port}" for name in NAMES_HERE} | {name for name in NAMES_HERE if port == 80}
     return Gate(app=outer, hosts=frozenset(hosts) if is_loopback(address.host) else None, token=address.token)
 

@@ -1,0 +1,246 @@
+"""The program: what is read with it, its correction, what was refused at which line, and what changed."""
+
+import asyncio
+import difflib
+import json
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from nicegui import ui
+
+from taskcal.errors import TaskcalError
+from taskcal.files import write_whole
+from taskcal.programs.languages import language_of
+from taskcal.programs.reading import read_program
+from taskcal.studio.command_run import CommandRun, Status
+from taskcal.studio.controls import (
+    button,
+    choice,
+    drop_zone,
+    facts,
+    line_of_text,
+    message,
+    set_attribute,
+    table,
+    text,
+    tick,
+)
+from taskcal.studio.pages.robot_page import robot_of
+from taskcal.studio.point_view import PointView
+from taskcal.studio.project import CELL_ENDINGS, LAYOUT, PROGRAM_ENDINGS, RESULT, Choices, Project
+from taskcal.studio.robot_view import VIEWS
+from taskcal.studio.run_panel import show_run
+from taskcal.studio.studio import Studio
+from taskcal.studio.texts import Texts
+
+LONGEST_COMPARED = 20_000
+"""Lines; a comparison takes a time that grows with their square at worst."""
+
+MOST_LINES = 400
+"""Of a comparison that are shown; the corrected file has them all."""
+
+LOW, HIGH = np.array([0.0, 0.45, 0.7]), np.array([0.9, 0.4, 0.0])
+"""Colours of no error and of the largest, which differ in lightness too."""
+
+
+async def build(studio: Studio, texts: Texts) -> None:
+    """Fill the page."""
+    project = studio.project
+    files = {path: path for path in project.files(LAYOUT.programs, PROGRAM_ENDINGS)}
+
+    def take(**chosen: str) -> None:
+        project.choose(**chosen)
+        ui.navigate.reload()
+
+    choices = project.choices
+    if files:
+        choice(texts("program.choose"), files, choices.program, lambda path: take(program=path))
+    drop_zone(texts, "program", texts("program.drop"), PROGRAM_ENDINGS, several=True)
+    if not choices.program:
+        text("p", texts("program.none"))
+        return
+    found = {path: Path(path).stem for path in project.calibrations()}
+    if not found:
+        text("p", texts("result.none"))
+        text("a", texts("identify.title")).props("href=/identify")
+        return
+    choice(texts("result.choose"), found, choices.calibration, lambda path: take(calibration=path))
+    _around(project, texts)
+    facts([(texts("program.read"), ", ".join(read_together(project, choices.program)))])
+    text("h2", texts("program.correction"))
+    run = show_run(studio, "correct", texts, about=choices.program)
+    if choices.calibration in found and (run is None or run.status is not Status.running):
+        button(texts("program.correct"), lambda: _begin(studio))
+    result = _read_result(project, choices.program)
+    if result is not None:
+        await _show(result, project, texts)
+
+
+def _around(project: Project, texts: Texts) -> None:
+    """What was measured of tool and part: the cell file."""
+    choices = project.choices
+    cells = {path: path for path in project.files(LAYOUT.cells, CELL_ENDINGS)}
+
+    def take(value: str) -> None:
+        project.choose(cell="" if value == "-" else value)
+
+    with ui.element("details"):
+        text("summary", texts("program.around"))
+        text("p", texts("program.around_how")).classes("quiet")
+        choice(texts("program.cell"), {"-": texts("program.no_cell"), **cells}, choices.cell or "-", take)
+        drop_zone(texts, "cell", texts("program.drop_cell"), CELL_ENDINGS)
+        line_of_text(texts("program.tool"), choices.tool, lambda value: project.choose(tool=value))
+        line_of_text(texts("program.part"), choices.part, lambda value: project.choose(part=value))
+        accept = texts("program.accept_uncertain")
+        tick(accept, choices.accept_uncertain, lambda value: project.choose(accept_uncertain=value))
+
+
+def read_together(project: Project, program: str) -> list[str]:
+    """The files of a program: those of its name in the same language, and RAPID's system modules."""
+    language, stem = language_of(Path(program)), Path(program).stem.casefold()
+    others = [
+        path
+        for path in project.files(LAYOUT.programs, language.suffixes)
+        if path != program and (Path(path).stem.casefold() == stem or path.lower().endswith(".sys"))
+    ]
+    return [program, *others]
+
+
+def arguments_of(project: Project, choices: Choices) -> list[str]:
+    """What ``taskcal`` is called with for a correction."""
+    report = f"{LAYOUT.reports}/{Path(choices.program).stem}-correction.html"
+    options = ["--calibration", choices.calibration, "--output", LAYOUT.corrected, "--report", report]
+    for option, value in (("--cell", choices.cell), ("--tool", choices.tool), ("--part", choices.part)):
+        options += [f"{option}={value}"] if value else []
+    options += ["--accept-uncertain"] if choices.accept_uncertain else []
+    return ["correct", *read_together(project, choices.program), *options, "--json"]
+
+
+def _begin(studio: Studio) -> None:
+    project = studio.project
+    choices = project.choices
+
+    async def keep(run: CommandRun) -> None:
+        write_whole(project.path(_result_of(choices.program)), run.output)
+
+    try:
+        for folder in (LAYOUT.corrected, LAYOUT.reports):
+            project.path(folder).mkdir(exist_ok=True)
+        studio.start("correct", arguments_of(project, choices), keep)
+    except (OSError, TaskcalError) as error:
+        message(str(error))
+        return
+    ui.navigate.reload()
+
+
+def _result_of(program: str) -> str:
+    return f"{LAYOUT.corrected}/{Path(program).name}{RESULT}"
+
+
+def _read_result(project: Project, program: str) -> Mapping[str, Any] | None:
+    """What the command line said of the program's last correction."""
+    with suppress(OSError, ValueError, TaskcalError):
+        content = json.loads(project.path(_result_of(program)).read_text(encoding="utf-8"))
+        if isinstance(content, dict) and {"written", "targets", "refused", "expected"} <= content.keys():
+            return content
+    return None
+
+
+async def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> None:
+    expected = result["expected"]
+    facts(
+        [
+            (texts("program.motions"), f"{result['moves']}, {result['corrected']}, {len(result['refused'])}"),
+            (texts("program.before"), f"{expected['before_mm']:.4f} mm"),
+            (texts("program.after"), f"{expected['after_mm']:.4f} mm"),
+            (texts("program.shift"), f"{result['largest_shift_mm']:.4f} mm"),
+            *((texts("program.relative"), said) for said in result["relative_to"]),
+        ]
+    )
+    for key in ("refused", "remarks"):
+        rows = [(f"{item['file']}:{item['line']}", item.get("reason") or item.get("text", "")) for item in result[key]]
+        if rows:
+            table(texts(f"program.{key}"), [texts("program.place"), texts("program.why")], rows, words=(0, 1))
+    if not result["written"]:
+        message(texts("program.withheld"))
+        return
+    with ui.element("div").classes("row"):
+        for path in (*result["written"], *([result["report"]] if result["report"] else [])):
+            keep = "?keep=1" if path.endswith(".html") else ""
+            text("a", texts("program.download", name=Path(path).name)).props(f'href="/file/{path}{keep}"').classes(
+                "act plain"
+            )
+    placed = await asyncio.to_thread(_place, result, project)
+    if placed is not None:
+        _along(*placed, texts)
+    for path in result["written"]:
+        lines = await asyncio.to_thread(_changes, project, path)
+        _compare(Path(path).name, lines, texts)
+
+
+def _place(result: Mapping[str, Any], project: Project) -> tuple[np.ndarray, np.ndarray, list[str]] | None:
+    """Targets in the base, metres, their errors before and after, millimetres, and where they stand in the text."""
+    try:
+        sources = [project.path(path) for path in result["program"]]
+        moves = read_program(*sources, robot=robot_of(project)).moves
+    except TaskcalError:
+        return None  # a tool or part of the cell file is needed to read it; the numbers are in the table and the report
+    if len(moves) != len(result["targets"]):
+        return None  # the program was changed since
+    points: list[Float[np.ndarray, " 3"]] = []
+    errors: list[tuple[float, float]] = []
+    places: list[str] = []
+    for move, target in zip(moves, result["targets"], strict=True):
+        if move.end.T is None or move.part_in_hand or target["before_mm"] is None or target["after_mm"] is None:
+            continue
+        points.append((move.part.T @ move.end.T)[:3, 3])
+        errors.append((target["before_mm"], target["after_mm"]))
+        places.append(f"{target['file']}:{target['line']} {target['target']}")
+    return (np.array(points), np.array(errors), places) if len(points) > 1 else None
+
+
+def _along(points: np.ndarray, errors: np.ndarray, places: list[str], texts: Texts) -> None:
+    """The targets, coloured by their errors before or after, on one scale."""
+    text("h2", texts("program.along"))
+    share = errors / max(float(errors.max()), 1e-12)
+    colours = LOW + share[:, :, None] * (HIGH - LOW)
+
+    def pick(number: int) -> None:
+        before, after = errors[number]
+        picked.set_text(f"{places[number]}: {before:.4f} mm → {after:.4f} mm")
+
+    view = PointView(points, pick, colours[:, 0])
+    set_attribute(view.scene, "aria-label", texts("program.along_of", count=len(points)))
+    view.scene.props("role=img")
+    with ui.element("div").classes("row"):
+        button(texts("program.show_before"), lambda: view.colour(colours[:, 0]), plain=True)
+        button(texts("program.show_after"), lambda: view.colour(colours[:, 1]), plain=True)
+        for name in VIEWS:
+            button(texts(f"robot.view_{name}"), lambda name=name: view.look(name), plain=True)
+    picked = text("p", texts("program.colours", largest=f"{errors.max():.4f}")).props("role=status")
+
+
+def _changes(project: Project, corrected: str) -> list[str]:
+    """What changed in a file, line by line; nothing where it is too long to be compared."""
+    before = project.path(f"{LAYOUT.programs}/{Path(corrected).name}")
+    after = project.path(corrected)
+    if not before.is_file() or not after.is_file():
+        return []
+    old, new = (path.read_bytes().decode("utf-8", "replace").splitlines() for path in (before, after))
+    if max(len(old), len(new)) > LONGEST_COMPARED:
+        return []
+    return list(difflib.unified_diff(old, new, f"{LAYOUT.programs}/{before.name}", corrected, n=1, lineterm=""))
+
+
+def _compare(name: str, lines: list[str], texts: Texts) -> None:
+    if not lines:
+        return
+    text("h2", texts("program.changes", name=name))
+    shown = text("pre", "\n".join(lines[:MOST_LINES])).classes("command listing").props("tabindex=0 role=region")
+    set_attribute(shown, "aria-label", texts("program.changes", name=name))
+    if len(lines) > MOST_LINES:
+        text("p", texts("program.more_lines", count=len(lines) - MOST_LINES)).classes("quiet")

@@ -1,0 +1,142 @@
+"""Measurements to result in a real browser: the numbers of the command line, cancelled at once, nothing lost by a reload."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+
+from taskcal.measurement.reader import read_campaign
+from taskcal.robot.catalogue import load_robot
+from tests.studio.conftest import Tab, open_tab, served
+from tests.studio.test_robot_in_browser import serious
+
+pytestmark = [pytest.mark.browser, pytest.mark.long]
+
+ROBOT = "abb-irb6660-205-1.9"
+
+
+def command_line(folder: Path, *arguments: str, accept: tuple[int, ...] = (0,)) -> dict[str, Any]:
+    """What the command line says in JSON."""
+    command = [sys.executable, "-m", "taskcal", *arguments, "--json"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode in accept, done.stderr
+    return json.loads(done.stdout)
+
+
+def begun_for(process: psutil.Process, folder: Path) -> bool:
+    """Whether a process is a fit of a project."""
+    try:
+        return "identify" in process.cmdline() and Path(process.cwd()) == folder
+    except psutil.Error:
+        return False
+
+
+def text_of(page: Any) -> str:
+    return page.inner_text("main")
+
+
+def test_a_file_is_understood_and_its_points_are_picked(tab: Tab, example: tuple[str, Path]) -> None:
+    page = tab.open("measurements")
+    campaign = read_campaign(example[1] / "campaigns" / "measured.csv", load_robot(ROBOT))
+    assert f"Poses\n{len(campaign)}" in text_of(page)
+    assert f"{campaign.points[0, 0, 0] * 1e3:.6f}" in page.inner_text("table")
+    size = np.ptp(campaign.points[:, 0], axis=0) * 1e3
+    assert f"{size[0]:.0f} × {size[1]:.0f} × {size[2]:.0f} mm" in text_of(page)
+    page.wait_for_timeout(500)
+    box = page.locator("canvas").bounding_box()
+    page.locator("canvas").click(position={"x": box["width"] / 2 + 20, "y": box["height"] / 2 + 20})
+    page.get_by_text("row ").filter(has_text="(id ").wait_for()
+    assert serious(page) == []
+    tab.picture("measurements")
+
+
+def test_mistakes_are_found_and_mended_with_a_click(chromium: Any, example: tuple[str, Path], tmp_path: Path) -> None:
+    lines = (example[1] / "campaigns" / "measured.csv").read_text().splitlines()
+    rows = [line.split(",") for line in lines]
+    for row in rows[1:]:
+        row[3] = str(-float(row[3]))  # J3 counted the other way round
+    wrong = "\n".join(",".join(row) for row in rows).encode()
+    (tmp_path / "project.toml").write_text(f'name = "mend"\nrobot = "{ROBOT}"\n')
+    with served(tmp_path) as address, open_tab(chromium, address) as tab:
+        page = tab.open("measurements")
+        page.locator("input[type=file]").set_input_files({"name": "wrong.csv", "mimeType": "", "buffer": wrong})
+        page.get_by_role("button", name="Look for mistakes").click()
+        page.get_by_role("cell", name="joint-sign", exact=True).wait_for(timeout=60_000)
+        said = command_line(tmp_path, "doctor", "campaigns/wrong.csv", "--robot", ROBOT)["findings"][0]
+        assert f"{said['error_before_mm']:.2f}" in text_of(page)
+        assert said["fix"] in text_of(page)
+        tab.picture("mistakes")
+        page.get_by_role("button", name="Mend it").click()
+        page.get_by_label("File", exact=True).locator("option[selected]", has_text="wrong-mended").wait_for(
+            state="attached", timeout=60_000
+        )
+        assert tab.complaints == []
+    mended = (tmp_path / "campaigns" / "wrong-mended.csv").read_text().splitlines()
+    assert float(mended[1].split(",")[3]) == pytest.approx(float(lines[1].split(",")[3]))
+    assert (tmp_path / "campaigns" / "wrong.csv").read_bytes() == wrong
+
+
+def test_a_fit_says_what_the_command_line_says_to_the_digit(tab: Tab, example: tuple[str, Path]) -> None:
+    folder = example[1]
+    page = tab.open("identify")
+    page.get_by_role("button", name="Fit", exact=True).click()
+    page.get_by_text("Models side by side").wait_for(timeout=90_000)
+    tab.picture("identify")
+    assert serious(page) == []
+    said = command_line(
+        folder,
+        "identify",
+        "campaigns/measured.csv",
+        "--robot",
+        ROBOT,
+        "--holdout",
+        "0.3",
+        "--output",
+        str(folder / "c.json"),
+    )
+    page.get_by_role("link", name="Look at the result").click()
+    tab.ready()
+    shown = page.locator("table").first.inner_text()
+    for key in ("nominal", "fitted", "held_out"):
+        for quantity in ("max_x_mm", "max_mm", "mean_mm", "rms_mm", "p95_mm"):
+            assert f"{said[key][quantity]:.4f}" in shown
+    assert "Tolerance of tasks/milling.toml met" in text_of(page)
+    kept = json.loads((folder / "calibrations" / "measured-geometry.result.json").read_text())
+    assert {**kept, "calibration": ""} == {**said, "calibration": ""}
+    page.get_by_label("Errors drawn larger").press("End")
+    page.get_by_text("× 100000").wait_for()
+    assert serious(page) == []
+    tab.picture("result")
+
+
+def test_a_reload_and_a_second_tab_see_the_fit_go_on_and_cancel_ends_it_at_once(
+    chromium: Any, example: tuple[str, Path], tmp_path: Path
+) -> None:
+    (tmp_path / "campaigns").mkdir()
+    (tmp_path / "campaigns" / "measured.csv").write_bytes((example[1] / "campaigns" / "measured.csv").read_bytes())
+    choices = f'name = "c"\nrobot = "{ROBOT}"\ncampaign = "campaigns/measured.csv"\neffects = "auto"\n'
+    (tmp_path / "project.toml").write_text(choices)
+    with served(tmp_path) as address, open_tab(chromium, address) as tab, open_tab(chromium, address) as second:
+        page = tab.open("identify")
+        page.get_by_role("button", name="Fit", exact=True).click()
+        page.get_by_role("progressbar").wait_for()
+        page.reload()
+        tab.ready()
+        page.get_by_role("progressbar").wait_for()
+        other = second.open("identify")
+        assert other.get_by_role("button", name="Fit", exact=True).count() == 0
+        other.wait_for_timeout(1500)
+        fitting = [process for process in psutil.process_iter() if begun_for(process, tmp_path)]
+        assert fitting
+        other.get_by_role("button", name="Cancel").click()
+        _, alive = psutil.wait_procs(fitting, timeout=1.0)
+        assert alive == []
+        page.get_by_text("It was cancelled; nothing was written.").wait_for()
+        assert tab.complaints == second.complaints == []
+    assert list((tmp_path / "calibrations").iterdir()) == []
+    assert (tmp_path / "project.toml").read_text() == choices

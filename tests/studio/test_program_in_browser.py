@@ -1,0 +1,99 @@
+"""Program and report in a real browser: corrected as the command line does, refused at its lines, and nothing shown unescaped."""
+
+import http.client
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+
+from taskcal.studio.example_project import begin_example
+from taskcal.studio.gate import MAX_BODY_BYTES
+from tests.laws.calibrations import calibrated
+from tests.studio.conftest import open_tab, served
+from tests.studio.test_fit_in_browser import ROBOT, command_line
+from tests.studio.test_robot_in_browser import serious
+
+pytestmark = [pytest.mark.browser, pytest.mark.long]
+
+ATTACK = '<img src=x onerror="window.attacked=1">'
+
+
+def test_a_program_is_corrected_as_on_the_command_line_and_reported(chromium: Any, tmp_path: Path) -> None:
+    project = begin_example(tmp_path)
+    (tmp_path / "calibrations").mkdir()
+    calibrated(ROBOT).save(tmp_path / "calibrations" / "c.json")
+    project.choose(calibration="calibrations/c.json", program="")
+    text = (tmp_path / "programs" / "Milling.mod").read_text()
+    first = next(line for line in text.splitlines() if line.strip().startswith("MoveL"))
+    attacking = text.replace(first, f"    ! {ATTACK}\n    MoveL pNowhere,v50,z0,tMill10;\n{first}", 1)
+    with served(tmp_path) as address, open_tab(chromium, address) as tab:
+        page = tab.open("program")
+        dropped = {"name": "<b>part.mod", "mimeType": "", "buffer": attacking.encode()}
+        page.locator("input[type=file]").first.set_input_files(dropped)
+        page.get_by_role("button", name="Correct the program").click()
+        page.get_by_role("heading", name="What changed in b-part.mod").wait_for(timeout=60_000)
+        tab.ready()
+        said = command_line(
+            *(tmp_path, "correct", "programs/b-part.mod", "--calibration", "calibrations/c.json", "--output", "c.mod"),
+            accept=(0, 1),
+        )
+        shown = page.inner_text("main")
+        assert f"{said['expected']['before_mm']:.4f} mm" in shown
+        assert f"{said['largest_shift_mm']:.4f} mm" in shown
+        line = attacking.splitlines().index("    MoveL pNowhere,v50,z0,tMill10;") + 1
+        assert f"programs/b-part.mod:{line}" in shown
+        assert (tmp_path / "corrected" / "b-part.mod").read_bytes() == (tmp_path / "c.mod").read_bytes()
+        assert ATTACK in (tmp_path / "corrected" / "b-part.mod").read_text()
+        assert page.evaluate("window.attacked") is None
+        with page.expect_download() as download:
+            page.get_by_role("link", name="Keep b-part.mod").click()
+        assert Path(download.value.path()).read_bytes() == (tmp_path / "c.mod").read_bytes()
+        page.get_by_role("button", name="After", exact=True).click()
+        assert serious(page) == []
+        tab.picture("program")
+        page = tab.open("report")
+        page.get_by_role("button", name="Make the report").click()
+        page.get_by_role("link", name="c.html", exact=True).wait_for(timeout=90_000)
+        tab.picture("report")
+        assert serious(page) == []
+        assert tab.complaints == []
+
+
+def status_of(address: str, method: str, path: str, **headers: str) -> int:
+    """What the server answers to a request that says what it likes; no body is sent."""
+    place = urlsplit(address)
+    assert place.hostname is not None
+    connection = http.client.HTTPConnection(place.hostname, place.port, timeout=20)
+    connection.putrequest(method, path, skip_host=True)
+    for name, value in {"host": place.netloc, **headers}.items():
+        connection.putheader(name.replace("_", "-"), value)
+    connection.endheaders()
+    return connection.getresponse().status
+
+
+def test_attacks_on_the_server_are_refused_and_tell_nothing(example: tuple[str, Path]) -> None:
+    address, folder = example
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    here = address.rstrip("/")
+    assert status_of(address, "GET", "/robot") == 200
+    assert status_of(address, "GET", "/robot", host="evil.example") == 421
+    assert status_of(address, "POST", "/drop/campaign", origin="http://evil.example", content_length="0") == 403
+    assert status_of(address, "POST", "/drop/campaign", origin=here, content_length=str(MAX_BODY_BYTES + 1)) == 413
+    assert status_of(address, "POST", "/drop/../x", origin=here, content_length="0") == 404
+    assert (
+        status_of(address, "POST", "/drop/campaign", origin=here, content_length="0", x_file_name="..%2F..%2Fx.py")
+        == 422
+    )
+    assert status_of(address, "GET", "/file/..%2F/project.toml") == 404
+    assert status_of(address, "GET", "/file/reports/..%2F..%2Fproject.toml") == 404
+    assert status_of(address, "GET", "/docs") == 404
+    sockets = {
+        "upgrade": "websocket",
+        "connection": "Upgrade",
+        "sec_websocket_version": "13",
+        "sec_websocket_key": "x" * 22 + "==",
+    }
+    path = "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
+    assert status_of(address, "GET", path, origin="http://evil.example", **sockets) == 403
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
