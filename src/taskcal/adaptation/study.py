@@ -24,17 +24,19 @@ from taskcal.adaptation.geometry_allowance import allow_geometry
 from taskcal.adaptation.plan import plan
 from taskcal.adaptation.selection import select
 from taskcal.adaptation.study_options import StudyChoices, StudyOptions
+from taskcal.adaptation.virtual_robots import VirtualRobots
 from taskcal.adaptation.workers import side_by_side
 from taskcal.analysis.elimination_table import published_kept
 from taskcal.arguments import expect_kinds, warn_renamed
-from taskcal.errors import FileError, TaskcalError
+from taskcal.errors import CampaignError, FileError, TaskcalError
 from taskcal.files import write_whole
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.effect_selection import explain
 from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.identify import identify
+from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.tracker import TrackerNoise
-from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.model_error import ModelError, model_error_of
 from taskcal.task.task import Task, reach_task
 from taskcal.text_file import read_text
 
@@ -62,6 +64,8 @@ class Study:
     """Standard deviation per axis of what no parameter explains at a pose, metres."""
     model_error_origin: str = ""
     """Where that comes from, in words."""
+    origin: str = "drawn from the tolerances"
+    """Where the robots' defects come from, in words."""
 
     def __repr__(self) -> str:
         plans, models = ({row[key] for row in self.rows} for key in ("plan", "model"))
@@ -128,7 +132,6 @@ class Study:
 class _Setting:
     """Everything that a robot of the study needs."""
 
-    model: ErrorModel
     task_q: Float[np.ndarray, "n joints"]
     weights: Float[np.ndarray, " n"]
     plans: Mapping[str, Float[np.ndarray, "count joints"]]
@@ -138,7 +141,7 @@ class _Setting:
     models: Mapping[str, FitOptions]
     noise: TrackerNoise
     seed: int
-    model_error: ModelError
+    robots: VirtualRobots
 
 
 def study(
@@ -169,7 +172,7 @@ def study(
             ``plans``: ``planned`` by `plan`, ``random`` or ``grid`` in the task's own workspace.
 
             ``models``: ``all`` parameters, those ``selected`` for the task, the ``published`` ones, or ``published-damped``
-            without prior.
+            without prior; ``geometry`` without the model's effects, or ``auto`` with those that the data prove (`explain`).
 
             ``seed``: of everything.
 
@@ -178,7 +181,11 @@ def study(
             ``model_error``: standard deviation per axis of what no parameter explains, metres, which every robot has at every
             pose; by default that of the robot's file, or of a typical robot (`model_error_of`).
 
+            ``calibration``: of this model; robots like that one, with defects and effects of the sizes that it found, and its
+            model error, in place of the tolerances.
+
     Raises:
+        CampaignError: the calibration is of another robot or model, or has no prior.
         UnknownName: a plan, model or engine that does not exist.
         FileError: the file to resume from belongs to another study.
         ReachError: the robot does not reach the task.
@@ -201,14 +208,16 @@ def study(
         robots=chosen.robots,
         seed=chosen.seed,
         accuracy=task.accuracy,
-        model_error=setting.model_error.position,
-        model_error_origin=setting.model_error.source,
+        model_error=setting.robots.model_error.position,
+        model_error_origin=setting.robots.model_error.source,
+        origin=setting.robots.origin,
     )
 
 
 def _prepare(model: ErrorModel, task: Task, options: StudyOptions) -> _Setting:
     seed, noise = options.seed, options.noise or TrackerNoise()
-    model_error = model_error_of(model.robot, options.model_error)
+    robots = _robots(model, options)
+    model_error = robots.model_error
     goal = reach_task(model, task, 200, seed)
     fixed: dict[str, np.ndarray] = {}
     for count in options.counts:
@@ -217,9 +226,8 @@ def _prepare(model: ErrorModel, task: Task, options: StudyOptions) -> _Setting:
             fixed[f"planned {count}"] = planned.q
         if "grid" in options.plans:
             fixed[f"grid {count}"] = reach_task(model, measuring_task(model, task), count, 0).q
-    fits = {name: replace(_fit_of(model, task, name, model_error), noise=noise) for name in options.models}
+    fits = {name: replace(_fit_of(robots, task, name), noise=noise) for name in options.models}
     return _Setting(
-        model=model,
         task_q=goal.q,
         weights=goal.weights,
         plans=fixed,
@@ -228,37 +236,60 @@ def _prepare(model: ErrorModel, task: Task, options: StudyOptions) -> _Setting:
         models=fits,
         noise=noise,
         seed=seed,
-        model_error=model_error,
+        robots=robots,
     )
 
 
-def _fit_of(model: ErrorModel, task: Task, name: str, model_error: ModelError) -> FitOptions:
+def _robots(model: ErrorModel, options: StudyOptions) -> VirtualRobots:
+    known = options.calibration
+    if known is None:
+        return VirtualRobots.of_tolerances(model, options.model_error)
+    if known.model.robot.digest != model.robot.digest or known.names != model.names:
+        raise CampaignError("the calibration is of another robot or model; study the calibration's own model")
+    return VirtualRobots.like(known, options.model_error)
+
+
+def _fit_of(robots: VirtualRobots, task: Task, name: str) -> FitOptions:
     """Options of the identification that a model's name stands for."""
+    model = robots.model
     if name == "selected":
-        return FitOptions(keep=select(model, task, model_error=model_error.position).kept)
+        return FitOptions(keep=select(model, task, model_error=robots.model_error.position).kept)
     if name.startswith("published"):
         if not model.robot.published.source:
             raise TaskcalError(f"nothing is published of {model.robot.name}; leave out the model '{name}'")
         return FitOptions(keep=published_kept(model), prior=None if name.endswith("damped") else "tolerances")
-    return FitOptions()
+    return FitOptions(prior=robots.prior) if name == "all" and robots.prior is not None else FitOptions()
+
+
+def _identify(model: ErrorModel, campaign: Campaign, name: str, options: FitOptions) -> Calibration:
+    """The calibration that a model's name stands for."""
+    if name not in ("geometry", "auto"):
+        return identify(model, campaign, options=options)
+    geometry = ErrorModel(model.robot, lengths_only=model.lengths_only)
+    return (
+        identify(geometry, campaign, options=options)
+        if name == "geometry"
+        else explain(geometry, campaign, options=options).calibration
+    )
 
 
 def _one_robot(setting: _Setting, index: int) -> tuple[int, list[dict[str, Any]]]:
     """All plans and models of one true robot."""
     rng = np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index,)))
-    x, sigma = draw_defects(setting.model, rng), setting.model_error.position
-    unexplained = sigma * np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index, 1))).normal(
-        size=(len(setting.task_q), 3)
-    )
+    robots, noise = setting.robots, setting.noise
+    x, task_q = robots.draw(rng), setting.task_q
     out: list[dict[str, Any]] = []
     for kind, count in setting.cases:
         q = setting.plans.get(f"{kind} {count}")
         if q is None:
             q = setting.pool[rng.permutation(len(setting.pool))[:count]]
-        campaign, truth = simulate(setting.model, q, rng=rng, x=x, noise=setting.noise, model_error=sigma)
+        campaign, truth = robots.measure(x, q, noise, rng)
+        # the same for all plans, and drawn beside the robot, which does not depend on it
+        alone = np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index, 1)))
+        unexplained, way = robots.unexplained(truth, task_q, alone), robots.conditions(task_q)
         for name, options in setting.models.items():
-            calibration = identify(setting.model, campaign, options=options)
-            off = (calibration.predict(setting.task_q) - truth.points(setting.task_q))[:, 0] * 1e3
+            calibration = _identify(robots.model, campaign, name, options)
+            off = (calibration.predict(task_q, way) - truth.points(task_q, way))[:, 0] * 1e3
             error, single = np.linalg.norm(off, axis=1), np.linalg.norm(off - unexplained * 1e3, axis=1)
             out.append(
                 {
@@ -275,13 +306,18 @@ def _one_robot(setting: _Setting, index: int) -> tuple[int, list[dict[str, Any]]
 
 
 def _fingerprint(setting: _Setting) -> str:
-    out = hashlib.sha256((setting.model.robot.digest + " ".join(setting.model.names)).encode())
-    for array in (setting.task_q, setting.weights, setting.pool, *setting.plans.values()):
+    robots = setting.robots
+    out = hashlib.sha256((robots.model.robot.digest + " ".join(robots.model.names)).encode())
+    sizes = (
+        (1e6 * robots.deviations, 1e6 * robots.joint_error) if robots.deviations is not robots.model.tolerances else ()
+    )
+    for array in (setting.task_q, setting.weights, setting.pool, *setting.plans.values(), *sizes):
         out.update(np.round(array, 9).tobytes())
     models = {name: (options.keep, options.prior is None) for name, options in setting.models.items()}
     out.update(
         json.dumps(
-            [setting.cases, models, setting.seed, vars(setting.noise), setting.model_error.position], sort_keys=True
+            [setting.cases, models, setting.seed, vars(setting.noise), setting.robots.model_error.position],
+            sort_keys=True,
         ).encode()
     )
     return out.hexdigest()[:16]

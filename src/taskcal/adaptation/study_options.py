@@ -6,11 +6,12 @@ from typing import Literal, TypedDict, Unpack
 
 from taskcal.arguments import expect_kinds, with_choices
 from taskcal.errors import UnknownName
+from taskcal.identification.calibration import Calibration
 from taskcal.measurement.tracker import TrackerNoise
 
 PlanKind = Literal["planned", "random", "grid"]
 PLANS: tuple[PlanKind, ...] = ("planned", "random", "grid")
-MODELS = ("all", "selected", "published", "published-damped")
+MODELS = ("all", "selected", "published", "published-damped", "geometry", "auto")
 
 
 class StudyChoices(TypedDict, total=False):
@@ -24,6 +25,7 @@ class StudyChoices(TypedDict, total=False):
     seed: int
     noise: TrackerNoise | None
     model_error: float | None
+    calibration: Calibration | None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,7 +43,8 @@ class StudyOptions:
     plans: tuple[PlanKind, ...] = ("planned", "random")
     """``planned`` by `plan`, ``random`` or ``grid`` in the task's own workspace."""
     models: tuple[str, ...] = ("all",)
-    """``all`` parameters, those ``selected`` for the task, the ``published`` ones, or ``published-damped`` without prior."""
+    """``all`` parameters, those ``selected`` for the task, the ``published`` ones, or ``published-damped`` without prior;
+    ``geometry`` without the model's effects, or ``auto`` with those that the data prove."""
     seed: int = 0
     """Of everything."""
     noise: TrackerNoise | None = None
@@ -49,9 +52,12 @@ class StudyOptions:
     model_error: float | None = None
     """Standard deviation per axis of what no parameter explains, metres, which every robot has at every pose; None for that of
     the robot's file, or of a typical robot (`model_error_of`)."""
+    calibration: Calibration | None = None
+    """Robots like this one, with defects and effects of the sizes that were found, and its model error."""
 
     def __post_init__(self) -> None:
-        expect_kinds({"noise": TrackerNoise | None}, noise=self.noise)
+        kinds = {"noise": TrackerNoise | None, "calibration": Calibration | None}
+        expect_kinds(kinds, noise=self.noise, calibration=self.calibration)
         for kind in self.plans:
             if kind not in PLANS:
                 raise UnknownName("plan", kind, PLANS)

@@ -26,7 +26,7 @@ def study_html(model: ErrorModel, task: Task, study: Study, *, version: str) -> 
             blocks=(
                 Text(
                     (
-                        "Each robot is drawn from the tolerances, measured by every plan with the tracker's noise, identified, and "
+                        f"Each robot is virtual, {study.origin}, measured by every plan with the tracker's noise, identified, and "
                         "compared with the truth over the task in the tracker's frame.",
                         f"Model error: {error}. Every robot has it in its measurements; the column at a pose has it at the task's "
                         "poses too, and the accuracy is judged by that. It is white noise here, while on a real robot it is "

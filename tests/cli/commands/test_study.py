@@ -121,3 +121,15 @@ def test_a_cluster_of_other_processes_gives_the_same_rows(run: Run, ask: list[ob
         ended = run(*small, "--engine", f"dask:{cluster.scheduler_address}", "-o", tmp_path / "cluster.csv")
     assert ended.status == 0, ended.err
     assert (tmp_path / "cluster.csv").read_bytes() == (tmp_path / "serial.csv").read_bytes()
+
+
+def test_a_calibration_stands_for_the_robot(run: Run, ask: list[object], cell: Path, tmp_path: Path) -> None:
+    other = [word for word in ask if word not in ("--robot", IRB6660)]
+    ended = run(
+        *other, "--calibration", cell / "cal.json", "--robots", "1", "--counts", "30", "--models", "all,geometry"
+    )
+    assert ended.status == 0, ended.err
+    assert "with defects of the sizes that the calibration found" in " ".join(ended.out.split())
+    both = run(*ask, "--calibration", cell / "cal.json")
+    assert both.status == 2
+    assert "give one of them" in both.err

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from taskcal.cli.model_options import ModelOptions
 from taskcal.cli.option_groups import grouped
 from taskcal.cli.options import (
     ModelErrorOption,
     PageOptions,
-    RobotOption,
     SeedOption,
     TaskOption,
     check_model_error,
@@ -25,6 +25,7 @@ from taskcal.cli.sign_of_life import clear_sign
 if TYPE_CHECKING:
     from taskcal.adaptation.study import Study
     from taskcal.adaptation.study_options import PlanKind
+    from taskcal.identification.calibration import Calibration
     from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import Task
 
@@ -47,7 +48,10 @@ class StudyOptions:
     models: Annotated[
         str,
         typer.Option(
-            "--models", metavar="MODEL,…", help="What is identified: all, selected, published, published-damped."
+            "--models",
+            metavar="MODEL,…",
+            help="What is identified: all, selected, published, published-damped, geometry (no effects), or auto "
+            "(those that the data prove).",
         ),
     ] = "all"
     model_error_mm: ModelErrorOption = None
@@ -92,7 +96,7 @@ class RunOptions:
 
 @grouped
 def command(
-    robot: RobotOption,
+    of: ModelOptions,
     task: TaskOption,
     choice: StudyOptions,
     running: RunOptions,
@@ -105,22 +109,21 @@ def command(
 ) -> None:
     """See what error to expect over a task, from many virtual robots.
 
-    Each is drawn from the tolerances, off by its model error at every pose, measured by every plan,
-    identified with every model, and compared with the truth.
+    Each is drawn from the tolerances, or like the robot that was calibrated, off by its model error at every pose,
+    measured by every plan, identified with every model, and compared with the truth.
     """
     outputs = check_outputs(
         "study",
         [("--output", output), ("--report", page.report), ("--resume", running.resume)],
-        [robot, *files_of_task(task)],
+        [of.robot, of.calibration, *files_of_task(task)],
         force=page.force,
         updated=("--resume",),
     )
-    from taskcal.robot.catalogue import load_robot
-    from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import load_task
 
-    model, described = ErrorModel(load_robot(robot)), load_task(task)
-    study = _run(model, described, choice, running)
+    model, calibration = of.load()
+    described = load_task(task)
+    study = _run(model, calibration, described, choice, running)
     contents: dict[Path, str | bytes] = {}
     if output is not None:
         contents[output] = study.to_frame().to_csv(index=False)
@@ -137,7 +140,9 @@ def command(
         _show(study, result, described.name)
 
 
-def _run(model: "ErrorModel", task: "Task", choice: StudyOptions, running: RunOptions) -> "Study":
+def _run(
+    model: "ErrorModel", calibration: "Calibration | None", task: "Task", choice: StudyOptions, running: RunOptions
+) -> "Study":
     from taskcal.adaptation.study import study
     from taskcal.adaptation.study_options import MODELS, PLANS
 
@@ -153,6 +158,7 @@ def _run(model: "ErrorModel", task: "Task", choice: StudyOptions, running: RunOp
         return study(
             model,
             task,
+            calibration=calibration,
             robots=choice.robots,
             counts=_numbers(choice.counts),
             plans=kinds,
@@ -235,7 +241,7 @@ def _show(study: "Study", result: Mapping[str, Any], task: str) -> None:
     from taskcal.presentation.study_table import tabulate_study
 
     show(tabulate_study(study, task))
-    facts = [("robots", f"{result['robots']} {result['robot']} drawn from the tolerances, seed {result['seed']}")]
+    facts = [("robots", f"{result['robots']} {result['robot']} {study.origin}, seed {result['seed']}")]
     facts.append(("model error", state_model_error(result["model_error_mm"], result["model_error_origin"])))
     facts.append(
         ("at a pose", "rms with the model error beside what identification leaves; the accuracy is judged by it")
