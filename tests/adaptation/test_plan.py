@@ -162,7 +162,7 @@ def test_a_list_of_poses_is_planned_for_too(model):
     assert made.expected < made.random.mean()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_planned_poses_give_half_the_error_of_random_ones_and_promise_what_they_give(model):
     """Over 200 true robots: 60 planned poses against 60 random ones, and 30 against 60."""
     goal, pool = reach_task(model, TASK, 200, 0), reach_task(model, TASK, 2000, 1).q

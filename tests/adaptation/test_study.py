@@ -178,7 +178,7 @@ def test_planned_poses_are_worth_more_than_random_ones(model):
     assert planned["rms_mm"] < 0.8 * random["rms_mm"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_selected_model_is_as_good_as_the_full_one_and_the_undamped_published_one_is_not(model):
     """One orientation measured; errors inside it and up to 40° outside, over 60 true robots."""
     task = reference_task()

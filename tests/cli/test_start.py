@@ -253,7 +253,7 @@ def test_hints_are_bare_where_the_shell_finds_the_program(tmp_path: Path, monkey
     assert started_as() == "taskcal"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_warm_compiles_everything_that_other_commands_need(cell: Path, tmp_path: Path) -> None:
     """With a cache of its own: after `warm`, no command leaves another kernel."""
     script = (

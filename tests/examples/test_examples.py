@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+LONG = ("05_closed_loop",)
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("[0-9][0-9]_*.py"))
 
 
@@ -15,7 +16,10 @@ def test_there_are_examples():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("script", EXAMPLES, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "script",
+    [pytest.param(path, id=path.stem, marks=[pytest.mark.long] if path.stem in LONG else []) for path in EXAMPLES],
+)
 def test_an_example_runs(script, tmp_path):
     done = subprocess.run(
         [sys.executable, str(script)],

@@ -39,7 +39,7 @@ def test_intervals_cover_the_truth_as_often_as_they_say_and_the_error_is_near_th
     assert 0.95 < rms / bound < 1.05, (rms, bound)
 
 
-@pytest.mark.parametrize("robots", [pytest.param(100, marks=pytest.mark.slow), MANY])
+@pytest.mark.parametrize("robots", [pytest.param(40, marks=pytest.mark.slow), MANY])
 def test_intervals_hold_whichever_parameters_are_estimated(robots):
     """Of a robot that varies in all 45, measured in one orientation, there and where the tool is turned away from it."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sklearn.model_selection import GroupKFold
 
 from taskcal.adaptation.selection import select
 from taskcal.errors import CampaignError
@@ -24,6 +25,17 @@ def fold_of(q, folds, seed):
         assert (out[rows] == -1).all()
         out[rows] = fold
     return out
+
+
+@given(generators, st.integers(2, 6), st.integers(0, 99))
+def test_folds_are_those_of_scikit_learn(rng, folds, seed):
+    q = rng.uniform(-1.0, 1.0, (20, 3))
+    q[7:10] = q[3]
+    posture = np.arange(20)
+    posture[7:10] = 3
+    theirs = GroupKFold(folds, shuffle=True, random_state=seed).split(q, groups=posture)
+    for ours, (_, left_out) in zip(split_postures(q, folds, seed), theirs, strict=True):
+        np.testing.assert_array_equal(ours, left_out)
 
 
 @given(generators, st.integers(2, 6))

@@ -9,6 +9,7 @@ from scipy.stats import chi2, multivariate_t
 from taskcal.identification.calibration_file import load_calibration
 from taskcal.identification.effect_selection import explain
 from taskcal.identification.group_validation import stretch_of
+from taskcal.identification.identify import identify
 from taskcal.identification.row_errors import FREEDOM, log_weights, weigh
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
@@ -57,6 +58,22 @@ def test_an_error_of_a_joint_turns_and_shifts_what_it_carries():
     white = np.diag(np.repeat(np.square(made.model_error), 3))
     expected = white + J @ np.diag(np.square(made.joint_error)) @ np.swapaxes(J, 1, 2)
     np.testing.assert_allclose(C[:, 0], expected, rtol=2e-3, atol=1e-13)
+
+
+def test_an_order_far_beyond_the_others_of_its_joint_gets_a_size_of_its_own():
+    """Order 20 of one joint: among thirty that share a size it would be taken for noise, or they for as large."""
+    tone = Harmonics(joints=("J2",), orders=(20,))
+    model = ErrorModel(load_robot("abb-irb120"))
+    x = np.zeros(len(model + tone))
+    x[-2:] = 1.2e-4, -0.8e-4
+    model, campaign, truth, unseen = measured(60, true=tone, x=x)
+    found = explain(model, campaign, candidates=(SPECTRUM,), folds=3).calibration
+    size = dict(zip(found.model.names, found.group_deviations, strict=True))
+    assert size["J2.cos20"] == size["J2.sin20"] > 1e-5 > 2.0 * max(size["J2.cos19"], size["J2.cos21"], size["J3.cos20"])
+    assert found.estimate[found.model.names.index("J2.cos20")] == pytest.approx(1.2e-4, abs=2e-5)
+    error = np.linalg.norm(found.predict(unseen) - truth.points(unseen), axis=2).mean()
+    told = identify(model + tone, campaign)
+    assert error < 1.25 * np.linalg.norm(told.predict(unseen) - truth.points(unseen), axis=2).mean()
 
 
 def test_an_order_of_a_motor_is_found_though_it_is_no_whole_number():

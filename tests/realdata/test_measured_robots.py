@@ -136,7 +136,7 @@ def test_reference_points_and_lost_beams_are_told_from_targets(data_folder):
         assert np.nanpercentile(drift, 90) < 1e-3
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_rows_chosen_by_the_expected_error_predict_the_others_better_than_rows_drawn_by_chance(data_folder):
     """60 of 700 rows of a real robot, whose model error is smooth over the joints; judged on the other 300."""
     model = ErrorModel(load_robot("ur5"))

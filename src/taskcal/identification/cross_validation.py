@@ -33,7 +33,9 @@ def split_postures(q: Float[np.ndarray, "n joints"], folds: int, seed: int) -> l
             f"{len(q)} rows at {different} different poses are too few to leave out one part of {folds} after another; "
             "measure more poses"
         )
-    part = np.array_split(np.random.default_rng(seed).permutation(np.unique(posture)), folds)
+    # the generator, and so the folds, of scikit-learn's GroupKFold, whose import takes longer than a fit
+    order = np.random.RandomState(seed).permutation(np.unique(posture))
+    part = np.array_split(order, folds)
     return [np.flatnonzero(np.isin(posture, some)) for some in part]
 
 

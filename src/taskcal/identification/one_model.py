@@ -5,9 +5,10 @@ geometry's lengths and its angles; a group's parameters have the tolerances that
 the data tell (`group_variances`). What single poses add is found beside it (`row_errors`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -44,6 +45,8 @@ FRAME_SCALE = 1e-3
 
 GEOMETRY = "geometry"
 
+EMPTY: Mapping[str, tuple[str, float]] = MappingProxyType({})
+
 
 @dataclass(frozen=True)
 class Group:
@@ -53,6 +56,8 @@ class Group:
     """The joint, or what else the effect is of."""
     effect: str
     """Name of the effect; ``geometry`` for lengths and angles of the robot."""
+    part: str = ""
+    """What of the effect it is, where some of it has a size of its own."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -92,21 +97,25 @@ def expected_spread(labels: Sequence[Group]) -> Float[np.ndarray, "groups groups
 
     A robot on which most effects are next to nothing has others that are, and the joints of a robot are built alike.
     """
-    names = np.array([label.effect for label in labels])
+    names, parts = np.array([label.effect for label in labels]), np.array([label.part for label in labels])
     geometric = names == GEOMETRY
+    same = (names[:, None] == names) & (parts[:, None] == parts)
     of_effects = np.full((len(names), len(names)), COMMON_WIDTH**2)
-    of_effects += EFFECT_WIDTH**2 * (names[:, None] == names) + JOINT_WIDTH**2 * np.eye(len(names))
+    of_effects += EFFECT_WIDTH**2 * same + JOINT_WIDTH**2 * np.eye(len(names))
     of_effects[geometric] = of_effects[:, geometric] = 0.0
     return of_effects + GEOMETRY_WIDTH**2 * np.diag(geometric.astype(float))
 
 
-def assemble(problem: Problem, kept: Sequence[str] | None, options: FitOptions) -> OneModel:
+def assemble(
+    problem: Problem, kept: Sequence[str] | None, options: FitOptions, apart: Mapping[str, tuple[str, float]] = EMPTY
+) -> OneModel:
     """The groups of a problem.
 
     Args:
         problem: in the layout of all parameters, effects among them.
         kept: names of the geometric parameters to estimate; None for all. Effects are always estimated.
         options: of the fit.
+        apart: parameters that have a size of their own, with what those have in common that share it and the tolerance of each.
     """
     model, names = problem.frames.model, problem.frames.names
     owner_of = {name: (name.partition(".")[0], effect) for name, effect in _effects_of(problem)}
@@ -115,10 +124,15 @@ def assemble(problem: Problem, kept: Sequence[str] | None, options: FitOptions) 
     scale = np.full(len(names), FRAME_SCALE)
     for i, name in enumerate(names[: len(model)]):
         unit = model.parameters[i].unit
-        label = Group(*owner_of[name]) if name in owner_of else Group("lengths" if unit == "m" else "angles", GEOMETRY)
+        part, tolerance = apart.get(name, ("", model.tolerances[i]))
+        label = (
+            Group(*owner_of[name], part)
+            if name in owner_of
+            else Group("lengths" if unit == "m" else "angles", GEOMETRY)
+        )
         if label not in labels:
             labels.append(label)
-        group[i], scale[i] = labels.index(label), model.tolerances[i]
+        group[i], scale[i] = labels.index(label), tolerance
     estimated = np.ones(len(names), dtype=bool)
     if kept is not None:
         estimated[: len(model)] = [name in owner_of for name in model.names]

@@ -1,6 +1,6 @@
 """From a geometric calibration to the one model: which effects take part, the orders that are sharp, and what each is worth."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,10 +11,10 @@ from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.group_validation import LeftOutErrors, validate_groups
 from taskcal.identification.observation_layout import layout_of, problem_of
 from taskcal.identification.one_calibration import calibrate, log_evidence
-from taskcal.identification.one_model import MOST_ROUNDS, OneFit, OneModel, assemble, fit_one_model
+from taskcal.identification.one_model import EMPTY, MOST_ROUNDS, OneFit, OneModel, assemble, fit_one_model
 from taskcal.identification.problem import Problem
 from taskcal.identification.row_errors import RowErrors
-from taskcal.identification.sharp_orders import as_effects, find_sharp_orders
+from taskcal.identification.sharp_orders import as_effects, find_clear_orders, find_sharp_orders
 from taskcal.measurement.campaign import Campaign
 from taskcal.robot.effects import SPECTRUM, Effect
 from taskcal.robot.error_model import ErrorModel
@@ -85,16 +85,18 @@ def find_one_model(
     competing = effects
     if SPECTRUM in effects:
         sharp: list[tuple[str, float]] = []
+        clear: dict[str, tuple[str, float]] = {}
         for _ in range(SHARPENINGS):
             progress(SHARPENING)
+            clearer = find_clear_orders(fitted, SPECTRUM.name)
             new = [order for order in find_sharp_orders(fitted, max(SPECTRUM.orders) + 0.5) if order not in sharp]
-            if not new:
+            if not new and not clearer:
                 break
-            sharp += new
+            sharp, clear = sharp + new, clear | clearer
             effects = (*competing, *as_effects(sharp))
-            fitted = _fit(base, campaign, effects, options, fitted, SHARPENING_ROUNDS)
-        if sharp:
-            fitted = _fit(base, campaign, effects, options, fitted)
+            fitted = _fit(base, campaign, effects, options, fitted, SHARPENING_ROUNDS, clear)
+        if sharp or clear:
+            fitted = _fit(base, campaign, effects, options, fitted, apart=clear)
     progress(LEAVING_OUT)
     names = [effect.name for effect in (*base.model.effects, *effects)]
     errors = validate_groups(fitted, parts, names, np.random.default_rng(seed))
@@ -109,12 +111,13 @@ def _fit(
     options: FitOptions,
     before: OneFit | None,
     most_rounds: int = MOST_ROUNDS,
+    apart: Mapping[str, tuple[str, float]] = EMPTY,
 ) -> OneFit:
     model = base.model
     for effect in effects:
         model = model + effect
     problem = _problem(base, model, campaign, options)
-    one = assemble(problem, options.keep, options)
+    one = assemble(problem, options.keep, options, apart)
     start, names = problem.frames.start(), problem.frames.names
     held = dict(zip(base.all_names, base.z, strict=True))
     if before is not None:

@@ -69,6 +69,35 @@ def find_sharp_orders(fitted: OneFit, lowest: float) -> list[tuple[str, float]]:
     return [(robot.joint_names[j], round(order, 2)) for _, j, order in sorted(found, reverse=True)]
 
 
+def find_clear_orders(fitted: OneFit, effect: str) -> dict[str, tuple[str, float]]:
+    """Parameters of orders that are far beyond what the others of their joint let expect, with a name and a tolerance for each.
+
+    An estimate x̂ of a parameter of variance v, with the posterior variance s, is itself of variance v − s. Cosine and sine of an
+    order are χ²-distributed together, and an order stands out where χ² is beyond chance among all of them (Bonferroni).
+
+    Args:
+        fitted: the fit.
+        effect: whose orders share a size for each joint.
+    """
+    one, found = fitted.one, fitted.found
+    own = found.reduced.groups.own
+    x, S = found.evidence.mean(own), np.diag(found.evidence.covariance(own))
+    v = np.exp(found.evidence.log_variances)[own]
+    labels, names = [one.labels[g] for g in own], [one.problem.frames.names[i] for i in one.groups.grouped]
+    chance = x**2 / np.maximum(v - S, 1e-6 * v)
+    both: dict[str, list[int]] = {}
+    for k, (label, name) in enumerate(zip(labels, names, strict=True)):
+        if label.effect == effect and not label.part:
+            both.setdefault(name.replace(".cos", ".").replace(".sin", "."), []).append(k)
+    beyond = 2.0 * np.log(max(len(both), 1) / CHANCE)
+    return {
+        names[k]: (order, SHARP_TOLERANCE)
+        for order, members in both.items()
+        if chance[members].sum() > beyond
+        for k in members
+    }
+
+
 def _spectrum(
     angle: Float[np.ndarray, " n"], pull: Float[np.ndarray, " n"], orders: Float[np.ndarray, " k"]
 ) -> Float[np.ndarray, " k"]:
