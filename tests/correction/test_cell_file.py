@@ -75,6 +75,7 @@ def test_the_robots_base_and_its_external_axes_read_back_as_they_were_written(tm
         ('[[axis]]\nnumber = 1\ncarries = "robot"\nslides_along = [0, 0, 1]\nunit = "A"\n', "axes that carry the part"),
         (2 * '[[axis]]\nnumber = 1\ncarries = "nothing"\n', "axis 1 is stated twice"),
         ('[[tool]]\nname = "a"\n[[tool]]\nname = "A"\n', "two tools are named 'a'"),
+        ("[[tool]]\nname = 'a'\n" * 1001, "tool: has more than 1000 entries"),
         ('[[part]]\nname = "a"\ntracker = { position_mm = [1, 2] }\n', "position_mm"),
         (
             '[[part]]\nname = "a"\ntracker = { position_mm = [1, 2, 3] }\nflange = { position_mm = [1, 2, 3] }\n',

@@ -24,6 +24,9 @@ MIN_DIRECTION = 1e-6
 
 Point = tuple[Finite, Finite, Finite]
 
+MOST_NAMED = 1000
+"""Tools of a cell, and parts: a tool changer holds some dozen."""
+
 
 class PoseSection(Section):
     """A pose."""
@@ -134,8 +137,8 @@ class CellFile(Section):
 
     robot: RobotSection | None = None
     axis: tuple[AxisSection, ...] = ()
-    tool: tuple[MeasuredSection, ...] = ()
-    part: tuple[MeasuredSection, ...] = ()
+    tool: Annotated[tuple[MeasuredSection, ...], Field(max_length=MOST_NAMED)] = ()
+    part: Annotated[tuple[MeasuredSection, ...], Field(max_length=MOST_NAMED)] = ()
 
     @model_validator(mode="after")
     def _names(self) -> Self:
