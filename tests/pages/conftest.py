@@ -48,8 +48,14 @@ def tab(chromium: Any) -> Any:
     context = chromium.new_context(viewport={"width": 1440, "height": 900})
     page, complaints = context.new_page(), list[str]()
     page.set_default_timeout(120_000)
-    page.on("console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None)
+    page.on("console", lambda said: complaints.append(said.text) if _is_a_complaint(said) else None)
     page.on("pageerror", lambda error: complaints.append(str(error)))
     yield page
     context.close()
     assert complaints == []
+
+
+def _is_a_complaint(said: Any) -> bool:
+    """Whether a page is to blame for a message; tests read canvases back, and drivers of displays that are not there complain."""
+    ours = ("willReadFrequently", "GL Driver Message")
+    return said.type in ("error", "warning") and not any(words in said.text for words in ours)
