@@ -32,6 +32,7 @@ nitpicky = True  # a name that a docstring refers to is in the reference
 html_theme = "furo"
 html_title = "Taskcal"
 html_static_path = ["_static"] if (Path(__file__).parent / "_static").is_dir() else []
+html_js_files = [("scrollable.js", {"defer": "defer"})]
 
 
 def _prepare(_app, what, _name, _object, _options, lines):

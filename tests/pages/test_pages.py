@@ -28,7 +28,7 @@ DRAWN = """() => [...document.querySelectorAll("figure")].map((figure) => {
     const data = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
     let inked = 0;
     for (let k = 0; k < data.length; k += 4) inked += Math.min(data[k], data[k + 1], data[k + 2]) < 200;
-    return [title, inked / (data.length / 4) > 0.002];
+    return [title, inked / (data.length / 4) > 0.0005];
   }
   const marks = [...figure.querySelectorAll(MARKS)];
   return [title, marks.filter((mark) => { const b = mark.getBoundingClientRect(); return b.width + b.height > 3; }).length > 0];

@@ -100,7 +100,7 @@ def draw_program(correction: Correction) -> Scene:
             lines = [moves[i].place.line for i in deviations.move[rows]]
             tips = [f"line {line}: {error:.3f} mm" for line, error in zip(lines, length, strict=True)]
             label = f"{name or 'base'}: error before, dark 0 to bright {top:.3f} mm"
-            way = {"kind": "strokes", "label": f"{name or 'base'}: way", "colour": GREY, "width": 1.2}
+            way = {"kind": "strokes", "label": f"{name or 'base'}: way", "colour": GREY, "width": 2}
             layers.append({**way, "at": [to_mm(position[rows])]})
             layers.append(coloured_points(label, position[rows], length, (0.0, top), tips))
     return Scene(
