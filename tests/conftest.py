@@ -23,7 +23,7 @@ threadpool_limits(1)  # a pytest plugin may have loaded NumPy, and its BLAS, bef
 # Shapes and types in annotations are checked, but for these modules and all that is in these folders.
 _UNCHECKED = {
     "compiled kernels, whose source Numba has to read, and what describes their arguments": """
-        geometry.compiled geometry.covariance_propagation geometry.described_arrays geometry.four_bar
+        geometry.compiled geometry.covariance_propagation geometry.described_arrays geometry.four_bar_closure
         geometry.linearised_observation geometry.normal_equations geometry.observations geometry.point_observation
         geometry.pose_observation geometry.pose_step geometry.walk
     """,

@@ -82,7 +82,7 @@ def show_report(
         tracker_mm: mean error in space that the tracker's noise alone would leave.
         parameters: whether to print the parameters, too.
     """
-    summaries = {"nominal, frames only": result["nominal"], "fitted": result["fitted"]}
+    summaries = {"frames only": result["nominal"], "fitted": result["fitted"]}
     if result["held_out"] is not None:
         summaries["held out"] = result["held_out"]
     say(verdict(result))

@@ -16,11 +16,13 @@ def diagnose_file(path: Path, robot: "Robot") -> "Diagnosis":
     Raises:
         FileError: it cannot be read as a campaign of so many joints.
     """
-    from taskcal.diagnosis.diagnose import diagnose
-    from taskcal.diagnosis.supposition import open_limits
+    from taskcal.diagnosis.open_limits import open_limits
     from taskcal.measurement.reader import read_campaign
 
-    return diagnose(read_campaign(path, open_limits(robot)), robot)
+    campaign = read_campaign(path, open_limits(robot))
+    from taskcal.diagnosis.diagnose import diagnose  # only for what could be read: it takes a second to import
+
+    return diagnose(campaign, robot)
 
 
 def with_first_finding(refusal: TaskcalError, path: Path, robot: "Robot") -> str:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.diagnosis.open_limits import open_limits
 from taskcal.measurement.campaign import Campaign
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -72,12 +73,6 @@ class Supposition:
         conditions = replace(case.campaign.conditions, approach=None, move=None)
         q = np.ascontiguousarray(self.joints(case.campaign.q))
         return replace(case, campaign=replace(case.campaign, q=q, conditions=conditions))
-
-
-def open_limits(robot: Robot) -> Robot:
-    """The robot, able to take any joint position."""
-    joints = tuple(replace(joint, limits=(-np.inf, np.inf)) for joint in robot.joints)
-    return replace(robot, joints=joints, coupled_limits=())
 
 
 def nominal_poses(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:

@@ -9,13 +9,12 @@ with κ + γ the crank's lever and θ + ρ the rocker's.
 """
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from taskcal.errors import ClosureError
-from taskcal.geometry.compiled import compiled
 
 REMEDY = (
     "the loop is singular where rod and arm line up with the levers: keep the two angles well under 90° apart and check the "
@@ -73,67 +72,20 @@ class Closure:
     """∂θ/∂(α, κ)."""
 
 
-class _Loop(NamedTuple):
-    """The numbers of a `FourBar` as the compiled closure takes them."""
-
-    L1: float
-    L2: float
-    L3: float
-    d: float
-    gamma: float
-    rho: float
-    assembly: float
-
-
-class _ClosureArrays(NamedTuple):
-    """The arrays of a `Closure`, which the compiled closure fills."""
-
-    angle: Float[np.ndarray, " n"]
-    by_length: Float[np.ndarray, "n 4"]
-    by_angle: Float[np.ndarray, "n 2"]
-
-
-@compiled
-def _close(arm_angle, crank_angle, loop, out):
-    """Return the first pose that does not close, or −1."""
-    L1, L2, L3, d, gamma, rho, assembly = loop
-    angle, by_length, by_angle = out
-    for i in range(arm_angle.shape[0]):
-        a, k = arm_angle[i], crank_angle[i] + gamma
-        ca, sa, ck, sk = np.cos(a), np.sin(a), np.cos(k), np.sin(k)
-        wx, wy = d * ca - L1 * ck, d * sa - L1 * sk
-        w = np.sqrt(wx * wx + wy * wy)
-        cosine = (L2 * L2 - w * w - L3 * L3) / (2.0 * L3 * w)
-        if not abs(cosine) < 1.0:
-            return i
-        sine = -assembly * np.sqrt((1.0 - cosine) * (1.0 + cosine))
-        cl, sl = (wx * cosine - wy * sine) / w, (wy * cosine + wx * sine) / w
-        vx, vy = wx + L3 * cl, wy + L3 * sl
-        # differentiating |v|² = L2² : L3·(v·u′(ψ)) dψ = L2·dL2 − v·(everything else that moves v)
-        slope = L3 * (vy * cl - vx * sl)
-        by_length[i, 0] = (vx * ck + vy * sk) / slope
-        by_length[i, 1] = L2 / slope
-        by_length[i, 2] = -(vx * cl + vy * sl) / slope
-        by_length[i, 3] = -(vx * ca + vy * sa) / slope
-        by_angle[i, 0] = -d * (vy * ca - vx * sa) / slope
-        by_angle[i, 1] = L1 * (vy * ck - vx * sk) / slope
-        turn = np.arctan2(sl, cl) - rho - crank_angle[i]
-        angle[i] = crank_angle[i] + turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
-    return -1
-
-
 def close_four_bar(bar: FourBar, arm_angle: Float[np.ndarray, " n"], crank_angle: Float[np.ndarray, " n"]) -> Closure:
     """Rocker angle θ and its derivatives for arm angles α and crank angles κ, radians.
 
     Raises:
         ClosureError: the rod cannot reach at some pose; the message names the first such pose.
     """
+    from taskcal.geometry.four_bar_closure import ClosureArrays, LoopNumbers, close_loop  # imports the compiler
+
     n = len(arm_angle)
     out = Closure(angle=np.empty(n), by_length=np.empty((n, 4)), by_angle=np.empty((n, 2)))
     arm_angle, crank_angle = np.ascontiguousarray(arm_angle), np.ascontiguousarray(crank_angle)
     lengths = float(bar.crank), float(bar.rod), float(bar.rocker), float(bar.arm)
-    loop = _Loop(*lengths, float(bar.crank_angle), float(bar.rocker_angle), float(bar.assembly))
-    fails = _close(arm_angle, crank_angle, loop, _ClosureArrays(out.angle, out.by_length, out.by_angle))
+    loop = LoopNumbers(*lengths, float(bar.crank_angle), float(bar.rocker_angle), float(bar.assembly))
+    fails = close_loop(arm_angle, crank_angle, loop, ClosureArrays(out.angle, out.by_length, out.by_angle))
     if fails >= 0:
         raise ClosureError(fails, f"{bar.describe(arm_angle[fails], crank_angle[fails])}; {REMEDY}")
     return out

@@ -15,14 +15,12 @@ from taskcal.measurement.column_meaning import ANGLES, LENGTHS
 from taskcal.measurement.observation import Point, Pose, Read, kinds
 from taskcal.measurement.observation.socket_distances import with_distances
 from taskcal.measurement.observation.wire_scale import with_unknown_scale
-from taskcal.measurement.pairing import pair
 from taskcal.measurement.readings import Readings, read_readings
 from taskcal.measurement.repeated_shots import average_shots
 from taskcal.measurement.rotation_columns import AngleForm
 from taskcal.measurement.rows_of_targets import side_by_side
 from taskcal.measurement.target_columns import MAX_TARGETS
 from taskcal.measurement.targets_in_names import with_targets_in_names
-from taskcal.measurement.unit_inference import infer_length, infer_units
 from taskcal.measurement.units_above import with_stated_units
 from taskcal.measurement.unnamed_means import without_means
 from taskcal.robot.approach import conditions_in_order
@@ -109,6 +107,8 @@ def read_measurements(path: str | Path, robot: Robot, options: ReadOptions | Non
     readings = _of_file(path, robot, options.form, options.angles)
     if options.points is not None:
         others = _of_file(options.points, robot, replace(options.form, columns=None), options.angles)
+        from taskcal.measurement.pairing import pair  # fits, and so imports the compiler
+
         readings = pair(_averaged(readings), _averaged(others), robot)
     if readings.targets_by_row is not None:
         readings = side_by_side(readings)
@@ -135,6 +135,8 @@ def _with_units(readings: Readings, robot: Robot) -> Readings:
         return readings
     if readings.q is None:
         return _with_length(readings, robot)
+    from taskcal.measurement.unit_inference import infer_units  # fits, and so imports the compiler
+
     points = next(iter(readings.points.values()), None)
     angle = "rad" if readings.joint_unit_stated else None
     length = "m" if readings.length_unit_stated else None
@@ -177,6 +179,8 @@ def _refuse_small_angles(readings: Readings, robot: Robot, q: np.ndarray) -> Non
 
 def _with_length(readings: Readings, robot: Robot) -> Readings:
     """Points alone in metres, by the robot's reach."""
+    from taskcal.measurement.unit_inference import infer_length
+
     unit = infer_length(robot, next(iter(readings.points.values())))
     if unit is None:
         raise FileError(readings.path, _unit_of_points([("", "mm"), ("", "m")]), line=1, column="x")

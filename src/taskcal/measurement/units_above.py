@@ -8,7 +8,6 @@ from taskcal.errors import FileError, shown
 from taskcal.measurement.column_meaning import ANGLES, LENGTHS
 from taskcal.measurement.readings import Readings
 from taskcal.measurement.stated_units import StatedUnits, stated_units
-from taskcal.measurement.unit_inference import infer_units
 from taskcal.robot.robot import Robot
 
 
@@ -51,6 +50,8 @@ def _refuse_contradiction(
     points = next(iter(readings.points.values()))
     known_angle = "rad" if readings.joint_unit_stated else None
     known_length = "m" if readings.length_unit_stated else None
+    from taskcal.measurement.unit_inference import infer_units  # fits, and so imports the compiler
+
     fitting = infer_units(robot, readings.q, known_angle, points, known_length)
     likely = {"mm", "m", "in"}
     if len(fitting) == 1 and any(

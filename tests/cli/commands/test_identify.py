@@ -42,7 +42,7 @@ def test_the_report_for_people(run: Run, cell: Path, tmp_path: Path) -> None:
     text = identify(run, cell / "one.csv", tmp_path / "cal.json", "--holdout", "0.3").out
     first, *_ = text.splitlines()
     assert "times as accurate as before" in first
-    assert text.index("nominal,") < text.index(" fitted ") < text.index(" held out ") < text.index("next ")
+    assert text.index("frames only ") < text.index(" fitted ") < text.index(" held out ") < text.index("next ")
     for word in ("rms", "model error", "tracker frame", "--parameters lists them"):
         assert word in text
     assert "psi5" not in text

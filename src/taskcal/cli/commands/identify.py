@@ -110,13 +110,15 @@ def command(
     inputs = [campaign, robot, reading.points, reading.rows, fitting.registration_file]
     outputs = check_outputs("identify", [("--output", output)], inputs, force=out.force)
     from taskcal.robot.catalogue import load_robot
-    from taskcal.robot.error_model import ErrorModel
 
-    model = ErrorModel(load_robot(robot), lengths_only=fitting.lengths_only)
+    described = load_robot(robot)
     try:
-        read = reading.read(campaign, model.robot, noise=fitting.noise())
+        read = reading.read(campaign, described, noise=fitting.noise())
     except FileError as refusal:
-        raise _explained_refusal(refusal, campaign, model.robot) from refusal
+        raise _explained_refusal(refusal, campaign, described) from refusal
+    from taskcal.robot.error_model import ErrorModel  # after the file was read: the compiler takes a while to import
+
+    model = ErrorModel(described, lengths_only=fitting.lengths_only)
     if fitting.mpe_to_sigma is not None and read.whole.uncertainty is not None:
         info("--mpe-to-sigma has no effect: the campaign states its own uncertainties (u_mm)")
     fit = _Fit(model=model, fitting=fitting, search=search, effects=effects, seed=holdout.seed, fits=holdout.fits)
