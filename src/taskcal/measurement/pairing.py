@@ -58,6 +58,7 @@ def pair(joints: Readings, points: Readings, robot: Robot) -> Readings:
         length_unit_stated=others.length_unit_stated,
         uncertainty=others.uncertainty,
         rotations=others.rotations,
+        open_angles=others.open_angles,
         rotated=others.rotated,
         temperature=others.temperature if mine.temperature is None else mine.temperature,
         time=others.time if mine.time is None else mine.time,

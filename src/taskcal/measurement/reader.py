@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 
 from taskcal.arguments import expect_kinds, renamed_arguments
 from taskcal.errors import FileError, shown
+from taskcal.measurement.angle_convention import with_convention
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.column_meaning import ANGLES, LENGTHS
 from taskcal.measurement.observation import Point, Pose, Read, kinds
@@ -112,7 +113,7 @@ def read_measurements(path: str | Path, robot: Robot, options: ReadOptions | Non
         readings = pair(_averaged(readings), _averaged(others), robot)
     if readings.targets_by_row is not None:
         readings = side_by_side(readings)
-    return _averaged(_with_units(readings, robot))
+    return with_convention(_averaged(_with_units(readings, robot)), robot)
 
 
 def _of_file(path: str | Path, robot: Robot, form: TableForm, angles: AngleForm | None) -> Readings:

@@ -12,7 +12,7 @@ from taskcal.errors import FileError, shown
 from taskcal.measurement.column_meaning import ANGLES, LENGTHS, TIMES, Meaning, contradiction, meanings
 from taskcal.measurement.joint_columns import JointColumns, joint_columns, refuse_other_axes
 from taskcal.measurement.observation import ObservedColumns
-from taskcal.measurement.rotation_columns import AngleForm, rotations
+from taskcal.measurement.rotation_columns import AngleForm, OpenAngles, RotationColumns, rotations
 from taskcal.measurement.spherical_columns import with_positions
 from taskcal.measurement.summary_rows import without_summaries
 from taskcal.measurement.target_columns import TargetColumns, target_columns
@@ -54,6 +54,8 @@ class Readings:
     uncertainty: Mapping[str, Float[np.ndarray, " n"]]
     """By target in small letters, empty for all."""
     rotations: Float[np.ndarray, "n 3 3"] | None
+    open_angles: OpenAngles | None
+    """Where it is open what three angles mean."""
     rotated: str
     """Whose rotations they are, where their columns say."""
     temperature: Float[np.ndarray, " n"] | None
@@ -90,6 +92,7 @@ class Readings:
             points={name: points[rows] for name, points in self.points.items()},
             uncertainty={name: u[rows] for name, u in self.uncertainty.items()},
             rotations=pick(self.rotations),
+            open_angles=None if self.open_angles is None else self.open_angles.mapped(lambda R: R[rows]),
             temperature=pick(self.temperature),
             time=pick(self.time),
             approach=pick(self.approach),
@@ -128,9 +131,9 @@ def read_readings(
     targets = TargetColumns(points={}, uncertainty={}, unit_stated=True)
     with faults.collecting():
         targets = target_columns(table, known)
-    R, rotation_notes = None, ()
+    turned = RotationColumns()
     with faults.collecting():
-        R, rotation_notes = rotations(table, known, _posed(targets, len(table)), angles)
+        turned = rotations(table, known, _posed(targets, len(table)), angles)
     ids, targets_by_row = None, _texts(table, known, "target")
     with faults.collecting():
         ids = _ids(table, known)
@@ -159,7 +162,8 @@ def read_readings(
         points=targets.points,
         length_unit_stated=targets.unit_stated,
         uncertainty=targets.uncertainty,
-        rotations=R,
+        rotations=turned.rotations,
+        open_angles=turned.open_angles,
         rotated=next((m.target for m in known if m and m.kind == "quaternion" and m.target), ""),
         temperature=temperature,
         time=time,
@@ -168,7 +172,7 @@ def read_readings(
         targets_by_row=targets_by_row,
         observed=_observed(table, known),
         preamble=laid.preamble,
-        notes=(*laid.notes, *targets.notes, *rotation_notes, *_left_out(laid, known)),
+        notes=(*laid.notes, *targets.notes, *turned.notes, *_left_out(laid, known)),
     )
 
 

@@ -31,14 +31,22 @@ def average_shots(readings: Readings) -> Readings:
         for name, values in readings.points.items()
     }
     first = readings.take(np.array([rows[0] for rows in groups.values()]))
-    R = readings.rotations
-    if R is not None:
-        R = np.stack([Rotation.from_matrix(R[rows]).mean().as_matrix() for rows in groups.values()])
+
+    def mean_rotations(R: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "poses 3 3"]:
+        return np.stack([Rotation.from_matrix(R[rows]).mean().as_matrix() for rows in groups.values()])
+
+    turned, angles = readings.rotations, readings.open_angles
     most = max(len(rows) for rows in groups.values())
     note = f"{len(readings)} rows are {len(groups)} poses measured up to {most} times, and averaged"
     if readings.length_unit_stated:
         note += f"; the shots scatter by {_scatter(readings, groups) * 1e3:.4f} mm per axis"
-    return replace(first, points=points, rotations=R, notes=(*readings.notes, note))
+    return replace(
+        first,
+        points=points,
+        rotations=None if turned is None else mean_rotations(turned),
+        open_angles=None if angles is None else angles.mapped(mean_rotations),
+        notes=(*readings.notes, note),
+    )
 
 
 def rows_by_id(ids: tuple[str, ...]) -> dict[str, list[int]]:

@@ -1,6 +1,7 @@
 """Orientations as instruments write them: quaternions, matrices, and angles whose order must be known."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -23,14 +24,52 @@ ANGLE_FORMS: tuple[str, ...] = get_args(AngleForm)
 _SEQUENCE = {"abc": "ZYX", "wpr": "xyz", "rpy": "xyz", "fixed-xyz": "xyz", "moving-xyz": "XYZ"}
 """SciPy's letters: capitals turn about moving axes."""
 
+_CANDIDATES: dict[str, tuple[str, ...]] = {
+    "wpr": ("wpr", "moving-xyz"),
+    "abc": ("abc", "fixed-xyz", "moving-xyz"),
+    "rpy": ("rpy", "moving-xyz"),
+    "rxyz": ("fixed-xyz", "moving-xyz", "rotation-vector"),
+}
+"""What angles of each name are written for, the usual first: RoboDK heads angles about moving axes W P R, and Mitsubishi those
+about fixed x y z A B C."""
+
+_LARGEST_RADIANS = 2.0 * np.pi
+
 _NOT_ORTHOGONAL = 1e-3
 """Largest departure of a matrix that is a rotation written with four decimals."""
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OpenAngles:
+    """Three angles whose names leave open what they mean."""
+
+    columns: str
+    """As the file names them."""
+    assumed: str | None
+    """What they usually mean; None where they are left out unless it is told."""
+    meanings: Mapping[str, Float[np.ndarray, "rows 3 3"]]
+    """The orientations by each of `ANGLE_FORMS` that they may follow."""
+
+    def mapped(self, function: Callable[[np.ndarray], np.ndarray]) -> "OpenAngles":
+        """With other orientations in place of each, such as some of the rows."""
+        return replace(self, meanings={form: function(R) for form, R in self.meanings.items()})
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RotationColumns:
+    """The orientations of a table's rows."""
+
+    rotations: Float[np.ndarray, "rows 3 3"] | None = None
+    """None where there are none."""
+    open_angles: OpenAngles | None = None
+    notes: tuple[str, ...] = ()
+    """What was decided of them."""
+
+
 def rotations(
     table: Table, meanings: Sequence[Meaning | None], needed: Bool[np.ndarray, " rows"], form: AngleForm | None = None
-) -> tuple[Float[np.ndarray, "rows 3 3"] | None, tuple[str, ...]]:
-    """The orientations of a table's rows, and what was decided of them; None where it has none.
+) -> RotationColumns:
+    """The orientations of a table's rows.
 
     Args:
         table: the cells.
@@ -45,12 +84,12 @@ def rotations(
     matrix = {m.index: k for k, m in enumerate(meanings) if m and m.kind == "matrix"}
     angles = {m.index: k for k, m in enumerate(meanings) if m and m.kind == "euler"}
     if quaternion:
-        return _of_quaternions(table, quaternion, needed), ()
+        return RotationColumns(rotations=_of_quaternions(table, quaternion, needed))
     if len(matrix) >= 9:
-        return _of_matrices(table, matrix, needed), ()
+        return RotationColumns(rotations=_of_matrices(table, matrix, needed))
     if angles:
         return _of_angles(table, meanings, angles, needed, form)
-    return None, ()
+    return RotationColumns()
 
 
 def _of_quaternions(table: Table, at: dict[int, int], needed: np.ndarray) -> np.ndarray:
@@ -94,44 +133,52 @@ def _of_matrices(table: Table, at: dict[int, int], needed: np.ndarray) -> np.nda
 
 def _of_angles(
     table: Table, meanings: Sequence[Meaning | None], at: dict[int, int], needed: np.ndarray, form: AngleForm | None
-) -> tuple[np.ndarray | None, tuple[str, ...]]:
+) -> RotationColumns:
     names = [table.header[at[i]] for i in range(3)]
     first = meanings[at[0]]
     if form == "none" or first is None:
-        return None, ()
-    listed = " ".join(names)
-    what, unit = _stated(first, form)
-    if what is None or unit is None:
-        options = ", ".join(name for name in ANGLE_FORMS if name != "none")
-        lacking = (
-            "their unit is not stated" if what else "they may be angles about fixed or moving axes or a rotation vector"
-        )
-        return None, (f"{listed} are left out, since {lacking}; to use them state which: {options}",)
+        return RotationColumns()
     cells = np.stack([table.numbers(name, empty=True) for name in names], axis=1)
     _refuse_empty(table, cells, names, needed, "a pose needs all three angles")
     cells[~needed] = 0.0
-    if (
-        form is None
-        and first.unit is None
-        and what != "rotation-vector"
-        and 0.0 < np.abs(cells).max(initial=0.0) <= np.pi
-    ):
-        message = f"no angle of {listed} is beyond 3.14: they may be radians; name the columns {names[0]}_deg … or {names[0]}_rad …"
+    if form is not None or first.form == "rotvec":
+        what, unit = _stated(first, form)
+        return RotationColumns(rotations=_turned(cells, what, unit))
+    unit = first.unit or {"abc": "deg", "wpr": "deg"}.get(first.form)
+    largest = np.abs(cells).max(initial=0.0)
+    if first.unit is None and unit is not None and 0.0 < largest <= np.pi:
+        message = (
+            f"no angle of {' '.join(names)} is beyond 3.14: they may be radians; name the columns {names[0]}_deg … or "
+            f"{names[0]}_rad …"
+        )
         raise table.header_error(message, names[0])
+    units = [unit] if unit else ["deg", "rad"] if largest <= _LARGEST_RADIANS else ["deg"]
+    meant = {
+        what if what in ("abc", "wpr") else f"{what}-{unit}": _turned(cells, what, unit)
+        for unit in units
+        for what in _CANDIDATES[first.form]
+    }
+    assumed = None if first.form == "rxyz" or unit is None else next(iter(meant))
+    return RotationColumns(
+        rotations=None if assumed is None else meant[assumed],
+        open_angles=OpenAngles(columns=" ".join(names), assumed=assumed, meanings=meant),
+    )
+
+
+def _turned(cells: Float[np.ndarray, "rows 3"], what: str, unit: str) -> Float[np.ndarray, "rows 3 3"]:
     angles = cells * ANGLES[unit]
     if what == "rotation-vector":
-        return Rotation.from_rotvec(angles).as_matrix(), ()
-    return Rotation.from_euler(_SEQUENCE[what], angles).as_matrix(), ()
+        return Rotation.from_rotvec(angles).as_matrix()
+    return Rotation.from_euler(_SEQUENCE[what], angles).as_matrix()
 
 
-def _stated(first: Meaning, form: AngleForm | None) -> tuple[str | None, str | None]:
-    """What angles mean and their unit, by the user's word or by the columns' names; None for what neither says."""
+def _stated(first: Meaning, form: AngleForm | None) -> tuple[str, str]:
+    """What angles mean and their unit, by the user's word, or by their name where they are a rotation vector."""
     if form is None:
-        by_name = {"rxyz": None, "rotvec": "rotation-vector"}.get(first.form, first.form)
-        return by_name, first.unit or {"abc": "deg", "wpr": "deg", "rotvec": "rad"}.get(first.form)
-    what, _, unit = form.rpartition("-")
+        return "rotation-vector", first.unit or "rad"
     if form in ("abc", "wpr"):
-        return form, "deg"
+        return form, first.unit or "deg"
+    what, _, unit = form.rpartition("-")
     return what, first.unit or unit
 
 
