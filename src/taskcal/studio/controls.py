@@ -15,6 +15,14 @@ VALUE = "(event) => emit(event.target.value)"
 LONG_CELL = 40
 """Characters beyond which a cell of words is folded."""
 
+MOVED = "(event) => { event.target.lastMoved = event.target.value; emit(event.target.value); }"
+RELEASED = """(event) => {
+  const value = event.target.lastMoved ?? event.target.value;
+  delete event.target.lastMoved;
+  emit(value);
+}"""
+"""Of a slider: where the user left it, whatever the server's answer to an earlier place has set it to meanwhile."""
+
 CHECKED = "(event) => emit(event.target.checked)"
 
 

@@ -74,6 +74,8 @@ class Choices(Section):
     effects: str = "none"
     holdout: float = Field(default=0.3, ge=0.0, lt=1.0)
     seed: int = Field(default=0, ge=0)
+    poses: int = Field(default=60, ge=1, le=2000)
+    """To be planned."""
     robust: bool = False
     """Whether outliers count less."""
 

@@ -1,15 +1,16 @@
 """A robot in three dimensions: its chain as bars, its joints as drums about their axes, its loop, its base and its tool."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from jaxtyping import Float
 from nicegui import ui
+from nicegui.events import SceneDragEventArguments
 
 from taskcal.robot.robot import Robot
 from taskcal.robot.skeleton import Skeleton, trace_skeleton
 
-LINK, JOINT, LOOP = "#8fa3b5", "#E69F00", "#009E73"
+LINK, JOINT, LOOP, BOX = "#8fa3b5", "#E69F00", "#009E73", "#0072B2"
 """Colours that colour-blind readers tell apart, on light and dark ground."""
 
 BACKGROUND = "#dfe5ea"
@@ -29,14 +30,27 @@ VIEWS: Mapping[str, tuple[float, float, float]] = {
 class RobotView:
     """A scene with a robot in it."""
 
-    def __init__(self, robot: Robot, q: Float[np.ndarray, " joints"]) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        q: Float[np.ndarray, " joints"],
+        on_drag: Callable[[SceneDragEventArguments], None] | None = None,
+    ) -> None:
+        """Show a robot.
+
+        Args:
+            robot: the robot.
+            q: its joint positions, radians or metres.
+            on_drag: called as the box of `place_box` was dragged.
+        """
         self._robot = robot
+        self._box: ui.scene.box | None = None
         skeleton = trace_skeleton(robot, q[None])
         strokes = _strokes(skeleton)
         self._size = float(max(np.linalg.norm(strokes, axis=1).max(), 0.3))
         metres = 2 * int(np.ceil(2.0 * self._size))
         self.scene = ui.scene(
-            width=800, height=460, grid=(metres, 2 * metres), background_color=BACKGROUND
+            width=800, height=460, grid=(metres, 2 * metres), background_color=BACKGROUND, on_drag_end=on_drag
         ).classes("view")  # fmt: skip
         thickness = 0.03 * self._size
         self._drum_length = 4.0 * thickness
@@ -66,6 +80,14 @@ class RobotView:
         self.scene.move_camera(
             x, y, z + middle, look_at_x=0.25 * self._size, look_at_y=0.0, look_at_z=middle, duration=0.0
         )
+
+    def place_box(self, center: Float[np.ndarray, " 3"], size: Float[np.ndarray, " 3"]) -> None:
+        """Show a box in the base, metres."""
+        if self._box is None:
+            with self.scene:
+                self._box = self.scene.box(1.0, 1.0, 1.0).material(BOX, opacity=0.45).draggable()
+        with self.scene._batch_calls():  # pyright: ignore[reportPrivateUsage]
+            self._box.scale(*size).move(*center)
 
     def _place(self, skeleton: Skeleton) -> None:
         with self.scene._batch_calls():  # pyright: ignore[reportPrivateUsage]  # a message a pose, not one a bar

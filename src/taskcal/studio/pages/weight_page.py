@@ -1,0 +1,150 @@
+"""What matters: which parameters move the tool over the task, and which its poses can tell apart, as the box is dragged."""
+
+import asyncio
+from dataclasses import dataclass
+
+import numpy as np
+from nicegui import ui
+
+from taskcal.analysis.identifiability import identifiability
+from taskcal.analysis.sensitivity import sensitivity
+from taskcal.errors import TaskcalError
+from taskcal.robot.error_model import ErrorModel
+from taskcal.studio.box_editor import BoxEditor
+from taskcal.studio.controls import command_line, facts, message, table, text
+from taskcal.studio.pages.measurements_page import in_project
+from taskcal.studio.pages.robot_page import robot_of
+from taskcal.studio.pages.task_page import posture
+from taskcal.studio.studio import Studio
+from taskcal.studio.task_box import TaskBox, box_of, save_box
+from taskcal.studio.texts import Texts
+from taskcal.task.task import Task, load_task, reach_task
+
+POSES = 30
+"""Spread over the task; few enough for ten looks a second while the box is dragged."""
+
+NANOMETRES = 9
+"""Decimals of metres by which parameters are ordered: those that differ by rounding alone stay in the model's order."""
+
+SHOWN = 12
+"""Parameters that are listed, the most influential."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weight:
+    """What moves the tool over a task."""
+
+    rows: tuple[tuple[str, ...], ...]
+    """Parameter, symbol, tolerance, and its effect on the tool in space, largest and rms, millimetres."""
+    rank: int
+    """Parameters that the poses tell apart."""
+    parameters: int
+    reached: float
+    """Share of the poses that the robot reaches."""
+
+
+def weigh(model: ErrorModel, task: Task) -> Weight:
+    """Sensitivity and identifiability over a task, by the functions of the command line.
+
+    Raises:
+        TaskcalError: the robot reaches the task nowhere.
+    """
+    poses = reach_task(model, task, POSES)
+    influence = sensitivity(model, poses.q)
+    largest, rms = influence.maximum_in_space(scaled=True), influence.rms(scaled=True)
+    rows = tuple(
+        (
+            model.parameters[i].name,
+            model.parameters[i].symbol,
+            f"{model.parameters[i].tolerance * model.parameters[i].shown.factor:g} {model.parameters[i].shown.name}",
+            f"{largest[i] * 1e3:.4f}",
+            f"{rms[i] * 1e3:.4f}",
+        )
+        for i in np.argsort(-np.round(largest, NANOMETRES), kind="stable")[:SHOWN]
+    )
+    apart = identifiability(model, poses.q).rank
+    return Weight(rows=rows, rank=apart, parameters=len(model), reached=1.0 - float(poses.unreachable.mean()))
+
+
+async def build(studio: Studio, texts: Texts) -> None:
+    """Fill the page."""
+    project = studio.project
+    choices = project.choices
+    if not choices.task:
+        text("p", texts("weight.missing"))
+        text("a", texts("task.title")).props("href=/task")
+        return
+    try:
+        robot = await asyncio.to_thread(robot_of, project)
+        task = await asyncio.to_thread(load_task, project.path(choices.task))
+    except TaskcalError as error:
+        message(in_project(str(error), project))
+        return
+    shown = _Shown(ErrorModel(robot), texts)
+    box = box_of(task)
+    if box is not None:
+
+        def release(moved: TaskBox) -> None:
+            save_box(project.path(choices.task), moved)
+            shown.want(moved.moved)
+
+        def move(moved: TaskBox) -> None:
+            shown.want(moved.moved)
+
+        BoxEditor(robot, posture(robot), box, texts, on_move=move, on_release=release)
+    command_line(f"taskcal sensitivity --robot {choices.robot} --task {choices.task} --count {POSES} --sort influence")
+    shown.make_room()
+    await shown.show(task)
+
+
+class _Shown:
+    """What matters for the last place of the box; places that came and went meanwhile are passed over."""
+
+    def __init__(self, model: ErrorModel, texts: Texts) -> None:
+        self._model, self._texts = model, texts
+        self._wanted: Task | None = None
+        self._busy = False
+        self._place: ui.element | None = None
+
+    def make_room(self) -> None:
+        """Where it is shown."""
+        self._place = ui.element("div").props('role=status data-updates="0"')
+
+    def want(self, task: Task) -> None:
+        """Show it for this task as soon as may be."""
+        self._wanted = task
+        if not self._busy:
+            ui.timer(0.0, self._catch_up, once=True)
+
+    async def _catch_up(self) -> None:
+        if self._busy:
+            return
+        self._busy = True
+        try:
+            while self._wanted is not None:
+                task, self._wanted = self._wanted, None
+                await self.show(task)
+        finally:
+            self._busy = False
+
+    async def show(self, task: Task) -> None:
+        """Compute and show it."""
+        assert self._place is not None
+        texts = self._texts
+        try:
+            weight = await asyncio.to_thread(weigh, self._model, task)
+        except TaskcalError as error:
+            self._place.clear()
+            with self._place:
+                message(str(error))
+            return
+        self._place.clear()
+        self._place.props["data-updates"] = str(int(self._place.props["data-updates"]) + 1)
+        with self._place:
+            told = [
+                (texts("weight.reached"), f"{weight.reached:.0%}"),
+                (texts("weight.apart"), f"{weight.rank} / {weight.parameters}"),
+            ]
+            facts(told)
+            header = [texts(f"weight.{key}") for key in ("parameter", "symbol", "tolerance", "largest", "rms")]
+            table(texts("weight.most", count=len(weight.rows)), header, weight.rows, words=(0, 1))
