@@ -1,0 +1,65 @@
+"""Figures as files of their own are what their names say, and have something in them."""
+
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import plotly.graph_objects as go
+import pypdfium2 as pdfium
+import pytest
+
+from taskcal.presentation.browser import find_browser
+from taskcal.presentation.content import Chart, Scene, Section
+from taskcal.presentation.figure_files import draw_figures
+from taskcal.presentation.report import Page
+from tests.pages.printed import share_drawn
+
+pytestmark = [pytest.mark.browser, pytest.mark.long]
+
+PAGE = Page(
+    title="figures",
+    sections=(
+        Section(
+            title="both kinds",
+            blocks=(
+                Chart(title="a chart", figure=go.Figure(go.Scatter(x=[1, 2, 3], y=[1, 4, 9], line={"color": "black"}))),
+                Scene(
+                    title="in space",
+                    layers=(
+                        {
+                            "kind": "strokes",
+                            "label": "edges",
+                            "colour": "#000",
+                            "width": 8,
+                            "at": [[[0, 0, 0], [100, 50, 80]]],
+                        },
+                    ),
+                ),
+            ),
+        ),
+    ),
+)
+
+
+def _is_svg(content: bytes) -> bool:
+    root = ElementTree.fromstring(content)
+    return root.tag.endswith("svg") and any(part.tag.endswith(("path", "image")) for part in root.iter())
+
+
+def _is_pdf(content: bytes) -> bool:
+    document = pdfium.PdfDocument(content)
+    return len(document) == 1 and share_drawn(document[0].render(scale=1.0).to_numpy()) > 0.001
+
+
+def _is_png(content: bytes) -> bool:
+    wide, high = (int(np.frombuffer(content[k : k + 4], ">u4")[0]) for k in (16, 20))
+    return content[:8] == b"\x89PNG\r\n\x1a\n" and wide >= 1000 and high >= 400
+
+
+@pytest.mark.parametrize(("kind", "holds"), [("png", _is_png), ("svg", _is_svg), ("pdf", _is_pdf)])
+def test_every_figure_is_a_file_of_its_kind(kind: str, holds: Callable[[bytes], bool], tmp_path: Path) -> None:
+    assert find_browser()
+    drawn = draw_figures(PAGE, kind)  # pyright: ignore[reportArgumentType]
+    assert list(drawn) == ["a chart", "in space"]
+    assert [title for title, content in drawn.items() if not holds(content)] == []
