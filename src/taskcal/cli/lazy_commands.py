@@ -23,6 +23,7 @@ SUMMARIES = {
     "compare": "Say what changed between calibrations of one robot: has it been hit, is it due again?",
     "performance": "Accuracy and repeatability of measured poses or paths (ISO 9283).",
     "correct": "Correct a robot program, so that the true tool goes where the program says.",
+    "place": "Find where to put a part: the error to be expected of a program or a task over placements of its part.",
     "poses": "Compute tool poses from joint positions, nominal and calibrated, or joint positions from tool poses.",
     "export": "Write a calibrated robot as URDF, YAML or table, or fit what a controller can hold.",
     "report": "Make a page of a calibration, for a person who was not there.",

@@ -77,11 +77,11 @@ def correct(
     program = with_spins(mounted.program, robot)
     moves = program.moves
     trajectory = simulate_controller(robot, moves, mounted.refused)
-    frames, number = _frames(calibration, moves, cell)
+    frames, number = frames_on(calibration, moves, cell)
     directions = drive_directions(robot, moves, trajectory) if uses_directions(calibration.model) else None
-    placed = _placed(calibration, frames, number, directions)
+    placed = place_motions(calibration, frames, number, directions)
     wanted = wanted_segments(trajectory, placed, moves)
-    variances = _variances(frames, number, trajectory, directions)
+    variances = variances_at(frames, number, trajectory, directions)
     progress("the joints of the calibrated robot")
     tolerance, widest = _tolerances(variances) if bounds.tolerance is None else (bounds.tolerance, 0.0)
     problem = CorrectionProblem(
@@ -217,7 +217,7 @@ def _with_frames_of(given: Program, program: Program) -> Program:
     return replace(program, moves=moves)
 
 
-def _frames(
+def frames_on(
     calibration: Calibration, moves: Sequence[Move], cell: Cell
 ) -> tuple[list[FrameCalibration], Int[np.ndarray, " m"]]:
     """Calibrated frames of tools and parts, those in common once, and the number of every motion's."""
@@ -233,7 +233,7 @@ def _frames(
     return frames, np.array(own, dtype=np.int64)
 
 
-def _placed(
+def place_motions(
     calibration: Calibration,
     frames: Sequence[FrameCalibration],
     number: Int[np.ndarray, " m"],
@@ -264,7 +264,7 @@ def wanted_segments(trajectory: ControllerTrajectory, placed: Placed, moves: Seq
     return Segments(start=start, end=trajectory.segments.end, via=trajectory.segments.via)
 
 
-def _variances(
+def variances_at(
     frames: Sequence[FrameCalibration],
     number: Int[np.ndarray, " m"],
     trajectory: ControllerTrajectory,

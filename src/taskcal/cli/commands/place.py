@@ -1,0 +1,273 @@
+"""``taskcal place``: where to put the part, by the error to be expected there."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from taskcal.cli.option_groups import grouped
+from taskcal.cli.options import OutputOptions
+from taskcal.cli.output import info, show_facts, show_table, tell, working, write_json
+from taskcal.cli.outputs import check_outputs, files_of_task
+
+if TYPE_CHECKING:
+    from taskcal.correction.part_placement import PartPlacements, PlacedPart, Region
+    from taskcal.identification.calibration import Calibration
+    from taskcal.programs.program import Program
+    from taskcal.robot.robot import Robot
+    from taskcal.task.task import Task
+
+SHOWN = 8
+"""Placements of the table; the file and the JSON result have all of them."""
+
+_NUMBER = r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*"
+
+
+def _range(text: str, option: str, unit: str) -> tuple[float, float]:
+    """Two numbers with a colon between them, or one."""
+    if not re.fullmatch(f"{_NUMBER}(?::{_NUMBER})?", text):
+        raise typer.BadParameter(f"'{text}' is not a range; write for example -200:200, in {unit}", param_hint=option)
+    low, _, high = text.partition(":")
+    return float(low), float(high or low)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RegionOptions:
+    """Where the part may be put."""
+
+    region: Annotated[
+        str,
+        typer.Option(
+            "--region",
+            metavar="X:X,Y:Y,Z:Z",
+            help="How far the part may be moved from where it stands, along the base's axes, mm: -300:300,-200:200,0:100.",
+        ),
+    ]
+    turn_deg: Annotated[
+        str,
+        typer.Option(
+            "--turn",
+            metavar="DEG:DEG",
+            help="How far it may be turned about the vertical through the middle of the targets.",
+        ),
+    ] = "0"
+    steps: Annotated[
+        int, typer.Option("--steps", min=1, metavar="N", help="Placements along each axis along which it may be moved.")
+    ] = 5
+    turns: Annotated[int, typer.Option("--turns", min=1, metavar="N", help="Turns, where it may be turned.")] = 3
+
+    def grid(self) -> "Region":
+        """In metres and radians.
+
+        Raises:
+            TaskcalError: there is no such region.
+        """
+        import numpy as np
+
+        from taskcal.correction.part_placement import Region
+
+        axes = self.region.split(",")
+        if len(axes) != 3:
+            raise typer.BadParameter(
+                f"'{self.region}' has {len(axes)} ranges; write three, as -300:300,-200:200,0", param_hint="--region"
+            )
+        bounds = np.array([_range(text, "--region", "mm") for text in axes]) * 1e-3
+        low, high = _range(self.turn_deg, "--turn", "degrees")
+        turn = float(np.radians(low)), float(np.radians(high))
+        return Region(low=bounds[:, 0], high=bounds[:, 1], turn=turn, steps=(self.steps, self.turns))
+
+
+@dataclass(frozen=True, kw_only=True)
+class OnOptions:
+    """The robot, as calibrated or as built.
+
+    Raises:
+        typer.BadParameter: none is given, or both.
+    """
+
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            "--calibration",
+            "-c",
+            metavar="CAL.json",
+            readable=False,
+            help="The robot as calibrated.",
+        ),
+    ] = None
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", "-r", metavar="ROBOT", help="A robot by its tolerances: catalogue name, or a file."),
+    ] = None
+
+    def __post_init__(self) -> None:
+        if (self.calibration is None) == (self.robot is None):
+            raise typer.BadParameter("give exactly one of them", param_hint="--calibration / --robot")
+
+    def load(self) -> "tuple[Calibration | Robot, Robot]":
+        """What the error is expected of, and its robot."""
+        from taskcal.identification.calibration_file import load_calibration
+        from taskcal.robot.catalogue import load_robot
+
+        if self.calibration is not None:
+            calibration = load_calibration(self.calibration)
+            return calibration, calibration.model.robot
+        assert self.robot is not None
+        robot = load_robot(self.robot)
+        return robot, robot
+
+
+@grouped
+def command(
+    what: Annotated[
+        list[Path],
+        typer.Argument(metavar="PROGRAM|TASK.toml [MORE …]", readable=False, help="The files of a program, or a task."),
+    ],
+    on: OnOptions,
+    where: RegionOptions,
+    cell: Annotated[
+        Path | None,
+        typer.Option(
+            "--cell", metavar="CELL.toml", readable=False, help="What was measured of the program's tools and parts."
+        ),
+    ] = None,
+    force_n: Annotated[
+        str | None,
+        typer.Option(
+            "--force-n", metavar="X,Y,Z", help="Force of the process on the tool, newtons, in axes of the base."
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="MAP.csv", readable=False, help="Write all placements here."),
+    ] = None,
+    *,
+    given: OutputOptions,
+) -> None:
+    """Find where to put a part: the error to be expected of a program or a task over placements of its part.
+
+    For every placement: the expected error before and after the correction, how far a process force deflects the tool, whether
+    every motion can be executed, and how far the joints stay from their limits and from singular postures.
+    """
+    force = _force(force_n)
+    is_task = len(what) == 1 and what[0].suffix.lower() == ".toml"
+    files = files_of_task(what[0]) if is_task else what
+    inputs = [path for path in (*files, on.calibration, cell) if path is not None]
+    outputs = check_outputs("place", [("--output", output)], inputs, force=given.force)
+    from taskcal.correction.cell_file import load_cell
+    from taskcal.correction.part_placement import place
+
+    region = where.grid()
+    loaded, robot = on.load()
+    target = _read(what, robot, is_task=is_task)
+    with working(f"{len(region.grid())} placements"):
+        found = place(loaded, target, region, cell=None if cell is None else load_cell(cell), force=force)
+    if output is not None:
+        outputs.write({output: _csv(found)})
+    if given.as_json:
+        write_json(_as_json(found, output))
+    else:
+        _show(found, calibrated=on.calibration is not None)
+        if output is not None:
+            info(f"written: {output}")
+    if not found.ranked:
+        raise typer.Exit(1)
+
+
+def _force(text: str | None) -> tuple[float, float, float] | None:
+    if text is None:
+        return None
+    if not re.fullmatch(",".join([_NUMBER] * 3), text):
+        raise typer.BadParameter(f"'{text}' is not a force; write for example 0,0,-150", param_hint="--force-n")
+    x, y, z = map(float, text.split(","))
+    return x, y, z
+
+
+def _read(paths: list[Path], robot: "Robot", *, is_task: bool) -> "Program | Task":
+    from taskcal.programs.reading import read_program
+    from taskcal.task.task import load_task
+
+    return load_task(paths[0]) if is_task else read_program(*paths, robot=robot)
+
+
+def _csv(found: "PartPlacements") -> str:
+    import pandas as pd
+
+    return pd.DataFrame([placed.summary() for placed in found.all]).to_csv(index=False)
+
+
+def _as_json(found: "PartPlacements", output: Path | None) -> dict[str, Any]:
+    return {
+        "name": found.name,
+        "written": output,
+        "now": found.now.summary(),
+        "best": [placed.summary() for placed in found.ranked[:SHOWN]],
+        "placements": [placed.summary() for placed in found.all],
+    }
+
+
+def _show(found: "PartPlacements", *, calibrated: bool) -> None:
+    header = [
+        "x mm",
+        "y mm",
+        "z mm",
+        "turn °",
+        "before mm",
+        "after mm",
+        "force mm",
+        "expected mm",
+        "least joint margin °",
+        "singular",
+    ]
+    ranked = found.ranked
+    title = f"Best of {len(found.all)} placements of {found.name}; {len(ranked)} can be executed whole, clear of singular postures"
+    show_table(title, header, [_row(placed) for placed in ranked[:SHOWN]])
+    now = found.now
+    facts = [("as it stands", _stated(now))]
+    if ranked:
+        facts.append(("best", _stated(ranked[0])))
+        facts.append(("best costs", _cost(now, ranked[0])))
+    else:
+        facts.append(("none", next((p.obstacle for p in found.all if p.obstacle), "all come near singular postures")))
+    show_facts(facts)
+    if not calibrated:
+        tell("before: of the robot's tolerances, in its own base; a calibration tells what is left after a correction")
+
+
+def _row(placed: "PlacedPart") -> list[str]:
+    values = placed.summary()
+    keys = (
+        "x_mm",
+        "y_mm",
+        "z_mm",
+        "turn_deg",
+        "before_mm",
+        "after_mm",
+        "compliance_mm",
+        "expected_mm",
+        "joint_margin_deg",
+    )
+    digits = (0, 0, 0, 1, 4, 4, 4, 4, 1)
+    cells = ["–" if values[key] is None else f"{values[key]:.{n}f}" for key, n in zip(keys, digits, strict=True)]
+    return [*cells, f"{placed.conditioning:.3f}"]
+
+
+def _stated(placed: "PlacedPart") -> str:
+    values = placed.summary()
+    if values["expected_mm"] is None:
+        return f"cannot be executed: {placed.obstacle}"
+    text = f"{values['expected_mm']:.4f} mm expected, {placed.reached:.0%} of the motions executed"
+    return f"{text}: {placed.obstacle}" if placed.obstacle else text
+
+
+def _cost(now: "PlacedPart", best: "PlacedPart") -> str:
+    """What the best placement costs, and what it gives."""
+    import numpy as np
+
+    way = float(np.linalg.norm(best.shift)) * 1e3
+    text = f"to move the part by {way:.0f} mm and turn it by {np.degrees(best.turn):.1f}°"
+    if np.isfinite(now.expected) and now.expected > 0.0:
+        text += f", for {1.0 - best.expected / now.expected:.0%} less error"
+    return text

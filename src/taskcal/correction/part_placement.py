@@ -1,0 +1,296 @@
+"""Where to put the part: the error to be expected of a program or a task, over placements of its part.
+
+A placement moves what stands still, the part or the fixed tool, rigidly in the robot's base: shifted along its axes, and turned
+about the vertical through the middle of the targets. Motions to joint positions stay.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.arguments import expect_kinds
+from taskcal.correction.assessment import assess
+from taskcal.correction.cell import Cell
+from taskcal.correction.controller_trajectory import ControllerTrajectory, simulate_controller
+from taskcal.correction.correct import frames_on, place_motions, variances_at, wanted_segments
+from taskcal.correction.mounting import mount
+from taskcal.errors import TaskcalError
+from taskcal.geometry import se3
+from taskcal.identification.calibration import Calibration
+from taskcal.kinematics.inverse import conditioning
+from taskcal.programs.program import Frame, Move, Program, Target
+from taskcal.programs.source import Place
+from taskcal.programs.spinning import with_spins
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.load import Load
+from taskcal.robot.robot import Robot
+from taskcal.short_repr import short_repr
+from taskcal.task.task import Task, reach_task
+
+NEAR_SINGULAR = 0.02
+"""Placements whose nearest posture to a singular one has a smaller ratio of singular values are not recommended."""
+
+MOST_PLACEMENTS = 5000
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Region:
+    """How far a part may be moved from where it stands.
+
+    Raises:
+        TaskcalError: a bound is not a number or above the other one, or the grid has no or too many placements.
+    """
+
+    low: Float[np.ndarray, " 3"]
+    """Along the axes of the robot's base, metres."""
+    high: Float[np.ndarray, " 3"]
+    turn: tuple[float, float] = (0.0, 0.0)
+    """About the vertical through the middle of the targets, radians."""
+    steps: tuple[int, int] = (5, 3)
+    """Placements along each axis along which it may be moved, and turns, where it may be turned."""
+
+    def __post_init__(self) -> None:
+        for low, high in (*zip(self.low, self.high, strict=True), self.turn):
+            if not (np.isfinite(low) and np.isfinite(high) and low <= high):
+                raise TaskcalError(f"a region goes from {low:g} to {high:g}; give the smaller number first")
+        if min(self.steps) < 1:
+            raise TaskcalError(f"a region has {self.steps[0]} steps and {self.steps[1]} turns; give 1 or more of each")
+        if len(self.grid()) > MOST_PLACEMENTS:
+            raise TaskcalError(
+                f"a region has {len(self.grid())} placements; give fewer steps, for {MOST_PLACEMENTS} at most"
+            )
+
+    def grid(self) -> Float[np.ndarray, "n 4"]:
+        """Shifts and turns, metres and radians."""
+        bounds = [*zip(self.low, self.high, strict=True), self.turn]
+        counts = [self.steps[0]] * 3 + [self.steps[1]]
+        axes = [np.linspace(a, b, n if b > a else 1) for (a, b), n in zip(bounds, counts, strict=True)]
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlacedPart:
+    """A placement of the part, and what is to be expected there; errors are rms in space over the targets, metres."""
+
+    shift: Float[np.ndarray, " 3"]
+    """Along the base's axes, metres."""
+    turn: float
+    """About the vertical through the middle of the targets, radians."""
+    reached: float
+    """Share of the motions that can be executed inside the joint limits."""
+    obstacle: str
+    """Why the first of the others cannot be; empty where all can."""
+    before: float
+    """Without correction: of a calibrated robot its known error with its uncertainty, else that of its tolerances."""
+    after: float
+    """Corrected: the uncertainty of the calibration; NaN without one."""
+    compliance: float
+    """How far the process force deflects the tool, in neither of the two; NaN without a force."""
+    margin: float
+    """Least distance of a joint to its limits, radians; infinite where there are none."""
+    conditioning: float
+    """Of the posture nearest to a singular one; see `taskcal.kinematics.inverse.conditioning`."""
+
+    @property
+    def expected(self) -> float:
+        """What decides between placements: corrected where there is a calibration, the deflection included."""
+        error = self.before if np.isnan(self.after) else self.after
+        return float(np.hypot(error, 0.0 if np.isnan(self.compliance) else self.compliance))
+
+    @property
+    def possible(self) -> bool:
+        """Whether every motion can be executed, and none comes near a singular posture."""
+        return self.reached == 1.0 and self.conditioning >= NEAR_SINGULAR
+
+    def summary(self) -> dict[str, Any]:
+        """In millimetres and degrees; None for what is not known."""
+        values: dict[str, Any] = {f"{axis}_mm": float(v * 1e3) for axis, v in zip("xyz", self.shift, strict=True)}
+        values |= {
+            "turn_deg": float(np.degrees(self.turn)),
+            "reached": self.reached,
+            "before_mm": self.before * 1e3,
+            "after_mm": self.after * 1e3,
+            "compliance_mm": self.compliance * 1e3,
+            "expected_mm": self.expected * 1e3,
+            "joint_margin_deg": float(np.degrees(self.margin)),
+            "smallest_singular_ratio": self.conditioning,
+        }
+        finite = {k: v if np.isfinite(v) else None for k, v in values.items()}
+        return {**finite, "obstacle": self.obstacle, "possible": self.possible}
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PartPlacements:
+    """All placements of a region, and the one where the part stands."""
+
+    name: str
+    """Of the program or task."""
+    now: PlacedPart
+    all: tuple[PlacedPart, ...]
+
+    @property
+    def ranked(self) -> tuple[PlacedPart, ...]:
+        """Those that are possible, the smallest error first; of equal ones the farthest from a singular posture."""
+        return tuple(sorted((p for p in self.all if p.possible), key=lambda p: (round(p.expected, 9), -p.conditioning)))
+
+
+def place(
+    on: Calibration | Robot,
+    what: Program | Task,
+    region: Region,
+    *,
+    cell: Cell | None = None,
+    force: tuple[float, float, float] | None = None,
+    count: int = 30,
+    seed: int = 0,
+) -> PartPlacements:
+    """The error to be expected of a program or a task, over placements of its part.
+
+    Args:
+        on: the robot as calibrated; or a robot, whose tolerances then count.
+        what: a program, or a task.
+        region: where the part may be put.
+        cell: what was measured of a program's tools and parts; by default all are where the controller has them.
+        force: of the process on the tool, newtons, in axes of the base. The calibration needs a `Compliance` effect for it, and
+            without one the robot's file stiffnesses.
+        count: poses of a task.
+        seed: of their choice.
+
+    Raises:
+        TaskcalError: there is no motion to a pose; or the robot's file does not tell how it yields.
+    """
+    expect_kinds({"on": Calibration | Robot, "what": Program | Task, "region": Region}, on=on, what=what, region=region)
+    calibration = on if isinstance(on, Calibration) else None
+    robot = on.model.robot if isinstance(on, Calibration) else on
+    name, moves = _moves_of(what, robot, cell or Cell(), count, seed)
+    origins = [move.flange(move.end.T)[:3, 3] for move in moves if move.end.T is not None]
+    if not origins:
+        raise TaskcalError(f"{name} has no motion to a pose, so that its part can be anywhere")
+    view = _View(robot, calibration, cell or Cell(), _loaded(on, robot, force))
+    middle = np.mean(origins, axis=0)
+    placed = [view.at(moves, middle, row[:3], float(row[3])) for row in region.grid()]
+    now = view.at(moves, middle, np.zeros(3), 0.0)
+    return PartPlacements(name=name, now=now, all=tuple(placed))
+
+
+def _moves_of(what: Program | Task, robot: Robot, cell: Cell, count: int, seed: int) -> tuple[str, Sequence[Move]]:
+    if isinstance(what, Program):
+        mounted = mount(what, cell)
+        kept = [i for i in range(len(what.moves)) if i not in mounted.refused]
+        moves = with_spins(mounted.program, robot).moves
+        number = {old: new for new, old in enumerate(kept)}
+        return str(what.sources[0].path), [
+            replace(moves[i], follows=None if (f := moves[i].follows) is None else number.get(f)) for i in kept
+        ]
+    model = ErrorModel(robot)
+    T = reach_task(model, what, count, seed).T
+    tool = Frame(name=f"{robot.name}'s tool", T=robot.T_flange_tool)
+    part = Frame(name="task", T=np.eye(4))
+    return what.name, [
+        Move(
+            kind="joint",
+            end=Target(name="", T=pose, q=None, posture=None, place=Place(path=Path(what.name), line=i + 1)),
+            via=None, tool=tool, part=part, part_in_hand=False, speed=None, stops=True, follows=None, routine="",
+            place=Place(path=Path(what.name), line=i + 1),
+        )
+        for i, pose in enumerate(T)
+    ]  # fmt: skip
+
+
+def _loaded(
+    on: Calibration | Robot, robot: Robot, force: tuple[float, float, float] | None
+) -> tuple[ErrorModel, ErrorModel, Float[np.ndarray, " p"]] | None:
+    """The model without and with the force, and its estimate; None without a force."""
+    if force is None:
+        return None
+    if isinstance(on, Calibration):
+        model, x = on.model, on.estimate
+    else:
+        from taskcal.robot.effects import Compliance
+
+        if not any(robot.statics.stiffness):
+            raise TaskcalError(
+                f"{robot.name}: its file states no stiffness, so how a force deflects it is not known; add stiffness_nm_rad"
+            )
+        model = ErrorModel(robot) + Compliance()
+        x = np.zeros(len(model))
+    return model.under(Load()), model.under(Load(force=force)), x
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """What is looked at in each placement."""
+
+    robot: Robot
+    calibration: Calibration | None
+    cell: Cell
+    loaded: tuple[ErrorModel, ErrorModel, Float[np.ndarray, " p"]] | None
+
+    def at(
+        self, moves: Sequence[Move], middle: Float[np.ndarray, " 3"], shift: Float[np.ndarray, " 3"], turn: float
+    ) -> PlacedPart:
+        """A placement of what stands still."""
+        about = se3.translation(*middle) @ se3.rotation("z", turn) @ se3.translation(*-middle)
+        S = se3.translation(*shift) @ about
+        moved = _moved(moves, S)
+        trajectory = simulate_controller(self.robot, moved)
+        ends = np.isfinite(trajectory.end[:, 0])
+        q = np.concatenate([trajectory.end[ends], trajectory.q])
+        nothing = np.nan, np.nan
+        before, after = self._errors(moved, trajectory) if ends.any() else nothing
+        refused = sorted(trajectory.rejected.items())
+        limits = self.robot.limits
+        return PlacedPart(
+            shift=np.asarray(shift, dtype=float),
+            turn=turn,
+            reached=1.0 - len(refused) / len(moves),
+            obstacle=f"{moves[refused[0][0]].place} {refused[0][1]}" if refused else "",
+            before=before,
+            after=after,
+            compliance=self._deflection(trajectory.end[ends]) if ends.any() else np.nan,
+            margin=float(np.minimum(q - limits[:, 0], limits[:, 1] - q).min()) if len(q) else np.nan,
+            conditioning=float(conditioning(ErrorModel(self.robot), q).min()) if len(q) else 0.0,
+        )
+
+    def _errors(self, moves: Sequence[Move], trajectory: ControllerTrajectory) -> tuple[float, float]:
+        """Rms errors at the targets before and after a correction, metres."""
+        if self.calibration is None:
+            model = ErrorModel(self.robot)
+            ends = trajectory.end[np.isfinite(trajectory.end[:, 0])]
+            effect = model.jacobian(ends, angular=False) * model.tolerances
+            return float(np.sqrt((effect**2).sum(axis=(1, 2)).mean())), np.nan
+        frames, number = frames_on(self.calibration, moves, self.cell)
+        placed = place_motions(self.calibration, frames, number, None)
+        found = assess(placed, wanted_segments(trajectory, placed, moves), trajectory)
+        variances = variances_at(frames, number, trajectory, None)
+        left = float(variances[np.isfinite(variances).all(axis=1)].sum(axis=1).mean())
+        known = float((found.length[found.at_target] ** 2).mean())
+        return float(np.sqrt(known + left)), float(np.sqrt(left))
+
+    def _deflection(self, q: Float[np.ndarray, "n joints"]) -> float:
+        """Rms deflection of the tool by the force, metres."""
+        if self.loaded is None:
+            return np.nan
+        free, pushed, x = self.loaded
+        moved = pushed.poses(q, x)[:, :3, 3] - free.poses(q, x)[:, :3, 3]
+        return float(np.sqrt((moved**2).sum(axis=1).mean()))
+
+
+def _moved(moves: Sequence[Move], S: Float[np.ndarray, "4 4"]) -> list[Move]:
+    """Motions with what stands still moved in the base; each frame is one object as before."""
+    frames: dict[Frame, Frame] = {}
+
+    def moved(frame: Frame) -> Frame:
+        return frames.setdefault(frame, replace(frame, T=S @ frame.T))
+
+    return [
+        replace(move, tool=moved(move.tool)) if move.part_in_hand else replace(move, part=moved(move.part))
+        for move in moves
+    ]

@@ -1,0 +1,122 @@
+"""Where to put the part: what is expected of a placement is what is expected of a program written for it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taskcal.correction.controller_trajectory import simulate_controller
+from taskcal.correction.part_placement import Region, place
+from taskcal.demo.elastic_robot import elastic_robot
+from taskcal.errors import TaskcalError
+from taskcal.geometry import se3
+from taskcal.kinematics.inverse import solve_near
+from taskcal.programs.program import Frame
+from taskcal.programs.reading import parse_program
+from taskcal.programs.source import Source
+from taskcal.robot.error_model import ErrorModel
+from taskcal.task.task import Task
+
+NOWHERE = Region(low=np.zeros(3), high=np.zeros(3))
+
+
+def around(*shift, turn=0.0):
+    """A region of one placement."""
+    return Region(low=np.array(shift), high=np.array(shift), turn=(turn, turn))
+
+
+@pytest.fixture(scope="module")
+def program(robot, middle):
+    """A square of lines in a part's frame at the middle of the task."""
+    rows = ["x_mm,y_mm,z_mm,qx,qy,qz,qw,move"]
+    for x, y in ((0, 0), (60, 0), (60, 60), (0, 60)):
+        rows.append(f"{x},{y},0,0,0,0,1,{'joint' if x == y == 0 else 'linear'}")
+    source = Source.of(Path("square.csv"), "\n".join(rows).encode())
+    return parse_program((source,), robot=robot, part=Frame(name="part", T=middle))
+
+
+def test_a_placement_is_the_program_with_its_frame_moved(calibration, program):
+    shift, turn = np.array([0.05, -0.08, 0.03]), 0.2
+    (placed,) = place(calibration, program, around(*shift, turn=turn)).all
+    middle = np.mean([m.flange(m.end.T)[:3, 3] for m in program.moves], axis=0)
+    S = se3.translation(*shift) @ se3.translation(*middle) @ se3.rotation("z", turn) @ se3.translation(*-middle)
+    part = Frame(name="part", T=S @ program.moves[0].part.T)
+    moved = replace(program, moves=tuple(replace(m, part=part) for m in program.moves))
+    now = place(calibration, moved, NOWHERE).now
+    assert placed.possible
+    np.testing.assert_allclose(placed.before, now.before, rtol=1e-6)
+    np.testing.assert_allclose(placed.after, now.after, rtol=1e-6)
+    np.testing.assert_allclose(placed.margin, now.margin, atol=1e-6)
+    assert 0.0 < placed.after < placed.before
+
+
+def test_without_a_calibration_the_tolerances_count(robot, program):
+    shift = np.array([0.1, 0.05, -0.05])
+    (placed,) = place(robot, program, around(*shift)).all
+    trajectory = simulate_controller(robot, program.moves)
+    model = ErrorModel(robot)
+    T = se3.translation(*shift) @ model.poses(trajectory.end)
+    q = solve_near(model, T, trajectory.end).q
+    effect = model.jacobian(q)[:, :3] * model.tolerances
+    np.testing.assert_allclose(placed.before, np.sqrt((effect**2).sum(axis=(1, 2)).mean()), rtol=1e-6)
+    assert np.isnan(placed.after)
+    assert placed.expected == placed.before
+
+
+def test_what_is_out_of_reach_is_said_and_not_recommended(calibration, program):
+    region = Region(low=np.zeros(3), high=np.array([6.0, 0.0, 0.0]), steps=(2, 1))
+    found = place(calibration, program, region)
+    near, far = found.all
+    assert far.reached < 1.0
+    assert "square.csv:2" in far.obstacle
+    assert "reach" in far.obstacle
+    assert found.ranked == (near,)
+
+
+def test_a_force_deflects_in_proportion(robot, program):
+    elastic = elastic_robot(robot)
+    one = place(elastic, program, NOWHERE, force=(0.0, 0.0, -100.0)).now
+    three = place(elastic, program, NOWHERE, force=(0.0, 0.0, -300.0)).now
+    assert one.compliance > 1e-6
+    np.testing.assert_allclose(three.compliance, 3.0 * one.compliance, rtol=1e-3)
+    np.testing.assert_allclose(one.expected, np.hypot(one.before, one.compliance))
+    assert np.isnan(place(elastic, program, NOWHERE).now.compliance)
+
+
+def test_a_robot_whose_stiffness_is_not_known_is_not_pushed(robot, program):
+    with pytest.raises(TaskcalError, match="its file states no stiffness"):
+        place(robot, program, NOWHERE, force=(0.0, 0.0, -100.0))
+
+
+def test_a_task_is_placed_as_its_poses_are(robot, program, middle):
+    poses = np.stack([move.flange(move.end.T) @ robot.T_flange_tool for move in program.moves])
+    task = Task(name="square", poses=poses)
+    shift = (0.1, 0.0, 0.05)
+    (of_task,), (of_program,) = place(robot, task, around(*shift)).all, place(robot, program, around(*shift)).all
+    assert of_task.reached == 1.0
+    np.testing.assert_allclose(of_task.before, of_program.before, rtol=0.05)
+
+
+def test_the_best_comes_first(robot, program):
+    region = Region(low=np.array([-0.2, 0.0, 0.0]), high=np.array([0.2, 0.0, 0.0]), turn=(-0.3, 0.3), steps=(3, 2))
+    found = place(robot, program, region)
+    assert len(found.all) == 6
+    errors = [placed.expected for placed in found.ranked]
+    assert errors == sorted(errors)
+    assert all(placed.possible for placed in found.ranked)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"low": np.ones(3)}, "from 1 to 0"),
+        ({"turn": (1.0, 0.0)}, "from 1 to 0"),
+        ({"high": np.full(3, np.nan)}, "from 0 to nan"),
+        ({"steps": (0, 1)}, "0 steps"),
+        ({"high": np.ones(3), "steps": (20, 1)}, "8000 placements"),
+    ],
+)
+def test_regions_that_are_none_are_refused(changes, reason):
+    with pytest.raises(TaskcalError, match=reason):
+        Region(**{"low": np.zeros(3), "high": np.zeros(3), **changes})
