@@ -10,6 +10,7 @@ from nicegui import ui
 
 from taskcal.errors import TaskcalError
 from taskcal.files import write_whole
+from taskcal.presentation.errors_table import COLUMNS, tabulate_errors
 from taskcal.studio.command_run import CommandRun, Status
 from taskcal.studio.controls import button, choice, facts, line_of_text, message, number, table, text, tick
 from taskcal.studio.project import LAYOUT, RESULT, Choices, Project
@@ -113,9 +114,8 @@ def _compare(project: Project, texts: Texts) -> None:
         result = read_result(project, calibration)
         if result is None:
             continue
-        held_out = result["held_out"] or {}
-        means = [f"{result[key]['mean_mm']:.4f}" for key in ("nominal", "fitted")]
-        unseen = [f"{held_out[key]:.4f}" if held_out else "–" for key in ("mean_mm", "max_mm")]
+        means = [_error(result[key], "mean_mm") for key in ("nominal", "fitted")]
+        unseen = [_error(result["held_out"], key) for key in ("mean_mm", "max_mm")]
         name = Path(calibration).stem
         rows.append((name, str(result["rows"]), str(len(result["parameters"])), *means, *unseen))
     if not rows:
@@ -126,3 +126,11 @@ def _compare(project: Project, texts: Texts) -> None:
     ]
     table(texts("identify.errors"), header, rows)
     text("a", texts("identify.to_result")).props("href=/result").classes("act")
+
+
+def _error(summary: Mapping[str, float] | None, key: str) -> str:
+    """An error as the command line's table has it; a dash where nothing was held out."""
+    if summary is None:
+        return "–"
+    shown = tabulate_errors("", {"": summary})
+    return shown.rows[0][shown.header.index(COLUMNS[key])]

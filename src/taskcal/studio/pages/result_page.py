@@ -101,7 +101,7 @@ def _tolerance(result: Mapping[str, Any], project: Project, texts: Texts) -> Non
     largest = result["held_out"]["max_mm"]
     met = largest <= tolerance * 1e3
     said = texts(
-        "result.met" if met else "result.not_met", largest=f"{largest:.4f}", tolerance=f"{tolerance * 1e3:g}", task=task
+        "result.met" if met else "result.not_met", largest=f"{largest:.3f}", tolerance=f"{tolerance * 1e3:g}", task=task
     )
     text("p", said).classes("good" if met else "bad")
 
