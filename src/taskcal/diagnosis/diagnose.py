@@ -7,6 +7,7 @@ import numpy as np
 from taskcal.arguments import expect_kinds
 from taskcal.diagnosis.finding import Finding
 from taskcal.diagnosis.in_course import Local, find_in_course
+from taskcal.diagnosis.observed_mistakes import explain_observed, scope_of
 from taskcal.diagnosis.search import (
     PER_MISTAKE,
     Explanation,
@@ -50,6 +51,8 @@ class Diagnosis:
     """Mended, as far as a campaign can be."""
     unmended: tuple[str, ...]
     """Ids of the findings that no file can mend."""
+    scope: str = ""
+    """What was examined and what was not, where that is not everything."""
 
 
 @single_threaded
@@ -69,12 +72,13 @@ def diagnose(campaign: Campaign, robot: Robot) -> Diagnosis:
         campaign: the measurements; it may lie outside the robot's limits.
         robot: the robot that is said to have been measured.
 
-    Raises:
-        CampaignError: something was observed without a tracker.
+    What was observed without a tracker (sockets, wires, landmarks, boards) is examined for mistakes of the joints, and where it
+    is sockets alone of the robot: `Diagnosis.scope` says so.
     """
     expect_kinds({"campaign": Campaign, "robot": Robot}, campaign=campaign, robot=robot)
-    campaign.refuse_kinds("the doctor")
     case = Case.of(robot, campaign)
+    if scope := scope_of(campaign):
+        return _diagnose_observed(case, scope)
     found = explain_singly(case)
     given = next(e for e in found if not e.mistakes)
     before = min(given.error, extent(case))
@@ -91,7 +95,7 @@ def diagnose(campaign: Campaign, robot: Robot) -> Diagnosis:
             return Diagnosis(findings=tuple(reordered[0]), robot=robot, campaign=reordered[1], unmended=())
         left = find_what_is_left(case, before, best.error)
         return Diagnosis(findings=(left,), robot=robot, campaign=campaign, unmended=(left.id,))
-    findings = list(_written(found, best, given))
+    findings = list(_written(found, best, given, before))
     mended, unmended = best.case.campaign, []
     if local is not None:
         finding, mended = local
@@ -101,8 +105,30 @@ def diagnose(campaign: Campaign, robot: Robot) -> Diagnosis:
         lacking = _lacking(best, given)
         findings += lacking
         unmended += [finding.id for finding in lacking]
-        findings += _alternatives(found, best, given)
+        findings += _alternatives(found, best, given, before)
     return Diagnosis(findings=tuple(findings), robot=best.case.robot, campaign=mended, unmended=tuple(unmended))
+
+
+def _diagnose_observed(case: Case, scope: str) -> Diagnosis:
+    """By the joints, and the robot where that is quick."""
+    found = explain_observed(case)
+    best, given = found[0], next(e for e in found if not e.mistakes)
+    reach = best.case.model.robot.reach
+    if best.error <= PLAUSIBLE_SHARE * reach:
+        findings = (*_written(found, best, given, given.error), *_alternatives(found, best, given, given.error))
+        return Diagnosis(
+            findings=findings, robot=best.case.robot, campaign=best.case.campaign, unmended=(), scope=scope
+        )
+    left = Finding(
+        id="other-robot",
+        subject=(),
+        error_before=given.error,
+        error_after=min(best.error, given.error),
+        confidence=0.5,
+        fix=f"{case.robot.name} does not fit what was observed, whatever is examined: check which socket, anchor or landmark each "
+        "row names, the order of the rows, and the lengths in the robot file",
+    )
+    return Diagnosis(findings=(left,), robot=case.robot, campaign=case.campaign, unmended=(left.id,), scope=scope)
 
 
 def _lacking(best: Explanation, given: Explanation) -> list[Finding]:
@@ -149,13 +175,13 @@ def _key(explanation: Explanation) -> frozenset[tuple[str, tuple[str, ...]]]:
     return frozenset((s.id, s.subject) for s in explanation.mistakes)
 
 
-def _written(found: list[Explanation], best: Explanation, given: Explanation) -> list[Finding]:
+def _written(found: list[Explanation], best: Explanation, given: Explanation, before: float) -> list[Finding]:
     """The mistakes of the best explanation, each with its share among all."""
     return [
         Finding(
             id=mistake.id,
             subject=mistake.subject,
-            error_before=min(given.error, extent(given.case)),
+            error_before=before,
             error_after=best.error,
             confidence=_share(found, best, (mistake.id, mistake.subject)),
             fix=mistake.fix,
@@ -171,14 +197,14 @@ def _share(found: list[Explanation], best: Explanation, mistake: tuple[str, tupl
     return float(min(with_it / total, 0.99))
 
 
-def _alternatives(found: list[Explanation], best: Explanation, given: Explanation) -> list[Finding]:
+def _alternatives(found: list[Explanation], best: Explanation, given: Explanation, before: float) -> list[Finding]:
     """Other explanations that fit nearly as well."""
     out: list[Finding] = []
     known = set(_key(best))
     for other in found:
         if other is best or not other.mistakes or not best.mistakes or other.rank > best.rank + ALTERNATIVES:
             continue
-        for finding in _written(found, other, given):
+        for finding in _written(found, other, given, before):
             finding = replace(finding, confidence=min(_share(found, best, (finding.id, finding.subject)), 0.49))
             if (finding.id, finding.subject) not in known and len(out) < MOST_ALTERNATIVES:
                 known.add((finding.id, finding.subject))

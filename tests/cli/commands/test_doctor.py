@@ -12,6 +12,7 @@ from taskcal.measurement.writer import write_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from tests.cli.conftest import Run
+from tests.laws.observations import socket_campaign
 
 
 def test_a_sound_installation(run: Run) -> None:
@@ -70,3 +71,14 @@ def test_a_campaign_wants_its_robot(run: Run, reversed_j3: Path) -> None:
     ended = run("doctor", reversed_j3)
     assert ended.status == 2
     assert "say which robot was measured" in ended.err
+
+
+def test_without_a_tracker_the_command_says_what_it_examined(run: Run, tmp_path: Path) -> None:
+    robot, rng = load_robot("ur5"), np.random.default_rng(0)
+    model = ErrorModel(robot)
+    sockets = socket_campaign(rng, model, rng.normal(size=len(model)) * model.tolerances, 40, noise=2e-5)[0]
+    path = tmp_path / "sockets.csv"
+    write_campaign(path, replace(sockets, q=sockets.q * [1, 1, -1, 1, 1, 1]), robot)
+    ended = run("doctor", path, "--robot", "ur5", "--json")
+    assert ended.json["findings"][0]["id"] == "joint-sign"
+    assert "frames, the order of rows, slips, drift and single rows are not" in ended.err

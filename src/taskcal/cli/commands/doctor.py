@@ -63,6 +63,8 @@ def command(
     from taskcal.robot.catalogue import load_robot
 
     found = diagnose_file(campaign, load_robot(robot))
+    if found.scope:
+        info(f"{campaign.name}: {found.scope}")
     if fix is not None and len(found.findings) > len(found.unmended):
         outputs.write({fix: campaign_text(found.campaign, found.robot)})
     elif fix is not None:

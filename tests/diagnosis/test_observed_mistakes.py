@@ -1,0 +1,70 @@
+"""The doctor on what was observed without a tracker."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.diagnosis.diagnose import diagnose
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from tests.laws.observations import socket_campaign, wire_campaign
+
+ROBOT = load_robot("ur5")
+
+
+def campaign(measure, seed=0, rows=40):
+    """Of a UR5 with defects of its tolerances' size."""
+    rng, model = np.random.default_rng(seed), ErrorModel(ROBOT)
+    return measure(rng, model, rng.normal(size=len(model)) * model.tolerances, rows, noise=2e-5)[0]
+
+
+@pytest.fixture(scope="module")
+def sockets():
+    return campaign(socket_campaign)
+
+
+def test_a_sound_campaign_of_sockets_has_no_findings(sockets):
+    found = diagnose(sockets, ROBOT)
+    assert found.findings == ()
+    assert "without a tracker (socket)" in found.scope
+
+
+MISTAKES = {
+    "joint-sign": (("J3",), lambda q: q * [1, 1, -1, 1, 1, 1]),
+    "joint-zero": (("J2",), lambda q: q - [0, np.pi / 2, 0, 0, 0, 0]),
+    "joint-order": (("J3", "J4"), lambda q: q[:, [0, 1, 3, 2, 4, 5]]),
+    "joints-in-radians": (ROBOT.joint_names, np.radians),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_of_the_joints_shows_in_how_the_ball_misses_its_sockets(sockets, name):
+    subject, wrong = MISTAKES[name]
+    found = diagnose(replace(sockets, q=wrong(sockets.q)), ROBOT)
+    first = found.findings[0]
+    assert (first.id, first.subject) == (name, subject)
+    assert first.error_after < 0.3 * first.error_before
+    np.testing.assert_allclose(found.campaign.q, sockets.q, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_two_mistakes_are_found_together(sockets):
+    found = diagnose(replace(sockets, q=sockets.q[:, [0, 1, 3, 2, 4, 5]] * [1, -1, 1, 1, 1, 1]), ROBOT)
+    assert {(f.id, f.subject) for f in found.findings[:2]} == {("joint-order", ("J3", "J4")), ("joint-sign", ("J2",))}
+
+
+@pytest.mark.slow
+def test_sockets_of_other_rows_are_no_sound_campaign(sockets):
+    shuffled = replace(sockets, q=np.random.default_rng(1).permutation(sockets.q))
+    (only,) = diagnose(shuffled, ROBOT).findings
+    assert only.id == "other-robot"
+    assert "check which socket" in only.fix
+
+
+@pytest.mark.slow
+def test_the_length_of_a_wire_shows_the_sign_of_a_joint():
+    wire = campaign(wire_campaign)
+    first = diagnose(replace(wire, q=wire.q * [1, 1, -1, 1, 1, 1]), ROBOT).findings[0]
+    assert (first.id, first.subject) == ("joint-sign", ("J3",))
+    assert first.error_after < 0.1 * first.error_before < ROBOT.reach
