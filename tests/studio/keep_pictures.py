@@ -8,7 +8,7 @@ from tests.studio.conftest import PICTURES
 
 PAGES = ("robot", "measurements", "mistakes", "weight", "result", "program")
 WIDTH = 1080
-COLOURS = 48
+COLOURS = 128
 STATIC = Path(__file__).parents[2] / "docs" / "_static"
 
 

@@ -110,6 +110,9 @@ def test_a_fit_says_what_the_command_line_says_to_the_digit(tab: Tab, example: t
     assert {**kept, "calibration": ""} == {**said, "calibration": ""}
     page.get_by_label("Errors drawn larger").press("End")
     page.get_by_text("× 100000").wait_for()
+    assert page.get_by_label("Errors drawn larger").input_value() == "5"
+    page.get_by_label("Errors drawn larger").fill("3")
+    page.get_by_text("× 1000", exact=True).wait_for()
     assert serious(page) == []
     tab.picture("result")
 

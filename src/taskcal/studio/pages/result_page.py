@@ -172,6 +172,7 @@ def _in_space(found: _Left, calibration: Calibration, texts: Texts) -> None:
 
     def stretch(event: Any) -> None:
         scale = 10.0 ** float(np.clip(float(event.args), 0.0, 5.0))
+        set_attribute(slider, "value", f"{np.log10(scale):g}")  # else it springs back as the page is drawn anew
         shown.set_text(f"× {scale:.0f}")
         view.stretch_arrows(scale)
 
