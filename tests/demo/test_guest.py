@@ -10,7 +10,7 @@ import taskcal
 from taskcal.robot.catalogue import catalogue_names
 
 ROOT = Path(taskcal.__file__).parent
-ABOVE = {"demo", "cli", "__init__.py", "__main__.py"}
+ABOVE = {"demo", "studio", "cli", "__init__.py", "__main__.py"}
 """The guest, those above it, and the root that names it lazily for its users."""
 
 BELOW = [path for path in sorted(ROOT.rglob("*.py")) if path.relative_to(ROOT).parts[0] not in ABOVE]

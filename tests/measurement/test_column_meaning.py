@@ -1,6 +1,7 @@
 import pytest
 
-from taskcal.measurement.column_meaning import meanings, split_unit
+from taskcal.measurement.column_meaning import meanings
+from taskcal.measurement.units import split_unit
 
 JOINTS = [f"J{k}" for k in range(1, 7)]
 

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import FileError
-from taskcal.measurement.column_meaning import ANGLES, LENGTHS, Meaning, split_unit
+from taskcal.measurement.column_meaning import Meaning
+from taskcal.measurement.units import ANGLES, LENGTHS, split_unit
 from taskcal.robot.robot import Robot
 from taskcal.tabular.column_groups import LEAVE_OUT
 from taskcal.tabular.faults import Faults

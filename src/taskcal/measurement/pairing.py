@@ -8,12 +8,12 @@ from jaxtyping import Float, Int
 
 from taskcal.errors import FileError
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.column_meaning import ANGLES, LENGTHS
 from taskcal.measurement.readings import Readings
 from taskcal.measurement.registration import register
 from taskcal.measurement.registration_start import closed_form
 from taskcal.measurement.target_names import split_names
 from taskcal.measurement.unit_inference import infer_units
+from taskcal.measurement.units import ANGLES, LENGTHS
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 

@@ -1,38 +1,34 @@
 """Reading a campaign, whatever instrument or spreadsheet wrote it."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from taskcal.arguments import expect_kinds, renamed_arguments
 from taskcal.errors import FileError, shown
 from taskcal.measurement.angle_convention import with_convention
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.column_meaning import ANGLES, LENGTHS
 from taskcal.measurement.observation import Point, Pose, Read, kinds
 from taskcal.measurement.observation.socket_distances import with_distances
 from taskcal.measurement.observation.wire_scale import with_unknown_scale
 from taskcal.measurement.readings import Readings, read_readings
+from taskcal.measurement.recorded_ways import recorded_ways
 from taskcal.measurement.repeated_shots import average_shots
 from taskcal.measurement.rotation_columns import AngleForm
 from taskcal.measurement.rows_of_targets import side_by_side
 from taskcal.measurement.target_columns import MAX_TARGETS
 from taskcal.measurement.targets_in_names import with_targets_in_names
+from taskcal.measurement.units import ANGLES, LENGTHS
 from taskcal.measurement.units_above import with_stated_units
 from taskcal.measurement.unnamed_means import without_means
-from taskcal.robot.approach import conditions_in_order
-from taskcal.robot.conditions import Conditions
 from taskcal.robot.robot import Robot
 from taskcal.tabular.csv_form import TableForm
 
 LARGEST_IN_RADIANS = 10.0
 """A turn and a half: joints that stay within it in degrees hardly move."""
-
-_COUNT = re.compile(r"[0-9]{1,15}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -261,7 +257,7 @@ def campaign_of(
         observations=(*(tracked for _ in chosen), *(one.observation for one in observed)) if observed else (),
         uncertainty=_uncertainty(readings, [*chosen, *(one.target for one in observed)]),
         reference_points={name: points[name] for name in fixed},
-        conditions=replace(_ways(readings, robot, q), temperature=readings.temperature, time=readings.time),
+        conditions=replace(recorded_ways(readings, robot, q), temperature=readings.temperature, time=readings.time),
         source=readings.path.name,
         lines=readings.lines,
         notes=readings.notes,
@@ -332,21 +328,3 @@ def _uncertainty(readings: Readings, targets: Sequence[str]) -> Float[np.ndarray
         message = f"states the uncertainty of some targets but not of '{without}'; give {without}_u_mm"
         raise _header_error(readings, message)
     return np.stack(values, axis=1)
-
-
-def _ways(readings: Readings, robot: Robot, q: np.ndarray) -> Conditions:
-    """How each row was reached: by columns, or else by the order of the rows."""
-    if readings.approach is None and readings.move is None:
-        return conditions_in_order(robot, q, _follows(readings.ids))
-    approach = readings.approach
-    if approach is None and readings.move is not None:
-        approach = np.sign(readings.move)
-    return Conditions(approach=approach, move=readings.move)
-
-
-def _follows(ids: tuple[str, ...] | None) -> Bool[np.ndarray, " n"] | None:
-    """Whether each row was measured after the one before it, as far as ids that count tell."""
-    if ids is None or len(ids) < 3 or not all(_COUNT.fullmatch(text) for text in ids):
-        return None
-    steps = np.diff([int(text) for text in ids])
-    return None if steps.min() <= 0 else np.concatenate([[False], steps <= np.median(steps)])

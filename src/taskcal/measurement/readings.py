@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import FileError, shown
-from taskcal.measurement.column_meaning import ANGLES, LENGTHS, TIMES, Meaning, contradiction, meanings
+from taskcal.measurement.column_meaning import Meaning, contradiction, meanings
 from taskcal.measurement.joint_columns import JointColumns, joint_columns, refuse_other_axes
 from taskcal.measurement.observation import ObservedColumns
 from taskcal.measurement.rotation_columns import AngleForm, OpenAngles, RotationColumns, rotations
@@ -17,6 +17,7 @@ from taskcal.measurement.spherical_columns import with_positions
 from taskcal.measurement.summary_rows import without_summaries
 from taskcal.measurement.target_columns import TargetColumns, target_columns
 from taskcal.measurement.target_names import are_poses_and_targets
+from taskcal.measurement.units import ANGLES, LENGTHS, TIMES
 from taskcal.measurement.unnamed_columns import name_columns
 from taskcal.robot.robot import Robot
 from taskcal.tabular.csv_form import TableForm, lay_out_file

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
-from taskcal.measurement.column_meaning import ANGLES, Meaning
+from taskcal.measurement.column_meaning import Meaning
+from taskcal.measurement.units import ANGLES
 from taskcal.tabular.column_groups import UNIT_LENGTH
 from taskcal.tabular.table import Table
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.measurement.column_meaning import ANGLES, LENGTHS, UNITS, split_unit
 from taskcal.measurement.stated_units import stated_units
+from taskcal.measurement.units import ANGLES, LENGTHS, UNITS, split_unit
 from taskcal.tabular.layout import Laid
 from taskcal.tabular.table import Table
 

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from taskcal.measurement.column_meaning import ANGLES, LENGTHS, UNITS
+from taskcal.measurement.units import ANGLES, LENGTHS, UNITS
 
 _LONGEST_LINE = 300
 _MOST_LINES = 200

@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import shown
-from taskcal.measurement.column_meaning import CALCULATED, LENGTHS, Meaning
+from taskcal.measurement.column_meaning import CALCULATED, Meaning
 from taskcal.measurement.lost_beams import rows_not_valid, without_lost
+from taskcal.measurement.units import LENGTHS
 from taskcal.tabular.faults import Faults
 from taskcal.tabular.table import LARGEST, Table
 

@@ -7,8 +7,8 @@ from jaxtyping import Float
 
 from taskcal.errors import TaskcalError
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.column_meaning import ANGLES, LENGTHS
 from taskcal.measurement.registration import register
+from taskcal.measurement.units import ANGLES, LENGTHS
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from taskcal.errors import FileError, shown
-from taskcal.measurement.column_meaning import ANGLES, LENGTHS
 from taskcal.measurement.readings import Readings
 from taskcal.measurement.stated_units import StatedUnits, stated_units
+from taskcal.measurement.units import ANGLES, LENGTHS
 from taskcal.robot.robot import Robot
 
 

@@ -67,6 +67,12 @@ def draw_effects(sensitivities: Sensitivity) -> go.Figure:
     if len(names) < MANY:
         figure.update_xaxes(dtick=1)
     figure.update_yaxes(title_text=FOR_TOLERANCE)
+    _switch_units(figure, scaled, raw)
+    return label_panels(figure)
+
+
+def _switch_units(figure: go.Figure, scaled: list[list[float]], raw: list[list[float]]) -> None:
+    """Buttons for effects of the tolerances, or per unit."""
     axes = ["yaxis.title.text", "yaxis2.title.text"]
     switch(
         figure,
@@ -76,4 +82,3 @@ def draw_effects(sensitivities: Sensitivity) -> go.Figure:
         },
         y=1.05,
     )
-    return label_panels(figure)
