@@ -51,6 +51,12 @@ def test_a_program_is_corrected_as_on_the_command_line_and_reported(chromium: An
         assert Path(download.value.path()).read_bytes() == (tmp_path / "c.mod").read_bytes()
         page.get_by_role("button", name="After", exact=True).click()
         assert serious(page) == []
+        page.get_by_label("Program", exact=True).select_option("programs/Milling.mod")
+        page.get_by_text("programs/Milling.mod", exact=True).and_(page.locator("dd")).wait_for()
+        tab.ready()
+        page.get_by_role("button", name="Correct the program").click()
+        page.get_by_role("heading", name="What changed in Milling.mod").wait_for(timeout=60_000)
+        tab.ready()
         tab.picture("program")
         page = tab.open("report")
         page.get_by_role("button", name="Make the report").click()
