@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError
-from taskcal.measurement.reader import read_campaign, read_measurements
+from taskcal.measurement.reader import ReadOptions, read_campaign, read_measurements
 from tests.measurement.known_campaign import BARE, DEG, JOINTS, MM, ROBOT, WXYZ, XYZ, N, P, Q, R, lines, write
 
 ONE = np.ones((N, 1))
@@ -137,6 +137,48 @@ def test_what_is_left_out_is_said(tmp_path):
     assert "rows below the table are left out: Mean (line 14), Std. Dev. (line 15)" in notes("mean and scatter below")
     assert "line 1 numbers the columns, and is left out" in notes("columns numbered from one")
     assert "tcp_x_mm, tcp_y_mm, tcp_z_mm" in notes("tcp and tracker")
+
+
+INSTRUMENTS = {
+    "SpatialAnalyzer": ("// Units: mm\n// Collection, Group, Point, X, Y, Z\n", "A, Robot, P{k}, {x:.4f}, {y:.4f}, {z:.4f}"),
+    "SpatialAnalyzer without names": ("", "A::Robot::P{k} {x:.4f} {y:.4f} {z:.4f}"),
+    "PolyWorks": (
+        "Object Name\tMeasured X\tMeasured Y\tMeasured Z\tNominal X\tNominal Y\tNominal Z\n",
+        "point {k}\t{x:.4f}\t{y:.4f}\t{z:.4f}\t0\t0\t0",
+    ),
+    "Metrolog": ("METROLOG X4\nUnit: mm\n\nPoint;X act.;Y act.;Z act.;X nom.;Dev\n", "PT{k};{x:.4f};{y:.4f};{z:.4f};0;0"),
+    "Leica": (
+        "# Unit: mm, gon\nPointID  X  Y  Z  SigmaX  SigmaY  SigmaZ  Date\n",
+        "{k}  {x:.4f}  {y:.4f}  {z:.4f}  0.011 0.012 0.010 2021-03-12",
+    ),
+    "CAM2": (
+        "FARO CAM2 Measure 10\nUnits,mm\n\nLabel,Type,Actual X,Actual Y,Actual Z,Nominal X,Nominal Y,Nominal Z\n",
+        "Point{k:03d},Point,{x:.4f},{y:.4f},{z:.4f},0,0,0",
+    ),
+    "Vicon": (
+        "Trajectories\n100\n,,Arm:M1,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n",
+        "{k},0,{x:.4f},{y:.4f},{z:.4f}",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("instrument", INSTRUMENTS)
+def test_points_of_an_instrument_join_the_joints(tmp_path, instrument):
+    head, row = INSTRUMENTS[instrument]
+    rows = [row.format(k=k, x=x, y=y, z=z) for k, (x, y, z) in enumerate(MM, start=1)]
+    file = tmp_path / "points.txt"
+    file.write_text(head + "\n".join(rows) + "\n")
+    joints = write(tmp_path, ["id", *JOINTS], lines(np.arange(1, N + 1)[:, None], DEG))
+    campaign = read_campaign(joints, ROBOT, options=ReadOptions(points=file))
+    np.testing.assert_allclose(campaign.q, Q, atol=1e-6)
+    np.testing.assert_allclose(campaign.points[:, 0], P, atol=1e-6)
+
+
+def test_joints_that_a_ur_logs_are_radians(tmp_path):
+    names = [f"actual_q_{k}" for k in range(6)]
+    campaign = read_campaign(write(tmp_path, [*names, *XYZ], lines(Q, MM)), ROBOT)
+    np.testing.assert_allclose(campaign.q, Q, atol=1e-5)
+    assert campaign.notes == ()
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,11 @@ def test_bodies_and_markers_are_named_columns():
     assert sheet.lines == (7, 8, 9)
 
 
+def test_rows_of_types_and_names_need_not_say_so():
+    older = EXPORT.replace(",Type,", ",,").replace(",Name,", ",,").replace(",ID,", ",,")
+    assert parse_motion_capture(Path("a.csv"), older).rows == parse_motion_capture(Path("a.csv"), EXPORT).rows
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

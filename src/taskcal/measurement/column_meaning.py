@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from taskcal.measurement.joint_names import joints_called
+from taskcal.measurement.joint_names import joints_called, logged_unit
 from taskcal.measurement.observation import find_columns
 from taskcal.measurement.units import ANGLES, UNITS, split_unit
 
@@ -110,7 +110,9 @@ def meanings(names: Sequence[str], units: Sequence[str], joints: Sequence[str]) 
         joints: names of the robot's joints, in order.
     """
     split = [split_unit(name) for name in names]
-    parted = [(text, unit or UNITS.get(under)) for (text, unit), under in zip(split, units, strict=True)]
+    parted = [
+        (text, unit or UNITS.get(under) or logged_unit(text)) for (text, unit), under in zip(split, units, strict=True)
+    ]
     texts = [text for text, _ in parted]
     joint_at, left = _joints_stood(parted, joints)
     numbered = _numbered_quaternion(texts, joint_at)

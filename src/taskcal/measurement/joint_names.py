@@ -26,3 +26,8 @@ def joints_called(texts: Sequence[str], count: int) -> dict[int, int]:
         if len(names) == count and sorted(at.values()) == list(range(count)):
             return at
     return {}
+
+
+def logged_unit(text: str) -> str | None:
+    """Unit of a joint's column in Universal Robots' real-time data, whose manual has radians; None of any other column."""
+    return "rad" if re.fullmatch(r"(?:actual|target) q ?\[?[0-5]\]?", text) else None

@@ -7,6 +7,7 @@ import numpy as np
 from taskcal.errors import FileError, shown
 from taskcal.measurement.readings import Readings
 from taskcal.measurement.repeated_shots import SAME_POSE_RAD, mean_of_seen, refuse_other_joints, rows_by_id
+from taskcal.measurement.target_columns import MAX_TARGETS
 
 
 def side_by_side(readings: Readings) -> Readings:
@@ -29,14 +30,18 @@ def side_by_side(readings: Readings) -> Readings:
     if readings.rotations is not None and len(set(targets)) > 1:
         raise FileError(readings.path, "has poses of several targets; choose the rows of one", line=1)
     (values,) = readings.points.values()
+    if (count := len(set(targets))) > MAX_TARGETS:
+        message = f"names {count} targets; Taskcal fits {MAX_TARGETS} at most: leave the rows of the others out"
+        raise FileError(readings.path, message, line=1, column="target")
     pose_of = _poses(readings)
-    firsts = [int(np.flatnonzero(pose_of == pose)[0]) for pose in range(pose_of.max() + 1)]
-    points: dict[str, np.ndarray] = {}
-    for name in dict.fromkeys(targets):
-        mine = np.array([t == name for t in targets])
-        points[name] = np.stack([mean_of_seen(values[mine & (pose_of == pose)]) for pose in range(len(firsts))])
-    out = readings.take(np.array(firsts))
-    return replace(out, points=points, targets_by_row=None)
+    firsts = np.unique(pose_of, return_index=True)[1]
+    points = {name: np.full((len(firsts), 3), np.nan) for name in dict.fromkeys(targets)}
+    shots: dict[tuple[str, int], list[int]] = {}
+    for row, shown_in in enumerate(zip(targets, pose_of.tolist(), strict=True)):
+        shots.setdefault(shown_in, []).append(row)
+    for (name, pose), rows in shots.items():
+        points[name][pose] = mean_of_seen(values[rows])
+    return replace(readings.take(firsts), points=points, targets_by_row=None)
 
 
 def _poses(readings: Readings) -> np.ndarray:

@@ -35,8 +35,8 @@ def parse_motion_capture(path: Path, text: str) -> Sheet:
     if settings.get("Rotation Type", "Quaternion") != "Quaternion":
         message = f"has rotations as {shown(settings['Rotation Type'])}; export them as quaternions"
         raise FileError(path, message, line=1)
-    heads = {row[1].strip().casefold(): row for _, row in rows[1:7] if len(row) > 2 and row[1].strip()}
     axes_at = next((k for k, (_, row) in enumerate(rows) if row and row[0].strip().casefold() == "frame"), None)
+    heads = _heads([row for _, row in rows[1 : axes_at or 0] if any(row)])
     if axes_at is None or axes_at < 2 or not {"type", "name"} <= heads.keys():
         raise FileError(path, "begins as an export of Motive, but lacks its rows of types, names and axes", line=1)
     axes, kinds = rows[axes_at][1], rows[axes_at - 1][1]
@@ -48,6 +48,12 @@ def parse_motion_capture(path: Path, text: str) -> Sheet:
         lines=(rows[axes_at][0], *(line for line, _ in body)),
         separator=",",
     )
+
+
+def _heads(rows: list[tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+    """Rows above the axes by what they hold; Motive 2 and before write types and names first, and do not say so."""
+    told = {row[1].strip().casefold(): row for row in rows if len(row) > 2 and row[1].strip()}
+    return told or dict(zip(("type", "name"), rows, strict=False))
 
 
 def _column(k: int, heads: dict[str, tuple[str, ...]], kinds: tuple[str, ...], axes: tuple[str, ...], unit: str) -> str:
