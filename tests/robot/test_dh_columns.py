@@ -56,6 +56,40 @@ def test_units_in_headers_are_taken(header, tmp_path, expected):
     assert robot.source == ("imported from arm.csv",)
 
 
+@pytest.mark.parametrize(
+    "header",
+    [
+        "Joint i,alpha_i (deg),a_i (mm),d_i (mm),theta_i",
+        "i,Link twist [°],Link length [mm],Link offset [mm],Joint angle offset [°]",
+        "Link;alpha_{i} [deg];a_{i} [mm];d_{i} [mm];theta offset [deg]",
+    ],
+)
+def test_tables_as_textbooks_have_them_are_read(header, tmp_path, expected):
+    separator = ";" if ";" in header else ","
+    lines = [separator.join(map(str, (i, *row))) for i, row in enumerate(ROWS.tolist(), start=1)]
+    path = tmp_path / "book.csv"
+    path.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
+    np.testing.assert_allclose(poses(read_dh_table(path, "dh")), expected, atol=1e-12)
+
+
+def test_a_table_of_the_joint_before_is_modified(tmp_path):
+    path = write(tmp_path, "alpha_{i-1} (deg),a_{i-1} (mm),d_i (mm),theta_i", ROWS)
+    own = write(tmp_path, "alpha_deg,a_mm,d_mm,theta_offset_deg", ROWS, "own.csv")
+    np.testing.assert_allclose(poses(read_dh_table(path, "mdh")), poses(read_dh_table(own, "mdh")), atol=1e-12)
+    with pytest.raises(
+        FileError, match="of the joint before, as modified tables have it; import it with --convention mdh"
+    ):
+        read_dh_table(path, "dh")
+
+
+def test_a_joint_angle_by_its_letter_is_its_offset(tmp_path, expected):
+    angles = ["θ1", "θ2 - 90°", "q3", "theta_4", "θ5*", "θ6 + 180"]
+    lines = [f"{i},{a},{r},{d},{angles[i]}" for i, (a, r, d) in enumerate(ROWS[:, :3].tolist())]
+    path = tmp_path / "book.csv"
+    path.write_text("\n".join(["i,alpha,a,d,theta", *lines]) + "\n", encoding="utf-8")
+    np.testing.assert_allclose(poses(read_dh_table(path, "dh")), expected, atol=1e-12)
+
+
 def test_a_name_over_two_lines_is_unknown(tmp_path):
     with pytest.raises(FileError, match="unknown column"):
         read_dh_table(

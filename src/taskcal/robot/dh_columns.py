@@ -13,11 +13,14 @@ from taskcal.robot.dh_units import NEARLY_PARALLEL_DEG, ROUNDING_RAD, SMALLEST_R
 from taskcal.tabular.table import Table
 
 SYNONYMS = {
-    "joint": ("joint", "i", "axis", "link", "no", "no.", "#"),
+    "joint": ("joint", "i", "axis", "link", "no", "no.", "#", "joint i", "link i"),
     "alpha_deg": ("alpha", "α", "twist", "link twist"),
     "a_mm": ("a", "r", "link length"),
     "d_mm": ("d", "link offset"),
-    "theta_offset_deg": ("theta offset", "theta", "θ", "theta0", "offset", "joint offset", "q offset"),
+    "theta_offset_deg": (
+        *("theta offset", "theta", "θ", "theta0", "offset", "joint offset", "q offset"),
+        *("angle offset", "joint angle", "joint angle offset"),
+    ),
     "lower_deg": ("lower", "min", "lower limit"),
     "upper_deg": ("upper", "max", "upper limit"),
 }
@@ -36,6 +39,13 @@ _HEADER = re.compile(
     rf"(?P<name>.*?)(?:(?:[\s_]+|\s*[\[(])(?P<unit>{'|'.join(map(re.escape, UNITS))})[\])]?)?",
     re.IGNORECASE | re.DOTALL,
 )
+
+
+_SUBSCRIPT = re.compile(r"[\s_]+(?:i|\{i\}|\{?i ?- ?1\}?)$")
+"""Behind the name of a parameter, as textbooks have it: that of the joint or of the one before."""
+
+_VARIABLE = re.compile(r"\s*(?:θ|theta|q)[\s_]*\d*\*?\s*(?P<offset>[+\-−]\s*\d+(?:\.\d+)?)?\s*°?\s*", re.IGNORECASE)
+"""A joint's angle by its letter, with what is added to it."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +70,7 @@ def in_own_terms(table: Table, units: str | None = None) -> tuple[Table, tuple[s
     """
     stated = _stated(units)
     columns = [_column(header) for header in table.header]
+    table = _without_variables(table, columns)
     names = [column.stands_for for column in columns]
     if twice := repeated(names):
         both = " and ".join(f"'{shown(c.header, 40)}'" for c in columns if c.stands_for == twice[0])
@@ -100,11 +111,24 @@ def _column(header: str) -> _Column:
     match = _HEADER.fullmatch(header.strip())
     assert match is not None, "any text is a name without a unit"
     name = re.sub(r"[\s_]+", " ", match["name"]).strip().lower()
+    name = _SUBSCRIPT.sub("", name) or name
     unit = None if match["unit"] is None else UNITS[match["unit"].lower()]
     for own, others in SYNONYMS.items():
         if name in others and (unit is None or (unit in ("mm", "m")) == own.endswith("_mm")):
             return _Column(header, own, unit)
     return _Column(header, header, None)
+
+
+def _without_variables(table: Table, columns: Sequence[_Column]) -> Table:
+    """Offsets alone in place of a joint's angle written as ``θ2 - 90``."""
+
+    def offset(cell: str) -> str:
+        match = _VARIABLE.fullmatch(cell)
+        return cell if match is None else re.sub(r"\s", "", match["offset"] or "0").replace("−", "-")
+
+    at = {k for k, column in enumerate(columns) if column.stands_for == "theta_offset_deg"}
+    rows = tuple(tuple(offset(cell) if k in at else cell for k, cell in enumerate(row)) for row in table.rows)
+    return replace(table, rows=rows)
 
 
 def _told(

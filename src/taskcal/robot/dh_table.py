@@ -1,9 +1,10 @@
 """Robots from Denavit–Hartenberg tables in CSV files."""
 
+import re
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from taskcal.errors import FileError, TaskcalError, UnknownName
+from taskcal.errors import FileError, TaskcalError, UnknownName, shown
 from taskcal.robot.dh_columns import in_own_terms
 from taskcal.robot.dh_units import LIMITS, check_units
 from taskcal.robot.file import MOST_JOINTS, robot_from
@@ -44,6 +45,12 @@ def describe_dh_table(
     rows = read_csv(path)
     if len(rows) > MOST_JOINTS:
         raise FileError(rows.path, f"has {len(rows)} rows, one for each joint; a robot has up to {MOST_JOINTS}")
+    before = next((name for name in rows.header if re.search(r"i ?- ?1", name)), None)
+    if before is not None and convention.lower() == "dh":
+        message = (
+            f"'{shown(before, 40)}' is of the joint before, as modified tables have it; import it with --convention mdh"
+        )
+        raise FileError(rows.path, message, line=1)
     table, told = in_own_terms(rows, units)
     columns = ColumnGroups(table)
     joint_names = columns.texts("joint")
