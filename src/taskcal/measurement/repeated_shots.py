@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError, shown
+from taskcal.geometry import se3
 from taskcal.measurement.readings import Readings
 from taskcal.tabular.faults import Faults
 
@@ -25,6 +25,8 @@ def average_shots(readings: Readings) -> Readings:
     if readings.ids is None or len(set(readings.ids)) == len(readings.ids):
         return readings
     groups = rows_by_id(readings.ids)
+    numbers = {name: pose for pose, name in enumerate(groups)}
+    pose_of = [numbers[name] for name in readings.ids]
     refuse_other_joints(readings, groups)
     points = {
         name: np.stack([mean_of_seen(values[rows]) for rows in groups.values()])
@@ -33,7 +35,9 @@ def average_shots(readings: Readings) -> Readings:
     first = readings.take(np.array([rows[0] for rows in groups.values()]))
 
     def mean_rotations(R: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "poses 3 3"]:
-        return np.stack([Rotation.from_matrix(R[rows]).mean().as_matrix() for rows in groups.values()])
+        sums = np.zeros((len(groups), 3, 3))
+        np.add.at(sums, pose_of, R)
+        return se3.nearest_rotation(sums)
 
     turned, angles = readings.rotations, readings.open_angles
     most = max(len(rows) for rows in groups.values())
