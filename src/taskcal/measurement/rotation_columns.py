@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -19,8 +19,6 @@ AngleForm = Literal[
 ]  # fmt: skip
 """What three angles mean: KUKA's A B C (moving z y x, degrees), FANUC's W P R (fixed x y z, degrees), roll, pitch and yaw (fixed
 x y z), three angles about fixed or moving x y z, a rotation vector as Universal Robots writes it; or nothing is read of them."""
-
-ANGLE_FORMS: tuple[str, ...] = get_args(AngleForm)
 
 _SEQUENCE = {"abc": "ZYX", "wpr": "xyz", "rpy": "xyz", "fixed-xyz": "xyz", "moving-xyz": "XYZ"}
 """SciPy's letters: capitals turn about moving axes."""
@@ -49,7 +47,7 @@ class OpenAngles:
     assumed: str | None
     """What they usually mean; None where they are left out unless it is told."""
     meanings: Mapping[str, Float[np.ndarray, "rows 3 3"]]
-    """The orientations by each of `ANGLE_FORMS` that they may follow."""
+    """The orientations by each `AngleForm` that they may follow."""
 
     def mapped(self, function: Callable[[np.ndarray], np.ndarray]) -> "OpenAngles":
         """With other orientations in place of each, such as some of the rows."""
