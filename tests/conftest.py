@@ -5,10 +5,13 @@ import os
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
     os.environ[_variable] = "1"  # for the libraries and processes that are yet to start
 
+import shutil
 import tempfile
 from collections import defaultdict
+from collections.abc import Generator
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -117,3 +120,20 @@ def data_folder() -> Path:
     """The folder of measured robots; a test that asks for it is marked `realdata`."""
     _require_data()
     return DATA
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Generator[Any, None, None]:
+    """A browser without a window; one for the tests of all folders, since Playwright has one in a process."""
+    from playwright.sync_api import sync_playwright
+
+    program = os.environ.get("TASKCAL_CHROMIUM") or shutil.which("chromium")
+    if program is None:
+        if os.environ.get("CI") == "true":
+            pytest.fail("no chromium is installed; pages have not been looked at")
+        pytest.skip("no chromium is installed")
+    with sync_playwright() as playwright:
+        options = ["--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=program, args=options)
+        yield browser
+        browser.close()

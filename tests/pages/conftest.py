@@ -9,9 +9,6 @@ import pytest
 
 from taskcal.cli import main
 from tests.pages.made_pages import PAGES
-from tests.studio.conftest import chromium
-
-__all__ = ["chromium"]
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,6 @@
 """A studio that is served to a real browser, with everything that its pages complain of."""
 
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Generator, Iterator
@@ -33,23 +32,6 @@ def served(folder: Path, *options: str) -> Iterator[str]:
                 process.wait(10)
             except subprocess.TimeoutExpired:
                 process.kill()
-
-
-@pytest.fixture(scope="session")
-def chromium() -> Generator[Any, None, None]:
-    """A browser without a window."""
-    from playwright.sync_api import sync_playwright
-
-    program = os.environ.get("TASKCAL_CHROMIUM") or shutil.which("chromium")
-    if program is None:
-        if os.environ.get("CI") == "true":
-            pytest.fail("no chromium is installed; the studio's pages have not been looked at")
-        pytest.skip("no chromium is installed")
-    with sync_playwright() as playwright:
-        options = ["--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader"]
-        browser = playwright.chromium.launch(executable_path=program, args=options)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="session")

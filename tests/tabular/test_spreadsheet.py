@@ -48,6 +48,18 @@ def test_what_unpacks_to_too_much_is_refused_before_it_is():
         read_workbook(Path("a.xlsx"), packed.getvalue())
 
 
+def test_formats_without_end_are_refused_before_they_are_read():
+    packed = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(book(SHEET))) as whole, zipfile.ZipFile(packed, "w", zipfile.ZIP_STORED) as again:
+        for part in whole.infolist():
+            formats = b"<styleSheet><cellXfs>" + b"<xf/>" * 120_000 + b"</cellXfs></styleSheet>"
+            again.writestr(part.filename, formats if part.filename == "xl/styles.xml" else whole.read(part))
+    with pytest.raises(
+        FileError, match="defines formats of cells by 120004 tags, more than 100000; save the sheet as CSV"
+    ):
+        read_workbook(Path("a.xlsx"), packed.getvalue())
+
+
 @pytest.mark.parametrize("share", [0.3, 0.7, 0.99])
 def test_a_workbook_that_was_cut_off_is_called_damaged(tmp_path, share):
     whole, path = book(SHEET), tmp_path / "a.xlsx"

@@ -18,6 +18,9 @@ SMALL_MB, MAX_RATIO = 5.0, 10.0
 """What a workbook of any size may unpack to, and how often its own size beyond that: measured numbers pack five to seven times,
 and a cell costs the same time however well it packs."""
 
+STYLES, MAX_STYLE_TAGS = "xl/styles.xml", 100_000
+"""The part with the formats of cells, which are read with the cells; instruments and people define some hundreds."""
+
 _NUMERIC = re.compile(r"[+-]?[.,]?\d[\d.,]*(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 MAX_CELLS = 4_000_000
@@ -86,6 +89,10 @@ def _check_parts(path: Path, content: bytes) -> None:
             if unpacked > most * 1e6:
                 message = f"unpacks to {unpacked / 1e6:.0f} MB, more than {most:.0f} MB; save the sheet as CSV"
                 raise FileError(path, message)
+            if STYLES in packed.namelist() and (tags := packed.read(STYLES).count(b"<")) > MAX_STYLE_TAGS:
+                raise FileError(
+                    path, f"defines formats of cells by {tags} tags, more than {MAX_STYLE_TAGS}; save the sheet as CSV"
+                )
             for part in packed.infolist():
                 if part.filename.endswith((".xml", ".rels")):
                     with packed.open(part) as stream:
