@@ -35,7 +35,7 @@ test-long: $(VENV)/.test  ## run the experiments that take minutes each
 	$(BIN)/python -m pytest --numprocesses auto -m "long and not browser"
 
 browser: $(VENV)/.dev  ## open reports, documents and studio in a real browser (Debian's chromium); screenshots in build/pictures
-	TASKCAL_PICTURES="$${TASKCAL_PICTURES:-build/pictures}" timeout 600 $(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m browser
+	TASKCAL_PICTURES="$${TASKCAL_PICTURES:-build/pictures}" timeout 1500 $(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m browser
 
 lint: $(VENV)/.dev  ## rules and format (ruff), spelling (codespell), dead code (vulture)
 	$(BIN)/ruff check .
