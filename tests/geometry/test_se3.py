@@ -95,3 +95,36 @@ def test_a_twist_moves_points_as_a_small_transform_does(rng):
     carried = se3.carry(np.broadcast_to(twist[:, None], (4, 6, 1)), points)
     np.testing.assert_allclose(carried[:, :3, 0], se3.by_twist(points) @ twist, atol=1e-12)
     np.testing.assert_array_equal(carried[:, 3:, 0], np.broadcast_to(twist[3:], (4, 3)))
+
+
+@pytest.mark.parametrize("length", [0.0, 1e-300, 1e-12, 1e-5, 1.0, 3.0, np.pi - 1e-9])
+def test_rotation_vectors_of_every_length_agree_with_scipy(length):
+    rng = np.random.default_rng(0)
+    w = rng.normal(size=(2, 7, 3))
+    w *= length / np.linalg.norm(w, axis=-1, keepdims=True)
+    expected = Rotation.from_rotvec(w.reshape(-1, 3))
+    np.testing.assert_allclose(se3.exp(w).reshape(-1, 3, 3), expected.as_matrix(), atol=1e-15)
+    np.testing.assert_allclose(se3.log(se3.exp(w)), w, rtol=1e-8, atol=3e-16)
+    q = se3.to_quaternion(se3.exp(w)).reshape(-1, 4)
+    np.testing.assert_allclose(np.abs(np.sum(q * expected.as_quat(), axis=1)), 1.0, atol=1e-15)
+
+
+def test_half_turns_about_every_axis_are_found_back():
+    axes = np.vstack([np.eye(3), -np.eye(3), np.random.default_rng(1).normal(size=(5, 3))])
+    R = se3.exp(np.pi * axes / np.linalg.norm(axes, axis=1, keepdims=True))
+    np.testing.assert_allclose(se3.exp(se3.log(R)), R, atol=1e-15)
+    np.testing.assert_allclose(np.linalg.norm(se3.log(R), axis=1), np.pi, atol=1e-7)
+
+
+@pytest.mark.parametrize("axes", ["x", "xyz", "zyx", "zyz"])
+def test_turns_agree_with_scipy_about_moving_and_fixed_axes(axes):
+    angles = np.random.default_rng(2).uniform(-4.0, 4.0, (6, len(axes)))
+    moving = Rotation.from_euler(axes.upper(), angles).as_matrix()
+    np.testing.assert_allclose(se3.turns(axes, angles), moving, atol=1e-15)
+    fixed = Rotation.from_euler(axes, angles).as_matrix()
+    np.testing.assert_allclose(se3.turns(axes[::-1], angles[:, ::-1]), fixed, atol=1e-15)
+
+
+def test_a_quaternion_of_length_zero_is_refused():
+    with pytest.raises(ValueError, match="length zero"):
+        se3.from_quaternion(np.zeros((2, 4)))

@@ -1,12 +1,14 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import assume, given
 from pytransform3d import transformations as pt
 
 from taskcal.geometry import walk
 from taskcal.geometry.chain import ERROR_FRAME, FIXED, Chain, ErrorFrame, Fixed, Joint
-from taskcal.geometry.walk import CHUNK, Columns
+from taskcal.geometry.chunks import CHUNK
+from taskcal.geometry.walk import Columns
 from tests.laws import plain
 from tests.laws.chains import ChainCase, chains, rigid
 from tests.laws.robots import generators
@@ -132,6 +134,22 @@ def test_many_poses_on_threads_equal_few_poses_at_a_time(rng):
     np.testing.assert_array_equal(
         walk.columns(case.chain, many, case.e, layout, factor, angular=True), np.resize(J, (len(many), *J.shape[1:]))
     )
+
+
+@pytest.mark.parametrize(
+    "out",
+    [
+        np.empty((4, 3, 2)),
+        np.empty((5, 6, 2)),
+        np.empty((5, 3, 2), dtype=np.float32),
+        np.empty((5, 2, 3)).swapaxes(1, 2),
+        np.broadcast_to(0.0, (5, 3, 2)),
+    ],
+)
+def test_room_of_another_kind_is_refused(out):
+    layout = Columns.of_joints(Chain.of([Joint(), Joint()]))
+    with pytest.raises(ValueError, match=r"contiguous array of \(5, 3, 2\) doubles"):
+        walk.room_for(layout, 5, angular=False, out=out)
 
 
 @given(chains())

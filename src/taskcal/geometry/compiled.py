@@ -1,149 +1,61 @@
-"""Compilation of the numeric kernels, and where their machine code is kept.
+"""Compilation of the numeric kernels, each at its first call: importing Numba takes longer than refusing a wrong file."""
 
-Numba's disk cache notices an edited file, but not an edited callee in another file, and it fails in a read-only
-folder. So the cache lies in the user's cache folder, under a hash of all kernel sources: any edit starts a new one.
-"""
-
-import hashlib
-import logging
-import os
-import pickle
-import sys
 from collections.abc import Callable
-from contextlib import suppress
-from functools import cache
-from pathlib import Path
+from functools import cache, cached_property, update_wrapper
+from importlib import import_module
 from typing import Any, TypeVar, cast
 
-import numba
-import platformdirs
-from numba.core import caching as numba_caching
-from numba.core import config
-
-caching: Any = numba_caching
-Kernel = TypeVar("Kernel", bound=Callable[..., Any])
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-@cache
-def cache_folder() -> Path:
-    """Folder of the compiled kernels: in ``NUMBA_CACHE_DIR`` if set, else in the user's cache; it may not exist."""
-    digest = hashlib.sha256(f"{sys.version}{numba.__version__}".encode())
-    for source in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(source.read_bytes())
-    root = os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_path("taskcal") / "kernels"
-    folder = Path(root) / digest.hexdigest()[:16]
-    with suppress(OSError):  # said when a kernel cannot be kept; one that lies there already is used
-        folder.mkdir(parents=True, exist_ok=True)
-    return folder
+class Kernel:
+    """A function that is compiled, without the interpreter lock, when it is first called or wanted by another kernel."""
 
+    def __init__(self, function: Callable[..., Any], *, kept: bool = False, **options: bool):
+        update_wrapper(self, function)
+        self._function, self._kept, self._options = function, kept, options
 
-class _Locator(caching.UserProvidedCacheLocator):
-    """A place that need not be writable: a warm cache may be read-only."""
+    def __call__(self, *arguments: Any) -> Any:
+        """What the compiled function returns."""
+        return self.dispatcher(*arguments)
 
-    def ensure_cache_path(self) -> None:
-        with suppress(OSError):
-            os.makedirs(self.get_cache_path(), exist_ok=True)
+    @cached_property
+    def dispatcher(self) -> Any:
+        """What Numba makes of the function."""
+        import numba
 
+        njit: Any = numba.njit
+        dispatcher = njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **self._options)(self._function)
+        if self._kept:
+            from taskcal.geometry.kernel_cache import keep_compiled
 
-class _Implementation(caching.CompileResultCacheImpl):
-    _locator_classes = [_Locator]  # noqa: RUF012
-
-
-class _File(caching.IndexDataCacheFile):
-    """Machine code with its digest before it: Numba would run what is damaged."""
-
-    def _save_data(self, name: str, data: Any) -> None:
-        content = self._dump(data)
-        with self._open_for_write(self._data_path(name)) as stream:
-            stream.write(hashlib.sha256(content).digest() + content)
-
-    def _load_data(self, name: str) -> Any:
-        with open(self._data_path(name), "rb") as stream:
-            digest, content = stream.read(32), stream.read()
-        if hashlib.sha256(content).digest() != digest:
-            raise ValueError("it is not what was written")
-        return pickle.loads(content)
-
-
-class _KernelCache(caching.FunctionCache):
-    """Numba's cache, in which a file that is damaged or cannot be written costs a compilation and not the command."""
-
-    _impl_class = _Implementation
-
-    def __init__(self, kernel: Any):
-        super().__init__(kernel)
-        self._cache_file = _File(
-            cache_path=self._cache_path,
-            filename_base=self._impl.filename_base,
-            source_stamp=self._impl.locator.get_source_stamp(),
-        )
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        try:
-            kept = super().load_overload(sig, target_context)
-        except Exception as error:  # whatever unpickling of other bytes may raise
-            _say_once(
-                f"{self._cache_path}: a compiled kernel there is damaged ({type(error).__name__}: {error}); compiled afresh"
-            )
-            with suppress(OSError):
-                self.flush()
-            kept = None
-        if kept is None:
-            _announce()
-        return kept
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        try:
-            super().save_overload(sig, data)
-        except (OSError, EOFError, ValueError, pickle.PickleError) as error:
-            _say_once(
-                f"{self._cache_path}: compiled kernels cannot be kept there ({error}), and every process compiles them anew; "
-                "name a folder that can be written, with room, in NUMBA_CACHE_DIR"
-            )
+            keep_compiled(dispatcher, self._function)
+        return dispatcher
 
 
 @cache
-def _announce() -> None:
-    """Say, before the first kernel of this process that is not kept, why it takes its time."""
-    logging.getLogger("taskcal").info("compiling kernels, once: some seconds")
+def prepare_compiler() -> None:
+    """Tell Numba's compiler what a kernel is that another one calls, and what lanes are; what was compiled before runs without."""
+    from numba.extending import typeof_impl
+
+    import_module("taskcal.geometry.lane_functions")  # after which kernels know lanes
+    register: Any = typeof_impl.register
+    register(Kernel)(lambda kernel, context: typeof_impl(kernel.dispatcher, context))
 
 
-@cache
-def _say_once(message: str) -> None:
-    logging.getLogger("taskcal").warning(message)
+def compiled(function: Function) -> Function:
+    """Compile a kernel at its first call, and keep the machine code on disk."""
+    return cast(Function, Kernel(function, kept=True))
 
 
-def is_warm() -> bool:
-    """Whether an earlier process has already left the kernel of the fit, the largest, in the cache."""
-    return any(cache_folder().rglob("normal_equations._accumulate-*.nbi"))
-
-
-def _njit(**options: bool) -> Any:
-    jit: Any = numba.njit  # its declared types lack the wrappers' options
-    return jit(nogil=True, error_model="numpy", **options)
-
-
-def compiled(kernel: Kernel) -> Kernel:
-    """Compile a kernel at its first call, without the interpreter lock, and keep the machine code on disk."""
-    settings: Any = config
-    previous = settings.CACHE_DIR  # process-wide, so that other users of Numba keep their own
-    settings.CACHE_DIR = str(cache_folder())
-    try:
-        dispatcher: Any = _njit(no_cfunc_wrapper=True)(kernel)
-        dispatcher._cache = _KernelCache(kernel)
-        return cast(Kernel, dispatcher)
-    finally:
-        settings.CACHE_DIR = previous
-
-
-def part(kernel: Kernel) -> Kernel:
+def part(function: Function) -> Function:
     """Compile a kernel that only other kernels call; it is compiled with each of them and needs no cache.
 
     It has no entry from Python, which would take longer to compile than the kernel where arguments are tuples of arrays.
     """
-    return cast(Kernel, _njit(no_cfunc_wrapper=True, no_cpython_wrapper=True)(kernel))
+    return cast(Function, Kernel(function, no_cpython_wrapper=True))
 
 
-def inlined(kernel: Kernel) -> Kernel:
+def inlined(function: Function) -> Function:
     """Compile a `part` into its callers: for short ones that take many arrays, whose call would cost more than they do."""
-    return cast(Kernel, _njit(no_cfunc_wrapper=True, no_cpython_wrapper=True, forceinline=True)(kernel))
+    return cast(Function, Kernel(function, no_cpython_wrapper=True, forceinline=True))

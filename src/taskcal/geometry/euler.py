@@ -4,7 +4,8 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
+
+from taskcal.geometry import se3
 
 AngleForm = Literal["rpy", "abc", "wpr"]
 
@@ -20,7 +21,7 @@ FANUC's W, P, R about fixed x, y, z. All three are Rz·Ry·Rx; KUKA writes the t
 def from_angles(form: AngleForm, angles: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3 3"]:
     """Rotations of angles in radians."""
     about_zyx = angles if form == "abc" else angles[..., ::-1]
-    return Rotation.from_euler("ZYX", about_zyx.reshape(-1, 3)).as_matrix().reshape(*angles.shape[:-1], 3, 3)
+    return se3.turns("zyx", about_zyx)
 
 
 def to_angles(form: AngleForm, R: Float[np.ndarray, "*b 3 3"]) -> Float[np.ndarray, "*b 3"]:

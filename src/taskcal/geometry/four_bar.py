@@ -15,6 +15,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from taskcal.errors import ClosureError
+from taskcal.geometry.coordinates import Coordinates, Drive, Wanted, fill_coordinates
+from taskcal.geometry.four_bar_closure import BY_ANGLE, BY_LENGTH, NUMBERS, OPEN, STATE, TURN, LoopNumbers
 
 REMEDY = (
     "the loop is singular where rod and arm line up with the levers: keep the two angles well under 90° apart and check the "
@@ -27,9 +29,6 @@ MARGIN_SHARE = 1e-3
 
 ROUNDING = 1e-12
 """Of a cosine, and of the share by which a rod must reach."""
-
-MIN_TURN = 1e-9
-"""∂θ/∂κ that counts as none; a rhombus that folds over leaves the rocker standing, to rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,23 +71,69 @@ class Closure:
     """∂θ/∂(α, κ)."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Side:
+    """The positions that a loop comes to from where it was built, without passing a singular one."""
+
+    lever: float
+    """Side of the arm that the crank's lever is on, +1 or −1, where the loop cannot bring it to the other."""
+    turn: float
+    """Whether the rocker turns with the crank, +1, or against it, −1: the sign of ∂θ/∂κ."""
+
+
+def loop_numbers(bar: FourBar, side: Side) -> LoopNumbers:
+    """The loop as the compiled closure takes it."""
+    nearest, farthest = _lever_cosines(bar)
+    passes = nearest > 1.0 + ROUNDING or farthest < -1.0 - ROUNDING  # the crank's lever, the line of the arm
+    lengths = float(bar.crank), float(bar.rod), float(bar.rocker), float(bar.arm)
+    angles = float(bar.crank_angle), float(bar.rocker_angle)
+    return LoopNumbers(*lengths, *angles, float(bar.assembly), float(side.lever), float(side.turn), 2.0 * passes)
+
+
+def closure_numbers(
+    bar: FourBar, side: Side, q: Float[np.ndarray, "n joints"], angles: Float[np.ndarray, "2 joints"]
+) -> Float[np.ndarray, "n 8"]:
+    """What `four_bar_closure` finds at joint positions q, of which α and κ are linear combinations."""
+    q = np.ascontiguousarray(q, dtype=float)
+    numbers = np.empty((len(q), NUMBERS))
+    drive = Drive(np.empty((0, q.shape[1])), np.empty(0), angles, np.empty(0))
+    out = Coordinates(np.empty((len(q), 0)), np.empty((len(q), 0)), numbers)
+    fill_coordinates(q, drive, loop_numbers(bar, side), NOTHING_WANTED, out)
+    return numbers
+
+
+def expect_closed(
+    numbers: Float[np.ndarray, "n 8"],
+    bar: FourBar,
+    q: Float[np.ndarray, "n joints"],
+    angles: Float[np.ndarray, "2 joints"],
+) -> None:
+    """Refuse numbers of `closure_numbers` where the rod cannot reach.
+
+    Raises:
+        ClosureError: it cannot at some pose; the message names the first such pose.
+    """
+    is_open = numbers[:, STATE] == OPEN
+    if is_open.any():
+        first = int(np.argmax(is_open))
+        raise ClosureError(first, f"{bar.describe(*(angles @ q[first]))}; {REMEDY}")
+
+
+NOTHING_WANTED = Wanted(np.empty(0, dtype=np.int64), np.empty(0))
+
+_ANY_SIDE = Side(lever=0.0, turn=0.0)
+
+
 def close_four_bar(bar: FourBar, arm_angle: Float[np.ndarray, " n"], crank_angle: Float[np.ndarray, " n"]) -> Closure:
     """Rocker angle θ and its derivatives for arm angles α and crank angles κ, radians.
 
     Raises:
         ClosureError: the rod cannot reach at some pose; the message names the first such pose.
     """
-    from taskcal.geometry.four_bar_closure import ClosureArrays, LoopNumbers, close_loop  # imports the compiler
-
-    n = len(arm_angle)
-    out = Closure(angle=np.empty(n), by_length=np.empty((n, 4)), by_angle=np.empty((n, 2)))
-    arm_angle, crank_angle = np.ascontiguousarray(arm_angle), np.ascontiguousarray(crank_angle)
-    lengths = float(bar.crank), float(bar.rod), float(bar.rocker), float(bar.arm)
-    loop = LoopNumbers(*lengths, float(bar.crank_angle), float(bar.rocker_angle), float(bar.assembly))
-    fails = close_loop(arm_angle, crank_angle, loop, ClosureArrays(out.angle, out.by_length, out.by_angle))
-    if fails >= 0:
-        raise ClosureError(fails, f"{bar.describe(arm_angle[fails], crank_angle[fails])}; {REMEDY}")
-    return out
+    q, angles = np.stack([arm_angle, crank_angle], axis=1), np.eye(2)
+    numbers = closure_numbers(bar, _ANY_SIDE, q, angles)
+    expect_closed(numbers, bar, q, angles)
+    return Closure(angle=crank_angle + numbers[:, TURN], by_length=numbers[:, BY_LENGTH], by_angle=numbers[:, BY_ANGLE])
 
 
 def can_close(
@@ -100,16 +145,6 @@ def can_close(
     wy = bar.arm * np.sin(arm_angle) - bar.crank * np.sin(crank)
     square = wx * wx + wy * wy
     return np.abs(bar.rod**2 - square - bar.rocker**2) < (1.0 - ROUNDING) * 2.0 * bar.rocker * np.sqrt(square)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Side:
-    """The positions that a loop comes to from where it was built, without passing a singular one."""
-
-    lever: float
-    """Side of the arm that the crank's lever is on, +1 or −1, where the loop cannot bring it to the other."""
-    turn: float
-    """Whether the rocker turns with the crank, +1, or against it, −1: the sign of ∂θ/∂κ."""
 
 
 def built_side(bar: FourBar) -> Side:
@@ -125,26 +160,10 @@ def built_side(bar: FourBar) -> Side:
     return Side(lever=lever, turn=-1.0 if closure.by_angle[0, 1] < 0.0 else 1.0)
 
 
-def keeps_side(
-    bar: FourBar,
-    side: Side,
-    closure: Closure,
-    arm_angle: Float[np.ndarray, " n"],
-    crank_angle: Float[np.ndarray, " n"],
-) -> Bool[np.ndarray, " n"]:
-    """Whether each position that closes is on the side where the loop was built."""
-    kept = closure.by_angle[:, 1] * side.turn > MIN_TURN
-    nearest, farthest = _lever_cosines(bar)
-    passes = nearest > 1.0 + ROUNDING or farthest < -1.0 - ROUNDING  # the crank's lever, the line of the arm
-    if not passes:
-        kept &= side.lever * np.sin(crank_angle + bar.crank_angle - arm_angle) > 0.0
-    return kept
-
-
-def _lever_cosines(bar: FourBar) -> Float[np.ndarray, " 2"]:
+def _lever_cosines(bar: FourBar) -> tuple[float, float]:
     """Cosines of the angle between arm and crank's lever where rod and rocker line up, folded and stretched."""
-    reach = np.array([bar.rod - bar.rocker, bar.rod + bar.rocker])
-    return (bar.arm**2 + bar.crank**2 - reach**2) / (2.0 * bar.arm * bar.crank)
+    square, twice = bar.arm**2 + bar.crank**2, 2.0 * bar.arm * bar.crank
+    return (square - (bar.rod - bar.rocker) ** 2) / twice, (square - (bar.rod + bar.rocker) ** 2) / twice
 
 
 def curvature(

@@ -1,18 +1,22 @@
-"""The compiled pass over the poses of a four-bar; `four_bar` says what it computes.
-
-It stands by itself, so that a robot with a loop can be read, and refused, before the compiler is imported.
-"""
+"""The closure of a four-bar for eight poses at a time; `four_bar` says what it computes."""
 
 from typing import NamedTuple
 
-import numpy as np
-from jaxtyping import Float
+from taskcal.geometry.compiled import part
+from taskcal.geometry.lanes import angle_of, cosine_and_sine, square_root, where_less
 
-from taskcal.geometry.compiled import compiled
+MIN_TURN = 1e-9
+"""∂θ/∂κ that counts as none; a rhombus that folds over leaves the rocker standing, to rounding."""
+
+OPEN, BEYOND, KEPT = 0.0, 1.0, 2.0
+"""A loop whose rod does not reach; one that closes, but not where it was built; one that does there."""
+
+TURN, BY_LENGTH, BY_ANGLE, STATE, NUMBERS = 0, slice(1, 5), slice(5, 7), 7, 8
+"""What is found for a pose: θ − κ; its derivatives by L1, L2, L3 and d; ∂θ/∂(α, κ); whether it closes; so many in all."""
 
 
 class LoopNumbers(NamedTuple):
-    """The numbers of a `FourBar` as the compiled closure takes them."""
+    """A `FourBar` and the `Side` it was built on, as the compiled closure takes them."""
 
     L1: float
     L2: float
@@ -21,40 +25,36 @@ class LoopNumbers(NamedTuple):
     gamma: float
     rho: float
     assembly: float
+    lever: float
+    turn: float
+    passes: float
+    """2 where the crank's lever may pass the line of the arm, else 0."""
 
 
-class ClosureArrays(NamedTuple):
-    """The arrays of a `Closure`, which the compiled closure fills."""
-
-    angle: Float[np.ndarray, " n"]
-    by_length: Float[np.ndarray, "n 4"]
-    by_angle: Float[np.ndarray, "n 2"]
-
-
-@compiled
-def close_loop(arm_angle, crank_angle, loop, out):
-    """Fill the arrays, and return the first pose that does not close, or −1."""
-    L1, L2, L3, d, gamma, rho, assembly = loop
-    angle, by_length, by_angle = out
-    for i in range(arm_angle.shape[0]):
-        a, k = arm_angle[i], crank_angle[i] + gamma
-        ca, sa, ck, sk = np.cos(a), np.sin(a), np.cos(k), np.sin(k)
-        wx, wy = d * ca - L1 * ck, d * sa - L1 * sk
-        w = np.sqrt(wx * wx + wy * wy)
-        cosine = (L2 * L2 - w * w - L3 * L3) / (2.0 * L3 * w)
-        if not abs(cosine) < 1.0:
-            return i
-        sine = -assembly * np.sqrt((1.0 - cosine) * (1.0 + cosine))
-        cl, sl = (wx * cosine - wy * sine) / w, (wy * cosine + wx * sine) / w
-        vx, vy = wx + L3 * cl, wy + L3 * sl
-        # differentiating |v|² = L2² : L3·(v·u′(ψ)) dψ = L2·dL2 − v·(everything else that moves v)
-        slope = L3 * (vy * cl - vx * sl)
-        by_length[i, 0] = (vx * ck + vy * sk) / slope
-        by_length[i, 1] = L2 / slope
-        by_length[i, 2] = -(vx * cl + vy * sl) / slope
-        by_length[i, 3] = -(vx * ca + vy * sa) / slope
-        by_angle[i, 0] = -d * (vy * ca - vx * sa) / slope
-        by_angle[i, 1] = L1 * (vy * ck - vx * sk) / slope
-        turn = np.arctan2(sl, cl) - rho - crank_angle[i]
-        angle[i] = crank_angle[i] + turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
-    return -1
+@part
+def close_loop(alpha, kappa, loop, out):
+    """Fill `out` with the numbers of one loop at arm angles α and crank angles κ."""
+    L1, L2, L3, d = loop.L1, loop.L2, loop.L3, loop.d
+    (ca, sa), (ck, sk) = cosine_and_sine(alpha), cosine_and_sine(kappa + loop.gamma)
+    cr, sr = cosine_and_sine(kappa + loop.rho)
+    wx, wy = d * ca - L1 * ck, d * sa - L1 * sk
+    square = wx * wx + wy * wy
+    by_w = 1.0 / square_root(square)  # divisions take longest of all
+    cosine = (L2 * L2 - square - L3 * L3) * (0.5 / L3) * by_w
+    closes = (1.0 - cosine) * (1.0 + cosine)
+    sine = -loop.assembly * square_root(closes)
+    cl, sl = (wx * cosine - wy * sine) * by_w, (wy * cosine + wx * sine) * by_w
+    vx, vy = wx + L3 * cl, wy + L3 * sl
+    # differentiating |v|² = L2² : L3·(v·u′(ψ)) dψ = L2·dL2 − v·(everything else that moves v)
+    by_slope = 1.0 / (L3 * (vy * cl - vx * sl))
+    out[0] = angle_of(sl * cr - cl * sr, cl * cr + sl * sr)
+    out[1] = (vx * ck + vy * sk) * by_slope
+    out[2] = L2 * by_slope
+    out[3] = -(vx * cl + vy * sl) * by_slope
+    out[4] = -(vx * ca + vy * sa) * by_slope
+    out[5] = -d * (vy * ca - vx * sa) * by_slope
+    turned = L1 * (vy * ck - vx * sk) * by_slope
+    out[6] = turned
+    side = where_less(0.0, loop.passes + loop.lever * (sk * ca - ck * sa), KEPT, BEYOND)
+    kept = where_less(MIN_TURN, loop.turn * turned, side, BEYOND)
+    out[7] = where_less(0.0, closes, kept, OPEN)

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import KDTree
 
 _BLOCK = 1_000_000
 """Pairs of a point and a segment that are looked at together; bounds the memory."""
@@ -62,6 +61,8 @@ def distances(
     Returns:
         distances, metres; where the nearest point is an end of an open path and the point lies beyond it.
     """
+    from scipy.spatial import KDTree
+
     start, step = path[:-1], np.diff(path, axis=0)
     length = np.linalg.norm(step, axis=1)
     to_points, _ = KDTree(path).query(points)
@@ -109,6 +110,8 @@ def _near(
     points: Float[np.ndarray, "m 3"], path: Float[np.ndarray, "n 3"], radii: Float[np.ndarray, " m"]
 ) -> Iterator[tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"]]]:
     """Pairs of a point and a segment, all that may be as close as the point's radius, some points at a time."""
+    from scipy.spatial import KDTree
+
     middles = KDTree(0.5 * (path[:-1] + path[1:]))
     half = 0.5 * np.linalg.norm(np.diff(path, axis=0), axis=1).max() + _ROUNDING
     block = max(1, _BLOCK // len(path))

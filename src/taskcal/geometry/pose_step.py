@@ -7,8 +7,9 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.geometry.chain import Chain
+from taskcal.geometry.columns import Columns, Layout
 from taskcal.geometry.compiled import compiled, part
-from taskcal.geometry.walk import Columns, Layout, allocate_axes, expand_error_frames, fill_columns, walk_pose
+from taskcal.geometry.walk import allocate_axes, expand_error_frames, fill_columns, walk_pose
 
 RADIANS_PER_METRE = 2.0
 """Radians that a metre counts like: about what turns an arm's end by its own length."""

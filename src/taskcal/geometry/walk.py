@@ -5,55 +5,19 @@ moves. A translation along a moves the tool point p by a, a rotation about a thr
 parameter moves joints, so its column is a combination of theirs.
 """
 
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from functools import cache, cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
-from taskcal.errors import ClosureError
 from taskcal.geometry.chain import ERROR_FRAME, FIXED, REVOLUTE, Chain
-from taskcal.geometry.compiled import compiled, inlined, part
+from taskcal.geometry.chunks import in_chunks
+from taskcal.geometry.columns import Columns
+from taskcal.geometry.compiled import compiled, part
+from taskcal.geometry.lanes import LANES, as_lanes, cosine_and_sine, empty_for_lanes, rooms, take_lanes, unravel
 
-CHUNK = 8192
-"""Poses a thread takes at a time; fewer are walked in the calling thread."""
-
-
-class Layout(NamedTuple):
-    """The arrays of `Columns` as the compiled passes take them."""
-
-    frames: Int[np.ndarray, "frames 6"]
-    joint: Int[np.ndarray, " pairs"]
-    column: Int[np.ndarray, " pairs"]
-
-
-@dataclass(frozen=True, eq=False)
-class Columns:
-    """Which column of the Jacobian each movement of the chain belongs to."""
-
-    frames: Int[np.ndarray, "frames 6"]
-    """Column of each error-frame parameter, −1 where it is not asked for."""
-    joint: Int[np.ndarray, " pairs"]
-    """Joint moved by the k-th joint-side pair …"""
-    column: Int[np.ndarray, " pairs"]
-    """… and the column it adds to; the factor ∂s/∂ξ comes with each pose."""
-    count: int
-    """Number of columns."""
-
-    @cached_property
-    def arrays(self) -> Layout:
-        """For the compiled passes."""
-        return Layout(self.frames, self.joint, self.column)
-
-    @classmethod
-    def of_joints(cls, chain: Chain) -> "Columns":
-        """One column for each joint of the chain, none for error frames."""
-        joints = np.arange(chain.joints)
-        return cls(frames=np.full((chain.frames, 6), -1), joint=joints, column=joints, count=chain.joints)
+STREAMED = 4_000_000
+"""Bytes from which on an array goes past the caches, which it would only fill."""
 
 
 class ErrorFrames(NamedTuple):
@@ -71,10 +35,12 @@ class ErrorFrames(NamedTuple):
 class Axes(NamedTuple):
     """About which, or along which, the rest of the chain moves at one pose; a walk fills them in."""
 
-    joints: Float[np.ndarray, "joints 3 3"]
-    """1 in the first number of a revolute joint and 0 of a prismatic one; its axis; its origin."""
+    joints: Float[np.ndarray, "joints 2 3"]
+    """Axis and origin of each joint."""
     frames: Float[np.ndarray, "frames 7 3"]
     """Three axes of translation and three of rotation of each error frame; its origin."""
+    slides: Bool[np.ndarray, " joints"]
+    """Whether a joint is prismatic."""
 
 
 @part
@@ -103,17 +69,7 @@ def expand_error_frames(e):
 @part
 def allocate_axes(joints, frames):
     """Room for the axes of one pose."""
-    return Axes(np.zeros((joints, 3, 3)), np.zeros((frames, 7, 3)))
-
-
-@inlined
-def _row_product(a, b, g, M):
-    """The row (a, b, g) times the rotation in M."""
-    return (
-        a * M[0, 0] + b * M[1, 0] + g * M[2, 0],
-        a * M[0, 1] + b * M[1, 1] + g * M[2, 1],
-        a * M[0, 2] + b * M[1, 2] + g * M[2, 2],
-    )
+    return Axes(np.zeros((joints, 2, 3)), np.zeros((frames, 7, 3)), np.zeros(joints, dtype=np.bool_))
 
 
 @part
@@ -145,28 +101,32 @@ def walk_pose(steps, s, error_frames, axes, T):
                             frame[3 + c, d] = frame[c, d]
                     continue
                 for c in range(3):
-                    a, b, g = e_axes[i, 0, c], e_axes[i, 1, c], e_axes[i, 2, c]
-                    frame[3 + c, 0] = r00 * a + r01 * b + r02 * g
-                    frame[3 + c, 1] = r10 * a + r11 * b + r12 * g
-                    frame[3 + c, 2] = r20 * a + r21 * b + r22 * g
+                    u, v, w = e_axes[i, 0, c], e_axes[i, 1, c], e_axes[i, 2, c]
+                    frame[3 + c, 0] = r00 * u + r01 * v + r02 * w
+                    frame[3 + c, 1] = r10 * u + r11 * v + r12 * w
+                    frame[3 + c, 2] = r20 * u + r21 * v + r22 * w
                 M = e_rotation[i]
             else:
                 M = fixed[i]
-            r00, r01, r02 = _row_product(r00, r01, r02, M)
-            r10, r11, r12 = _row_product(r10, r11, r12, M)
-            r20, r21, r22 = _row_product(r20, r21, r22, M)
+            m00, m01, m02, m10, m11, m12 = M[0, 0], M[0, 1], M[0, 2], M[1, 0], M[1, 1], M[1, 2]
+            m20, m21, m22 = M[2, 0], M[2, 1], M[2, 2]
+            a, b, g = r00, r01, r02
+            r00, r01, r02 = a * m00 + b * m10 + g * m20, a * m01 + b * m11 + g * m21, a * m02 + b * m12 + g * m22
+            a, b, g = r10, r11, r12
+            r10, r11, r12 = a * m00 + b * m10 + g * m20, a * m01 + b * m11 + g * m21, a * m02 + b * m12 + g * m22
+            a, b, g = r20, r21, r22
+            r20, r21, r22 = a * m00 + b * m10 + g * m20, a * m01 + b * m11 + g * m21, a * m02 + b * m12 + g * m22
         else:
             joint = axes.joints[i]
-            joint[1, 0], joint[1, 1], joint[1, 2] = r02, r12, r22
-            joint[2, 0], joint[2, 1], joint[2, 2] = x, y, z
+            joint[0, 0], joint[0, 1], joint[0, 2] = r02, r12, r22
+            joint[1, 0], joint[1, 1], joint[1, 2] = x, y, z
+            axes.slides[i] = what != REVOLUTE
             if what == REVOLUTE:
-                joint[0, 0] = 1.0
-                c, v = np.cos(s[i]), np.sin(s[i])
-                r00, r01 = c * r00 + v * r01, c * r01 - v * r00
-                r10, r11 = c * r10 + v * r11, c * r11 - v * r10
-                r20, r21 = c * r20 + v * r21, c * r21 - v * r20
+                cosine, sine = cosine_and_sine(s[i])
+                r00, r01 = cosine * r00 + sine * r01, cosine * r01 - sine * r00
+                r10, r11 = cosine * r10 + sine * r11, cosine * r11 - sine * r10
+                r20, r21 = cosine * r20 + sine * r21, cosine * r21 - sine * r20
             else:
-                joint[0, 0] = 0.0
                 x += s[i] * r02
                 y += s[i] * r12
                 z += s[i] * r22
@@ -201,13 +161,13 @@ def fill_columns(axes, layout, factor, x, y, z, out):
             out[row, column[i]] = 0.0
     for i in range(joint.shape[0]):
         moved, k, t = axes.joints[joint[i]], column[i], factor[i]
-        a, b, g = t * moved[1, 0], t * moved[1, 1], t * moved[1, 2]
-        if moved[0, 0] == 0.0:
+        a, b, g = t * moved[0, 0], t * moved[0, 1], t * moved[0, 2]
+        if axes.slides[joint[i]]:
             out[0, k] += a
             out[1, k] += b
             out[2, k] += g
         else:
-            dx, dy, dz = x - moved[2, 0], y - moved[2, 1], z - moved[2, 2]
+            dx, dy, dz = x - moved[1, 0], y - moved[1, 1], z - moved[1, 2]
             out[0, k] += b * dz - g * dy
             out[1, k] += g * dx - a * dz
             out[2, k] += a * dy - b * dx
@@ -217,48 +177,65 @@ def fill_columns(axes, layout, factor, x, y, z, out):
                 out[5, k] += g
 
 
-@compiled
-def _poses(steps, s, e, out):
-    error_frames, axes = expand_error_frames(e), allocate_axes(s.shape[1], e.shape[0])
-    for i in range(s.shape[0]):
-        walk_pose(steps, s[i], error_frames, axes, out[i])
-        out[i, 3, 0], out[i, 3, 1], out[i, 3, 2], out[i, 3, 3] = 0.0, 0.0, 0.0, 1.0
+class _Room(NamedTuple):
+    """What a pass over lanes fills on the way; the lanes are along each array's last axis, where it has any."""
+
+    s: Float[np.ndarray, "joints lanes"]
+    factor: Float[np.ndarray, "pairs lanes"]
+    joints: Float[np.ndarray, "joints 2 3 lanes"]
+    frames: Float[np.ndarray, "frames 7 3 lanes"]
+    slides: Bool[np.ndarray, " joints"]
+    T: Float[np.ndarray, "4 4 lanes"]
+    J: Float[np.ndarray, "rows p lanes"]
+    out: Float[np.ndarray, " numbers"]
+    """The same as T, or as J, flat."""
+    turned: Float[np.ndarray, " numbers"]
+    """For as many numbers pose by pose, where they go past the caches; else empty."""
+
+    @classmethod
+    def of(
+        cls,
+        s: np.ndarray,
+        e: np.ndarray,
+        shape: tuple[int, int] | None = None,
+        pairs: int = 0,
+        *,
+        streamed: bool = False,
+    ) -> "_Room":
+        """For chain coordinates and error frames such as these, and columns of a shape (rows, p), or poses without one."""
+        joints = s.shape[1]
+        shapes = ((joints,), (pairs,), (joints, 2, 3), (len(e), 7, 3), (4, 4), shape or (0, 0))
+        room_s, factor, axes, along, T, J = rooms(*shapes)
+        T[3, 3] = 1.0
+        out = (T if shape is None else J).reshape(-1)
+        turned = empty_for_lanes((len(out) if streamed else 0,))
+        return cls(room_s, factor, axes, along, np.empty(joints, dtype=bool), T, J, out, turned)
 
 
 @compiled
-def _columns(steps, s, e, factor, layout, point, out):
-    error_frames, axes = expand_error_frames(e), allocate_axes(s.shape[1], e.shape[0])
-    T = np.empty((3, 4))
+def _poses(steps, s, e, room, out):
+    error_frames = expand_error_frames(e)
+    axes = Axes(as_lanes(room.joints), as_lanes(room.frames), room.slides)
+    for first in range(0, s.shape[0], LANES):
+        take_lanes(s, first, room.s)
+        walk_pose(steps, as_lanes(room.s), error_frames, axes, as_lanes(room.T))
+        unravel(room.out, room.turned, out, first, s.shape[0])
+
+
+@compiled
+def _columns(steps, s, e, factor, layout, point, room, out):
+    error_frames = expand_error_frames(e)
+    axes, T, J = Axes(as_lanes(room.joints), as_lanes(room.frames), room.slides), as_lanes(room.T), as_lanes(room.J)
     a, b, c = point
-    for i in range(s.shape[0]):
-        walk_pose(steps, s[i], error_frames, axes, T)
+    for first in range(0, s.shape[0], LANES):
+        take_lanes(s, first, room.s)
+        take_lanes(factor, first, room.factor)
+        walk_pose(steps, as_lanes(room.s), error_frames, axes, T)
         x = T[0, 3] + T[0, 0] * a + T[0, 1] * b + T[0, 2] * c
         y = T[1, 3] + T[1, 0] * a + T[1, 1] * b + T[1, 2] * c
         z = T[2, 3] + T[2, 0] * a + T[2, 1] * b + T[2, 2] * c
-        fill_columns(axes, layout, factor[i], x, y, z, out[i])
-
-
-@cache
-def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="taskcal-walk")
-
-
-def in_chunks(walk_rows: Callable[[slice], Any], n: int, size: int = CHUNK) -> list[Any]:
-    """Call `walk_rows` with slices that cover n poses, so many each, on a thread pool where there are several; results in order.
-
-    Raises:
-        ClosureError: as `walk_rows` does, its pose counted among all n.
-    """
-
-    def count(rows: slice) -> Any:
-        try:
-            return walk_rows(rows)
-        except ClosureError as error:
-            raise error.counted_from(rows.start) from None
-
-    if n <= size:
-        return [count(slice(0, n))]
-    return list(_pool().map(count, [slice(i, min(i + size, n)) for i in range(0, n, size)]))
+        fill_columns(axes, layout, as_lanes(room.factor), x, y, z, J)
+        unravel(room.out, room.turned, out, first, s.shape[0])
 
 
 def poses(
@@ -276,14 +253,32 @@ def poses(
         out: where to write them.
     """
     T = np.empty((len(s), 4, 4)) if out is None else out
-    in_chunks(lambda rows: _poses(chain.steps, s[rows], e, T[rows]), len(s))
+
+    def fill(rows: slice) -> None:
+        _poses(chain.steps, s[rows], e, _Room.of(s, e), T[rows].reshape(-1))
+
+    in_chunks(fill, len(s))
     return T
 
 
-def allocate(layout: Columns, n: int, *, angular: bool) -> Float[np.ndarray, "n rows p"]:
-    """Room for the columns of n poses; cleared only where the walk would not fill it."""
-    full = np.count_nonzero(layout.frames >= 0) + len(np.unique(layout.column)) == layout.count
-    return (np.empty if full else np.zeros)((n, 6 if angular else 3, layout.count))
+def room_for(
+    layout: Columns, n: int, *, angular: bool, out: Float[np.ndarray, "n rows p"] | None = None
+) -> Float[np.ndarray, "n rows p"]:
+    """Room for the columns of n poses, new or as given; cleared only where the walk would not fill it.
+
+    Raises:
+        ValueError: what is given has another shape or type, or does not lie in one piece.
+    """
+    shape = (n, 6 if angular else 3, layout.count)
+    if out is None:
+        out = empty_for_lanes(shape)
+    elif out.shape != shape or out.dtype != float or not (out.flags.c_contiguous and out.flags.writeable):
+        raise ValueError(
+            f"out has shape {out.shape} and type {out.dtype}; it has to be a writable, contiguous array of {shape} doubles"
+        )
+    if not layout.fills:
+        out.fill(0.0)
+    return out
 
 
 def columns(
@@ -307,13 +302,16 @@ def columns(
         factor: ∂s/∂ξ of each joint-side pair of the layout, at every pose.
         angular: six rows vx vy vz wx wy wz, else the first three.
         point: the point in the end's frame, metres; its origin by default.
-        out: where to write them, from `allocate`.
+        out: where to write them, from `room_for`.
     """
     point = np.zeros(3) if point is None else point
-    J = allocate(layout, len(s), angular=angular) if out is None else out
+    J = room_for(layout, len(s), angular=angular) if out is None else out
 
     def fill(rows: slice) -> None:
-        _columns(chain.steps, s[rows], e, factor[rows], layout.arrays, point, J[rows])
+        part = J[rows]
+        streamed = part.nbytes > STREAMED and part.ctypes.data % (LANES * part.itemsize) == 0
+        room = _Room.of(s, e, (J.shape[1], J.shape[2]), factor.shape[1], streamed=streamed)
+        _columns(chain.steps, s[rows], e, factor[rows], layout.arrays, point, room, part.reshape(-1))
 
     in_chunks(fill, len(s))
     return J
