@@ -5,9 +5,10 @@ from hypothesis import given
 from scipy.spatial.transform import Rotation
 
 from taskcal.geometry.chain import Chain, ErrorFrame, Joint
+from taskcal.geometry.chunks import CHUNK
 from taskcal.geometry.covariance_propagation import propagate
 from taskcal.geometry.observations import Observations, Points, Walked
-from taskcal.geometry.walk import CHUNK, Columns
+from taskcal.geometry.walk import Columns
 from tests.laws.chains import measured
 from tests.laws.robots import generators
 

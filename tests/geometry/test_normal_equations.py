@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 
+from taskcal.geometry.chunks import CHUNK
 from taskcal.geometry.normal_equations import CAUCHY, HUBER, SQUARED, normal_equations
 from taskcal.geometry.observations import Observations
-from taskcal.geometry.walk import CHUNK
 from tests.laws.chains import MeasuredCase, measured
 from tests.laws.robots import generators
 

@@ -13,11 +13,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.geometry.chain import Chain, Steps
+from taskcal.geometry.columns import Columns, Layout
 from taskcal.geometry.compiled import inlined
 from taskcal.geometry.linearised_observation import copy_linearised
 from taskcal.geometry.point_observation import linearise_point
 from taskcal.geometry.pose_observation import linearise_rotation
-from taskcal.geometry.walk import Axes, Columns, Layout, allocate_axes
+from taskcal.geometry.walk import Axes, allocate_axes
 
 _NO_ROTATION = np.zeros((1, 3, 3))
 _NOT_TURNED = np.eye(3)
@@ -82,6 +83,13 @@ class SeenArrays(NamedTuple):
     linear: Linearised
 
 
+class SeenPoints(NamedTuple):
+    """Those of them that a pass over points alone reads: compiling it takes the longer, the more it is given."""
+
+    position: Float[np.ndarray, "n targets 3"]
+    valid: Bool[np.ndarray, "n targets"]
+
+
 @dataclass(frozen=True, eq=False)
 class Observations:
     """Points fixed to the chain's end, or its pose, as measured in the frame of its start."""
@@ -108,6 +116,15 @@ class Observations:
             return self
         return replace(self, linear=self.linear._replace(columns=np.full_like(self.linear.columns, -1)))
 
+    @property
+    def only_points(self) -> bool:
+        """Whether nothing else was measured."""
+        return self.rotation is None and self.linear is None
+
+    def points(self, rows: slice) -> SeenPoints:
+        """Points at some of the poses, for a compiled pass over them."""
+        return SeenPoints(self.position[rows], self.valid[rows])
+
     def arrays(self, rows: slice) -> SeenArrays:
         """Some of the poses, for a compiled pass."""
         # contiguous, so that one compilation serves a part of larger arrays too
@@ -130,6 +147,17 @@ class Walked:
     def arrays(self, rows: slice) -> WalkArrays:
         """Some of the poses, for a compiled pass."""
         return WalkArrays(self.chain.steps, self.s[rows], self.e, self.layout.arrays, self.factor[rows], self.points)
+
+
+class PointBlock(NamedTuple):
+    """One pose as walked, or eight as lanes, and the residual of one of its points."""
+
+    axes: Axes
+    T: Float[np.ndarray, "3 4"]
+    """Pose of the end."""
+    r: Float[np.ndarray, " 3"]
+    J: Float[np.ndarray, "3 p"]
+    """Derivative of the prediction."""
 
 
 class Block(NamedTuple):
@@ -160,6 +188,6 @@ def linearise(walk, seen, i, t, block):
     if seen.linear.residual.shape[0] > 0:
         copy_linearised(walk, seen.linear, i, t, block)
     else:
-        linearise_point(walk, seen, i, t, block)
+        linearise_point(walk.points, walk.layout, walk.factor[i], seen.position[i, t], t, block)
         if block.r.shape[0] == 6:
             linearise_rotation(walk, seen, i, block)

@@ -1,0 +1,35 @@
+"""Passes over many poses, a part of them at a time, on a pool of threads."""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import Any
+
+from taskcal.errors import ClosureError
+
+CHUNK = 8192
+"""Poses a thread takes at a time; fewer are walked in the calling thread."""
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="taskcal-walk")
+
+
+def in_chunks(walk_rows: Callable[[slice], Any], n: int, size: int = CHUNK) -> list[Any]:
+    """Call `walk_rows` with slices that cover n poses, so many each, on a thread pool where there are several; results in order.
+
+    Raises:
+        ClosureError: as `walk_rows` does, its pose counted among all n.
+    """
+
+    def count(rows: slice) -> Any:
+        try:
+            return walk_rows(rows)
+        except ClosureError as error:
+            raise error.counted_from(rows.start) from None
+
+    if n <= size:
+        return [count(slice(0, n))]
+    return list(_pool().map(count, [slice(i, min(i + size, n)) for i in range(0, n, size)]))
