@@ -13,6 +13,7 @@ from taskcal.tabular.faults import FaultyFile
 from taskcal.tabular.labelled_values import has_labelled_values, parse_labelled_values
 from taskcal.tabular.layout import Laid, lay_out, lay_out_plain
 from taskcal.tabular.motion_capture import is_motion_capture, parse_motion_capture
+from taskcal.tabular.parquet import is_parquet, read_parquet
 from taskcal.tabular.sheet import Sheet
 from taskcal.tabular.table import Table
 from taskcal.text_file import read_bytes
@@ -50,7 +51,9 @@ def lay_out_file(path: str | Path, form: TableForm | None = None) -> Laid:
     content = read_bytes(path)
     from taskcal.tabular.spreadsheet import is_workbook, read_workbook
 
-    if is_workbook(content):
+    if is_parquet(content):
+        sheet = read_parquet(path, content)
+    elif is_workbook(content):
         sheet = with_decimal_points(read_workbook(path, content, named or form.sheet), form.decimal)
     else:
         sheet = parse_sheet(path, decode(path, content), form.decimal)

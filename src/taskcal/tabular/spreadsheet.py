@@ -2,21 +2,20 @@
 
 import io
 import re
-import zipfile
-import zlib
 from datetime import date, datetime, time
 from pathlib import Path
 from typing import Any
 
 from taskcal.errors import FileError, UnknownName, shown
 from taskcal.tabular.sheet import Sheet
+from taskcal.zip_file import ZipKind, open_zip
 
-MAX_UNPACKED_MB = 200.0
-"""Of all parts of a workbook together: a campaign of 100 000 rows unpacks to less, a bomb to more."""
-
-SMALL_MB, MAX_RATIO = 5.0, 10.0
-"""What a workbook of any size may unpack to, and how often its own size beyond that: measured numbers pack five to seven times,
-and a cell costs the same time however well it packs."""
+WORKBOOK = ZipKind(
+    name="workbook", remedy="save it again, or as CSV",
+    most_entries=5000, largest_mb=200.0, small_mb=5.0, most_ratio=10.0, largest_entry_mb=200.0,
+)  # fmt: skip
+"""A campaign of 100 000 rows unpacks to less than 200 MB; measured numbers pack five to seven times, and a cell costs the same time
+however well it packs."""
 
 STYLES, MAX_STYLE_TAGS = "xl/styles.xml", 100_000
 """The part with the formats of cells, which are read with the cells; instruments and people define some hundreds."""
@@ -28,12 +27,6 @@ MAX_CELLS = 4_000_000
 
 MAX_ROWS = 1_048_576
 """That a workbook has; a row with a far number makes those between it and the others."""
-
-
-_DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, RuntimeError)
-"""What unpacking raises: for a folder that is cut off or does not agree with itself, for contents that do not unpack or end too
-soon, for places beyond the file, for names and numbers that mean nothing, and for parts that are locked by a password or packed
-in a way of their own."""
 
 
 def is_workbook(content: bytes) -> bool:
@@ -82,26 +75,15 @@ def read_workbook(path: Path, content: bytes, name: str | None = None) -> Sheet:
 
 def _check_parts(path: Path, content: bytes) -> None:
     """See that a workbook can be unpacked in memory, and defines nothing of its own."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as packed:
-            unpacked = sum(part.file_size for part in packed.infolist())
-            most = min(MAX_UNPACKED_MB, SMALL_MB + MAX_RATIO * len(content) / 1e6)
-            if unpacked > most * 1e6:
-                message = f"unpacks to {unpacked / 1e6:.0f} MB, more than {most:.0f} MB; save the sheet as CSV"
+    with open_zip(path, WORKBOOK, content) as packed:
+        for part in packed.entries:
+            if part.name == STYLES and (tags := packed.read(part).count(b"<")) > MAX_STYLE_TAGS:
+                message = f"defines formats of cells by {tags} tags, more than {MAX_STYLE_TAGS}; save the sheet as CSV"
                 raise FileError(path, message)
-            if STYLES in packed.namelist() and (tags := packed.read(STYLES).count(b"<")) > MAX_STYLE_TAGS:
-                raise FileError(
-                    path, f"defines formats of cells by {tags} tags, more than {MAX_STYLE_TAGS}; save the sheet as CSV"
-                )
-            for part in packed.infolist():
-                if part.filename.endswith((".xml", ".rels")):
-                    with packed.open(part) as stream:
-                        if b"<!" in stream.read(1024).replace(b"<!--", b""):
-                            raise FileError(
-                                path, f"has a document type in {shown(part.filename)}; save it again, or as CSV"
-                            )
-    except _DAMAGED as error:
-        raise FileError(path, f"is a damaged workbook ({shown(error)}); save it again, or as CSV") from error
+            if part.name.endswith((".xml", ".rels")):
+                head = next(packed.pieces(part, 1024), b"")
+                if b"<!" in head.replace(b"<!--", b""):
+                    raise FileError(path, f"has a document type in {shown(part.name)}; save it again, or as CSV")
 
 
 def _rows(path: Path, sheet: Any) -> list[tuple[int, tuple[str, ...]]]:
