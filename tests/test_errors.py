@@ -1,3 +1,4 @@
+import pickle
 import time
 import unicodedata
 
@@ -5,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskcal.errors import UnknownName, printable, shown
+from taskcal.errors import ClosureError, FileError, UnknownName, printable, shown
 
 
 @given(st.text(max_size=2000))
@@ -52,3 +53,12 @@ def test_an_unknown_name_of_any_length_is_refused_at_once():
     assert time.perf_counter() - start < 2.0
     assert len(message) < 300
     assert "\x1b" not in message
+
+
+@pytest.mark.parametrize(
+    "error",
+    [ClosureError(3, "rod"), FileError("a.csv", "is empty", line=2, column="x"), UnknownName("engine", "a", ["b"])],
+)
+def test_an_error_of_another_process_is_the_same_here(error):
+    here = pickle.loads(pickle.dumps(error))
+    assert (type(here), str(here), vars(here)) == (type(error), str(error), vars(error))

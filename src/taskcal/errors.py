@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from typing import Any
 from unicodedata import category
 
 SHOWN_CHARACTERS = 80
@@ -43,6 +44,10 @@ def _commands(character: str) -> bool:
 class TaskcalError(Exception):
     """Something the data, a file or a request cannot give; the message names the value and a remedy."""
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Make it again elsewhere, as it comes from a worker, of its message: not of what the message was made of."""
+        return type(self).__new__, (type(self), *self.args), self.__dict__
+
 
 class FileError(TaskcalError):
     """A file that cannot be read as what it should be.
@@ -65,17 +70,20 @@ class WrongKind(TaskcalError, TypeError):
     """An argument of another kind than the function needs, such as a file's name in place of what the file holds."""
 
 
+def advise(name: str, known: Iterable[str]) -> str:
+    """What a name that is not among the known ones may be meant for: the nearest of them, or all."""
+    known = list(known)
+    near = get_close_matches(name[:SHOWN_CHARACTERS], known, n=3, cutoff=0.5)
+    if near:
+        return "did you mean " + " or ".join(f"'{shown(n)}'" for n in near) + "?"
+    return "known: " + ", ".join(shown(n) for n in known[:12]) + (", …" if len(known) > 12 else "")
+
+
 class UnknownName(TaskcalError):
     """A name that is not among the known ones; the message lists the nearest or all of them."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str], hint: str = ""):
-        known = list(known)
-        near = get_close_matches(name[:SHOWN_CHARACTERS], known, n=3, cutoff=0.5)
-        if near:
-            advice = "did you mean " + " or ".join(f"'{shown(n)}'" for n in near) + "?"
-        else:
-            advice = "known: " + ", ".join(shown(n) for n in known[:12]) + (", …" if len(known) > 12 else "")
-        super().__init__(f"no {kind} '{shown(name)}'{f' {hint}' if hint else ''}; {advice}")
+        super().__init__(f"no {kind} '{shown(name)}'{f' {hint}' if hint else ''}; {advise(name, known)}")
 
 
 class ClosureError(TaskcalError):
@@ -98,5 +106,13 @@ class CampaignError(TaskcalError):
     """Measurements that cannot give what was asked of them."""
 
 
+class UnitError(CampaignError):
+    """Numbers that must be in another unit than their file says."""
+
+
 class FitError(TaskcalError):
     """An identification that did not come to a trustworthy end."""
+
+
+class NothingLearntError(FitError):
+    """Rows that no parameter explains, so that all that was measured would be taken for error."""

@@ -1,5 +1,6 @@
 """Reading a file whole: an ordinary one, and no larger than a bound that its reader can lift."""
 
+import io
 import json
 import os
 import stat
@@ -26,22 +27,37 @@ def read_bytes(path: str | Path, largest_mb: float = MAX_FILE_MB) -> bytes:
         FileError: it is missing, cannot be read, is a folder, a pipe or a device, or is too large.
     """
     bound = _bound(path, largest_mb)
-    try:
-        # a pipe nobody writes to would hold up an ordinary open
-        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-        with os.fdopen(handle, "rb") as stream:
-            if not stat.S_ISREG(os.fstat(handle).st_mode):
-                raise FileError(path, "cannot be read: it is a pipe or a device; write what it gives into a file first")
+    with open_ordinary(path) as stream:
+        try:
             # one byte more than allowed tells that there is more, even of a file that grows
             content = stream.read(int(bound * 1e6) + 1)
-    except OSError as error:
-        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
-    except ValueError as error:
-        raise FileError(repr(str(path)), f"cannot be read: {error}; name a file") from error
+        except OSError as error:
+            raise FileError(path, f"cannot be read: {error.strerror or error}") from error
     if len(content) > bound * 1e6:
         message = f"is larger than {bound:g} MB; is it the right file? If so, set {VARIABLE} to more megabytes"
         raise FileError(path, message)
     return content
+
+
+def open_ordinary(path: str | Path) -> io.BufferedReader:
+    """A file open for reading bytes.
+
+    Raises:
+        FileError: it is missing, cannot be read, is a folder, a pipe or a device.
+    """
+    try:
+        # a pipe nobody writes to would hold up an ordinary open
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    except OSError as error:
+        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
+    except ValueError as error:
+        raise FileError(repr(str(path)), f"cannot be read: {error}; name a file") from error
+    mode = os.fstat(handle).st_mode
+    if stat.S_ISREG(mode):
+        return os.fdopen(handle, "rb")
+    os.close(handle)
+    what = "Is a directory" if stat.S_ISDIR(mode) else "it is a pipe or a device; write what it gives into a file first"
+    raise FileError(path, f"cannot be read: {what}")
 
 
 def read_text(

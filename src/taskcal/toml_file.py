@@ -3,14 +3,15 @@
 import math
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from taskcal.errors import FileError, shown
+from taskcal.errors import FileError, advise, shown
 from taskcal.text_file import read_text
+from taskcal.toml_mistake import find_mistake
 
 LARGEST = 1e6
 """Of any number in millimetres, degrees, kilograms or seconds: 1 km, six times what a laser tracker reaches, and 2800
@@ -85,27 +86,30 @@ def read_toml(path: Path, schema: type[Schema]) -> Schema:
     Raises:
         FileError: it is missing, no TOML, or not as the schema wants it; the message names the place and the value.
     """
-    text = read_text(path, LARGEST_MB, otherwise="is no TOML: it is not UTF-8 text")
+    text = read_text(path, LARGEST_MB, otherwise="is not TOML: it is not UTF-8 text")
     if any(chunk.count(".") > LONGEST_KEY for chunk in _BETWEEN_DOTS.split(text)):
         # the parser takes a time that grows with the square of the parts, and Python cannot free what it makes of 10⁵
-        raise FileError(path, f"is no TOML that Taskcal reads: a key has more than {LONGEST_KEY} parts")
+        raise FileError(path, f"is not TOML that Taskcal reads: a key has more than {LONGEST_KEY} parts")
     try:
         data = tomllib.loads(text)
     except RecursionError as error:
-        raise FileError(path, "is no TOML that Taskcal reads: its brackets are nested too deeply") from error
-    except ValueError as error:  # of the parser, and of Python for an integer of thousands of digits
-        trouble = str(error) if isinstance(error, tomllib.TOMLDecodeError) else "a number has too many digits"
-        raise FileError(path, f"is no TOML: {trouble}") from error
+        raise FileError(path, "is not TOML that Taskcal reads: its brackets are nested too deeply") from error
+    except tomllib.TOMLDecodeError as error:
+        mistake = find_mistake(str(error), text)
+        raise FileError(path, f"is not TOML: {mistake.said}", line=mistake.line) from error
+    except ValueError as error:  # of Python, for an integer of thousands of digits
+        raise FileError(path, "is not TOML: a number has too many digits") from error
     try:
         return schema.model_validate(data)
     except ValidationError as error:
-        raise FileError(path, explain(error)) from error
+        raise FileError(path, explain(error, schema)) from error
 
 
-def explain(error: ValidationError) -> str:
-    """The problems of a validation, as ``joint 3, steps 1: what is wrong``; three at most."""
+def explain(error: ValidationError, schema: type[BaseModel]) -> str:
+    """The problems of a validation by a schema, as ``joint 3, steps 1: what is wrong``; three at most."""
     items = [item for item in map(dict, error.errors()) if not _is_long_enough(item)]
-    problems = [_problem(item) for item in items[:SHOWN]]
+    items.sort(key=lambda item: item["type"] != "extra_forbidden")  # what is missing may stand there under another name
+    problems = [_problem(item, schema) for item in items[:SHOWN]]
     more = len(items) - SHOWN
     return "; ".join(problems) + (f"; and {more} more" if more > 0 else "")
 
@@ -115,7 +119,7 @@ def _is_long_enough(item: dict[str, Any]) -> bool:
     return item["type"] == "too_short" and len(item["input"]) >= item["ctx"]["min_length"]
 
 
-def _problem(item: dict[str, Any]) -> str:
+def _problem(item: dict[str, Any], schema: type[BaseModel]) -> str:
     place: list[str] = []
     for step in item["loc"]:
         if isinstance(step, int) and place:
@@ -125,11 +129,54 @@ def _problem(item: dict[str, Any]) -> str:
     if item["type"] == "extra_forbidden":
         *place, key = place
         where = ", ".join(map(shown, place))
-        return f"{where}{': ' if where else ''}'{shown(key)}' is not a known key; check its spelling"
+        known, homes = _keys(schema, item["loc"][:-1]), _homes(schema, key)
+        advice = advise(key, known) if known else "check its spelling"
+        if homes:
+            advice = f"it belongs in {' or '.join(homes)}"
+        return f"{where}{': ' if where else ''}'{shown(key)}' is not a known key; {advice}"
     say = PLAIN.get(item["type"])
     message = "is not what belongs here" if say is None else say(item.get("ctx", {}))
     where = ", ".join(map(shown, place))
     return f"{where}{': ' if where else ''}{message}{_got(item)}"
+
+
+def _keys(schema: type[BaseModel], place: Sequence[str | int]) -> tuple[str, ...]:
+    """Keys of the section at a place; none where it may be one of several kinds."""
+    for step in place:
+        if isinstance(step, int):
+            continue
+        field = schema.model_fields.get(step)
+        sections = _sections(field.annotation) if field else set()
+        if len(sections) != 1:
+            return ()
+        (schema,) = sections
+    return tuple(schema.model_fields)
+
+
+def _homes(schema: type[BaseModel], key: str, within: tuple[str, ...] = ()) -> list[str]:
+    """Where a schema has a key of this name, as the headers of sections."""
+    found = ["the first lines"] if not within and key in schema.model_fields else []
+    for name, field in schema.model_fields.items():
+        header = _header(".".join((*within, name)), field.annotation)
+        for section in sorted(_sections(field.annotation), key=lambda section: section.__name__):
+            found += [header] if key in section.model_fields else []
+            found += _homes(section, key, (*within, name)) if name not in within else []
+    return list(dict.fromkeys(found))
+
+
+def _header(place: str, annotation: Any) -> str:
+    """As it is written for one section, for one of several, or for one with a name of its own."""
+    kinds = {get_origin(kind) for kind in (annotation, *get_args(annotation))}
+    if kinds & {tuple, list}:
+        return f"[[{place}]]"
+    return f"[{place}.NAME]" if kinds & {dict, Mapping} else f"[{place}]"
+
+
+def _sections(annotation: Any) -> set[type[BaseModel]]:
+    """All kinds of section that an annotation allows."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return {annotation}
+    return set().union(*map(_sections, get_args(annotation)))
 
 
 def _got(item: dict[str, Any]) -> str:
