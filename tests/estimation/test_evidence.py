@@ -3,7 +3,15 @@ import pytest
 import scipy.optimize
 from hypothesis import assume, given, settings
 
-from taskcal.estimation.evidence import Linearised, score_model_error, score_prior_scale
+from taskcal.estimation.evidence import (
+    SCALE_RANGE,
+    STATED_WITHIN,
+    Linearised,
+    expect_prior_scale,
+    least_curvature,
+    score_model_error,
+    score_prior_scale,
+)
 from tests.laws.robots import generators
 
 B = 3
@@ -52,9 +60,10 @@ class LinearModel:
         z = posterior @ np.einsum("nia,nij,nj->a", self.J, W, self.y)
         return Linearised(
             residual=self.y - self.J @ z,
-            covariance=R,
+            inverse=W,
             prediction_covariance=self.J @ posterior @ self.J.swapaxes(1, 2),
             information=H,
+            precision=self.precision(v),
             posterior=posterior,
             prior_covariance=self.Sigma,
             deviation=z[self.scaled],
@@ -105,16 +114,77 @@ def test_a_scoring_step_goes_uphill_and_its_error_is_the_curvatures(rng):
     assert np.sign(factor - v) == np.sign(slope)
 
 
+@settings(max_examples=10)
+@given(generators)
+@pytest.mark.parametrize("groups", [1, 2])
+def test_the_curvature_is_at_least_as_large_as_is_said(groups, rng):
+    model = LinearModel(rng, groups=groups, u=0.5)
+    at, weights = model.linearised(np.full(groups, 0.5), 1.0), rng.uniform(0.2, 1.0, len(model.y))
+    J, W = model.J, np.linalg.inv(model.covariance(np.full(groups, 0.5)))
+    b = J.shape[1]
+    white = (W @ J).reshape(-1, J.shape[2])
+    Q = -white @ at.posterior @ white.T
+    for i, block in enumerate(W):
+        Q[b * i : b * i + b, b * i : b * i + b] += block
+    for g in range(groups):
+        for w in (np.ones(len(weights)), weights):
+            own = np.tile(np.arange(b) // B == g, len(J))
+            G = np.repeat(1.0 / w, B)
+            exact = np.sum((Q[np.ix_(own, own)] * G) * (Q[np.ix_(own, own)] * G).T)
+            components = slice(B * g, B * g + B)
+            assert 0.0 < least_curvature(at, components, w) < exact * (1.0 + 1e-9)
+
+
 def test_a_weighted_block_counts_as_one_of_larger_variance():
     rng = np.random.default_rng(0)
     model = LinearModel(rng)
     weights = rng.uniform(0.2, 1.0, len(model.y))
     plain = model.linearised(np.ones(1), 1.0)
-    weighted = Linearised(**{**vars(plain), "covariance": plain.covariance / weights[:, None, None]})
+    weighted = Linearised(**{**vars(plain), "inverse": plain.inverse * weights[:, None, None]})
     step, _ = score_model_error(weighted, slice(0, B), weights)
     # derivative of the covariance by u is 1/weight in every block: s and t weighted by hand
-    W = np.linalg.inv(weighted.covariance)
+    W = weighted.inverse
     Q = W - W @ weighted.prediction_covariance @ W
     Qr = np.einsum("nij,nj->ni", W, weighted.residual)
     s, t = (Qr**2).sum(axis=1) @ (1 / weights), np.trace(Q, axis1=1, axis2=2) @ (1 / weights)
     np.testing.assert_allclose(step, (s - t) / ((Q**2).sum(axis=(1, 2)) @ (1 / weights**2)))
+
+
+@settings(max_examples=3)
+@given(generators)
+def test_the_expected_scale_is_that_of_the_exact_marginal_likelihood(rng):
+    model = LinearModel(rng, v=2.0)
+    logarithm = np.linspace(*np.log(SCALE_RANGE), 151)
+    believed = np.array([model.log_marginal(1.0, np.exp(one)) for one in logarithm])
+    believed -= 0.5 * (logarithm / np.log(STATED_WITHIN**2)) ** 2
+    weight = np.exp(believed - believed.max())
+    expected = weight @ np.exp(logarithm) / weight.sum()
+    # whichever factor the fit was made with
+    for v in (0.5, 2.0):
+        assert expect_prior_scale(model.linearised(1.0, v), v) == pytest.approx(expected, rel=1e-2)
+
+
+def test_what_is_not_seen_is_covered_as_often_as_the_scale_found_with_it_says():
+    """Five of six parameters are seen: 95 % of the sixth lie within 1.96 of what is expected, not of what is most probable."""
+    seen = np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 0.0]) * 1e4
+    draws = np.random.default_rng(0).normal(size=(1500, 6))
+    inside = np.zeros(2)
+    for x in draws:
+        told = seen @ x / 1e4
+        v = float(np.mean(told[:5] ** 2))
+        posterior = np.linalg.inv(seen + np.eye(6) / v)
+        at = Linearised(
+            residual=np.zeros((0, 3)),
+            inverse=np.zeros((0, 3, 3)),
+            prediction_covariance=np.zeros((0, 3, 3)),
+            information=seen,
+            precision=np.eye(6) / v,
+            posterior=posterior,
+            prior_covariance=np.eye(6),
+            deviation=posterior @ seen @ x,
+            scaled=np.ones(6, dtype=bool),
+        )
+        inside += np.abs(x[5]) < 1.959964 * np.sqrt([v, expect_prior_scale(at, v)])
+    most_probable, expected = inside / len(draws)
+    assert most_probable < 0.91
+    assert 0.93 < expected < 0.97

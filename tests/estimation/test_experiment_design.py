@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskcal.estimation import experiment_design
-from taskcal.estimation.experiment_design import CRITERIA, Candidates, choose
+from taskcal.estimation.experiment_design import CRITERIA, Candidates, choose, choose_at_random
 from tests.laws.robots import generators
 
 COUNT, OF = 6, 12
@@ -192,3 +192,21 @@ def test_ties_of_the_smallest_singular_value_are_broken_towards_full_rank():
     found = choose(candidates, 2, "E")
     assert sorted(found.started) == [20, 21]
     assert found.value == pytest.approx(-2.0, rel=1e-4)
+
+
+def test_every_group_gets_as_many_as_it_needs_and_the_rest_go_where_they_help():
+    rng = np.random.default_rng(5)
+    of = np.repeat([0, 1, 2], [40, 30, 20])
+    rows = rng.normal(size=(90, 2, 5)) * np.array([3.0, 1.0, 0.1])[of, None, None]
+    given = {"rows": rows, "prior": np.eye(5), "task": np.eye(5), "signal": np.zeros((5, 5))}
+    free = choose(Candidates(**given), 12)
+    assert np.bincount(of[free.chosen], minlength=3).min() < 3
+    held = choose(Candidates(**given, of=of, fewest=3), 12)
+    assert np.bincount(of[held.chosen]).min() == 3
+    assert len(set(held.chosen)) == 12
+    assert free.value <= held.value
+    # groups that have enough anyway change nothing
+    np.testing.assert_array_equal(choose(Candidates(**given, of=of * 0, fewest=3), 12).chosen, free.chosen)
+    drawn = choose_at_random(Candidates(**given, of=of, fewest=3), 12, rng)
+    assert np.bincount(of[drawn]).min() >= 3
+    assert len(set(drawn)) == 12

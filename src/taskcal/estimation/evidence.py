@@ -7,12 +7,22 @@ With Q the marginal precision of the data, each scoring step solves s(u) = t(u),
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 SCALE_RANGE = 1e-4, 1e4
 """Bounds of the prior's variance factor: a hundred times tighter or wider than stated."""
+
+STATED_WITHIN = 3.0
+"""Factor (1σ) within which stated deviations are believed where the data say nothing of their scale."""
+
+TOLD = 1e-6
+"""Variance of a direction over that of the data's noise in it, below which the data say nothing of it."""
+
+GRID = 201
+"""Factors, evenly in their logarithm, over which their posterior is integrated."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -21,12 +31,14 @@ class Linearised:
 
     residual: Float[np.ndarray, "blocks b"]
     """Measured − predicted."""
-    covariance: Float[np.ndarray, "blocks b b"]
-    """Of tracker noise and model error together, divided by each block's robust weight."""
+    inverse: Float[np.ndarray, "blocks b b"]
+    """R⁻¹, of tracker noise and model error together, times each block's robust weight."""
     prediction_covariance: Float[np.ndarray, "blocks b b"]
     """J·A⁻¹·Jᵀ, A the posterior information."""
     information: Float[np.ndarray, "p p"]
     """H = JᵀR⁻¹J."""
+    precision: Float[np.ndarray, "p p"]
+    """P, of the scaled parameters and of the others, which are believed independently of them."""
     posterior: Float[np.ndarray, "p p"]
     """A⁻¹ = (H + P)⁻¹."""
     prior_covariance: Float[np.ndarray, "k k"]
@@ -35,6 +47,11 @@ class Linearised:
     """Their estimate less the prior's mean."""
     scaled: Bool[np.ndarray, " p"]
     """Which parameters the factor v scales."""
+
+    @cached_property
+    def marginal(self) -> Float[np.ndarray, "blocks b b"]:
+        """Q of every block."""
+        return self.inverse - self.inverse @ self.prediction_covariance @ self.inverse
 
 
 def score_model_error(at: Linearised, components: slice, weights: Float[np.ndarray, " blocks"]) -> tuple[float, float]:
@@ -45,9 +62,8 @@ def score_model_error(at: Linearised, components: slice, weights: Float[np.ndarr
         components: which components of every block share the variance.
         weights: robust weight of every block; its covariance holds u/weight.
     """
-    inverse = np.linalg.inv(at.covariance)
-    Q = inverse - inverse @ at.prediction_covariance @ inverse
-    Qr = (inverse @ at.residual[:, :, None])[:, components, 0]
+    Q = at.marginal
+    Qr = (at.inverse @ at.residual[:, :, None])[:, components, 0]
     Qg = Q[:, components, components]
     s = float(np.sum((Qr**2).sum(axis=1) / weights))
     t = float(np.sum(np.trace(Qg, axis1=1, axis2=2) / weights))
@@ -55,16 +71,57 @@ def score_model_error(at: Linearised, components: slice, weights: Float[np.ndarr
     return (s - t) / curvature, float(np.sqrt(2.0 / curvature))
 
 
+def least_curvature(at: Linearised, components: slice, weights: Float[np.ndarray, " blocks"]) -> float:
+    """What tr QGQG is at least, correlations of all blocks included: (tr QG)² over the numbers that are left to judge u by.
+
+    Of few blocks it is more than what they have each by itself: a step by theirs goes too far by the share of the numbers that
+    the parameters take up. How they share them among components of two kinds is not known, and there none are taken off.
+    """
+    Qg = at.marginal[:, components, components]
+    t = float(np.sum(np.trace(Qg, axis1=1, axis2=2) / weights))
+    left = Qg.shape[0] * Qg.shape[1]
+    if Qg.shape[1] == at.marginal.shape[1]:
+        left -= float(np.sum(at.posterior * at.information))
+    return t * t / max(left, 1.0)
+
+
 def score_prior_scale(at: Linearised, v: float) -> float:
     """Scoring step for the prior's variance factor: the factor it proposes."""
-    H, Sigma = at.information, at.prior_covariance
-    k = at.scaled
-    marginal = (H - H @ at.posterior @ H)[np.ix_(k, k)]  # JᵀQJ
-    M = marginal @ Sigma
-    s = float(at.deviation @ np.linalg.solve(Sigma, at.deviation)) / v**2
+    k = np.ix_(at.scaled, at.scaled)
+    P = at.precision[k]
+    M = (P - P @ at.posterior[k] @ P) @ at.prior_covariance  # JᵀQJ·Σ: H − H·A⁻¹·H is P − P·A⁻¹·P
+    s = float(at.deviation @ P @ at.deviation) / v
     t = float(np.trace(M))
     curvature = float(np.sum(M * M.T))
     if curvature <= 0.0:
         return v
     # a factor of ten at most in one step: far from the solution the scoring step overshoots
     return float(np.clip(v + (s - t) / curvature, max(0.1 * v, SCALE_RANGE[0]), min(10.0 * v, SCALE_RANGE[1])))
+
+
+def expect_prior_scale(at: Linearised, v: float) -> float:
+    """Expectation of the prior's variance factor, where `score_prior_scale` finds the factor that is most probable.
+
+    What the data do not tell of a parameter varies by the factor's expectation. That is the larger one: few parameters that are
+    well seen say what the size of the others is, as a few draws say what a variance is, and a variance that is most probable is
+    too small on average (for d of them and Jeffreys' prior by d/(d − 2)).
+
+    Args:
+        at: the linearised fit, its estimate found with the factor v.
+        v: the factor.
+    """
+    H, k = at.information, at.scaled
+    free = H[np.ix_(~k, ~k)] + at.precision[np.ix_(~k, ~k)]
+    own = H[np.ix_(k, k)] - H[np.ix_(k, ~k)] @ np.linalg.solve(free, H[np.ix_(~k, k)])
+    root = np.linalg.cholesky(at.prior_covariance)
+    values, vectors = np.linalg.eigh(root.T @ own @ root)
+    told = values * v > TOLD
+    told_by, w = values[told], (vectors.T @ np.linalg.solve(root, at.deviation))[told]
+    # in these directions the data alone say y ± 1/√λ, and the estimate is y·λv/(1 + λv)
+    square = w**2 * (1.0 + told_by * v) ** 2 / (told_by * v**2)
+    logarithm = np.linspace(np.log(SCALE_RANGE[0]), np.log(SCALE_RANGE[1]), GRID)
+    spread = 1.0 + told_by * np.exp(logarithm)[:, None]
+    likelihood = -0.5 * (np.log(spread) + square / spread).sum(axis=1)
+    believed = likelihood - 0.5 * (logarithm / (2.0 * np.log(STATED_WITHIN))) ** 2
+    weight = np.exp(believed - believed.max())
+    return float(weight @ np.exp(logarithm) / weight.sum())

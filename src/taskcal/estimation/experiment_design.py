@@ -42,6 +42,18 @@ class Candidates:
     """W: the task's mean squared error is tr(W·C)."""
     signal: Float[np.ndarray, "d d"]
     """Of criteria that leave the prior out: information of a measurement as such, zero or that of a campaign."""
+    of: Int[np.ndarray, " n"] | None = None
+    """Group of each candidate, counted from 0; None where they are one."""
+    fewest: int = 0
+    """Of each group."""
+
+    def allowed(self, chosen: list[int], left: int) -> Bool[np.ndarray, " n"]:
+        """Which may come next beside those chosen, so that those `left` to choose do for every group."""
+        every = np.ones(len(self.rows), dtype=bool)
+        if self.of is None:
+            return every
+        lacking = self.fewest - np.bincount(self.of[chosen], minlength=int(self.of.max()) + 1)
+        return (lacking > 0)[self.of] if np.maximum(lacking, 0).sum() >= left else every
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -148,6 +160,14 @@ class _State:
         gain = self.gains(among)
         return np.sort(among[np.argpartition(-gain, POOL_SIZE)[:POOL_SIZE]])
 
+    def pooled(
+        self, pool: Int[np.ndarray, " k"], free: Bool[np.ndarray, " n"], chosen: list[int], left: int
+    ) -> Int[np.ndarray, " j"]:
+        """Of a pool those that are free and may come next, or all such where the pool has none."""
+        allowed = free & self.candidates.allowed(chosen, left)
+        among = pool[allowed[pool]]
+        return among if len(among) else np.flatnonzero(allowed)
+
     def best(self, among: Int[np.ndarray, " k"]) -> int:
         """The candidate that improves the criterion most; of equals the first."""
         gain = self.gains(among)
@@ -185,7 +205,7 @@ def choose(
     rng = np.random.default_rng(0)
     for _ in range(min(MAX_STARTS, MAX_EFFORT // max(n * count, 1)) if count < n else 0):
         state = _State(candidates, criterion)
-        other = [int(i) for i in rng.permutation(n)[:count]]
+        other = choose_at_random(candidates, count, rng)
         for i in other:
             state.change(i, 1.0)
         trial, trial_exchanges = _exchange(state, other, sweeps)
@@ -194,6 +214,18 @@ def choose(
     return Choice(
         chosen=np.array(chosen, dtype=np.int64), started=started, greedy=greedy, value=value, exchanges=exchanges
     )
+
+
+def choose_at_random(candidates: Candidates, count: int, rng: np.random.Generator) -> list[int]:
+    """So many candidates, any, but of each group as many as it needs."""
+    drawn = [int(i) for i in rng.permutation(len(candidates.rows))]
+    if candidates.of is None:
+        return drawn[:count]
+    chosen: list[int] = []
+    for group in range(int(candidates.of.max()) + 1):
+        chosen += [i for i in drawn if candidates.of[i] == group][: candidates.fewest]
+    rest = set(drawn) - set(chosen)
+    return (chosen + [i for i in drawn if i in rest])[:count]
 
 
 def _start_greedily(state: _State, count: int) -> tuple[list[int], Float[np.ndarray, " count"]]:
@@ -205,7 +237,7 @@ def _start_greedily(state: _State, count: int) -> tuple[list[int], Float[np.ndar
     for step in range(count):
         if step % STEPS_PER_POOL == 0:
             pool = state.pool(free)
-        i = state.best(pool[free[pool]])
+        i = state.best(state.pooled(pool, free, chosen, count - step))
         state.change(i, 1.0)
         free[i] = False
         chosen.append(i)
@@ -224,7 +256,7 @@ def _exchange(state: _State, chosen: list[int], sweeps: int) -> tuple[float, int
         for k, old in enumerate(chosen):
             state.change(old, -1.0)
             free[old] = True
-            new = state.best(pool[free[pool]])
+            new = state.best(state.pooled(pool, free, chosen[:k] + chosen[k + 1 :], 1))
             state.change(new, 1.0)
             trial = state.value()
             if new != old and trial < value - 1e-12 * abs(value):

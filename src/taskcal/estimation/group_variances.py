@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from taskcal.geometry.walk import in_chunks
+from taskcal.geometry.chunks import in_chunks
 
 LONGEST_STEP = 2.5
 """Of a log variance in one step of the scoring."""

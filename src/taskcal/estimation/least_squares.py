@@ -5,7 +5,6 @@ from enum import Enum
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import LinAlgError
 
 from taskcal.estimation.scaled import solve_scaled
 from taskcal.geometry.normal_equations import WhitenedEquations
@@ -54,6 +53,10 @@ class Solution:
     """With the prior's share."""
     information: Float[np.ndarray, "p p"]
     """JᵀWJ of the data at the solution, without the prior."""
+    gradient: Float[np.ndarray, " p"]
+    """JᵀWr there."""
+    left: Float[np.ndarray, " p"]
+    """The step that was next and is below the bound; zero where the fit ended otherwise."""
     iterations: int
     ended: Ended
     stopping: Stopping
@@ -77,6 +80,7 @@ def fit(
     scale: Float[np.ndarray, " p"],
     stopping: Stopping | None = None,
     damping: float = 0.0,
+    known: Solution | None = None,
 ) -> Solution:
     """Minimise cost(z) + ½(z − mean)ᵀ·precision·(z − mean).
 
@@ -91,24 +95,25 @@ def fit(
         scale: natural size of each parameter.
         stopping: when to stop.
         damping: first λ, below which it never falls.
+        known: a solution of the same equations, under another prior, that ended where this fit starts.
     """
     stopping = stopping or Stopping()
     z, floor = np.array(start, dtype=float), damping
-    cost, g, H = equations(z)
+    cost, g, H = equations(z) if known is None else (known.cost, known.gradient, known.information)
     objective = cost + 0.5 * (z - mean) @ precision @ (z - mean)
     ended = Ended.TOO_MANY_ITERATIONS if len(z) else Ended.NOTHING_TO_ESTIMATE
-    iteration = 0
+    iteration, left = 0, np.zeros(len(z))
     while not ended.converged and iteration < stopping.iterations:
         iteration += 1
         b = g - precision @ (z - mean)
         A = H + precision
         try:
-            step = solve_scaled(A + np.diag(damping / scale**2), b)
-        except LinAlgError:
+            step = solve_scaled(A + np.diag(damping / scale**2) if damping else A, b)
+        except np.linalg.LinAlgError:
             damping = max(10.0 * damping, 1e-9 * float(np.max(np.diag(A) * scale**2)))
             continue
         if 0.5 * float(b @ step) < stopping.decrement:
-            ended = Ended.CONVERGED
+            ended, left = Ended.CONVERGED, step
             break
         predicted = float(b @ step - 0.5 * step @ A @ step)
         trial = z + step
@@ -136,6 +141,8 @@ def fit(
         cost=cost,
         objective=float(objective),
         information=H,
+        gradient=g,
+        left=left,
         iterations=iteration,
         ended=ended,
         stopping=stopping,

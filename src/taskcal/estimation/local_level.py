@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.optimize import minimize
 
 MIN_SHARE_OF_NOISE = 1e-3
 """Smallest standard deviations that are distinguished from zero, as shares of the noise's."""
@@ -46,6 +45,8 @@ def smooth(seen: Float[np.ndarray, " n"], noise: Float[np.ndarray, " n"], *, own
 
     def cost(log_sizes: Float[np.ndarray, " k"]) -> float:
         return _Walk.of(seen, noise, *_variances(log_sizes)).cost
+
+    from scipy.optimize import minimize
 
     starts = [np.log(np.full(len(bounds), size * share)) for share in (0.1, 2.0)]
     trials: list[Any] = [minimize(cost, start, method="Nelder-Mead", bounds=bounds) for start in starts]

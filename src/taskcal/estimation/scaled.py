@@ -1,10 +1,18 @@
 """Positive semidefinite matrices of very different scales, inverted and solved on unit diagonal."""
 
+from functools import cache
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import LinAlgError, get_lapack_funcs
 
-(dposv,) = get_lapack_funcs(("posv",), dtype=np.float64)
+
+@cache
+def _lapack(name: str) -> Any:
+    """One of LAPACK's routines for Cholesky's factors; SciPy takes a while to import."""
+    from scipy.linalg import get_lapack_funcs
+
+    return get_lapack_funcs((name,), dtype=np.float64)[0]
 
 
 def inverse_scale(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, " p"]:
@@ -16,16 +24,32 @@ def solve_scaled(A: Float[np.ndarray, "p p"], b: Float[np.ndarray, "..."]) -> Fl
     """Solve A·x = b for a positive definite A of very different scales, by Cholesky on unit diagonal.
 
     Raises:
-        scipy.linalg.LinAlgError: A is not positive definite.
+        numpy.linalg.LinAlgError: A is not positive definite.
     """
     if not len(A):  # which LAPACK refuses
         return b.copy()
     scale = inverse_scale(A)
     right = scale * b if b.ndim == 1 else scale[:, None] * b
-    _, x, info = dposv(A * scale * scale[:, None], right, lower=True)
+    _, x, info = _lapack("posv")(A * scale * scale[:, None], right, lower=True)
     if info:
-        raise LinAlgError(f"leading minor {info} is not positive definite")
+        raise np.linalg.LinAlgError(f"leading minor {info} is not positive definite")
     return scale * x if b.ndim == 1 else scale[:, None] * x
+
+
+def invert_positive(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
+    """Inverse of a positive definite matrix of very different scales, by Cholesky on unit diagonal.
+
+    Raises:
+        numpy.linalg.LinAlgError: A is not positive definite.
+    """
+    if not len(A):  # which LAPACK refuses
+        return A.copy()
+    scale = inverse_scale(A)
+    factor, info = _lapack("potrf")(A * scale * scale[:, None], lower=True)
+    if info:
+        raise np.linalg.LinAlgError(f"leading minor {info} is not positive definite")
+    inverse = np.tril(_lapack("potri")(factor, lower=True)[0]) * scale * scale[:, None]
+    return inverse + np.tril(inverse, -1).T
 
 
 def invert_scaled(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
