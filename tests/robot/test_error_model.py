@@ -44,6 +44,18 @@ def test_jacobian_is_the_derivative_of_the_poses(kind):
     law()
 
 
+def test_sensitivities_are_written_where_one_says():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    q = np.random.default_rng(0).uniform(-0.3, 0.3, (20_000, 6))
+    first = model.jacobian(q, angular=False)
+    kept = first.copy()
+    assert model.jacobian(q[::-1], angular=False, out=first) is first
+    np.testing.assert_array_equal(first, kept[::-1])
+    lengths = ErrorModel(model.robot, lengths_only=True)
+    part = np.full((5, 6, len(lengths)), np.nan)
+    np.testing.assert_array_equal(lengths.jacobian(q[:5], out=part), lengths.jacobian(q[:5]))
+
+
 @pytest.mark.parametrize("kind", ANY)
 def test_joint_jacobian_is_the_derivative_by_the_controllers_joints(kind):
     @given(ANY[kind])

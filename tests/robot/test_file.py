@@ -183,7 +183,7 @@ def test_coupled_limits_upside_down_are_refused():
 def test_what_is_no_toml_is_refused(tmp_path, content):
     path = tmp_path / "arm.toml"
     path.write_bytes(content)
-    with pytest.raises(FileError, match=r"arm\.toml.*is no TOML"):
+    with pytest.raises(FileError, match=r"arm\.toml.*is not TOML"):
         read_robot(path)
 
 

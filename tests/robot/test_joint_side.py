@@ -6,10 +6,12 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from taskcal.errors import ClosureError
+from taskcal.geometry.chunks import CHUNK
 from taskcal.geometry.four_bar import FourBar, can_close, close_four_bar
+from taskcal.geometry.lanes import LANES
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.joint_side import FourBarDrive
+from taskcal.robot.joint_side import FourBarDrive, JointMap, JointSide
 from tests.laws.robots import generators
 
 PARALLELOGRAM = FourBar(crank=0.5, rod=0.7, rocker=0.5, arm=0.7)
@@ -109,3 +111,49 @@ def test_a_loop_that_was_built_crossed_turns_against_its_crank_up_to_its_singula
     assert not closing.all()
     turn = close_four_bar(bar, np.zeros(closing.sum()), around[closing]).by_angle[:, 1]
     assert (turn < 0.0).all()
+
+
+def side_of(rng: np.random.Generator, coordinates: int) -> JointSide:
+    """Any couplings of two joints, with a parallelogram between them that moves any of the coordinates."""
+    output = rng.normal(size=coordinates) * (rng.random(coordinates) < 0.5)
+    bar = FourBarDrive(bar=PARALLELOGRAM, arm=np.array([1.0, 0.2]), crank=np.array([0.1, 1.0]), output=output)
+    return JointSide(
+        joint_map=JointMap(matrix=rng.normal(size=(coordinates, 2)), offset=rng.normal(size=coordinates)), four_bar=bar
+    )
+
+
+@given(generators, st.integers(1, 7), st.integers(0, 3 * LANES))
+def test_coordinates_are_those_of_the_map_and_the_loop(rng, coordinates, n):
+    side, q, xi = side_of(rng, coordinates), rng.uniform(-0.5, 0.5, (n, 2)), rng.normal(size=3) * 0.01
+    used = rng.random(len(side.four_bar.pairs)) < 0.6
+    s, factor = side.at(q, xi, used, coordinates + 2)
+    shift = side.four_bar.shift(q, xi)
+    np.testing.assert_allclose(s[:, :coordinates], side.joint_map(q) + shift.value, rtol=0.0, atol=1e-14)
+    assert not s[:, coordinates:].any()
+    np.testing.assert_allclose(factor, shift.jacobian[:, used], rtol=1e-14, atol=1e-15)
+    plain = JointSide(joint_map=side.joint_map, four_bar=None)
+    np.testing.assert_allclose(plain.at(q, xi, used[:0], coordinates)[0], side.joint_map(q), rtol=0.0, atol=1e-14)
+
+
+@given(generators, st.integers(1, 3 * LANES))
+def test_what_comes_out_for_a_pose_does_not_depend_on_those_beside_it(rng, n):
+    side, q = side_of(rng, 3), rng.uniform(-0.5, 0.5, (n, 2))
+    used = np.ones(len(side.four_bar.pairs), dtype=bool)
+    together = side.at(q, np.zeros(3), used, 3)
+    for rows in (slice(1, None), slice(n // 2, n // 2 + 1)):
+        for part, whole in zip(side.at(q[rows], np.zeros(3), used, 3), together, strict=True):
+            np.testing.assert_array_equal(part, whole[rows])
+
+
+@pytest.mark.parametrize("row", [0, 6, LANES, CHUNK + 3, 2 * CHUNK + 2])
+@pytest.mark.parametrize("apart", [100.0, np.nan])
+def test_a_pose_that_does_not_close_is_named_wherever_it_stands(row, apart):
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    q = np.zeros((2 * CHUNK + 3, 6))
+    q[row, 2] = np.radians(apart)
+    for call in (model.walk, model.poses, model.robot.four_bar.closes):
+        if call == model.robot.four_bar.closes:
+            np.testing.assert_array_equal(np.flatnonzero(~call(q, np.zeros(3))), [row])
+        else:
+            with pytest.raises(ClosureError, match=f"pose {row}: arm at"):
+                call(q)

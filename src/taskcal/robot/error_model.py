@@ -1,7 +1,6 @@
 """The error model: one parameter for every defect that the mechanism leaves free."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,28 +10,18 @@ from taskcal.arguments import expect_kinds, warn_renamed
 from taskcal.errors import TaskcalError, UnknownName
 from taskcal.geometry import walk
 from taskcal.geometry.chain import Chain, Step
+from taskcal.geometry.chunks import in_chunks
 from taskcal.repeated import repeated
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Effect, LinearTerm
 from taskcal.robot.effects.declared_term import term_on
 from taskcal.robot.error_frames import defect_steps, length_steps
-from taskcal.robot.joint_side import JointTerm, Shift
+from taskcal.robot.joint_side import JointSide, JointTerm, Slope, Walk
 from taskcal.robot.load import Load
 from taskcal.robot.parameter import Parameter, current_parameter, overrides_of, parameters_of
 from taskcal.robot.robot import Robot
 
 Prepared = tuple[Float[np.ndarray, "_ _"] | None, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Walk:
-    """Everything the compiled walk needs at some joint positions and parameter values."""
-
-    s: Float[np.ndarray, "n coordinates"]
-    e: Float[np.ndarray, "frames 6"]
-    factor: Float[np.ndarray, "n pairs"]
-    shifts: tuple[Shift, ...]
-    """What each joint-side term adds to s."""
 
 
 class ErrorModel:
@@ -88,6 +77,7 @@ class ErrorModel:
         self._frame_count = len(names)
         estimated = added if lengths_only else self.terms
         self._fixed_terms = len(self.terms) - len(estimated)
+        self._joint_side = JointSide(joint_map=robot.joint_map, four_bar=robot.four_bar)
         for term in estimated:
             names += term.names
             units += term.units
@@ -219,6 +209,10 @@ class ErrorModel:
             count=len(self.parameters) if count is None else count,
         )
 
+    @cached_property
+    def _layout(self) -> walk.Columns:
+        return self.layout()
+
     def _used_pairs(self, target: np.ndarray) -> np.ndarray:
         return target[self._pairs[:, 1]] >= 0 if len(self._pairs) else np.zeros(0, dtype=bool)
 
@@ -228,6 +222,11 @@ class ErrorModel:
         held = self._frame_slots >= 0
         e[held] = x[self._frame_slots[held]]
         return e
+
+    def loop_deviations(self, x: Float[np.ndarray, " p"]) -> Float[np.ndarray, " 3"]:
+        """Deviations of the four-bar's crank, rod and rocker from nominal at parameter values x; zero where they are none."""
+        estimated = self.robot.four_bar is not None and not self._fixed_terms
+        return x[self._frame_count :][:3] if estimated else np.zeros(3)
 
     def walk(
         self,
@@ -250,25 +249,24 @@ class ErrorModel:
             raise ValueError(
                 f"x has shape {x.shape}; {self!r} needs ({len(self.parameters)},), in the order of its names"
             )
-        e = self.error_frames(x)
-        s = np.zeros((len(q), self.chain.joints))
-        s[:, : len(self.robot.joint_map.offset)] = self.robot.joint_map(q)
-        factors = [np.empty((len(q), 0))]
-        shifts: list[Shift] = []
-        first = self._frame_count
-        for i, term in enumerate(self.terms):
-            estimated = i >= self._fixed_terms
-            xi = x[first : first + len(term.names)] if estimated else np.zeros(len(term.names))
-            shift = term.shift(q, xi, None if prepared is None else prepared[i])
-            shifts.append(shift)
+        used = self._used_pairs(np.arange(len(x)) if columns is None else columns)
+        loop, first, pair = self.robot.four_bar, self._frame_count, 0
+        xi, slopes = self.loop_deviations(x), list[Slope]()
+        if loop is not None:
+            if not self._fixed_terms:
+                first, pair = first + 3, len(loop.wanted.which)
+            slopes.append(lambda: loop.slope(q, xi))
+        s, factor = self._joint_side.at(q, xi, used[:pair], self.chain.joints)
+        factors = [factor]
+        for i, term in enumerate(self.terms[len(slopes) :], start=len(slopes)):
+            shift = term.shift(q, x[first : first + len(term.names)], None if prepared is None else prepared[i])
             s[:, : shift.value.shape[1]] += shift.value
-            if estimated:
-                factors.append(shift.jacobian)
-                first += len(term.names)
-        factor = np.concatenate(factors, axis=1)
-        if columns is not None:
-            factor = factor[:, self._used_pairs(columns)]
-        return Walk(s=s, e=e, factor=np.ascontiguousarray(factor), shifts=tuple(shifts))
+            slopes.append(shift.slope)
+            factors.append(shift.jacobian[:, used[pair : pair + len(term.pairs)]])
+            first, pair = first + len(term.names), pair + len(term.pairs)
+        if len(factors) > 1:
+            factor = np.concatenate(factors, axis=1)
+        return Walk(s=s, e=self.error_frames(x), factor=factor, slopes=tuple(slopes))
 
     def poses(
         self,
@@ -298,11 +296,16 @@ class ErrorModel:
             at = self.walk(q[rows], x, prepared=prepared)
             walk.poses(self.chain, at.s, at.e, out=out[rows])
 
-        walk.in_chunks(fill, len(q))
+        in_chunks(fill, len(q))
         return out
 
     def jacobian(
-        self, q: Float[np.ndarray, "n joints"], x: Float[np.ndarray, " p"] | None = None, *, angular: bool = True
+        self,
+        q: Float[np.ndarray, "n joints"],
+        x: Float[np.ndarray, " p"] | None = None,
+        *,
+        angular: bool = True,
+        out: Float[np.ndarray, "n rows p"] | None = None,
     ) -> Float[np.ndarray, "n rows p"]:
         """Derivative of the tool pose with respect to every parameter: rows vx vy vz wx wy wz in base axes.
 
@@ -310,20 +313,21 @@ class ErrorModel:
             q: controller joint positions, radians (metres where a joint slides).
             x: parameter values, metres and radians; the nominal robot by default.
             angular: all six rows, else the three of the tool point.
+            out: where to write them, best what an earlier call gave; new memory takes as long as the sensitivities do.
 
         Raises:
             ClosureError: a closed loop cannot be assembled at some pose.
         """
-        q, layout = np.asarray(q, dtype=float), self.layout()
+        q, layout = np.asarray(q, dtype=float), self._layout
         self.robot.check_radians(q)
-        out = walk.allocate(layout, len(q), angular=angular)
+        room = walk.room_for(layout, len(q), angular=angular, out=out)
 
         def fill(rows: slice) -> None:
             at = self.walk(q[rows], x)
-            walk.columns(self.chain, at.s, at.e, layout, at.factor, angular=angular, out=out[rows])
+            walk.columns(self.chain, at.s, at.e, layout, at.factor, angular=angular, out=room[rows])
 
-        walk.in_chunks(fill, len(q))
-        return out
+        in_chunks(fill, len(q))
+        return room
 
     def joint_jacobian(
         self, q: Float[np.ndarray, "n joints"], x: Float[np.ndarray, " p"] | None = None
@@ -333,14 +337,14 @@ class ErrorModel:
         layout = walk.Columns.of_joints(self.chain)
         ones = np.ones((len(at.s), self.chain.joints))
         by_coordinate = walk.columns(self.chain, at.s, at.e, layout, ones, angular=True)
-        return by_coordinate @ self.slope(at.shifts)
+        return by_coordinate @ self.slope(at.slopes)
 
-    def slope(self, shifts: Sequence[Shift]) -> Float[np.ndarray, "m coordinates joints"]:
+    def slope(self, slopes: Sequence[Slope]) -> Float[np.ndarray, "m coordinates joints"]:
         """∂s/∂q of the joint map and of some joint-side terms; m is 1 where none changes it from pose to pose."""
         joints = len(self.robot.joints)
         own: np.ndarray = self.robot.joint_map.matrix[None]
-        for shift in shifts:
-            own = own + shift.by_joint[:, :joints]
+        for slope in slopes:
+            own = own + slope()[:, :joints]
         out = np.zeros((len(own), self.chain.joints, joints))  # what effects add to the chain stands still
         out[:, : own.shape[1]] = own
         return out

@@ -293,4 +293,4 @@ def robot_from(data: Mapping[str, object]) -> Robot:
     try:
         return RobotFile.model_validate(data).robot()
     except ValidationError as error:
-        raise RobotError(explain(error)) from error
+        raise RobotError(explain(error, RobotFile)) from error

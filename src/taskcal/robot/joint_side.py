@@ -9,18 +9,23 @@ import numpy as np
 from jaxtyping import Bool, Float, Inexact, Int
 
 from taskcal.errors import ClosureError
+from taskcal.geometry.coordinates import Coordinates, Drive, Wanted, fill_coordinates
 from taskcal.geometry.four_bar import (
-    MIN_TURN,
+    NOTHING_WANTED,
     REMEDY,
     FourBar,
     Side,
     built_side,
-    can_close,
     close_four_bar,
+    closure_numbers,
     curvature,
-    keeps_side,
+    expect_closed,
+    loop_numbers,
 )
+from taskcal.geometry.four_bar_closure import BY_ANGLE, BY_LENGTH, KEPT, MIN_TURN, STATE, TURN, LoopNumbers
 from taskcal.robot.conditions import Conditions
+
+Slope = Callable[[], Float[np.ndarray, "n coordinates joints"]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,13 +36,24 @@ class Shift:
     """δs, radians or metres."""
     jacobian: Float[np.ndarray, "n pairs"]
     """∂δs/∂ξ for each of the term's pairs."""
-    slope: Callable[[], Float[np.ndarray, "n coordinates joints"]]
+    slope: Slope
     """Computes ∂δs/∂q, which few need."""
 
     @cached_property
     def by_joint(self) -> Float[np.ndarray, "n coordinates joints"]:
         """∂δs/∂q."""
         return self.slope()
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """Everything the compiled walk needs at some joint positions and parameter values."""
+
+    s: Float[np.ndarray, "n coordinates"]
+    e: Float[np.ndarray, "frames 6"]
+    factor: Float[np.ndarray, "n pairs"]
+    slopes: tuple[Slope, ...]
+    """Compute ∂s/∂q of what each joint-side term adds to s, which few need."""
 
 
 @runtime_checkable
@@ -92,6 +108,10 @@ class JointMap:
         return q @ self.matrix.T + self.offset
 
 
+NO_LOOP = LoopNumbers(*[0.0] * len(LoopNumbers._fields))
+"""For a robot without one."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FourBarDrive:
     """A four-bar between a motor's crank and its link, which turns by θ where a parallelogram would turn it by κ.
@@ -126,7 +146,7 @@ class FourBarDrive:
     @property
     def pairs(self) -> Int[np.ndarray, "pairs 2"]:
         """Each of the three lengths moves every coordinate that the loop moves."""
-        return np.array([(c, k) for k in range(3) for c in self.moved])
+        return np.stack([np.tile(self.moved, 3), np.repeat(np.arange(3), len(self.moved))], axis=1)
 
     def prepare(self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None) -> None:
         """Nothing: the closure depends on its lengths throughout."""
@@ -142,35 +162,31 @@ class FourBarDrive:
         Raises:
             ClosureError: the loop does not close at some pose, or only folded over.
         """
-        alpha, kappa, bar = q @ self.arm, q @ self.crank, self._built(xi)
-        closure = close_four_bar(bar, alpha, kappa)
-        beyond = ~keeps_side(bar, self.side, closure, alpha, kappa)
+        numbers, bar = self._numbers(q, xi), self._built(xi)
+        expect_closed(numbers, bar, q, self.angles)
+        beyond = numbers[:, STATE] != KEPT
         if beyond.any():
             first = int(np.argmax(beyond))
             turns = "against" if self.side.turn > 0.0 else "with"
             how = (
                 f"folded over, its rocker turning {turns} the crank"
-                if closure.by_angle[first, 1] * self.side.turn <= MIN_TURN
+                if numbers[first, BY_ANGLE][1] * self.side.turn <= MIN_TURN
                 else "mirrored, as it does not come without being taken apart"
             )
-            raise ClosureError(first, f"{bar.describe(alpha[first], kappa[first])}, but {how}; {REMEDY}")
+            raise ClosureError(first, f"{bar.describe(*(self.angles @ q[first]))}, but {how}; {REMEDY}")
 
-        def slope() -> Float[np.ndarray, "n coordinates joints"]:
-            turn = closure.by_angle[:, :1] * self.arm + (closure.by_angle[:, 1:] - 1.0) * self.crank
-            return self.output[:, None] * turn[:, None, :]
-
+        by_length = numbers[:, BY_LENGTH][:, :3, None]
         return Shift(
-            value=(closure.angle - kappa)[:, None] * self.output,
-            jacobian=(closure.by_length[:, :3, None] * self.output[self.moved]).reshape(len(q), 3 * len(self.moved)),
-            slope=slope,
+            value=numbers[:, TURN, None] * self.output,
+            jacobian=(by_length * self.output[self.moved]).reshape(len(q), 3 * len(self.moved)),
+            slope=lambda: self._slope(numbers),
         )
 
     def curvature(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n coordinates joints joints"]:
         """∂²δs/∂q² of the nominal loop."""
         alpha, kappa = q @ self.arm, q @ self.crank
         second = curvature(self.bar, close_four_bar(self.bar, alpha, kappa), alpha, kappa)
-        angles = np.stack([self.arm, self.crank])
-        return np.einsum("c,nab,ai,bj->ncij", self.output, second, angles, angles)
+        return np.einsum("c,nab,ai,bj->ncij", self.output, second, self.angles, self.angles)
 
     def closes(self, q: Float[np.ndarray, "n joints"], xi: Float[np.ndarray, " 3"]) -> Bool[np.ndarray, " n"]:
         """Whether the loop closes at each pose on the side it is built on.
@@ -179,12 +195,79 @@ class FourBarDrive:
             q: joint positions, radians.
             xi: deviations of crank, rod and rocker from nominal, metres.
         """
-        alpha, kappa, bar = q @ self.arm, q @ self.crank, self._built(xi)
-        out = can_close(bar, alpha, kappa)
-        alpha, kappa = alpha[out], kappa[out]
-        out[out] = keeps_side(bar, self.side, close_four_bar(bar, alpha, kappa), alpha, kappa)
-        return out
+        return self._numbers(q, xi)[:, STATE] == KEPT
+
+    def slope(
+        self, q: Float[np.ndarray, "n joints"], xi: Float[np.ndarray, " 3"]
+    ) -> Float[np.ndarray, "n coordinates joints"]:
+        """∂δs/∂q alone, at positions where the loop closes; arguments as of `shift`."""
+        return self._slope(self._numbers(q, xi))
+
+    def _slope(self, numbers: Float[np.ndarray, "n 8"]) -> Float[np.ndarray, "n coordinates joints"]:
+        by_angle = numbers[:, BY_ANGLE] - [0.0, 1.0]
+        return self.output[:, None] * (by_angle @ self.angles)[:, None, :]
+
+    def loop_numbers(self, xi: Float[np.ndarray, " 3"]) -> LoopNumbers:
+        """The loop with these deviations from nominal, as the compiled pass takes it."""
+        return loop_numbers(self._built(xi), self.side)
+
+    @cached_property
+    def angles(self) -> Float[np.ndarray, "2 joints"]:
+        """α and κ as linear combinations of joint positions."""
+        return np.stack([self.arm, self.crank])
+
+    @cached_property
+    def wanted(self) -> Wanted:
+        """The derivatives of all pairs, as the compiled pass takes them."""
+        return Wanted(1 + self.pairs[:, 1], self.output[self.pairs[:, 0]])
+
+    def _numbers(self, q: Float[np.ndarray, "n joints"], xi: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "n 8"]:
+        return closure_numbers(self._built(xi), self.side, q, self.angles)
 
     def _built(self, xi: Float[np.ndarray, " 3"]) -> FourBar:
         bar = self.bar
         return replace(bar, crank=bar.crank + xi[0], rod=bar.rod + xi[1], rocker=bar.rocker + xi[2])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class JointSide:
+    """Couplings and four-bar of a robot together, without effects."""
+
+    joint_map: JointMap
+    four_bar: FourBarDrive | None
+
+    @cached_property
+    def _drive(self) -> Drive:
+        matrix, offset = (np.ascontiguousarray(a, dtype=float) for a in (self.joint_map.matrix, self.joint_map.offset))
+        if self.four_bar is None:
+            return Drive(matrix, offset, np.empty((0, matrix.shape[1])), np.zeros(len(offset)))
+        return Drive(matrix, offset, self.four_bar.angles, self.four_bar.output)
+
+    def at(
+        self,
+        q: Float[np.ndarray, "n joints"],
+        xi: Float[np.ndarray, " 3"],
+        used: Bool[np.ndarray, " pairs"],
+        coordinates: int,
+    ) -> tuple[Float[np.ndarray, "n coordinates"], Float[np.ndarray, "n used"]]:
+        """Chain coordinates, and their derivatives by the loop's lengths.
+
+        Args:
+            q: joint positions, radians (metres where a joint slides).
+            xi: deviations of the loop's crank, rod and rocker from nominal, metres.
+            used: which of the loop's pairs are asked for; none for a robot without one.
+            coordinates: of the chain; those beyond the robot's own are zero.
+
+        Raises:
+            ClosureError: the loop does not close at some pose, or only folded over.
+        """
+        n, bar = len(q), self.four_bar
+        wanted = NOTHING_WANTED
+        if bar is not None and len(used):
+            wanted = Wanted(bar.wanted.which[used], bar.wanted.times[used])
+        s = np.empty((n, coordinates)) if coordinates == len(self._drive.offset) else np.zeros((n, coordinates))
+        out = Coordinates(s, np.empty((n, len(wanted.which))), np.empty((n, 0)))
+        numbers = NO_LOOP if bar is None else bar.loop_numbers(xi)
+        if not fill_coordinates(q, self._drive, numbers, wanted, out) and bar is not None:
+            bar.shift(q, xi)  # which says where it does not close
+        return out.s, out.factor

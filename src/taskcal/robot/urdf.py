@@ -151,7 +151,7 @@ class _Writer:
     def __init__(self, tree: UrdfTree, chain: list[UrdfJoint]):
         self.tree, self.chain = tree, chain
         self.every = tree.joints
-        self.names = _plain_names([joint.name for joint in self.every.values() if joint.moves])
+        self.names = plain_joint_names(tree)
 
     def written(self, start: Float[np.ndarray, "4 4"], tip: str) -> dict[str, Any]:
         """Joints, tool and flange."""
@@ -223,6 +223,11 @@ def _scaled(joint: UrdfJoint, key: str, value: float | tuple[float, float]) -> d
     rate = "_s" if key == "speed" else ""
     shown_value = [v * scale for v in value] if isinstance(value, tuple) else value * scale
     return {f"{key}_{unit}{rate}": shown_value}
+
+
+def plain_joint_names(tree: UrdfTree) -> dict[str, str]:
+    """What Taskcal calls the joints that move, by their names in the file."""
+    return _plain_names([joint.name for joint in tree.joints.values() if joint.moves])
 
 
 def _plain_names(names: Sequence[str]) -> dict[str, str]:

@@ -203,13 +203,8 @@ def _joint(path: Path, element: Element) -> UrdfJoint:
     if kind not in get_args(UrdfKind):
         error = UnknownName("type", kind, get_args(UrdfKind), f"of joint '{shown(name)}'")
         raise FileError(path, str(error), line=element.line)
-    origin, axis, mimic = element.first("origin"), element.first("axis"), element.first("mimic")
-    pose = np.eye(4)
-    if origin is not None:
-        roll, pitch, yaw = _triple(path, origin, "rpy", (0.0, 0.0, 0.0))
-        _refuse_degrees(path, origin, name, (roll, pitch, yaw))
-        R = se3.rotation("z", yaw) @ se3.rotation("y", pitch) @ se3.rotation("x", roll)
-        pose = se3.pose(R[:3, :3], np.array(_triple(path, origin, "xyz", (0.0, 0.0, 0.0))))
+    axis, mimic = element.first("axis"), element.first("mimic")
+    pose = placed_at(path, element.first("origin"), f"joint '{shown(name)}'")
     limits, speed = _limits(path, element, name, sliding=kind == "prismatic")
     remark = ""
     if kind in ("revolute", "prismatic") and element.first("limit") is not None and limits is None:
@@ -238,11 +233,25 @@ def _joint(path: Path, element: Element) -> UrdfJoint:
     )
 
 
-def _refuse_degrees(path: Path, origin: Element, joint: str, angles: tuple[float, float, float]) -> None:
+def placed_at(path: Path, origin: Element | None, of: str) -> Float[np.ndarray, "4 4"]:
+    """The pose that an ``<origin>`` states, metres; none where there is no such element.
+
+    Raises:
+        FileError: it is not six numbers, or its angles are degrees.
+    """
+    if origin is None:
+        return np.eye(4)
+    roll, pitch, yaw = triple_of(path, origin, "rpy", (0.0, 0.0, 0.0))
+    _refuse_degrees(path, origin, of, (roll, pitch, yaw))
+    R = se3.rotation("z", yaw) @ se3.rotation("y", pitch) @ se3.rotation("x", roll)
+    return se3.pose(R[:3, :3], np.array(triple_of(path, origin, "xyz", (0.0, 0.0, 0.0))))
+
+
+def _refuse_degrees(path: Path, origin: Element, of: str, angles: tuple[float, float, float]) -> None:
     most = max(map(abs, angles))
     if most > MOST_RAD:
         message = (
-            f"rpy of <origin> of joint '{shown(joint)}' has {most:g}, {most / (2 * np.pi):.0f} turns; URDF counts in radians: "
+            f"rpy of <origin> of {of} has {most:g}, {most / (2 * np.pi):.0f} turns; URDF counts in radians: "
             f"write {np.radians(most):.6g} for {most:g}°"
         )
         raise FileError(path, message, line=origin.line)
@@ -252,7 +261,7 @@ def _axis(path: Path, element: Element | None, joint: str) -> Float[np.ndarray, 
     """Along x where none is stated, as URDF has it; of unit length."""
     if element is None:
         return np.array([1.0, 0.0, 0.0])
-    axis = np.array(_triple(path, element, "xyz", (1.0, 0.0, 0.0)))
+    axis = np.array(triple_of(path, element, "xyz", (1.0, 0.0, 0.0)))
     length = float(np.linalg.norm(axis))
     if length < 1e-6:
         raise FileError(path, f"the axis of joint '{shown(joint)}' has no direction", line=element.line)
@@ -296,7 +305,14 @@ def _number(path: Path, element: Element, name: str, default: float, *, far: boo
     return default if text is None else _parsed(path, element, name, text, far=far)
 
 
-def _triple(path: Path, element: Element, name: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
+def triple_of(
+    path: Path, element: Element, name: str, default: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Three numbers of an attribute, or the default where it is not stated.
+
+    Raises:
+        FileError: they are not three numbers.
+    """
     text = element.attributes.get(name)
     if text is None:
         return default
