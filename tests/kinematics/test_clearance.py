@@ -15,8 +15,11 @@ from taskcal.kinematics.clearance import (
     beam_is_free,
     clear_of_boxes,
     clear_of_itself,
+    gap_between_links,
+    gap_to_boxes,
     place_links,
     segment_distance,
+    without_carriers,
 )
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -84,6 +87,9 @@ def test_a_capsule_is_clear_of_a_box_if_no_point_of_its_axis_is_within_its_radiu
     found = clear_of_boxes(links, (box,))
     assert not np.any(found & (margin < -0.5 * spacing))
     assert np.all(found[margin > 1e-9])
+    gap = gap_to_boxes(links, (box,))
+    assert np.all((gap >= margin - 0.02 * spacing) & (gap <= margin + 0.5 * spacing))  # the margin is of points, too
+    np.testing.assert_array_equal(gap_to_boxes(links, (box, box)), gap)
 
 
 @given(generators)
@@ -103,6 +109,8 @@ def test_a_robot_is_clear_of_itself_if_no_links_meet_but_neighbours(rng):
     found = clear_of_itself(links)
     assert np.all(~found[gap < 0])
     assert np.all(found[gap > 0.04])  # twice half the spacing of the points
+    exact = gap_between_links(links)
+    assert np.all(np.isinf(gap) | (exact <= gap + 1e-12) & (exact >= gap - 0.04))
 
 
 @given(generators)
@@ -192,3 +200,16 @@ def test_robots_without_radii_are_never_in_their_own_way():
     box = Box(pose=se3.translation(0.0, 0.0, 0.0), size=np.full(3, 10.0))
     assert clear_of_itself(links).all()
     assert clear_of_boxes(links, (box,)).all()
+
+
+def test_links_that_surround_a_point_on_the_tool_carry_it():
+    model = ErrorModel(load_robot("abb-irb120"))
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (5, 6))
+    links, T = place_links(model, q), model.poses(q)
+    # the tool link of no length, then from wrist to flange (72 mm of 45 mm radius), then the forearm
+    at_flange, ahead = (T @ se3.translation(0.0, 0.0, z) for z in (0.0, 0.1))
+    assert without_carriers(links, at_flange[:, :3, 3]).start.shape[1] == 5
+    assert without_carriers(links, ahead[:, :3, 3]).start.shape[1] == 6
+    kept = without_carriers(links, ahead[:, :3, 3])
+    np.testing.assert_array_equal(kept.end, links.end[:, :6])
+    assert len(kept.radius) == 6

@@ -67,6 +67,29 @@ def place_links(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Links:
     return Links(start=points[:, :-1], end=points[:, 1:], radius=np.asarray(robot.link_radii))
 
 
+def without_carriers(links: Links, tip: Float[np.ndarray, "n 3"]) -> Links:
+    """The links without those at the end of the chain that surround a point on the tool in every posture.
+
+    These carry the point: whatever it touches or is seen from, they cannot stay clear of by more than their own size. The
+    last link, which is the tool, always does.
+
+    Args:
+        links: of the robot.
+        tip: the point in every posture, in the base, metres.
+    """
+    count = links.start.shape[1]
+    if not count or not len(tip):
+        return links
+    way = float(np.linalg.norm(tip[0] - links.end[0, -1]))
+    kept = count - 1
+    while kept:
+        way += float(np.linalg.norm(links.end[0, kept] - links.start[0, kept]))
+        if way > links.radius[kept - 1]:
+            break
+        kept -= 1
+    return Links(start=links.start[:, :kept], end=links.end[:, :kept], radius=links.radius[:kept])
+
+
 def segment_distance(
     p0: Float[np.ndarray, "n 3"],
     p1: Float[np.ndarray, "n 3"],
@@ -85,29 +108,38 @@ def segment_distance(
     return np.linalg.norm(w + s[..., None] * u - t[..., None] * v, axis=-1)
 
 
-def clear_of_itself(links: Links) -> Bool[np.ndarray, " n"]:
-    """Whether no two links meet that are not neighbours.
+def gap_between_links(links: Links) -> Float[np.ndarray, " n"]:
+    """The least gap between two links that are not neighbours, metres: negative where they meet, infinite where there are none.
 
     Links are neighbours if the length between them along the chain is shorter than their radii together: these overlap in
     every posture.
     """
     n, count = links.start.shape[:2]
-    clear = np.ones(n, dtype=bool)
+    gap = np.full(n, np.inf)
     if not n:
-        return clear
+        return gap
     lengths = np.linalg.norm(links.end - links.start, axis=2).max(axis=0)
     for i in range(count):
         for j in range(i + 1, count):
             room = links.radius[i] + links.radius[j]
             if lengths[i + 1 : j].sum() <= room or lengths[i] == 0.0 or lengths[j] == 0.0:
                 continue
-            clear &= segment_distance(links.start[:, i], links.end[:, i], links.start[:, j], links.end[:, j]) > room
-    return clear
+            apart = segment_distance(links.start[:, i], links.end[:, i], links.start[:, j], links.end[:, j])
+            gap = np.minimum(gap, apart - room)
+    return gap
 
 
-def clear_of_boxes(links: Links, boxes: tuple[Box, ...]) -> Bool[np.ndarray, " n"]:
-    """Whether every link stays outside every box; the fixed link from base to first joint may stand in one."""
-    clear = np.ones(len(links.start), dtype=bool)
+def clear_of_itself(links: Links) -> Bool[np.ndarray, " n"]:
+    """Whether no two links meet that are not neighbours, as `gap_between_links` has them."""
+    return gap_between_links(links) > 0.0
+
+
+def gap_to_boxes(links: Links, boxes: tuple[Box, ...]) -> Float[np.ndarray, " n"]:
+    """The least gap between a link and a box, metres: at most zero where one reaches into one, infinite where there are none.
+
+    The fixed link from base to first joint is left out; it may stand in a box.
+    """
+    gap = np.full(len(links.start), np.inf)
     share = np.linspace(0.0, 1.0, SAMPLES)[:, None]
     for box in boxes:
         inverse = se3.inverse(box.pose)
@@ -115,8 +147,13 @@ def clear_of_boxes(links: Links, boxes: tuple[Box, ...]) -> Bool[np.ndarray, " n
             points = links.start[:, k, None] + share * (links.end[:, k, None] - links.start[:, k, None])
             local = np.abs(se3.apply(inverse, points)) - 0.5 * box.size
             distance = np.linalg.norm(np.maximum(local, 0.0), axis=2)
-            clear &= (distance > links.radius[k]).all(axis=1)
-    return clear
+            gap = np.minimum(gap, distance.min(axis=1) - links.radius[k])
+    return gap
+
+
+def clear_of_boxes(links: Links, boxes: tuple[Box, ...]) -> Bool[np.ndarray, " n"]:
+    """Whether every link stays outside every box; the fixed link from base to first joint may stand in one."""
+    return gap_to_boxes(links, boxes) > 0.0
 
 
 def beam_is_free(
@@ -126,10 +163,18 @@ def beam_is_free(
 
     The last link carries the target and is left out: whether it hides the target is the acceptance angle's matter.
     """
+    others = Links(start=links.start[:, :-1], end=links.end[:, :-1], radius=links.radius[:-1])
+    return line_is_free(source, target, others, boxes)
+
+
+def line_is_free(
+    source: Float[np.ndarray, " 3"], target: Float[np.ndarray, "n 3"], links: Links, boxes: tuple[Box, ...]
+) -> Bool[np.ndarray, " n"]:
+    """Whether the straight line between two points misses all of some links, and boxes."""
     n = len(target)
     free = np.ones(n, dtype=bool)
     start = np.broadcast_to(source, (n, 3))
-    for k in range(links.start.shape[1] - 1):
+    for k in range(links.start.shape[1]):
         free &= segment_distance(start, target, links.start[:, k], links.end[:, k]) > links.radius[k]
     for box in boxes:
         free &= ~_meets_box(se3.apply(se3.inverse(box.pose), start), se3.apply(se3.inverse(box.pose), target), box.size)

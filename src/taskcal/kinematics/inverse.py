@@ -5,12 +5,12 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.stats import qmc
 
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
+from taskcal.geometry.chunks import in_chunks
 from taskcal.geometry.pose_step import Goal, step_towards, task_jacobian
-from taskcal.geometry.walk import in_chunks
+from taskcal.kinematics.stretch import stretch_of
 from taskcal.robot.error_model import ErrorModel, Walk
 from taskcal.short_repr import short_repr
 
@@ -24,6 +24,9 @@ STEP_MARGIN = 0.1
 
 SAME_POSTURE_RAD = 1e-6
 """Postures nearer to each other than this are one, radians."""
+
+ALIKE = 6
+"""Digits to which the margins of postures, and how far they are from the middle, are compared."""
 
 JUMP_RAD = np.pi / 3
 """Within a short step of the tool, a joint that turns farther has left its branch."""
@@ -151,7 +154,7 @@ def _slope(model: ErrorModel, at: Walk) -> Float[np.ndarray, "m coordinates join
     The slopes of effects are left out: they are thousandths, so that a Newton step without them gains three digits, and
     cost a dozen evaluations each.
     """
-    return model.slope(at.shifts[: len(at.shifts) - len(model.effects)])
+    return model.slope(at.slopes[: len(at.slopes) - len(model.effects)])
 
 
 def closes(
@@ -161,8 +164,7 @@ def closes(
     four_bar = model.robot.four_bar
     if four_bar is None:
         return np.ones(len(q), dtype=bool)
-    lengths = np.zeros(3) if x is None or model.lengths_only else x[model.indices(four_bar.names)]
-    return four_bar.closes(q, lengths)
+    return four_bar.closes(q, np.zeros(3) if x is None else model.loop_deviations(x))
 
 
 def find_posture(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " joints"]:
@@ -182,24 +184,41 @@ def find_postures(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.nd
     Raises:
         ReachError: no seed leads to the pose inside the limits.
     """
+    if not stretch_of(model).admits(T[None])[0]:
+        raise _out_of_reach(model, T)
+    from scipy.stats import qmc
+
     limits = np.clip(model.robot.limits, -np.pi, np.pi)
     seeds = qmc.scale(qmc.Sobol(len(limits), rng=0).random(256), limits[:, 0], limits[:, 1])
     seeds = np.concatenate([limits.mean(axis=1)[None], seeds])
     closing = closes(model, seeds, None)
     solution = solve_near(model, np.broadcast_to(T, (int(closing.sum()), 4, 4)), seeds[closing], iterations=60)
     if not solution.reached.any():
-        x, y, z = T[:3, 3] * 1e3
-        raise ReachError(
-            f"{model.robot.name} does not reach the tool pose at x {x:.0f}, y {y:.0f}, z {z:.0f} mm with this orientation inside "
-            "its limits; move the workspace, turn the tool, or widen the limits in the robot file"
-        )
-    q = solution.q[solution.reached]
-    q = q[np.argsort(-posture_margin(model, q), kind="stable")]
+        raise _out_of_reach(model, T)
+    q = _best_first(model, solution.q[solution.reached])
     different: list[np.ndarray] = []
     for posture in q:
         if all(np.abs(posture - other).max() > SAME_POSTURE_RAD for other in different):
             different.append(posture)
     return np.stack(different)
+
+
+def _best_first(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n joints"]:
+    """Postures by their margin, and of those that have the same by how near they are to the middle of the limits.
+
+    A wrist and the same wrist turned over are often alike in their margin; what rounding does must not choose between them.
+    """
+    middle = model.robot.limits.mean(axis=1)
+    away = np.abs(q - np.where(np.isfinite(middle), middle, 0.0)).max(axis=1)
+    return q[np.lexsort((np.round(away, ALIKE), -np.round(posture_margin(model, q), ALIKE)))]
+
+
+def _out_of_reach(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> ReachError:
+    x, y, z = T[:3, 3] * 1e3
+    return ReachError(
+        f"{model.robot.name} does not reach the tool pose at x {x:.0f}, y {y:.0f}, z {z:.0f} mm with this orientation inside "
+        "its limits; move the workspace, turn the tool, or widen the limits in the robot file"
+    )
 
 
 def posture_margin(model: ErrorModel, q: np.ndarray) -> np.ndarray:

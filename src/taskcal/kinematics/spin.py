@@ -7,7 +7,7 @@ programming (Viterbi 1967), as redundancy is resolved along paths since Nakamura
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
@@ -31,6 +31,9 @@ COMFORTABLE_MARGIN = 0.1
 
 SMOOTHINGS = 6
 """How often a spin that changes is averaged with its neighbours."""
+
+TIED = 1e-9
+"""Relative difference of costs below which rounding decides."""
 
 
 @short_repr
@@ -118,7 +121,7 @@ def choose_spin(
     layers = [_first(guide)]
     held = _search(guide, layers[0], steps=(0,))
     if len(held) == len(guide.travel) and held[-1].tightest.max() >= COMFORTABLE_MARGIN:
-        best = int(np.argmin(np.where(held[-1].tightest >= COMFORTABLE_MARGIN, held[-1].cost, np.inf)))
+        best = _least(held[-1], held[-1].tightest >= COMFORTABLE_MARGIN)
         layers = held
     else:
         layers = _search(guide, layers[0], steps=(0, -1, 1))
@@ -129,7 +132,7 @@ def choose_spin(
                 f"{model.robot.name} cannot follow the path beyond pose {row} (x {x_:.0f}, y {y:.0f}, z {z:.0f} mm): no rotation "
                 "about the tool's axis keeps inside its limits without a jump; move the part, or tilt the tool"
             )
-        best = int(np.argmin(layers[-1].cost))
+        best = _least(layers[-1], np.ones(len(layers[-1].q), dtype=bool))
     turns, start = _traced_back(layers, best)
     return _followed(guide, carried, travel, turns, start)
 
@@ -264,6 +267,15 @@ def _cheapest(states: _States) -> Int[np.ndarray, " k"]:
     order = np.argsort(states.cost, kind="stable")
     _, first = np.unique(alike[order], axis=0, return_index=True)
     return np.sort(order[first])
+
+
+def _least(states: _States, among: Bool[np.ndarray, " m"]) -> int:
+    """The state that costs least; of mirrored postures, which cost the same but for rounding, always the same one."""
+    cost = np.where(among, states.cost, np.inf)
+    tied = np.flatnonzero(cost <= cost.min() * (1.0 + TIED))
+    q = np.round(states.q[tied], 6)
+    keys = [*q.T[::-1], np.round(np.abs(q).sum(axis=1), 5)]
+    return int(tied[np.lexsort(keys)[0]])
 
 
 def _traced_back(layers: list[_States], best: int) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " joints"]]:
