@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from taskcal.demo.reference import reference_task
+from taskcal.measurement import consensus
 from taskcal.measurement.consensus import find_consensus
 from taskcal.measurement.registration import nominal_poses, register
 from taskcal.measurement.virtual_cell import simulate
@@ -54,6 +55,35 @@ def test_it_does_not_depend_on_the_order_of_the_rows():
     found = find_consensus(model, campaign, nominal_poses(model, campaign))
     turned = find_consensus(model, campaign.take(order), nominal_poses(model, campaign)[order])
     np.testing.assert_array_equal(turned.rows, found.rows[order])
+
+
+def test_of_very_many_rows_a_sample_finds_what_agrees(monkeypatch):
+    """Every tenth row is wrong, so that all rows together settle elsewhere; the end is that of a search among all."""
+    rng = np.random.default_rng(6)
+    model = arm(rng)
+    q = industrial_positions(rng, 400)
+    campaign, truth = measure(rng, model, q, targets=2, lost=0.2, sigma=1e-5)
+    rows = rng.choice(400, 40, replace=False)
+    spoilt = q.copy()
+    spoilt[rows] = industrial_positions(rng, 40)
+    campaign = replace(campaign, q=spoilt)
+    poses = nominal_poses(model, campaign)
+    among_all = find_consensus(model, campaign, poses)
+    monkeypatch.setattr(consensus, "MANY", 300)
+    monkeypatch.setattr(consensus, "SOME", 100)
+    settled: list[int] = []
+    settle = consensus._settle
+
+    def count(model, campaign, *others):
+        settled.append(len(campaign))
+        return settle(model, campaign, *others)
+
+    monkeypatch.setattr(consensus, "_settle", count)
+    found = find_consensus(model, campaign, poses)
+    assert settled.count(400) == 1
+    np.testing.assert_array_equal(found.rows, among_all.rows)
+    np.testing.assert_array_equal(np.flatnonzero(campaign.seen & ~found.rows), np.sort(rows[campaign.seen[rows]]))
+    np.testing.assert_allclose(found.registration.T_tracker_base, truth.T_tracker_base, atol=2e-4)
 
 
 def test_where_rows_agree_the_registration_is_that_of_the_nearer_three_quarters():

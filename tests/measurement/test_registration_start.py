@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from taskcal.measurement.registration_refinement import place
+from taskcal.measurement.registration_moments import Moments
 from taskcal.measurement.registration_start import alternate, closed_form, closed_form_rotations, orientations
 from tests.laws.clouds import cloud
 from tests.laws.robots import generators
@@ -19,9 +19,10 @@ def angle(A, B):
 @given(generators, st.integers(1, 3))
 def test_the_closed_form_alone_is_exact_without_noise(rng, count):
     R, p, y, target, (Z, t, offsets) = cloud(rng, count=count)
-    found = closed_form(R, p, y, target, count)
+    moments = Moments.of(R, p, y, target, count)
+    found = closed_form(moments)
     assert angle(found, Z) < 1e-7
-    placed = place(found, R, p, y, target, count)
+    placed = moments.offsets(found)
     np.testing.assert_allclose(placed[0], t, atol=1e-6)
     np.testing.assert_allclose(placed[1], offsets, atol=1e-6)
 

@@ -71,7 +71,7 @@ def test_a_file_in_millimetres_and_degrees_is_a_station_in_metres_and_radians(tm
         ("axis = [0.0, 0.0, 2.0]", "axis = [0.0, 0.0, 0.0]", r"reflector 1, axis: has no direction; give"),
         ("[200.0, 400.0, 600.0]", "[200.0, -400.0, 600.0]", r"keep_out 1, size_mm 2: must be 1e-06 or more \(got -400"),
         ("[10.0, 0.0, 0.0]", '[10.0, "x", 0.0]', r"reflector 2, position_mm 2: .*got 'x'"),
-        ("reach_m = 25.0", "reach_m = ", r"is no TOML"),
+        ("reach_m = 25.0", "reach_m = ", r"is not TOML"),
     ],
 )
 def test_what_is_wrong_is_named_with_its_place_and_value(tmp_path, old, new, said):

@@ -9,6 +9,8 @@ from taskcal.measurement.reader import ReadOptions as ReadOptions
 from taskcal.measurement.registration import Registration as Registration
 from taskcal.measurement.registration_file import load_registration as load_registration
 from taskcal.measurement.registration_file import save_registration as save_registration
+from taskcal.measurement.standing import Standing as Standing
+from taskcal.measurement.standing import load_standing as load_standing
 from taskcal.measurement.station import Reflector as Reflector
 from taskcal.measurement.virtual_cell import SimulationOptions as SimulationOptions
 from taskcal.measurement.virtual_cell import Truth as Truth

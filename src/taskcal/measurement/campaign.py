@@ -93,6 +93,11 @@ class Campaign:
             raise CampaignError(f"{self.row(row)} has a joint position that is not a number; leave the row out")
 
     @property
+    def kinds(self) -> tuple[type[Observation], ...]:
+        """Of observation of each target; none where a tracker measured all."""
+        return tuple(map(type, self.observations))
+
+    @property
     def _kinds(self) -> str:
         """What was measured, in the plural."""
         if self.observations:

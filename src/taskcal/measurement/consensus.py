@@ -4,6 +4,8 @@ Least trimmed squares (Rousseeuw 1984) with concentration steps (Rousseeuw and V
 leaves the smallest sum of squares on the best three quarters of the rows. What the other rows say is then judged by it.
 """
 
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +16,8 @@ from taskcal.estimation.blas import single_threaded
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.enough_rows import named_file
-from taskcal.measurement.registration import Registration, register_closely, register_observations
+from taskcal.measurement.registration import Registration, register_cloud, register_observations
+from taskcal.measurement.registration_cloud import Cloud
 from taskcal.robot.error_model import ErrorModel
 
 TRUSTED_SHARE = 0.75
@@ -26,14 +29,17 @@ all right with a chance of 0.43, and not once in 24 times with one of 10⁻⁶."
 
 SUBSET_ROWS = 8
 
+MANY, SOME = 3000, 1000
+"""Rows from which on the subsets are drawn of so many of them, as of a large sample (Rousseeuw and Van Driessen 2006)."""
+
 FAR_SIGMAS = 10.0
 """Times the median distance: on measured robots the nominal geometry leaves at most 8.4 times the median."""
 
 TRACKER_NOISE = 1e-4
 """Metres; nearer than that no row is far, however well the others agree."""
 
-MAX_STEPS = 10
-"""Concentration steps; each lowers the trimmed sum."""
+MAX_STEPS, MANY_STEPS = 10, 2
+"""Concentration steps, and those of very many rows from what a sample of them came to; each lowers the trimmed sum."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,9 +49,11 @@ class Consensus:
     rows: Bool[np.ndarray, " n"]
     """Those seen that agree; all of them where more than a quarter would not."""
     registration: Registration
-    """Of the best three quarters of the rows."""
+    """Of the best three quarters of the rows; where a tracker did not measure all, of those that its points leave."""
     distance: Float[np.ndarray, " n"]
     """How far each row is from where the registered nominal robot has it, metres; zero where nothing was seen."""
+    of_all: bool = False
+    """Whether the registration is that of all rows that were seen."""
 
     @property
     def trimmed(self) -> float:
@@ -71,18 +79,41 @@ def find_consensus(
     """
     if campaign.observations:
         return _by_kind(model, campaign, poses)
-    seen = np.flatnonzero(campaign.seen)
-    best = _settle(model, campaign, poses, seen, seen)
+    seen, cloud = np.flatnonzero(campaign.seen), Cloud.of(poses, campaign)
+    best: Consensus | None = None
+    if len(seen) <= MANY:
+        best = _settle(model, campaign, cloud, seen)
     if best is None or not best.rows[seen].all():
-        rng = np.random.default_rng(seed)
-        for _ in range(SUBSETS):
-            start = np.sort(rng.choice(seen, size=min(SUBSET_ROWS, len(seen)), replace=False))
-            trial = _settle(model, campaign, poses, seen, start)
+        for start in _starts(model, campaign, poses, cloud, np.random.default_rng(seed)):
+            trial = _settle(model, campaign, cloud, start)
             if trial is not None and (best is None or trial.trimmed < best.trimmed * (1.0 - 1e-9)):
                 best = trial
     if best is None:
         raise CampaignError(f"{named_file(campaign)}no subset of the rows determines tracker frame and targets")
     return best
+
+
+def _starts(
+    model: ErrorModel, campaign: Campaign, poses: np.ndarray, cloud: Cloud, rng: np.random.Generator
+) -> Iterator[Int[np.ndarray, " k"]]:
+    """Rows from which the search starts: subsets at random; of very many rows, what those of some of them come to."""
+    seen = np.flatnonzero(campaign.seen)
+    if len(seen) > MANY:
+        some = np.sort(rng.choice(seen, size=SOME, replace=False))
+        with suppress(CampaignError):  # some of the rows need not show every target
+            found = find_consensus(model, campaign.take(some), poses[some], int(rng.integers(2**31)))
+            yield _nearest(_distances(found.registration, cloud, len(campaign), model), seen)
+            return
+        yield seen
+    for _ in range(SUBSETS):
+        yield np.sort(rng.choice(seen, size=min(SUBSET_ROWS, len(seen)), replace=False))
+
+
+def _nearest(distance: Float[np.ndarray, " n"], seen: Int[np.ndarray, " s"]) -> Int[np.ndarray, " k"]:
+    """The trusted share of the rows, those that are least far off."""
+    of_seen = distance[seen]
+    count = int(np.ceil(TRUSTED_SHARE * len(seen)))
+    return seen[of_seen <= np.partition(of_seen, count - 1)[count - 1]]
 
 
 def _by_kind(model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 4 4"]) -> Consensus:
@@ -97,44 +128,47 @@ def _by_kind(model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 
     limit = max(FAR_SIGMAS * float(np.median(distance[rows])), TRACKER_NOISE)
     near = np.asarray(rows & (distance <= limit))
     return Consensus(
-        rows=near if near.sum() >= TRUSTED_SHARE * rows.sum() else rows, registration=registration, distance=distance
+        rows=near if near.sum() >= TRUSTED_SHARE * rows.sum() else rows,
+        registration=registration,
+        distance=distance,
+        of_all=bool((rows == campaign.seen).all()),
     )
 
 
-def _settle(
-    model: ErrorModel, campaign: Campaign, poses: np.ndarray, seen: Int[np.ndarray, " s"], rows: Int[np.ndarray, " k"]
-) -> Consensus | None:
+def _settle(model: ErrorModel, campaign: Campaign, cloud: Cloud, rows: Int[np.ndarray, " k"]) -> Consensus | None:
     """Register on some rows, then on those that agree best, until these stay the same; None where that cannot be done."""
-    count = int(np.ceil(TRUSTED_SHARE * len(seen)))
     reached: Consensus | None = None
     Z: np.ndarray | None = None
-    for _ in range(MAX_STEPS):
-        try:
-            registration = register_closely(campaign.take(rows), poses[rows], Z)
-        except CampaignError:
+    seen = campaign.seen
+    for _ in range(MAX_STEPS if len(rows) <= MANY else MANY_STEPS):
+        chosen = np.zeros(len(campaign), dtype=bool)
+        chosen[rows] = True
+        part = cloud.take(chosen[cloud.row])
+        if not part.shows_all:
             return reached
+        registration = register_cloud(part, Z)
         Z = registration.T_tracker_base[:3, :3]
-        distance = _distances(registration, campaign, poses, model.robot.reach)
-        agreed = campaign.seen
+        distance = _distances(registration, cloud, len(campaign), model)
+        agreed = seen
         near = distance <= max(FAR_SIGMAS * float(np.median(distance[seen])), TRACKER_NOISE)
         if near[seen].mean() >= TRUSTED_SHARE:
             agreed = np.asarray(agreed & near)
         reached = Consensus(rows=agreed, registration=registration, distance=distance)
-        following = np.sort(seen[np.argsort(distance[seen], kind="stable")[:count]])
+        following = _nearest(distance, np.flatnonzero(seen))
         if np.array_equal(following, rows):
             break
         rows = following
     return reached
 
 
-def _distances(
-    registration: Registration, campaign: Campaign, poses: Float[np.ndarray, "n 4 4"], lever: float
-) -> Float[np.ndarray, " n"]:
-    """How far the farthest target of every row is off, metres; a measured pose's rotation counts at the end of a lever."""
-    ends = (registration.T_tracker_base @ poses)[:, None] @ registration.T_tool_target
-    square = np.sum((campaign.points - ends[..., :3, 3]) ** 2, axis=2)
-    if campaign.rotations is not None:
-        seen = campaign.valid[:, 0]
-        turned = se3.log(campaign.rotations[seen] @ np.swapaxes(ends[seen, 0, :3, :3], 1, 2))
-        square[seen, 0] += np.sum((lever * turned) ** 2, axis=1)
-    return np.sqrt(np.where(campaign.valid, square, 0.0).max(axis=1))
+def _distances(registration: Registration, cloud: Cloud, rows: int, model: ErrorModel) -> Float[np.ndarray, " n"]:
+    """How far the farthest target of every row is off, metres; a measured pose's rotation counts at the robot's reach."""
+    T, targets = registration.T_tracker_base, registration.T_tool_target
+    residual = cloud.residual(T[:3, :3], T[:3, 3], targets[:, :3, 3])
+    square = np.einsum("ni,ni->n", residual, residual)
+    if cloud.Y is not None:
+        turned = se3.log(cloud.Y @ np.swapaxes(T[:3, :3] @ cloud.R @ targets[0, :3, :3], 1, 2))
+        square += np.sum((model.robot.reach * turned) ** 2, axis=1)
+    farthest = np.zeros((rows, cloud.count))
+    farthest[cloud.row, cloud.target] = square
+    return np.sqrt(farthest.max(axis=1))

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import fdtrc
 
 from taskcal.estimation.local_level import LocalLevel, smooth
 from taskcal.geometry import se3
@@ -117,6 +116,8 @@ def _proof(motion: ReferenceMotion, observed: np.ndarray) -> tuple[float, float]
         variance, freedom = float(0.5 * (steps**2).mean()), 2.0 / 3.0 * steps.size
     else:
         variance, freedom = motion.noise**2, motion.freedom
+    from scipy.special import fdtrc
+
     variance = max(variance, 1e-24)
     return float(np.sqrt(variance)), float(fdtrc(count, max(freedom, 1), moved / count / variance))
 

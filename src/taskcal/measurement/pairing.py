@@ -10,6 +10,7 @@ from taskcal.errors import FileError
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.readings import Readings
 from taskcal.measurement.registration import register
+from taskcal.measurement.registration_moments import Moments
 from taskcal.measurement.registration_start import closed_form
 from taskcal.measurement.target_names import split_names
 from taskcal.measurement.unit_inference import infer_units
@@ -213,7 +214,7 @@ def _misfit(T: Float[np.ndarray, "n 4 4"], points: Float[np.ndarray, "m 3"]) -> 
     if seen.sum() < WINDOW // 2:
         return np.inf
     R, p, y = T[:n][seen, :3, :3], T[:n][seen, :3, 3], points[:n][seen]
-    Z = closed_form(R, p, y, np.zeros(len(y), dtype=int), 1)
+    Z = closed_form(Moments.of(R, p, y, np.zeros(len(y), dtype=int), 1))
     # with the rotation known, the target and the frame's origin are linear: Z R o + t = y − Z p
     A = np.concatenate([Z @ R, np.broadcast_to(np.eye(3), R.shape)], axis=2).reshape(-1, 6)
     b = (y - p @ Z.T).ravel()

@@ -12,6 +12,9 @@ from taskcal.robot.error_model import ErrorModel
 LARGEST_SHARE = 0.1
 """Of the rows, that may be wrong: with more, others than these could be the right ones."""
 
+COMPUTED = 1e-7
+"""Residual of joints that nobody read of a robot, metres: a controller shows thousandths of a degree."""
+
 TARGET_WITHIN = 1.0
 """How far a target may be from the tool point, metres: tools are no longer, and where joints or points are wrong the target is
 the first to be found far away."""
@@ -20,8 +23,13 @@ the first to be found far away."""
 def check_plausible(registration: Registration, model: ErrorModel, campaign: Campaign) -> None:
     """Raise a `CampaignError` if the nominal robot is so far from the measurements that they cannot be its own.
 
-    If all but a few rows fit, the message names these; else it names what is usually wrong.
+    If all but a few rows fit, the message names these; else it names what is usually wrong. Nor can it fit exactly.
     """
+    if registration.rms < COMPUTED and campaign.observations and all(kind.touched for kind in campaign.observations):
+        raise CampaignError(
+            f"{named_file(campaign)}by the nominal robot everything touches to {registration.rms * 1e9:.1g} nm, as no real one "
+            "lets it: these joints were computed, as a plan's are; write down what the controller shows where it touches"
+        )
     reach = model.robot.reach
     if registration.rms <= PLAUSIBLE_SHARE * reach:
         return

@@ -238,9 +238,13 @@ def campaign_of(
     if len(chosen) > MAX_TARGETS:
         raise _header_error(readings, f"names {len(chosen)} targets; Taskcal fits {MAX_TARGETS} at most: choose some")
     if not chosen and not observed:
+        if readings.observed is not None and targets is None:
+            empty = ", ".join(readings.observed.headers.values())
+            raise _header_error(readings, f"{empty}: no row is filled in; write down there what was measured")
         raise _header_error(
             readings,
-            f"names no target; give columns x_mm, y_mm, z_mm, or NAME_x_mm, NAME_y_mm, NAME_z_mm{_other_sheets(readings)}",
+            "names no target; give columns x_mm, y_mm, z_mm, or NAME_x_mm, NAME_y_mm, NAME_z_mm; without a tracker d_mm of a wire, "
+            f"sx_mm, sy_mm, sz_mm of a sensor, socket, plane, or face and edge_mm{_other_sheets(readings)}",
         )
     if readings.rotations is not None and len(chosen) > 1:
         raise _header_error(readings, f"a pose has one target, this file names {', '.join(chosen)}; choose one")

@@ -13,7 +13,9 @@ from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.enough_rows import check_rows, named_file
 from taskcal.measurement.observation import Standalone
-from taskcal.measurement.registration_refinement import place, placing_jacobian, refine, rms_length
+from taskcal.measurement.registration_cloud import Cloud
+from taskcal.measurement.registration_moments import offset_information
+from taskcal.measurement.registration_refinement import refine, rms_length
 from taskcal.measurement.registration_start import (
     alternate,
     closed_form,
@@ -160,16 +162,10 @@ def distances(
     return np.linalg.norm(campaign.points - ends[..., :3, 3], axis=2)
 
 
-def _cloud(T: np.ndarray, campaign: Campaign) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Rotation, position, measured point and target number of every point seen."""
-    row, target = np.nonzero(campaign.valid)
-    return T[row, :3, :3], T[row, :3, 3], campaign.points[row, target], target
-
-
 def _register_points(T: np.ndarray, campaign: Campaign, reach: float) -> Registration:
-    R, p, y, target = _cloud(T, campaign)
-    count = len(campaign.targets)
-    extent = np.linalg.svd(y - y.mean(axis=0), compute_uv=False) / np.sqrt(len(y))
+    cloud = Cloud.of(T, campaign)
+    p, y = cloud.p, cloud.y
+    extent = np.sqrt(np.linalg.eigvalsh(cloud.moments.yy)[::-1].clip(min=0.0) / len(y))
     if extent[1] < 1e-3 * reach:
         nominal = np.linalg.norm(p - p.mean(axis=0), axis=1).max()
         hint = ""
@@ -179,16 +175,19 @@ def _register_points(T: np.ndarray, campaign: Campaign, reach: float) -> Registr
             f"{named_file(campaign)}the measured points lie within {extent[1] * 1e3:.2f} mm of one line, which does not fix the "
             f"tracker frame; measure poses spread over a plane at least{hint}"
         )
-    Z, (t, offsets), rms = _search(R, p, y, target, count, reach)
-    unobservable = _unobservable(Z, R, target, count, rms)
+    return _placed(_search(cloud, reach), np.broadcast_to(np.eye(3), (cloud.count, 3, 3)), cloud)
+
+
+def _placed(Z: Float[np.ndarray, "3 3"], X: Float[np.ndarray, "targets 3 3"], cloud: Cloud) -> Registration:
+    """The registration of a rotation from base to tracker and the rotations of the targets: translation and offsets fit best."""
+    t, offsets = cloud.moments.offsets(Z)
+    rms = rms_length(cloud.residual(Z, t, offsets))
+    unobservable = _unobservable(cloud, rms)
     if unobservable.any():
-        t, offsets, residual = place(Z, R, p, y, target, count, held=unobservable)
-        rms = rms_length(residual)
+        t, offsets = cloud.moments.offsets(Z, held=unobservable)
+        rms = rms_length(cloud.residual(Z, t, offsets))
     return Registration(
-        T_tracker_base=se3.pose(Z, t),
-        T_tool_target=se3.pose(np.broadcast_to(np.eye(3), (count, 3, 3)), offsets),
-        rms=rms,
-        unobservable=unobservable,
+        T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(X, offsets), rms=rms, unobservable=unobservable
     )
 
 
@@ -199,11 +198,13 @@ def place_targets(model: ErrorModel, campaign: Campaign, T_tracker_base: Float[n
         CampaignError: too few rows.
     """
     check_rows(campaign)
-    R, p, y, target = _cloud(model.poses(campaign.q), campaign)
-    local = (np.swapaxes(R, 1, 2) @ (se3.apply(se3.inverse(T_tracker_base), y) - p)[:, :, None])[:, :, 0]
-    count = len(campaign.targets)
-    offsets = np.stack([local[target == t].mean(axis=0) for t in range(count)])
-    residual = (R @ (local - offsets[target])[:, :, None])[:, :, 0]
+    cloud = Cloud.of(model.poses(campaign.q), campaign)
+    count = cloud.count
+    local = (np.swapaxes(cloud.R, 1, 2) @ (se3.apply(se3.inverse(T_tracker_base), cloud.y) - cloud.p)[:, :, None])[
+        :, :, 0
+    ]
+    offsets = np.stack([local[cloud.target == t].mean(axis=0) for t in range(count)])
+    residual = (cloud.R @ (local - offsets[cloud.target])[:, :, None])[:, :, 0]
     return Registration(
         T_tracker_base=T_tracker_base,
         T_tool_target=se3.pose(np.broadcast_to(np.eye(3), (count, 3, 3)), offsets),
@@ -225,55 +226,45 @@ def register_closely(
     Raises:
         CampaignError: a target that these rows do not show.
     """
-    count = len(campaign.targets)
-    R, p, y, target = _cloud(T, campaign)
-    if len(np.unique(target)) < count:
+    cloud = Cloud.of(T, campaign)
+    if not cloud.shows_all:
         raise CampaignError(f"{named_file(campaign)}a target is not seen in any of these rows")
-    if campaign.rotations is None:
-        Z = refine(closed_form(R, p, y, target, count) if start is None else start, R, p, y, target, count)[0]
-        X = np.broadcast_to(np.eye(3), (count, 3, 3))
+    return register_cloud(cloud, start)
+
+
+def register_cloud(cloud: Cloud, start: Float[np.ndarray, "3 3"] | None = None) -> Registration:
+    """As `register_closely`, of points that show every target."""
+    if cloud.Y is None:
+        Z = refine(closed_form(cloud.moments) if start is None else start, cloud.moments)[0]
+        X = np.broadcast_to(np.eye(3), (cloud.count, 3, 3))
     else:
-        Y = campaign.rotations[campaign.valid[:, 0]]
-        Z, X = _rotations_at_once(R, p, y, Y) if start is None else alternate(start, R, Y, rounds=3)
+        Z, X = _rotations_at_once(cloud, cloud.Y) if start is None else alternate(start, cloud.R, cloud.Y, rounds=3)
         X = X[None]
-    t, offsets, residual = place(Z, R, p, y, target, count)
-    unobservable = _unobservable(Z, R, target, count, rms_length(residual))
-    if unobservable.any():
-        t, offsets, residual = place(Z, R, p, y, target, count, held=unobservable)
-    return Registration(
-        T_tracker_base=se3.pose(Z, t),
-        T_tool_target=se3.pose(X, offsets),
-        rms=rms_length(residual),
-        unobservable=unobservable,
-    )
+    return _placed(Z, X, cloud)
 
 
-def _search(
-    R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray, count: int, reach: float
-) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], float]:
+def _search(cloud: Cloud, reach: float) -> Float[np.ndarray, "3 3"]:
     """From the closed form, and from many orientations if that ends where no robot would be."""
-    best = refine(closed_form(R, p, y, target, count), R, p, y, target, count)
-    if best[2] > PLAUSIBLE_SHARE * reach:
+    moments = cloud.moments
+    best = refine(closed_form(moments), moments)
+    if best[1] > PLAUSIBLE_SHARE * reach:
         for Z in orientations():
-            candidate = refine(Z, R, p, y, target, count)
-            if candidate[2] < best[2] * (1.0 - 1e-9):
+            candidate = refine(Z, moments)
+            if candidate[1] < best[1] * (1.0 - 1e-9):
                 best = candidate
-    return best
+    return best[0]
 
 
-def _unobservable(Z: np.ndarray, R: np.ndarray, target: np.ndarray, count: int, rms: float) -> np.ndarray:
+def _unobservable(cloud: Cloud, rms: float) -> Float[np.ndarray, "offsets offsets"]:
     """Projector onto the directions of the offsets that are not determined beside the translation.
 
     A residual under a millimetre is taken for one: a robot that happens to be exact has not more orientations for it. What only
     a few points say that are turned away from all others nothing confirms: a wrong joint value would say the same.
     """
-    confirmed = _confirmed(R)
-    if len(np.unique(target[confirmed])) == count:
-        R, target = R[confirmed], target[confirmed]
-    A = placing_jacobian(Z, R, target, count).reshape(3 * len(R), -1)
-    H = A.T @ A
-    # information of the offsets alone, the translation eliminated
-    values, vectors = np.linalg.eigh(H[3:, 3:] - H[3:, :3] @ np.linalg.solve(H[:3, :3], H[:3, 3:]))
+    confirmed = cloud.take(_confirmed(cloud.R))
+    if not confirmed.shows_all:
+        confirmed = cloud
+    values, vectors = np.linalg.eigh(offset_information(confirmed.R, confirmed.target, cloud.count)[1])
     weak = vectors[:, values < (max(rms, 1e-3) / LOCATED_WITHIN) ** 2]
     return weak @ weak.T
 
@@ -287,39 +278,30 @@ def _confirmed(R: Float[np.ndarray, "n 3 3"]) -> Bool[np.ndarray, " n"]:
 
 
 def _register_poses(T: np.ndarray, campaign: Campaign, reach: float) -> Registration:
-    assert campaign.rotations is not None
-    seen = campaign.valid[:, 0]
-    R, p, y, Y = T[seen, :3, :3], T[seen, :3, 3], campaign.points[seen, 0], campaign.rotations[seen]
-    target = np.zeros(len(y), dtype=int)
-    by_points = _search(R, p, y, target, 1, reach)[0]
+    cloud = Cloud.of(T, campaign)
+    assert cloud.Y is not None
+    R, Y = cloud.R, cloud.Y
+    by_points = _search(cloud, reach)
 
     def cost(ZX: tuple[np.ndarray, np.ndarray]) -> float:
-        return reach**2 * _rotation_cost(ZX, R, Y) + float((place(ZX[0], R, p, y, target, 1)[2] ** 2).sum())
+        return reach**2 * _rotation_cost(ZX, R, Y) + cloud.moments.squares(ZX[0])
 
     starts = [closed_form_rotations(R, Y), alternate(by_points, R, Y), (by_points, target_rotation(by_points, R, Y))]
     best = min(starts, key=cost)
-    if cost(best) > len(y) * (PLAUSIBLE_SHARE * reach) ** 2:
+    if cost(best) > len(R) * (PLAUSIBLE_SHARE * reach) ** 2:
         best = min([best, *(alternate(Z, R, Y) for Z in orientations())], key=cost)
     Z, X = best
-    t, offsets, residual = place(Z, R, p, y, target, 1)
-    rms = rms_length(residual)
-    unobservable = _unobservable(Z, R, target, 1, rms)
-    if unobservable.any():
-        t, offsets, residual = place(Z, R, p, y, target, 1, held=unobservable)
-        rms = rms_length(residual)
-    return Registration(
-        T_tracker_base=se3.pose(Z, t), T_tool_target=se3.pose(X[None], offsets), rms=rms, unobservable=unobservable
-    )
+    return _placed(Z, X[None], cloud)
 
 
-def _rotations_at_once(R: np.ndarray, p: np.ndarray, y: np.ndarray, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _rotations_at_once(cloud: Cloud, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rotations of tracker and target in closed form: from the orientations, or from the points where those hardly change."""
-    target = np.zeros(len(y), dtype=int)
-    by_points = closed_form(R, p, y, target, 1)
+    R, y = cloud.R, cloud.y
+    by_points = closed_form(cloud.moments)
     extent = float(np.linalg.norm(y - y.mean(axis=0), axis=1).mean())
 
     def cost(ZX: tuple[np.ndarray, np.ndarray]) -> float:
-        return extent**2 * _rotation_cost(ZX, R, Y) + float((place(ZX[0], R, p, y, target, 1)[2] ** 2).sum())
+        return extent**2 * _rotation_cost(ZX, R, Y) + cloud.moments.squares(ZX[0])
 
     return min(closed_form_rotations(R, Y), (by_points, target_rotation(by_points, R, Y)), key=cost)
 

@@ -133,7 +133,7 @@ def load_registration(path: str | Path, model: ErrorModel, campaign: Campaign) -
         content = RegistrationFile.model_validate(data)
         registration = content.registration.registration(len(content.targets))
     except ValidationError as error:
-        raise FileError(path, f"{explain(error)}; it may have been edited: register again") from error
+        raise FileError(path, f"{explain(error, RegistrationFile)}; it may have been edited: register again") from error
     except TaskcalError as error:
         raise FileError(path, f"is inconsistent: {error}; it may have been edited: register again") from error
     _check_belongs(path, content, model, campaign)

@@ -1,96 +1,62 @@
-"""The tracker frame and the targets that fit measured points best, from a starting rotation: damped Gauss–Newton."""
+"""The rotation from base to tracker that fits measured points best, from a starting one: damped Gauss–Newton."""
 
 import numpy as np
+from jaxtyping import Float
 
-from taskcal.geometry import se3
-
-OFFSET_PULL = 1e-9
-"""Weight of a target's offset from the tool point against one measured point."""
+from taskcal.measurement.registration_moments import Moments
 
 MAX_STEPS = 40
 """Of the refinement."""
 
+LEAST_DAMPING = 1e-6
+"""Holds what the points do not tell, and slows down what they do by a millionth."""
 
-def refine(
-    Z: np.ndarray, R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray, count: int
-) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], float]:
-    """Damped Gauss–Newton on rotation, translation and offsets together; the best point met.
+
+def refine(Z: Float[np.ndarray, "3 3"], moments: Moments) -> tuple[Float[np.ndarray, "3 3"], float]:
+    """Damped Gauss–Newton on the rotation, translation and offsets being the best for it; the best point met.
 
     Args:
         Z: rotation from base to tracker to start from.
-        R: rotation of the tool at every point (n, 3, 3).
-        p: position of the tool there (n, 3), metres.
-        y: measured points (n, 3), metres.
-        target: number of each point's target (n,).
-        count: of targets.
+        moments: of the points.
 
     Returns:
-        rotation; translation and offsets (targets, 3), metres; root mean square of the residual in space, metres.
+        rotation; root mean square of the residual in space, metres.
     """
-    n = len(y)
-    t, offsets, residual = place(Z, R, p, y, target, count)
-    damping = 1e-6
+    squares, M = moments.quadratic, Z.T
+    damping = LEAST_DAMPING
     for _ in range(MAX_STEPS):
-        arm = (p + (R @ offsets[target][:, :, None])[:, :, 0]) @ Z.T
-        A = np.zeros((n, 3, 6 + 3 * count))
-        A[:, 0, 1], A[:, 0, 2] = arm[:, 2], -arm[:, 1]
-        A[:, 1, 0], A[:, 1, 2] = -arm[:, 2], arm[:, 0]
-        A[:, 2, 0], A[:, 2, 1] = arm[:, 1], -arm[:, 0]
-        A[:, :, 3:6] = np.eye(3)
-        for k in range(count):
-            A[target == k, :, 6 + 3 * k : 9 + 3 * k] = Z @ R[target == k]
-        A = A.reshape(3 * n, -1)
-        H, g = A.T @ A, A.T @ residual.reshape(-1)
-        step = np.linalg.lstsq(H + damping * np.diag(np.diag(H)), g, rcond=1e-12)[0]
-        turned = se3.exp(step[:3]) @ Z
-        trial = place(turned, R, p, y, target, count)
-        if (trial[2] ** 2).sum() > (residual**2).sum():
+        K = _by_turn(M)
+        H, g = K.T @ squares.Q @ K, K.T @ (squares.q - squares.Q @ M.reshape(-1))
+        step = np.linalg.solve(H * (1.0 + damping * np.eye(3)), g)
+        turned = _turn(step) @ M
+        fall = squares.fall(M.reshape(-1), turned.reshape(-1))
+        if fall < 0.0:
             damping = max(damping * 10.0, 1e-3)
             if damping > 1e3:
                 break
             continue
-        gain = 1.0 - (trial[2] ** 2).sum() / max((residual**2).sum(), 1e-300)
-        Z, (t, offsets, residual), damping = turned, trial, damping / 10.0
-        if np.linalg.norm(step[:3]) < 1e-9 or gain < 1e-12:
+        M, damping = turned, max(damping / 10.0, LEAST_DAMPING)
+        if step @ step < 1e-18 or fall < 1e-12 * squares(M.reshape(-1)):
             break
-    return Z, (t, offsets), rms_length(residual)
+    return M.T, float(np.sqrt(moments.squares(M.T) / moments.n))
 
 
-def place(
-    Z: np.ndarray,
-    R: np.ndarray,
-    p: np.ndarray,
-    y: np.ndarray,
-    target: np.ndarray,
-    count: int,
-    held: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Translation and target offsets for a rotation Z, and the residuals: y = Z·(p + R·o) + t is linear in both.
-
-    Along the directions of the projector `held` the offsets stay zero.
-    """
-    A = placing_jacobian(Z, R, target, count)
-    b = y - p @ Z.T
-    flat = A.reshape(3 * len(y), -1)
-    H = flat.T @ flat
-    # in one orientation only the sum of translation and offset is seen: a slight pull leaves the target at the tool point
-    H[range(3, len(H)), range(3, len(H))] += OFFSET_PULL
-    if held is not None:
-        H[3:, 3:] += 1e12 * held
-    solution = np.linalg.solve(H, flat.T @ b.reshape(-1))
-    residual = b - (A @ solution)
-    return solution[:3], solution[3:].reshape(count, 3), residual
+def _turn(w: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
+    """A rotation about w by its length to second order (Cayley's), in a few operations: the step is none that has to be exact."""
+    x, y, z = 0.5 * w
+    A = np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
+    return np.linalg.solve(A.T, A)
 
 
-def placing_jacobian(Z: np.ndarray, R: np.ndarray, target: np.ndarray, count: int) -> np.ndarray:
-    """Derivative of the points with respect to translation and offsets."""
-    A = np.zeros((len(R), 3, 3 + 3 * count))
-    A[:, :, :3] = np.eye(3)
-    for t in range(count):
-        A[target == t, :, 3 + 3 * t : 6 + 3 * t] = Z @ R[target == t]
-    return A
+def _by_turn(M: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "9 3"]:
+    """Derivative of exp(w)·M by w about zero."""
+    K = np.zeros((3, 3, 3))
+    K[1, :, 0], K[2, :, 0] = -M[2], M[1]
+    K[2, :, 1], K[0, :, 1] = -M[0], M[2]
+    K[0, :, 2], K[1, :, 2] = -M[1], M[0]
+    return K.reshape(9, 3)
 
 
-def rms_length(residual: np.ndarray) -> float:
+def rms_length(residual: Float[np.ndarray, "n 3"]) -> float:
     """Root mean square length of vectors (n, 3)."""
-    return float(np.sqrt((residual**2).sum(axis=1).mean()))
+    return float(np.sqrt(np.einsum("ni,ni->", residual, residual) / len(residual)))

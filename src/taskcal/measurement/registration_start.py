@@ -3,32 +3,24 @@
 import itertools
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from jaxtyping import Float
 
 from taskcal.geometry import se3
+from taskcal.measurement.registration_moments import Moments
+
+NEARLY_NOTHING = 1e-12
+"""Of the largest: an eigenvalue of the sum of squares below this says nothing (flat clouds), and its direction stays at zero."""
 
 
-def closed_form(R: np.ndarray, p: np.ndarray, y: np.ndarray, target: np.ndarray, count: int) -> np.ndarray:
+def closed_form(moments: Moments) -> Float[np.ndarray, "3 3"]:
     """Rotation from base to tracker that fits y = Z·(p + R·o) + t, by a matrix M = Zᵀ of which nothing is asked.
 
     Args:
-        R: rotation of the tool at every point (n, 3, 3).
-        p: position of the tool there (n, 3), metres.
-        y: measured points (n, 3), metres.
-        target: number of each point's target (n,).
-        count: of targets.
+        moments: of the points.
     """
-    n = len(y)
-    A = np.zeros((n, 3, 9 + 3 + 3 * count))
-    centred = y - y.mean(axis=0)
-    for i in range(3):
-        A[:, i, 3 * i : 3 * i + 3] = centred
-        A[:, i, 9 + i] = 1.0
-    for t in range(count):
-        A[target == t, :, 12 + 3 * t : 15 + 3 * t] = -R[target == t]
-    # columns that hardly matter (flat clouds, one orientation) are left at zero rather than blown up
-    solution = np.linalg.lstsq(A.reshape(3 * n, -1), p.reshape(-1), rcond=1e-6)[0]
-    return se3.nearest_rotation(solution[:9].reshape(3, 3)).T
+    squares = moments.quadratic
+    M = np.linalg.pinv(squares.Q, rcond=NEARLY_NOTHING, hermitian=True) @ squares.q
+    return se3.nearest_rotation(M.reshape(3, 3)).T
 
 
 def closed_form_rotations(R: np.ndarray, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -64,6 +56,7 @@ def target_rotation(Z: np.ndarray, R: np.ndarray, Y: np.ndarray) -> np.ndarray:
 
 def orientations() -> list[np.ndarray]:
     """The 24 rotations of a cube, and the same turned by 45° about a skew axis."""
-    proper = list(Rotation.create_group("O").as_matrix().round())
+    signed = itertools.product(itertools.permutations(np.eye(3)), itertools.product((1.0, -1.0), repeat=3))
+    proper = [R for axes, signs in signed if np.linalg.det(R := np.array(axes) * np.array(signs)) > 0.0]
     skew = se3.exp(np.array([0.5, 0.4, 0.45]))
     return proper + [skew @ R for R in proper]

@@ -4,9 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
 
 from taskcal.errors import CampaignError
 from taskcal.measurement.campaign import Campaign
@@ -80,6 +77,10 @@ def group_postures(q: Float[np.ndarray, "n joints"], same: float) -> Int[np.ndar
         q: joint positions, radians (metres where a joint slides).
         same: in the same units.
     """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import KDTree
+
     pairs = KDTree(q).query_pairs(same, p=np.inf, output_type="ndarray")
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(q), len(q)))
     return connected_components(graph, directed=False)[1]

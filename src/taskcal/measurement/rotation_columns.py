@@ -6,8 +6,8 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.spatial.transform import Rotation
 
+from taskcal.geometry import se3
 from taskcal.measurement.column_meaning import Meaning
 from taskcal.measurement.units import ANGLES
 from taskcal.tabular.column_groups import UNIT_LENGTH
@@ -20,8 +20,8 @@ AngleForm = Literal[
 """What three angles mean: KUKA's A B C (moving z y x, degrees), FANUC's W P R (fixed x y z, degrees), roll, pitch and yaw (fixed
 x y z), three angles about fixed or moving x y z, a rotation vector as Universal Robots writes it; or nothing is read of them."""
 
-_SEQUENCE = {"abc": "ZYX", "wpr": "xyz", "rpy": "xyz", "fixed-xyz": "xyz", "moving-xyz": "XYZ"}
-"""SciPy's letters: capitals turn about moving axes."""
+_MOVING = {"abc": "zyx", "moving-xyz": "xyz"}
+"""About which moving axes the angles turn; all others are about fixed x, y, z."""
 
 _CANDIDATES: dict[str, tuple[str, ...]] = {
     "wpr": ("wpr", "moving-xyz"),
@@ -105,7 +105,7 @@ def _of_quaternions(table: Table, at: dict[int, int], needed: np.ndarray) -> np.
         message = f"the quaternion has length {lengths[row]:.4f}; it must be 1 (is qw last?)"
         raise table.error(message, int(row), header[at[0]])
     cells[~needed] = (0.0, 0.0, 0.0, 1.0)
-    return Rotation.from_quat(cells).as_matrix()
+    return se3.from_quaternion(cells)
 
 
 def _of_matrices(table: Table, at: dict[int, int], needed: np.ndarray) -> np.ndarray:
@@ -127,7 +127,7 @@ def _of_matrices(table: Table, at: dict[int, int], needed: np.ndarray) -> np.nda
     for row in np.flatnonzero((off > _NOT_ORTHOGONAL) | (np.linalg.det(R) < 0.0)):
         turned = "mirrors; is an axis or a sign swapped?" if np.linalg.det(R[row]) < 0 else "is not a rotation"
         raise table.error(f"the matrix {turned}", int(row), names[0])
-    return Rotation.from_matrix(R).as_matrix()
+    return se3.nearest_rotation(R)
 
 
 def _of_angles(
@@ -167,8 +167,10 @@ def _of_angles(
 def _turned(cells: Float[np.ndarray, "rows 3"], what: str, unit: str) -> Float[np.ndarray, "rows 3 3"]:
     angles = cells * ANGLES[unit]
     if what == "rotation-vector":
-        return Rotation.from_rotvec(angles).as_matrix()
-    return Rotation.from_euler(_SEQUENCE[what], angles).as_matrix()
+        return se3.exp(angles)
+    if what in _MOVING:
+        return se3.turns(_MOVING[what], angles)
+    return se3.turns("zyx", angles[:, ::-1])
 
 
 def _stated(first: Meaning, form: AngleForm | None) -> tuple[str, str]:

@@ -1,7 +1,8 @@
-"""Writing joints and campaigns as CSV."""
+"""Writing joints and campaigns as CSV or Parquet."""
 
 import csv
 import io
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +13,23 @@ from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.readings import Readings
 from taskcal.robot.robot import Robot
+from taskcal.tabular.parquet import parquet_of
 
 
 def write_campaign(path: str | Path, campaign: Campaign, robot: Robot) -> None:
     """Write a campaign that `read_campaign` reads back: millimetres and degrees, lost beams empty.
 
+    Args:
+        path: of the file; as Parquet where it ends in ``.parquet``, as CSV otherwise.
+        campaign: the measurements.
+        robot: whose joints they are.
+
     Raises:
         FileError: the folder is missing or not writable.
+        TaskcalError: it is to be Parquet, and pyarrow is not installed.
     """
-    write_whole(path, campaign_text(campaign, robot))
+    text = campaign_text(campaign, robot)
+    write_whole(path, as_parquet(text) if Path(path).suffix.lower() == ".parquet" else text)
 
 
 def campaign_text(campaign: Campaign, robot: Robot) -> str:
@@ -62,6 +71,16 @@ def campaign_text(campaign: Campaign, robot: Robot) -> str:
     return _table(["id", *header], [list(campaign.ids), *columns])
 
 
+def as_parquet(text: str) -> bytes:
+    """The table of `campaign_text` or `readings_text` as a Parquet file, with the same columns, in groups of rows.
+
+    Raises:
+        TaskcalError: pyarrow is not installed.
+    """
+    header, *rows = csv.reader(io.StringIO(text))
+    return parquet_of(header, rows)
+
+
 def readings_text(readings: Readings, robot: Robot) -> str:
     """What was read of a file that holds joints only, or points only, as plain CSV: millimetres and degrees, lost beams empty.
 
@@ -101,10 +120,11 @@ def write_joints(path: str | Path, q: Float[np.ndarray, "n joints"], robot: Robo
     write_whole(path, joints_text(q, robot))
 
 
-def joints_text(q: Float[np.ndarray, "n joints"], robot: Robot) -> str:
-    """What `write_joints` writes."""
+def joints_text(q: Float[np.ndarray, "n joints"], robot: Robot, more: Mapping[str, Sequence[str]] | None = None) -> str:
+    """What `write_joints` writes, with more columns behind the joints."""
     header, columns = _joint_columns(q, robot)
-    return _table(["id", *header], [[str(i) for i in range(len(q))], *columns])
+    own = more or {}
+    return _table(["id", *header, *own], [[str(i) for i in range(len(q))], *columns, *map(list, own.values())])
 
 
 def _joint_columns(q: np.ndarray, robot: Robot, kind: str = "") -> tuple[list[str], list[list[str]]]:

@@ -83,3 +83,10 @@ def test_a_column_place_alone_means_nothing(tmp_path):
     campaign = read_campaign(written(tmp_path, "place,x_mm,y_mm,z_mm", "hall 3,1,2,3"), ROBOT)
     assert not campaign.observations
     assert any("place" in note for note in campaign.notes)
+
+
+@pytest.mark.parametrize("header", ["d_mm,anchor", "sx_mm,sy_mm,sz_mm,landmark", "place,socket"])
+def test_a_plan_that_nobody_filled_in_is_refused(tmp_path, header):
+    empty = "," * header.count(",")
+    with pytest.raises(FileError, match=f"{header.replace(',', ', ')}: no row is filled in"):
+        read_campaign(written(tmp_path, header, empty, empty), ROBOT)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taskcal.errors import CampaignError, FileError
+from taskcal.errors import CampaignError, FileError, UnitError
 from taskcal.geometry import se3
 from taskcal.measurement.observation import Lengths, Measured
 from taskcal.measurement.reader import read_campaign
@@ -46,6 +46,18 @@ def test_tip_anchors_and_offsets_are_found_without_a_guess(seed):
     np.testing.assert_allclose(placed.T_tool_target[:3, 3], t, atol=1e-6)
     np.testing.assert_allclose(placed.unknown.reshape(-1, 4), own, atol=1e-6)
     assert not placed.unobservable.any()
+
+
+@given(seeds, st.sampled_from([(1e-3, "metres where millimetres are"), (1e3, "millimetres where metres are")]))
+@settings(max_examples=8)
+def test_lengths_in_another_unit_are_refused_whatever_single_rows_say(seed, unit):
+    factor, said = unit
+    tool, measured, kind, _, _ = pulled(seed)
+    kind.place(tool, measured)
+    measured.points[:, 0] *= factor
+    measured.points[7, 0] /= factor
+    with pytest.raises(UnitError, match=f"they seem to be in {said} stated; write them in millimetres under d_mm"):
+        kind.place(tool, measured)
 
 
 @given(seeds)

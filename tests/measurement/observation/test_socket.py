@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.measurement.observation import Measured, Sockets
-from taskcal.measurement.observation.socket import SocketDistance
+from taskcal.measurement.observation.socket_distance import SocketDistance
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -77,6 +77,36 @@ def test_stated_distances_move_as_their_derivative_says(seed):
     np.testing.assert_allclose(at.by_unknown, moved, atol=1e-6)
     np.testing.assert_allclose(at.residual[0], 0.3 - np.linalg.norm(s[0] - s[1]))
     assert [one.found - one.stated for one in kind.compare(x)] == pytest.approx(list(-at.residual))
+
+
+@given(seeds)
+@settings(max_examples=10)
+def test_a_distance_that_was_stated_once_errs_alike_wherever_its_block_stands(seed):
+    """Sockets as far apart as stated, plus one error at all places, say as much as one distance does, not as three."""
+    rng, u = np.random.default_rng(seed), 3e-5
+    names, centres = tuple(f"{p}/{s}" for p in "123" for s in "ab"), rng.normal(size=(6, 3))
+    off = centres[1::2] - centres[::2]
+    lengths = np.linalg.norm(off, axis=1)
+    centres[1::2] = centres[::2] + off * (0.1 / lengths)[:, None]
+
+    def stated(statement: str) -> Sockets:
+        return Sockets(
+            sockets=names,
+            distances=tuple(
+                SocketDistance(a=f"{p}/a", b=f"{p}/b", distance=0.1 + u, uncertainty=u, statement=statement)
+                for p in "123"
+            ),
+        )
+
+    def square(kind: Sockets) -> float:
+        at = kind.stated(centres.reshape(-1))
+        return float(np.sum((at.residual / at.uncertainty) ** 2))
+
+    assert square(stated("")) == pytest.approx(3.0, rel=1e-6)
+    assert square(stated("a,b")) == pytest.approx(1.0, rel=1e-2)
+    # while one place that differs from the others tells against a block that moved
+    centres[1] = centres[0] + off[0] * ((0.1 + u) / lengths[0])
+    assert square(stated("a,b")) > 100.0
 
 
 def test_some_rows_keep_only_the_sockets_and_distances_that_they_name():

@@ -7,7 +7,8 @@ import pytest
 from taskcal.errors import FileError
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.observation import Sockets
-from taskcal.measurement.observation.socket_distances import STATED, with_distances
+from taskcal.measurement.observation.socket_distance import CALLIPER
+from taskcal.measurement.observation.socket_distances import with_distances
 
 
 def campaign(*names):
@@ -40,7 +41,7 @@ def test_one_block_s_sockets_are_named_with_their_place(tmp_path):
     file.write_text("socket_a,socket_b,distance_mm,u_mm\nleft/0,left/1,50.1,\nleft/1,right/0,812.5,0.3\n")
     (kind,) = with_distances(BLOCKS, file).observations
     assert [(d.a, d.b) for d in kind.distances] == [("left/0", "left/1"), ("left/1", "right/0")]
-    assert [d.uncertainty for d in kind.distances] == [STATED, pytest.approx(3e-4)]
+    assert [d.uncertainty for d in kind.distances] == [CALLIPER, pytest.approx(3e-4)]
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from taskcal.geometry import se3
 from taskcal.measurement.observation.columns import ObservedColumns
 from taskcal.measurement.observation.landmark import Landmarks
-from taskcal.measurement.observation.observation import Differential, Measured, Placed, Read
+from taskcal.measurement.observation.observation import Differential, Measured, Placed, Read, Scene
 from taskcal.measurement.observation.pose import turn_by_rotation
 from taskcal.measurement.tracker import TrackerNoise
 
@@ -34,6 +34,7 @@ class Boards(Landmarks):
         {**Landmarks.columns, **{name: (name, f"sensor {name[1:]}") for name in QUATERNION}}
     )
     width: ClassVar[int] = 6
+    instrument: ClassVar[str] = "board"
 
     @property
     def unknowns(self) -> tuple[str, ...]:
@@ -98,6 +99,15 @@ class Boards(Landmarks):
         out[:, :3, :3] = super().covariance(measured, uncertainty, tracker)
         out[:, 3:, 3:] = TURN_RESOLUTION**2 * np.eye(3)
         return out
+
+    @classmethod
+    def stage(cls, tool: Float[np.ndarray, "n 4 4"], places: int | None, rng: np.random.Generator) -> Scene:
+        """As a landmark, the board turned towards the sensor, but for some 20°."""
+        scene = super().stage(tool, places, rng)
+        landmarks = scene.unknown.reshape(-1, 3)
+        facing = se3.nearest_rotation(tool[:, :3, :3].mean(axis=0))
+        turned = se3.log(se3.exp(0.2 * rng.normal(size=landmarks.shape)) @ facing)
+        return scene._replace(unknown=np.concatenate([landmarks, turned], axis=1).reshape(-1))
 
     @classmethod
     def read(cls, columns: ObservedColumns) -> Read | None:

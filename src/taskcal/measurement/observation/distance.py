@@ -1,28 +1,28 @@
 """A length from the tool to an anchor that stands: a draw wire, a telescoping ball bar, a laser's range."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.optimize import least_squares
 
-from taskcal.errors import CampaignError
+from taskcal.errors import CampaignError, UnitError
 from taskcal.geometry import se3
 from taskcal.measurement.observation.columns import ObservedColumns
 from taskcal.measurement.observation.observation import (
     Differential,
     Measured,
-    Observation,
     Placed,
     Read,
+    Scene,
     Standalone,
     refer,
 )
 from taskcal.measurement.observation.unlocated import unlocated
 from taskcal.measurement.tracker import TrackerNoise
+from taskcal.robot.parameter import ShownUnit
 
 RESOLUTION = 1e-4
 """How well a length is measured where the campaign does not say, metres."""
@@ -36,8 +36,20 @@ FEWEST = 12
 TIPS = 0.15 * np.array([[0, 0, 0], [0, 0, 1], [0, 0, -1], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]], dtype=float)
 """Where the wire may be tied to the tool, to start a search from, metres from the tool point."""
 
+ANOTHER_UNIT = 0.01
+"""Share of the robot's movement, below which the lengths must be in metres; beyond its inverse, in a smaller unit."""
+
 MOST_STEPS = 80
 """Of a search from one start."""
+
+DRAWN = (1.0, 1.3)
+"""Shortest and longest distance of a virtual anchor from the middle of what is measured, metres: wires of 2 m reach it."""
+
+ELEVATIONS = np.radians([-25.0, 15.0, 45.0])
+"""Of virtual anchors, one after another: wires at other heights tell anchors from their mirror images."""
+
+LONGEST_OFFSET = 0.05
+"""Of virtual wires, metres."""
 
 MIRRORED = 1.5
 """Sums of squares that differ by less than this factor cannot tell an anchor from its mirror image."""
@@ -50,6 +62,7 @@ class Lengths(Standalone):
     key: ClassVar[str] = "distance"
     needed: ClassVar[tuple[str, ...]] = ("d",)
     label: ClassVar[str] = "anchor"
+    instrument: ClassVar[str] = "wire"
     columns: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         {
             "d": ("d", "wire", "wire length", "seil", "seillänge"),
@@ -57,6 +70,8 @@ class Lengths(Standalone):
         }
     )
     width: ClassVar[int] = 1
+    units: ClassVar[Mapping[str, ShownUnit]] = MappingProxyType({"scale": ShownUnit("ppm", 1e6)})
+    things: ClassVar[str] = "anchors"
     anchors: tuple[str, ...]
     """Names."""
     scaled: bool = False
@@ -72,12 +87,6 @@ class Lengths(Standalone):
     def tells_scale(self) -> bool:
         """Unless its own scale is unknown."""
         return not self.scaled
-
-    @property
-    def numbers(self) -> Int[np.ndarray, " n"]:
-        """Anchor of each row, any for rows without one."""
-        assert self.of is not None
-        return np.maximum(self.of, 0)
 
     def differentiate(
         self, target: Float[np.ndarray, "n 4 4"], unknown: Float[np.ndarray, " u"], measured: Measured
@@ -104,6 +113,7 @@ class Lengths(Standalone):
 
         Raises:
             CampaignError: too few lengths, or an anchor that could as well be at its mirror image.
+            UnitError: lengths that must be in another unit.
         """
         seen = measured.valid
         R, p, d, k = tool[seen, :3, :3], tool[seen, :3, 3], measured.points[seen, 0], self.numbers[seen]
@@ -112,6 +122,7 @@ class Lengths(Standalone):
                 raise CampaignError(
                     f"{int((k == number).sum())} lengths to anchor '{name}' do not tell where it is; measure {FEWEST} or more"
                 )
+        self._check_unit(p, d, k)
         case = _Case(R, p, d, k, len(self.anchors))
         best = case.refine(case.lifted())
         for t in TIPS:
@@ -127,6 +138,24 @@ class Lengths(Standalone):
         off[seen] = np.abs(case.residual(best.x))
         unknown = np.concatenate([best.x[3:], np.zeros(int(self.scaled))])
         return Placed(se3.pose(np.eye(3), best.x[:3]), unknown, off, hidden)
+
+    def _check_unit(self, p: Float[np.ndarray, "n 3"], d: Float[np.ndarray, " n"], k: Int[np.ndarray, " n"]) -> None:
+        """See that lengths differ about as much as the robot has moved.
+
+        Raises:
+            UnitError: they do so a thousand times less, or more.
+        """
+        there = [k == number for number in np.unique(k)]
+        # of the middle half, since single rows may be wrong
+        changed = max(float(_middle_half(d[own])) for own in there)
+        moved = max(float(np.linalg.norm(_middle_half(p[own]))) for own in there)
+        if 0.0 < changed < ANOTHER_UNIT * moved or changed * ANOTHER_UNIT > moved > 0.0:
+            units = "metres where millimetres are" if changed < moved else "millimetres where metres are"
+            raise UnitError(
+                f"half of the lengths lie within {changed * 1e3:.3g} mm, half of the robot's places within "
+                f"{moved * 1e3:.3g} mm: they seem to be in {units} stated; write them in millimetres under d_mm, "
+                "or in metres under d_m"
+            )
 
     def _refuse_mirrored(self, case: "_Case", best: "_Found", held: Float[np.ndarray, "3 3"]) -> None:
         x = case.p + case.R @ best.x[:3]
@@ -174,18 +203,18 @@ class Lengths(Standalone):
         deviation = np.full(len(measured.points), RESOLUTION) if uncertainty is None else uncertainty
         return deviation[:, None, None] ** 2
 
-    def numbered_like(self, other: Observation) -> Observation:
-        """The same rows, with numbers of another one."""
-        assert self.of is not None
-        assert isinstance(other, Lengths)
-        number = [other.anchors.index(name) if name in other.anchors else -1 for name in self.anchors]
-        return replace(other, of=np.array([*number, -1])[self.of])
-
-    def take(self, rows: Int[np.ndarray, " k"]) -> "Lengths":
-        """That of some of the rows, with the anchors that these name."""
-        assert self.of is not None
-        names, of = refer(tuple(self.anchors[k] if k >= 0 else "" for k in self.of[rows]))
-        return replace(self, anchors=names, of=of)
+    @classmethod
+    def stage(cls, tool: Float[np.ndarray, "n 4 4"], places: int | None, rng: np.random.Generator) -> Scene:
+        """Anchors around, at other heights: three, if the rows suffice, one length a row; the wire is tied to the tool point."""
+        count = places or int(np.clip(len(tool) // FEWEST, 1, 3))
+        turn = rng.uniform(0.0, 2.0 * np.pi) + 2.0 * np.pi * np.arange(count) / count
+        up = np.resize(ELEVATIONS, count)
+        away = np.stack([np.cos(up) * np.cos(turn), np.cos(up) * np.sin(turn), np.sin(up)], axis=1)
+        anchors = np.median(tool[:, :3, 3], axis=0) + rng.uniform(*DRAWN, (count, 1)) * away
+        offsets = rng.uniform(-LONGEST_OFFSET, LONGEST_OFFSET, (count, 1))
+        names = tuple(str(number) for number in range(1, count + 1))
+        kind = cls(anchors=names, of=np.arange(len(tool)) % count)
+        return Scene(kind, "wire", np.eye(4), np.concatenate([anchors, offsets], axis=1).reshape(-1))
 
     @classmethod
     def read(cls, columns: ObservedColumns) -> Read | None:
@@ -209,9 +238,8 @@ class Lengths(Standalone):
 
     def cells(self, measured: Measured) -> dict[str, list[str]] | None:
         """Length and anchor of every row."""
-        assert self.of is not None
         d = ["" if np.isnan(value) else f"{value * 1e3:.6f}" for value in measured.points[:, 0]]
-        return {"d_mm": d, "anchor": [self.anchors[k] if k >= 0 else "" for k in self.of]}
+        return {"d_mm": d, "anchor": self.labels(measured)}
 
     def describe(self) -> dict[str, Any]:
         """What a file holds of it."""
@@ -221,6 +249,12 @@ class Lengths(Standalone):
     def of_description(cls, content: Mapping[str, Any]) -> "Lengths":
         """What `describe` gave, without rows."""
         return cls(anchors=tuple(content["anchors"]), scaled=bool(content["scaled"]))
+
+
+def _middle_half(values: Float[np.ndarray, "n ..."]) -> Float[np.ndarray, "..."]:
+    """Width of the middle half of the rows."""
+    low, high = np.percentile(values, [25.0, 75.0], axis=0)
+    return np.asarray(high - low)
 
 
 class _Found(NamedTuple):
@@ -257,6 +291,8 @@ class _Case(NamedTuple):
     def refine(self, start: np.ndarray, held: np.ndarray | None = None) -> _Found:
         """The minimum next to a start, in spite of some wrong rows; along held directions the tip stays."""
         hold = np.zeros((3, 3)) if held is None else 1e3 * held
+
+        from scipy.optimize import least_squares
 
         def residual(x: np.ndarray) -> np.ndarray:
             return np.concatenate([-self.residual(x), hold @ (x[:3] - start[:3])])

@@ -1,12 +1,12 @@
 """A landmark that stands, seen in the frame of a sensor on the tool: a wrist camera, a touch probe, a scanner."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
@@ -14,12 +14,13 @@ from taskcal.measurement.observation.columns import ObservedColumns
 from taskcal.measurement.observation.observation import (
     Differential,
     Measured,
-    Observation,
     Placed,
     Read,
+    Scene,
     Standalone,
     refer,
 )
+from taskcal.measurement.observation.spots import spots
 from taskcal.measurement.observation.unlocated import unlocated
 from taskcal.measurement.registration_start import orientations
 from taskcal.measurement.tracker import TrackerNoise
@@ -33,6 +34,15 @@ FEWEST = 8
 FAR = 10.0
 """Times the median distance, from which on a row disagrees."""
 
+ON_THE_WRIST = se3.pose(se3.exp(np.array([0.05, -0.08, 0.3])), np.array([0.06, -0.01, -0.04]))
+"""Where a virtual sensor sits on the tool, looking along z."""
+
+AHEAD = 0.35
+"""How far from the sensor virtual landmarks are, metres."""
+
+NEAREST, FARTHEST, VIEW = 0.2, 0.8, np.radians(15.0)
+"""Of what a virtual sensor sees, metres, and how far from the middle of its picture, radians."""
+
 FEW_ROUNDS, ROUNDS = 8, 60
 """Of a search from each start, and from the best one."""
 
@@ -44,6 +54,7 @@ class Landmarks(Standalone):
     key: ClassVar[str] = "landmark"
     needed: ClassVar[tuple[str, ...]] = ("sx", "sy", "sz")
     label: ClassVar[str] = "landmark"
+    instrument: ClassVar[str] = "camera"
     columns: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         {
             "sx": ("sx", "sensor x"),
@@ -53,6 +64,7 @@ class Landmarks(Standalone):
         }
     )
     turned: ClassVar[bool] = True
+    things: ClassVar[str] = "landmarks"
     landmarks: tuple[str, ...]
     """Names."""
 
@@ -60,12 +72,6 @@ class Landmarks(Standalone):
     def unknowns(self) -> tuple[str, ...]:
         """Place of every landmark."""
         return tuple(f"landmark {name}.{c}" for name in self.landmarks for c in ("tx", "ty", "tz"))
-
-    @property
-    def numbers(self) -> Int[np.ndarray, " n"]:
-        """Landmark of each row, any for rows without one."""
-        assert self.of is not None
-        return np.maximum(self.of, 0)
 
     def differentiate(
         self, target: Float[np.ndarray, "n 4 4"], unknown: Float[np.ndarray, " u"], measured: Measured
@@ -128,18 +134,19 @@ class Landmarks(Standalone):
         deviation = np.full(len(measured.points), RESOLUTION) if uncertainty is None else uncertainty
         return deviation[:, None, None] ** 2 * np.eye(3)
 
-    def numbered_like(self, other: Observation) -> Observation:
-        """The same rows, with numbers of another one."""
-        assert self.of is not None
-        assert isinstance(other, Landmarks)
-        number = [other.landmarks.index(name) if name in other.landmarks else -1 for name in self.landmarks]
-        return replace(other, of=np.array([*number, -1])[self.of])
+    @classmethod
+    def stage(cls, tool: Float[np.ndarray, "n 4 4"], places: int | None, rng: np.random.Generator) -> Scene:
+        """One landmark before the sensor, which turns towards it as far as it must to have it in its picture."""
+        sensor = tool @ ON_THE_WRIST
+        at = sensor[spots(sensor[:, :3, 3], places or 1)]
+        landmarks = at[:, :3, 3] + AHEAD * at[:, :3, 2]
+        names = tuple(str(number) for number in range(1, len(landmarks) + 1))
+        of = np.arange(len(tool)) % len(landmarks)
 
-    def take(self, rows: Int[np.ndarray, " k"]) -> "Landmarks":
-        """That of some of the rows, with the landmarks that these name."""
-        assert self.of is not None
-        names, of = refer(tuple(self.landmarks[k] if k >= 0 else "" for k in self.of[rows]))
-        return replace(self, landmarks=names, of=of)
+        def approach(target: np.ndarray, rows: np.ndarray) -> np.ndarray:
+            return _look_at(target, landmarks[of[rows]])
+
+        return Scene(cls(landmarks=names, of=of), "sensor", ON_THE_WRIST, landmarks.reshape(-1), approach)
 
     @classmethod
     def read(cls, columns: ObservedColumns) -> Read | None:
@@ -171,12 +178,11 @@ class Landmarks(Standalone):
 
     def cells(self, measured: Measured) -> dict[str, list[str]] | None:
         """The three numbers and the landmark of every row."""
-        assert self.of is not None
         cells = {
             f"s{'xyz'[axis]}_mm": ["" if np.isnan(v) else f"{v * 1e3:.6f}" for v in measured.points[:, axis]]
             for axis in range(3)
         }
-        return {**cells, "landmark": [self.landmarks[k] if k >= 0 else "" for k in self.of]}
+        return {**cells, "landmark": self.labels(measured)}
 
     def describe(self) -> dict[str, Any]:
         """What a file holds of it."""
@@ -186,6 +192,19 @@ class Landmarks(Standalone):
     def of_description(cls, content: Mapping[str, Any]) -> "Landmarks":
         """What `describe` gave, without rows."""
         return cls(landmarks=tuple(content["landmarks"]))
+
+
+def _look_at(sensor: Float[np.ndarray, "n 4 4"], seen: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 4 4"]:
+    """Poses nearby in which each sensor has its landmark in the picture: turned, and moved along the line of sight."""
+    R, between = sensor[:, :3, :3], seen - sensor[:, :3, 3]
+    distance = np.linalg.norm(between, axis=1)[:, None]
+    sight = between / np.maximum(distance, 1e-9)
+    axis = np.cross(R[:, :, 2], sight)
+    sine = np.linalg.norm(axis, axis=1)
+    angle = np.arctan2(sine, (R[:, :, 2] * sight).sum(axis=1))
+    turn = np.maximum(angle - VIEW, 0.0)
+    turned = se3.exp((turn / np.maximum(sine, 1e-9))[:, None] * axis) @ R
+    return se3.pose(turned, seen - np.clip(distance, NEAREST, FARTHEST) * sight)
 
 
 class _Case(NamedTuple):

@@ -1,17 +1,18 @@
 """The concept: an observation is a function of the pose of something on the tool, with unknowns and noise of its own."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.errors import UnknownName
+from taskcal.errors import CampaignError, UnknownName
 from taskcal.measurement.observation.columns import ObservedColumns
 from taskcal.measurement.tracker import TrackerNoise
+from taskcal.robot.parameter import ShownUnit
 
 UNMEASURED = 1.0
 """Variance of what a kind does not measure of its block, m² or rad²: as good as infinite, and finite for the algebra."""
@@ -68,6 +69,21 @@ class Read(NamedTuple):
     rotations: Float[np.ndarray, "n 3 3"] | None = None
 
 
+class Scene(NamedTuple):
+    """What stands in a virtual cell, and what the tool carries: enough to measure a kind there."""
+
+    observation: "Observation"
+    """With what each row refers to."""
+    target: str
+    """Name of what is on the tool."""
+    T_tool_target: Float[np.ndarray, "4 4"]
+    unknown: Float[np.ndarray, " u"]
+    """The kind's unknowns as they are, in the measuring frame."""
+    approach: Callable[[Float[np.ndarray, "k 4 4"], Int[np.ndarray, " k"]], Float[np.ndarray, "k 4 4"]] | None = None
+    """From poses of the target, and the rows that they are of, to the poses nearby at which those rows are measured; None where
+    any pose will do."""
+
+
 class Stated(NamedTuple):
     """What is known of the unknowns beside the measurements: stated less found, its derivative, and how sure it is."""
 
@@ -105,14 +121,22 @@ class Observation(ABC):
     """Numbers that it measures in a row."""
     turned: ClassVar[bool] = False
     """Whether it depends on how the target is turned on the tool."""
+    along_axes: ClassVar[bool] = False
+    """Whether its first three numbers are along the axes of the measuring frame: neither a length nor in a sensor's axes."""
     in_tracker: ClassVar[bool] = False
     """Whether it is measured in a frame that stands, whose pose is unknown."""
+    instrument: ClassVar[str] = ""
+    """What it is measured with, in a word: the kind's name on the command line."""
+    touched: ClassVar[bool] = False
+    """Whether no number is read, but the robot is brought to where something touches."""
     columns: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     """Columns that it reads, each with the words that people write for it, in small letters and parted by blanks."""
     needed: ClassVar[tuple[str, ...]] = ()
     """Those of them that a file must have."""
     label: ClassVar[str] = ""
     """The column that names what each row refers to: a file with a tracker's points has the kind only where this is there."""
+    units: ClassVar[Mapping[str, ShownUnit]] = MappingProxyType(dict.fromkeys(("rx", "ry", "rz"), ShownUnit.of("rad")))
+    """Units in which people see its unknowns, by the last part of their names; millimetres for all others."""
     of: Int[np.ndarray, " n"] | None = None
     """Which of several things each row refers to, −1 for none; None where there is one, or where no rows belong to it."""
 
@@ -212,6 +236,52 @@ class Observation(ABC):
 class Standalone(Observation):
     """A kind that needs no tracker: it finds by itself where it is."""
 
+    things: ClassVar[str]
+    """The field that names what rows refer to."""
+
+    @property
+    def numbers(self) -> Int[np.ndarray, " n"]:
+        """What each row refers to, any for rows that refer to nothing."""
+        assert self.of is not None
+        return np.maximum(self.of, 0)
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Names of what rows refer to."""
+        return getattr(self, self.things)
+
+    def labels(self, measured: Measured) -> list[str]:
+        """The name that each row refers to; empty where nothing was read."""
+        assert self.of is not None
+        return [self.named[k] if k >= 0 and there else "" for k, there in zip(self.of, measured.valid, strict=True)]
+
+    def numbered_like(self, other: Observation) -> Observation:
+        """The same rows, with numbers of another one."""
+        assert self.of is not None
+        assert isinstance(other, Standalone)
+        number = [other.named.index(name) if name in other.named else -1 for name in self.named]
+        return replace(other, of=np.array([*number, -1])[self.of])
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> Observation:
+        """That of some of the rows, with what these refer to."""
+        assert self.of is not None
+        names, of = refer(tuple(self.named[k] if k >= 0 else "" for k in self.of[rows]))
+        return replace(self, of=of, **{self.things: names})
+
+    @classmethod
+    def stage(cls, tool: Float[np.ndarray, "n 4 4"], places: int | None, rng: np.random.Generator) -> Scene:
+        """A virtual cell for robots that measure about some poses of the tool.
+
+        Args:
+            tool: one for each row.
+            places: how many things stand there; as many as are usual by default.
+            rng: source of what differs from cell to cell.
+
+        Raises:
+            CampaignError: the kind does not say.
+        """
+        raise CampaignError(f"'{cls.key}' observations cannot be simulated: the kind says nothing of a cell for them")
+
     @abstractmethod
     def place(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Placed:
         """Where target and unknowns are, from poses of the tool alone, in spite of a few rows that are wrong.
@@ -242,6 +312,18 @@ def find_columns(texts: Sequence[str], *, tracked: bool) -> dict[int, str]:
         if there and (not tracked or at[kind.label] is not None):
             out |= {k: column for column, k in at.items() if k is not None}
     return out
+
+
+def instrument_of(name: str) -> type[Standalone]:
+    """The kind that is measured with an instrument.
+
+    Raises:
+        UnknownName: there is none.
+    """
+    found = {kind.instrument: kind for kind in kinds() if kind.instrument and issubclass(kind, Standalone)}
+    if name not in found:
+        raise UnknownName("way to measure", name, ("tracker", *found))
+    return found[name]
 
 
 def kind_of(key: str) -> type[Observation]:

@@ -15,6 +15,7 @@ class Point(Observation):
     """y = p: what a laser tracker sees of a reflector."""
 
     key: ClassVar[str] = "point"
+    along_axes: ClassVar[bool] = True
     in_tracker: ClassVar[bool] = True
 
     def differentiate(

@@ -22,6 +22,7 @@ class Pose(Observation):
     key: ClassVar[str] = "pose"
     width: ClassVar[int] = 6
     turned: ClassVar[bool] = True
+    along_axes: ClassVar[bool] = True
     in_tracker: ClassVar[bool] = True
 
     @property

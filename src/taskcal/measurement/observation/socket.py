@@ -1,7 +1,8 @@
 """A ball on the tool that rests in a socket: the same unknown point, reached in many postures."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
@@ -15,18 +16,23 @@ from taskcal.measurement.observation.observation import (
     Compared,
     Differential,
     Measured,
-    Observation,
     Placed,
     Read,
+    Scene,
     Standalone,
     Stated,
     refer,
 )
+from taskcal.measurement.observation.socket_distance import CALLIPER, SocketDistance, whiten_distances
+from taskcal.measurement.observation.spots import spots
 from taskcal.measurement.observation.unlocated import LEAST_ERROR, LOCATED_WITHIN
 from taskcal.measurement.tracker import TrackerNoise
 
 SEAT = 2e-5
 """How well a ball sits in a socket where the campaign does not say, metres per axis."""
+
+BLOCK = 0.1
+"""Distance of the two sockets of a virtual block, metres."""
 
 ROUNDS = 12
 """Of reweighting, after which rows that disagree hardly count."""
@@ -36,18 +42,6 @@ STANDS_STILL = 1e-3
 
 FAR = 10.0
 """Times the median distance, from which on a row disagrees."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SocketDistance:
-    """What is known of two sockets of one block."""
-
-    a: str
-    b: str
-    distance: float
-    """Between their centres, metres."""
-    uncertainty: float
-    """Its standard deviation, metres."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,12 +54,16 @@ class Sockets(Standalone):
     key: ClassVar[str] = "socket"
     needed: ClassVar[tuple[str, ...]] = ("socket",)
     label: ClassVar[str] = "socket"
+    instrument: ClassVar[str] = "socket"
+    along_axes: ClassVar[bool] = True
+    touched: ClassVar[bool] = True
     columns: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         {
             "socket": ("socket", "socket name", "hole", "cup", "pfanne"),
             "place": ("place", "tool position", "block", "block position", "stand"),
         }
     )
+    things: ClassVar[str] = "sockets"
     sockets: tuple[str, ...]
     """Names, with the place where there are several."""
     distances: tuple[SocketDistance, ...] = ()
@@ -85,12 +83,6 @@ class Sockets(Standalone):
     def shrinks(self) -> bool:
         """Unless any length is stated."""
         return not self.distances
-
-    @property
-    def numbers(self) -> Int[np.ndarray, " n"]:
-        """Socket of each row, any for rows without one."""
-        assert self.of is not None
-        return np.maximum(self.of, 0)
 
     def differentiate(
         self, target: Float[np.ndarray, "n 4 4"], unknown: Float[np.ndarray, " u"], measured: Measured
@@ -142,17 +134,55 @@ class Sockets(Standalone):
         deviation = np.full(len(measured.points), SEAT) if uncertainty is None else uncertainty
         return deviation[:, None, None] ** 2 * np.eye(3)
 
+    @classmethod
+    def stage(cls, tool: Float[np.ndarray, "n 4 4"], places: int | None, rng: np.random.Generator) -> Scene:
+        """A block with two sockets, the second further inside, at three places; a calliper said once how far apart they are.
+
+        The ball is at the tool point, and goes to its socket in the orientation that it has.
+        """
+        first = tool[spots(tool[:, :3, 3], places or 3), :3, 3]
+        along = np.median(tool[:, :3, 3], axis=0) - first + BLOCK * rng.normal(size=first.shape)
+        second = first + BLOCK * along / np.linalg.norm(along, axis=1)[:, None]
+        centres = np.stack([first, second], axis=1).reshape(-1, 3)
+        blocks = [""] if len(first) == 1 else [f"{number}/" for number in range(1, len(first) + 1)]
+        of, found = np.arange(len(tool)) % len(centres), BLOCK + CALLIPER * rng.normal()
+        kind = cls(
+            sockets=tuple(block + socket for block in blocks for socket in "ab"),
+            distances=tuple(
+                SocketDistance(a=f"{block}a", b=f"{block}b", distance=found, uncertainty=CALLIPER, statement="a,b")
+                for block in blocks
+            ),
+            of=of,
+        )
+
+        def approach(target: np.ndarray, rows: np.ndarray) -> np.ndarray:
+            return se3.pose(target[:, :3, :3], centres[of[rows]])
+
+        return Scene(kind, "ball", np.eye(4), centres.reshape(-1), approach)
+
     def stated(self, unknown: Float[np.ndarray, " u"]) -> Stated:
         """What is known of the unknowns beside the measurements."""
-        centres = unknown.reshape(-1, 3)
-        apart, direction = self.apart(centres)
-        by_unknown = np.zeros((len(self.distances), len(self.sockets), 3))
-        for i, (d, u) in enumerate(zip(self.distances, direction, strict=True)):
-            by_unknown[i, self.sockets.index(d.a)] = u
-            by_unknown[i, self.sockets.index(d.b)] = -u
-        wanted = np.array([d.distance for d in self.distances])
-        uncertainty = np.array([d.uncertainty for d in self.distances])
-        return Stated(wanted - apart, by_unknown.reshape(len(self.distances), len(unknown)), uncertainty)
+        apart, direction = self.apart(unknown.reshape(-1, 3))
+        count = len(self.distances)
+        by_unknown = np.zeros((count, len(self.sockets), 3))
+        by_unknown[np.arange(count), self._ends[:, 0]] = direction
+        by_unknown[np.arange(count), self._ends[:, 1]] -= direction
+        wanted, uncertainty = (
+            np.array([getattr(d, name) for d in self.distances]) for name in ("distance", "uncertainty")
+        )
+        alone = uncertainty[:, None] * self._whitener
+        return Stated(alone @ (wanted - apart), alone @ by_unknown.reshape(count, len(unknown)), uncertainty)
+
+    @cached_property
+    def _ends(self) -> Int[np.ndarray, "k 2"]:
+        """Numbers of the two sockets of each stated distance."""
+        number = {name: k for k, name in enumerate(self.sockets)}
+        return np.array([[number[d.a], number[d.b]] for d in self.distances], dtype=int).reshape(-1, 2)
+
+    @cached_property
+    def _whitener(self) -> Float[np.ndarray, "k k"]:
+        """Of the errors of the stated distances."""
+        return whiten_distances(self.distances)
 
     def compare(self, unknown: Float[np.ndarray, " u"]) -> tuple[Compared, ...]:
         """Every stated distance of sockets that are there."""
@@ -166,10 +196,7 @@ class Sockets(Standalone):
         self, centres: Float[np.ndarray, "sockets 3"]
     ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k 3"]]:
         """Distance of the sockets of each stated distance, and the direction from the second to the first."""
-        between = np.array(
-            [centres[self.sockets.index(d.a)] - centres[self.sockets.index(d.b)] for d in self.distances]
-        )
-        between = between.reshape(-1, 3)
+        between = centres[self._ends[:, 0]] - centres[self._ends[:, 1]]
         length = np.linalg.norm(between, axis=1)
         return length, between / np.maximum(length, 1e-12)[:, None]
 
@@ -184,13 +211,6 @@ class Sockets(Standalone):
                 if name not in self.sockets:
                     raise CampaignError(f"no row names socket '{name}'; there are {', '.join(self.sockets)}")
         return replace(self, distances=distances)
-
-    def numbered_like(self, other: Observation) -> Observation:
-        """The same rows, with numbers of another one."""
-        assert self.of is not None
-        assert isinstance(other, Sockets)
-        number = [other.sockets.index(name) if name in other.sockets else -1 for name in self.sockets]
-        return replace(other, of=np.array([*number, -1])[self.of])
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Sockets":
         """That of some of the rows, with the sockets that these name."""
@@ -230,8 +250,7 @@ class Sockets(Standalone):
 
     def cells(self, measured: Measured) -> dict[str, list[str]] | None:
         """Socket and place of every row."""
-        assert self.of is not None
-        labels = [self.sockets[k] if k >= 0 and seen else "" for k, seen in zip(self.of, measured.valid, strict=True)]
+        labels = self.labels(measured)
         sockets = [label.rpartition("/")[2] for label in labels]
         if not any("/" in label for label in labels):
             return {"socket": sockets}
@@ -241,9 +260,7 @@ class Sockets(Standalone):
         """What a file holds of it."""
         return {
             "sockets": list(self.sockets),
-            "distances": [
-                {"a": d.a, "b": d.b, "distance": d.distance, "uncertainty": d.uncertainty} for d in self.distances
-            ],
+            "distances": [asdict(d) for d in self.distances],
         }
 
     @classmethod

@@ -7,12 +7,10 @@ import numpy as np
 
 from taskcal.errors import FileError, shown
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.observation.socket import SocketDistance, Sockets
+from taskcal.measurement.observation.socket import Sockets
+from taskcal.measurement.observation.socket_distance import CALLIPER, SocketDistance
 from taskcal.tabular.csv_form import lay_out_file
 from taskcal.tabular.table import Table
-
-STATED = 2e-5
-"""Standard uncertainty of a distance where the file does not say, metres: what a good calliper leaves."""
 
 SMALLEST = 1e-4
 """Metres; sockets cannot be nearer to each other."""
@@ -22,7 +20,7 @@ def with_distances(campaign: Campaign, path: str | Path) -> Campaign:
     """A campaign with the distances of a file: columns ``socket_a``, ``socket_b``, ``distance_mm``, and optionally ``u_mm``.
 
     A socket is named as in the campaign: with its place as ``PLACE/SOCKET``, or without, which means both sockets wherever a
-    block with them stood.
+    block with them stood: the same block, whose stated distance errs alike at all its places.
 
     Raises:
         FileError: the file cannot be read, names a socket that the campaign does not have, or states a distance twice.
@@ -34,17 +32,35 @@ def with_distances(campaign: Campaign, path: str | Path) -> Campaign:
         )
     kind = campaign.observations[at[0]]
     assert isinstance(kind, Sockets)
-    stated = tuple(_distances(Path(path), kind.sockets))
+    stated = read_distances(path, kind.sockets)
     kinds = tuple(kind.with_distances(stated) if t == at[0] else one for t, one in enumerate(campaign.observations))
     return replace(campaign, observations=kinds)
 
 
-def _distances(path: Path, sockets: tuple[str, ...]) -> list[SocketDistance]:
+def distances_text(campaign: Campaign) -> str:
+    """A file from which `with_distances` reads the distances of a campaign; one line for those of a block at several places."""
+    rows = {
+        (*(name.rpartition("/")[2] if d.statement else name for name in (d.a, d.b)), d.distance, d.uncertainty)
+        for kind in campaign.observations
+        if isinstance(kind, Sockets)
+        for d in kind.distances
+    }
+    lines = (f"{a},{b},{distance * 1e3:.6f},{u * 1e3:.6f}\n" for a, b, distance, u in sorted(rows))
+    return "socket_a,socket_b,distance_mm,u_mm\n" + "".join(lines)
+
+
+def read_distances(path: str | Path, sockets: tuple[str, ...]) -> tuple[SocketDistance, ...]:
+    """Stated distances of some sockets, from a file as `with_distances` reads it.
+
+    Raises:
+        FileError: the file cannot be read, names a socket that is not there, or states a distance twice.
+    """
+    path = Path(path)
     table = lay_out_file(path, None).table
     a, b = table.texts("socket_a"), table.texts("socket_b")
     distance = table.numbers("distance_mm") * 1e-3
-    uncertainty = table.numbers("u_mm", empty=True) * 1e-3 if "u_mm" in table else np.full(len(table), STATED)
-    uncertainty = np.where(np.isnan(uncertainty), STATED, uncertainty)
+    uncertainty = table.numbers("u_mm", empty=True) * 1e-3 if "u_mm" in table else np.full(len(table), CALLIPER)
+    uncertainty = np.where(np.isnan(uncertainty), CALLIPER, uncertainty)
     out: dict[frozenset[str], SocketDistance] = {}
     for row in range(len(table)):
         if distance[row] < SMALLEST:
@@ -57,11 +73,15 @@ def _distances(path: Path, sockets: tuple[str, ...]) -> list[SocketDistance]:
             if frozenset(pair) in out:
                 raise table.error(f"the distance of {pair[0]} and {pair[1]} is stated twice; keep one", row, "socket_a")
             out[frozenset(pair)] = SocketDistance(
-                a=pair[0], b=pair[1], distance=float(distance[row]), uncertainty=float(uncertainty[row])
+                a=pair[0],
+                b=pair[1],
+                distance=float(distance[row]),
+                uncertainty=float(uncertainty[row]),
+                statement="" if pair == (a[row], b[row]) else f"{a[row]},{b[row]}",
             )
     if not out:
         raise FileError(path, "states no distance")
-    return list(out.values())
+    return tuple(out.values())
 
 
 def _pairs(table: Table, row: int, a: str, b: str, sockets: tuple[str, ...]) -> list[tuple[str, str]]:
