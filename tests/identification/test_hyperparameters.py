@@ -63,4 +63,4 @@ def test_a_fit_without_a_tracker_ends_although_only_the_prior_says_how_all_that_
     model, rng = ErrorModel(load_robot("abb-irb120")), np.random.default_rng(3)
     campaign, _ = socket_campaign(rng, model, rng.normal(size=len(model)) * model.tolerances, 90, noise=2e-5)
     calibration = identify(model, campaign, gross_errors="keep")
-    assert calibration.iterations > 100
+    assert calibration.iterations > 50  # a fit with a tracker takes four or five

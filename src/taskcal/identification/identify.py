@@ -7,19 +7,20 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.arguments import expect_kinds
-from taskcal.errors import FitError
+from taskcal.errors import NothingLearntError
 from taskcal.estimation.blas import single_threaded
 from taskcal.identification.belief import belief_of
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.considered import Outcome, consider, fitted_alone, fitted_whole
 from taskcal.identification.fit_options import FitChoices, FitOptions
-from taskcal.identification.gross_errors import fit_right_rows
-from taskcal.identification.hyperparameters import MAX_ROUNDS, Fitted, fit_with_hyperparameters
+from taskcal.identification.gross_errors import FittedRows, fit_right_rows
+from taskcal.identification.hyperparameter_search import MAX_ROUNDS, fit_with_hyperparameters
 from taskcal.identification.informed_parameters import UNSEEN_SHARE
 from taskcal.identification.observation_layout import layout_of, problem_of
 from taskcal.identification.outlier import studentise
 from taskcal.identification.provenance import Provenance
 from taskcal.identification.unseen_size import size_is_unseen, with_size_held
+from taskcal.identification.weighed_fit import Fitted
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.consensus import find_consensus
 from taskcal.measurement.enough_rows import check_rows
@@ -85,7 +86,8 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
             from right ones, a target too far from the tool point, or a model that depends on temperature or time and a row
             without.
         UnknownName: a name in `keep` that the model does not have.
-        FitError: the fit did not converge, or took everything that was measured for error.
+        FitError: the fit did not converge.
+        NothingLearntError: it took everything that was measured for error.
         ValueError: an option that would silently mean something else.
     """
     expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
@@ -97,16 +99,22 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
         campaign.check_told(effect.needs, effect.key)
     poses = nominal_poses(model, campaign)
 
-    def fit_rows(part: Campaign) -> Calibration:
-        return _fit(model, part, poses, kept, chosen)
+    searched = chosen.gross_errors != "keep" and chosen.registration is None
+    consensus = find_consensus(model, campaign, poses) if searched else None
+
+    def fit_rows(part: Campaign, some: Int[np.ndarray, " k"] | None) -> FittedRows:
+        if some is not None:
+            return _fit(model, part.take(some), poses[some], kept, chosen, None)
+        found = consensus.registration if consensus is not None and consensus.of_all and part is campaign else None
+        return _fit(model, part, poses, kept, chosen, found)
 
     if chosen.gross_errors == "keep":
-        calibration = fit_rows(campaign)
+        fitted = fit_rows(campaign, None)
     else:
-        registered = chosen.registration is not None
-        rows = campaign.seen if registered else find_consensus(model, campaign, poses).rows
-        calibration = fit_right_rows(fit_rows, campaign, rows, chosen.noise)
-    _check_worth(calibration, chosen)
+        rows = campaign.seen if consensus is None else consensus.rows
+        fitted = fit_right_rows(fit_rows, campaign, rows, chosen.noise)
+    _check_worth(fitted, chosen)
+    calibration = fitted.calibration
     return replace(calibration, provenance=Provenance.of(model, campaign, chosen.described(model, campaign)))
 
 
@@ -116,9 +124,12 @@ def _fit(
     poses: Float[np.ndarray, "n 4 4"],
     kept: Int[np.ndarray, " kept"],
     chosen: FitOptions,
-) -> Calibration:
-    """Fit all rows of a campaign."""
-    registration = chosen.registration or _registered(model, campaign, poses, chosen.target_within)
+    found: Registration | None,
+) -> FittedRows:
+    """Fit all rows of a campaign, their registration found or not."""
+    registration = chosen.registration or _checked(
+        found or register(model, campaign, poses), model, campaign, chosen.target_within
+    )
     layout = layout_of(model, np.arange(len(model)), registration, campaign, fixed=chosen.frames == "fixed")
     whole = problem_of(layout, campaign, chosen.noise)
     problem = replace(whole, frames=replace(whole.frames, kept=kept))
@@ -132,30 +143,37 @@ def _fit(
         believed = belief_of(whole.frames, chosen.prior)
         hyper = fit_with_hyperparameters(whole, believed, chosen).hyper
         outcome = consider(fit, problem, belief, whole, believed, hyper)
-    return _conclude(fit, outcome, campaign, chosen)
+    likeliest = None if fit.likeliest_factor is None else float(np.sqrt(fit.likeliest_factor))
+    return FittedRows(calibration=_conclude(fit, outcome, campaign, chosen), likeliest_scale=likeliest)
 
 
-def _registered(
-    model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 4 4"], target_within: float
-) -> Registration:
+def _checked(registration: Registration, model: ErrorModel, campaign: Campaign, target_within: float) -> Registration:
     """The registration that the data give.
 
     Raises:
         CampaignError: joints and points do not belong together, or a target is found where none can be.
     """
-    registration = register(model, campaign, poses)
     check_plausible(registration, model, campaign)
     check_targets(registration, campaign, target_within)
     return registration
 
 
-def _check_worth(calibration: Calibration, options: FitOptions) -> None:
-    """Refuse a fit from which nothing was learnt, and which called all that was measured error."""
+def _check_worth(fitted: FittedRows, options: FitOptions) -> None:
+    """Refuse a fit from which nothing was learnt, and which called all that was measured error.
+
+    The rows tell nothing where every parameter is as uncertain as its prior of the most probable scale, which is next to
+    zero then; of the expected one, which allows for what the rows do not exclude, they would always seem to tell a little.
+    """
+    calibration = fitted.calibration
     scale, error, k = calibration.prior_scale, calibration.model_error[0], calibration.estimated
     if options.prior_scale != "estimate" or scale is None or not len(k) or error < WORTHLESS_SIZE:
         return
-    if (calibration.standard_errors[k] > UNSEEN_SHARE * scale * calibration.model.tolerances[k]).all():
-        raise FitError(
+    allowed = calibration.model.tolerances[k]
+    told = np.maximum(calibration.standard_errors[k] ** -2 - (scale * allowed) ** -2, 0.0)
+    likeliest = scale if fitted.likeliest_scale is None else fitted.likeliest_scale
+    unseen = 1.0 / np.sqrt(1.0 + told * (likeliest * allowed) ** 2)
+    if (unseen > UNSEEN_SHARE).all():
+        raise NothingLearntError(
             f"nothing can be learnt from these rows: no parameter explains them, and {error * 1e3:.2f} mm per axis were taken for "
             "error. Some rows contradict the others: look for them with a robust loss (loss=Cauchy(), --loss cauchy), check "
             "joints and points, or compare with the nominal robot alone (keep=[], --keep none)"
@@ -214,7 +232,7 @@ def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign, has_prior: bool)
         held = " within its tolerances as they are stated" if size_is_unseen(campaign) else ""
         out.append(
             f"no length that is known was measured or stated: how large the robot is comes from its nominal lengths alone{held}; "
-            "state a distance of two sockets (--distances), or trust the wire's scale"
+            "state a distance of two sockets (--distances), trust the wire's scale, or touch opposite faces of a cube"
         )
     measured = _measured_numbers(campaign, fit.residual.shape[2])
     if measured < 2 * unknowns:

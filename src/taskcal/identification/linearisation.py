@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.geometry import se3, walk
+from taskcal.geometry import walk
 from taskcal.geometry.observations import Walked
+from taskcal.identification.kept_rows import by_entry, tracker_rows
 from taskcal.identification.problem import Problem
 
 
@@ -41,34 +42,14 @@ def linearise_rows(problem: Problem, z: Float[np.ndarray, " z"]) -> Linearisatio
     if problem.kinds:
         return _linearise_kinds(problem, z)
     at, pose = problem.walked(z), problem.frames.pose
-    T = walk.poses(at.chain, at.s, at.e)
-    residual: list[np.ndarray] = []
-    by_entry: list[np.ndarray] = []
-    by_joint: list[np.ndarray] = []
     joints = len(problem.frames.model.robot.joints)
-    for t, offset in enumerate(at.points.position):
-        end = T[:, :3, 3] + T[:, :3, :3] @ offset
-        apart = problem.seen.position[:, t] - end
-        columns = walk.columns(at.chain, at.s, at.e, at.layout, at.factor, angular=pose, point=offset)
-        if problem.seen.rotation is not None:
-            predicted = at.points.turn @ T[:, :3, :3]
-            columns[:, 3:] = at.points.turn @ columns[:, 3:]
-            turned = problem.seen.rotation @ np.swapaxes(predicted, 1, 2)
-            turned[~problem.seen.valid[:, t]] = np.eye(3)
-            apart = np.concatenate([apart, se3.log(turned)], axis=1)
-            if at.points.columns[t, 0] >= 0:
-                columns[:, 3:, at.points.columns[t]] = at.points.turning
-        elif at.points.columns[t, 0] >= 0:
-            columns[:, :3, at.points.columns[t]] = T[:, :3, :3]
-        residual.append(apart)
-        by_entry.append(columns)
-        moved = joint_columns(at, offset, angular=pose)[:, :, :joints]
-        if pose:
-            moved[:, 3:] = at.points.turn @ moved[:, 3:]
-        by_joint.append(moved)
-    width = residual[0].shape[1]
+    residual, by_z = tracker_rows(at, problem.seen)
+    n, _, width = residual.shape
+    moved = [joint_columns(at, offset, angular=pose)[:, :, :joints] for offset in at.points.position]
+    if pose:
+        moved[0][:, 3:] = at.points.turn @ moved[0][:, 3:]
     seen = np.repeat(problem.seen.valid, width, axis=1)
-    made = [parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1) for parts in (residual, by_entry, by_joint)]
+    made = (residual.reshape(n, -1), by_z.reshape(n, seen.shape[1], -1), np.concatenate(moved, axis=1))
     for array in made:
         array[~seen] = 0.0
     return Linearisation(residual=made[0], by_entry=made[1], by_joint=made[2], seen=seen)
@@ -79,16 +60,11 @@ def _linearise_kinds(problem: Problem, z: Float[np.ndarray, " z"]) -> Linearisat
     at = problem.walked(z)
     seen, tool = problem.linearised(at, z), np.zeros(3)
     assert seen.linear is not None
-    twist = walk.columns(at.chain, at.s, at.e, at.layout, at.factor, angular=True)
     joints = joint_columns(at, tool, angular=True)[:, :, : len(problem.frames.model.robot.joints)]
     n, targets, b = seen.linear.residual.shape
-    by_entry = seen.linear.by_end.reshape(n, targets * b, 6) @ twist
-    for t, columns in enumerate(seen.linear.columns):
-        own = columns >= 0
-        by_entry[:, t * b : (t + 1) * b, columns[own]] += seen.linear.by_unknown[:, t][:, :, own]
     made = (
         seen.linear.residual.reshape(n, -1),
-        by_entry,
+        by_entry(at, seen),
         seen.linear.by_end.reshape(n, targets * b, 6) @ joints,
     )
     valid = np.repeat(seen.valid, b, axis=1)
