@@ -258,8 +258,8 @@ BROKEN = {
         r"cal\.json:\d+: is not a whole JSON file.*cut off: save the calibration again",
     ),
     "no JSON": (lambda text: "id,J1_deg\n1,2\n", r"cal\.json:1: is not a whole JSON file"),
-    "a list": (lambda text: "[1, 2]", "is JSON, but no calibration: 'format' is not 'taskcal-calibration'"),
-    "foreign": (lambda text: '{"format": "other"}', "is JSON, but no calibration"),
+    "a list": (lambda text: "[1, 2]", "is JSON, but not a calibration: 'format' is not 'taskcal-calibration'"),
+    "foreign": (lambda text: '{"format": "other"}', "is JSON, but not a calibration"),
     "later version": (
         lambda text: edit(text, "format_version", value=99),
         r"has format version 99, this Taskcal reads 1 to 6",

@@ -23,7 +23,7 @@ def read_envelope(path: Path) -> dict[str, Any]:
     data = read_json(path, "calibration", "save the calibration again")
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise FileError(
-            path, f"is JSON, but no calibration: 'format' is not '{FORMAT}'; write one with taskcal identify"
+            path, f"is JSON, but not a calibration: 'format' is not '{FORMAT}'; write one with taskcal identify"
         )
     format_version = data.get("format_version")
     if type(format_version) is not int or not 1 <= format_version <= FORMAT_VERSION:

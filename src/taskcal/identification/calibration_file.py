@@ -22,6 +22,7 @@ from taskcal.identification.outlier import LeftOut, Outlier
 from taskcal.identification.packed_covariance import unpack_covariance
 from taskcal.identification.problem import FrameLayout
 from taskcal.identification.provenance import Provenance
+from taskcal.measurement.observation import Observation
 from taskcal.measurement.registration_file import RegistrationSection
 from taskcal.robot.effects import Effect, effect_from
 from taskcal.robot.error_model import ErrorModel
@@ -90,8 +91,8 @@ class HeldOutSection(Section):
     residuals: list[list[list[Finite | None]]]
     nominal: list[list[list[Finite | None]]]
 
-    def held_out(self, targets: int, width: int) -> HeldOut:
-        """What it describes.
+    def held_out(self, targets: int, width: int, kinds: tuple[type[Observation], ...]) -> HeldOut:
+        """What it describes, of targets that were observed so.
 
         Raises:
             TaskcalError: the parts do not belong together.
@@ -111,6 +112,7 @@ class HeldOutSection(Section):
             part=np.array(self.part),
             residuals=residuals,
             nominal=array_of("held_out, nominal", self.nominal, shape),
+            kinds=kinds,
         )
 
 
@@ -212,7 +214,9 @@ class CalibrationFile(Section):
             left_out=tuple(LeftOut(**section.model_dump()) for section in self.left_out),
             ids=tuple(self.ids),
             q=None if self.q is None else array_of("q", self.q, (rows, len(robot.joints))),
-            held_out=None if self.held_out is None else self.held_out.held_out(len(self.targets), width),
+            held_out=None
+            if self.held_out is None
+            else self.held_out.held_out(len(self.targets), width, layout.observed),
             model_error=tuple(self.model_error),
             joint_error=tuple(self.joint_error),
             prior_scale=self.prior_scale,
@@ -319,7 +323,7 @@ def load_calibration(path: str | Path) -> Calibration:
     try:
         content = CalibrationFile.model_validate(data)
     except ValidationError as error:
-        raise FileError(path, f"{explain(error)}; it may have been edited: identify again") from error
+        raise FileError(path, f"{explain(error, CalibrationFile)}; it may have been edited: identify again") from error
     effects = [_effect(path, number, effect) for number, effect in enumerate(content.effects, start=1)]
     try:
         return content.calibration(effects)

@@ -6,6 +6,7 @@ import numpy as np
 
 from taskcal.identification.informed_parameters import informed_parameters
 from taskcal.identification.observation_layout import ObservationLayout
+from taskcal.robot.parameter import ShownUnit
 
 if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
@@ -59,7 +60,7 @@ def summarise_calibration(calibration: "Calibration") -> dict[str, Any]:
 def list_unknowns(calibration: "Calibration") -> list[dict[str, Any]]:
     """What stands where a tracker did not measure all: sockets, anchors …, each number with its standard error.
 
-    Millimetres, milliradians, or parts per million, as the keys say.
+    Millimetres, milliradians, or parts per million, as the keys say; directions as they are.
     """
     layout = calibration.layout
     if not isinstance(layout, ObservationLayout):
@@ -71,17 +72,19 @@ def list_unknowns(calibration: "Calibration") -> list[dict[str, Any]]:
     ):
         errors = np.full(len(values), np.nan) if layout.fixed_frames else deviation[own]
         unknowns = {
-            name: _in_unit(name, float(value), float(error))
+            name: _in_unit(kind.units.get(name.rpartition(".")[2], ShownUnit.of("m")), float(value), float(error))
             for name, value, error in zip(kind.unknowns, values, errors, strict=True)
         }
         out.append({"target": target, "kind": kind.key, "tells_scale": kind.tells_scale, "unknowns": unknowns})
     return out
 
 
-def _in_unit(name: str, value: float, error: float) -> dict[str, float | None]:
-    last = name.rpartition(".")[2]
-    unit, factor = ("ppm", 1e6) if last == "scale" else ("mrad", 1e3) if last in ("rx", "ry", "rz") else ("mm", 1e3)
-    return {f"value_{unit}": value * factor, f"standard_error_{unit}": None if np.isnan(error) else error * factor}
+def _in_unit(unit: ShownUnit, value: float, error: float) -> dict[str, float | None]:
+    key = f"_{unit.key}" if unit.name else ""
+    return {
+        f"value{key}": value * unit.factor,
+        f"standard_error{key}": None if np.isnan(error) else error * unit.factor,
+    }
 
 
 def list_parameters(calibration: "Calibration") -> list[dict[str, Any]]:
