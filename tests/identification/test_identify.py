@@ -261,7 +261,7 @@ def test_a_campaign_that_is_another_robots_is_refused():
 
 
 def test_a_fit_that_does_not_converge_says_what_to_try(monkeypatch):
-    from taskcal.identification import hyperparameters as module
+    from taskcal.identification import weighed_fit as module
 
     rng, model = arm(0)
     campaign, _ = measure(rng, model, industrial_positions(rng, 40), defects(rng, model), sigma=1e-4)

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskcal.geometry import se3, walk
-from taskcal.geometry.normal_equations import HUBER, SQUARED
+from taskcal.geometry.covariance_propagation import propagate
+from taskcal.geometry.normal_equations import HUBER, SQUARED, normal_equations
 from taskcal.identification.belief import frame_precision
 from taskcal.identification.identify import identify
 from taskcal.identification.linearisation import linearise_rows
@@ -85,7 +86,7 @@ def test_a_tracker_s_campaign_gives_the_same_calibration_either_way(kind):
 @settings(max_examples=4)
 @given(seeds)
 def test_what_is_predicted_moves_as_its_derivative_says(kind, seed):
-    model, campaign, _ = observed(kind, seed, rows=40 if kind == "distance" else 16)
+    model, campaign, _ = observed(kind, seed, rows={"distance": 40, "cube": 30}.get(kind, 16))
     registration = register(model, campaign)
     problem = problem_of(layout_of(model, np.arange(len(model)), registration, campaign, fixed=False), campaign, None)
     rng = np.random.default_rng(seed)
@@ -116,6 +117,27 @@ def test_the_streamed_equations_are_those_of_the_dense_rows_and_of_what_is_state
     size = np.sqrt(np.diag(H) + 1e-300)
     np.testing.assert_allclose(g / size, A.T @ r / size, rtol=0, atol=1e-9 * np.abs(g / size).max())
     np.testing.assert_allclose(H / np.outer(size, size), A.T @ A / np.outer(size, size), rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("kind", KINDS_WITHOUT_TRACKER)
+def test_rows_that_are_kept_say_what_streamed_ones_do(kind):
+    model, campaign, _ = observed_with_points(kind, 5)
+    registration = register(model, campaign)
+    problem = problem_of(layout_of(model, np.arange(len(model)), registration, campaign, fixed=False), campaign, None)
+    z, W = problem.frames.start(), whitener(problem.noise)
+    walked = problem.walked(z)
+    seen, rows = problem.linearised(walked, z), problem.kept_rows(z)
+    cost, g, H = normal_equations(walked, seen, W)
+    size = np.sqrt(np.diag(H) + 1e-300)
+    kept = rows.equations(W)
+    np.testing.assert_allclose(kept[0], cost, rtol=1e-12)
+    np.testing.assert_allclose(kept[1] / size, g / size, rtol=0, atol=1e-11 * np.abs(g / size).max())
+    np.testing.assert_allclose(kept[2] / np.outer(size, size), H / np.outer(size, size), rtol=0, atol=1e-12)
+    C = np.diag(np.random.default_rng(0).uniform(1e-8, 1e-6, len(z)))
+    for kept_one, streamed in zip(rows.propagate(C), propagate(walked, seen, C), strict=True):
+        np.testing.assert_allclose(kept_one, streamed, rtol=1e-9, atol=1e-15)
+    assert problem.kept_rows(z) is rows
+    assert problem.kept_rows(z + 1e-6) is not rows
 
 
 def test_the_prior_of_the_frames_holds_what_no_row_tells():

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import block_diag
 
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.identification.observation_layout import ObservationLayout
@@ -64,6 +63,8 @@ def frame_precision(layout: FrameLayout) -> Float[np.ndarray, "frames frames"]:
     held = layout.registration.unobservable / UNOBSERVABLE_PRIOR**2
     if isinstance(layout, ObservationLayout):
         at = np.concatenate([place[:3] for place in layout.places]) - len(layout.kept)
+        from scipy.linalg import block_diag
+
         turned = np.asarray(block_diag(*_axes_of_places(layout)))
         out[np.ix_(at, at)] += turned.T @ held @ turned
     elif layout.pose:  # its error frame moves in the axes of the target

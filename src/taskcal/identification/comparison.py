@@ -13,7 +13,6 @@ from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import chi2
 
 from taskcal.errors import TaskcalError
 from taskcal.estimation.blas import single_threaded
@@ -242,8 +241,10 @@ def _chance(residual: Float[np.ndarray, " m"], spread: Float[np.ndarray, "m z"])
     known = s > 1e-6 * s.max(initial=0.0)
     if not known.any():
         return float(np.abs(residual).max() < NEGLIGIBLE)
+    from scipy.special import chdtrc
+
     along = U[:, known].T @ residual
-    return float(chi2.sf(np.sum(along**2 / (s[known] ** 2 + NEGLIGIBLE**2)), int(known.sum())))
+    return float(chdtrc(int(known.sum()), np.sum(along**2 / (s[known] ** 2 + NEGLIGIBLE**2))))
 
 
 def _parameters(first: Calibration, second: Calibration) -> tuple[ChangedParameter, ...]:

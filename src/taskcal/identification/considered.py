@@ -20,8 +20,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.identification.belief import Belief
-from taskcal.identification.hyperparameters import Fitted, Hyperparameters
+from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.problem import FrameLayout, Problem
+from taskcal.identification.weighed_fit import Fitted
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.stats import chi2
 
 from taskcal.errors import CampaignError
 from taskcal.identification.calibration import Calibration
@@ -31,6 +30,8 @@ class Examination:
     """Number of each point's target in the campaign."""
     uncertainty: Float[np.ndarray, " points"]
     """Standard uncertainty of the measurement along each error, metres."""
+    signed: Float[np.ndarray, " points"]
+    """Each error with its sign where one number was measured, metres; NaN where more were."""
     studentised: Float[np.ndarray, " points"] | None
     """Length of each error (rotation included, for poses) over its stated standard deviation; None where the frames were
     refitted, or what stands was found anew, for which the calibration states nothing."""
@@ -47,22 +48,27 @@ class Examination:
         return np.argsort(-self.validation.errors, kind="stable")
 
     def points(self) -> list[dict[str, Any]]:
-        """Every point in millimetres and milliradians, in the order of the campaign."""
+        """Every point in millimetres and milliradians, in the order of the campaign.
+
+        Of a kind that measures one number its error with its sign; along the axes of the base only what was measured along them.
+        """
         return [self._point(k) for k in range(len(self.validation))]
 
     def _point(self, k: int) -> dict[str, Any]:
         validation, row = self.validation, self.validation.rows[k]
-        x, y, z = validation.components[k] * 1e3
         out: dict[str, Any] = {
             "row": self.campaign.row_of(row),
             "line": self.campaign.line_of(row),
             "id": self.campaign.ids[row],
             "target": self.campaign.targets[self.targets[k]],
             "error_mm": float(validation.errors[k]) * 1e3,
-            "x_mm": float(x),
-            "y_mm": float(y),
-            "z_mm": float(z),
         }
+        if np.isfinite(self.signed[k]):
+            out["signed_mm"] = float(self.signed[k]) * 1e3
+        if np.isfinite(validation.components[k]).all():
+            out |= {
+                f"{axis}_mm": float(value) * 1e3 for axis, value in zip("xyz", validation.components[k], strict=True)
+            }
         if validation.rotations is not None:
             out["error_mrad"] = float(validation.rotations[k]) * 1e3
         if self.studentised is not None and self.inside is not None:
@@ -135,10 +141,12 @@ def examine(
         inside = _is_inside(error, stated[rows, targets, :3, :3])
         if width == 6:
             rotation_inside = _is_inside(residual[rows, targets, 3:], stated[rows, targets, 3:, 3:])
+    one_number = np.array([kind.width == 1 for kind in campaign.kinds] or [False] * len(campaign.targets))
     return Examination(
         campaign=campaign,
         validation=validation,
         targets=targets,
+        signed=np.where(one_number[targets], error[:, 0], np.nan),
         uncertainty=np.sqrt(along),
         studentised=studentised,
         inside=inside,
@@ -155,4 +163,6 @@ def _is_inside(error: Float[np.ndarray, "points 3"], covariance: Float[np.ndarra
         raise CampaignError(
             "the calibration and the campaign state no uncertainty at some point; state one (column u_mm)"
         ) from singular
-    return np.einsum("ki,ki->k", error, solved) <= chi2.ppf(REGION, 3)
+    from scipy.special import chdtri
+
+    return np.einsum("ki,ki->k", error, solved) <= chdtri(3, 1.0 - REGION)

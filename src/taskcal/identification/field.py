@@ -13,15 +13,16 @@ its rows count less, as if measured with more noise, so that the variance has no
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import cholesky, solve_triangular
-from scipy.spatial import KDTree
 
 from taskcal.estimation.squared_exponential import squared_exponential
 from taskcal.short_repr import short_repr
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 MAX_DENSE_ROWS, LOW_RANK, NEIGHBOURS = 3000, 400, 60
 """Rows up to which the variance is that of all; beyond, degrees of freedom of smooth weights, and nearest rows."""
@@ -61,7 +62,7 @@ class ResidualField:
     @cached_property
     def _factor(self) -> Float[np.ndarray, "n n"]:
         """Cholesky factor of correlation and relative noise."""
-        return cholesky(_correlation(self._scaled, self._scaled) + self._ratio * np.eye(len(self.q)), lower=True)
+        return np.linalg.cholesky(_correlation(self._scaled, self._scaled) + self._ratio * np.eye(len(self.q)))
 
     @cached_property
     def _smooth(self) -> Float[np.ndarray, "n k"]:
@@ -69,11 +70,15 @@ class ResidualField:
         picked = self._scaled[np.linspace(0, len(self.q) - 1, LOW_RANK).astype(int)]
         V, _ = np.linalg.qr(_correlation(self._scaled, picked))
         G = V.T @ _in_batches(lambda at: _correlation(at, self._scaled) @ V, self._scaled)
-        factor = cholesky(0.5 * (G + G.T) + self._ratio * np.eye(LOW_RANK), lower=True)
+        from scipy.linalg import solve_triangular
+
+        factor = np.linalg.cholesky(0.5 * (G + G.T) + self._ratio * np.eye(LOW_RANK))
         return solve_triangular(factor, V.T, lower=True).T
 
     @cached_property
-    def _tree(self) -> KDTree:
+    def _tree(self) -> "KDTree":
+        from scipy.spatial import KDTree
+
         return KDTree(self._scaled)
 
     def mean(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n outputs"]:
@@ -89,6 +94,8 @@ class ResidualField:
         """Share of the field's variance that the rows leave."""
         k = _correlation(self._scaled, at)
         if len(self.q) <= MAX_DENSE_ROWS:
+            from scipy.linalg import solve_triangular
+
             known_variance = (solve_triangular(self._factor, k, lower=True) ** 2).sum(axis=0)
         else:
             known_variance = np.maximum(((self._smooth.T @ k) ** 2).sum(axis=0), self._told_nearby(at))

@@ -6,10 +6,10 @@ others, each by its prediction's residual over the standard deviation of that, a
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import CampaignError
 from taskcal.identification.calibration import Calibration
@@ -26,19 +26,33 @@ GROSS_SIGMAS = 10.0
 MAX_ROUNDS = 6
 """Of fit and judgement in turn; two are enough as a rule."""
 
+MANY, SOME = 5000, 1000
+"""Rows from which on those that disagree are first judged by a fit of so many of the others."""
+
 MAX_NAMED_ROWS = 6
 """Rows that a message names."""
 
-Fit = Callable[[Campaign], Calibration]
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FittedRows:
+    """What a fit of all rows of a campaign gives."""
+
+    calibration: Calibration
+    likeliest_scale: float | None
+    """Most probable scale of the prior, where the fit was made with the expected one."""
+
+
+Fit = Callable[[Campaign, Int[np.ndarray, " k"] | None], FittedRows]
+"""Of a campaign with all its rows, or of some of them only."""
 
 
 def fit_right_rows(
     fit: Fit, campaign: Campaign, rows: Bool[np.ndarray, " n"], noise: TrackerNoise | None
-) -> Calibration:
+) -> FittedRows:
     """Fit the rows that can be right, and say which were left out.
 
     Args:
-        fit: identifies from all rows of a campaign.
+        fit: identifies from all rows of a campaign that were seen, or from those of a list.
         campaign: the measurements.
         rows: those that agree, to begin with.
         noise: the tracker's, where the campaign does not state uncertainties.
@@ -47,19 +61,24 @@ def fit_right_rows(
         CampaignError: more rows are wrong than can be told from right ones.
     """
     seen = campaign.seen
-    calibration = fit(campaign.without(seen & ~rows))
-    distance, length = _judge(calibration, campaign, rows, noise)
+    agreed = np.flatnonzero(seen & rows)
+    if len(agreed) > MANY and not rows[seen].all() and not campaign.observations:
+        some = np.sort(np.random.default_rng(0).choice(agreed, size=SOME, replace=False))
+        _, length = _judge(fit(campaign, some).calibration, campaign, rows, noise)
+        rows = np.logical_or(rows, np.logical_and(seen, length <= GROSS_SIGMAS))
+    fitted = fit(campaign.without(seen & ~rows), None)
+    distance, length = _judge(fitted.calibration, campaign, rows, noise)
     for _ in range(MAX_ROUNDS):
         following = np.logical_or(rows, np.logical_and(seen, length <= GROSS_SIGMAS))
         if np.array_equal(following, rows):
             break
         rows = following
-        calibration = fit(campaign.without(seen & ~rows))
-        distance, length = _judge(calibration, campaign, rows, noise)
+        fitted = fit(campaign.without(seen & ~rows), None)
+        distance, length = _judge(fitted.calibration, campaign, rows, noise)
     _check_few(seen & ~rows, campaign)
     wrong = np.flatnonzero(seen & ~rows)
     if not len(wrong):
-        return calibration
+        return fitted
     left_out = tuple(
         LeftOut(
             row=campaign.row_of(int(i)),
@@ -71,7 +90,8 @@ def fit_right_rows(
         for i in wrong
     )
     said = _said(left_out, [campaign.row(int(i)) for i in wrong], int(seen.sum()))
-    return replace(calibration, left_out=left_out, remarks=(said, *calibration.remarks))
+    calibration = fitted.calibration
+    return replace(fitted, calibration=replace(calibration, left_out=left_out, remarks=(said, *calibration.remarks)))
 
 
 def _check_few(wrong: Bool[np.ndarray, " n"], campaign: Campaign) -> None:

@@ -16,7 +16,6 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.optimize import root_scalar
 from scipy.special import chdtri, fdtri, gammaln
 
 from taskcal.estimation.group_variances import (
@@ -208,7 +207,13 @@ def stretch_of(
     def held(stretch: float) -> float:
         return float((scale / (1.0 + stretch * v)).mean()) - 1.0 / longer
 
-    return float(root_scalar(held, bracket=(0.0, MOST_STRETCH)).root) if held(MOST_STRETCH) < 0.0 else MOST_STRETCH
+    if held(MOST_STRETCH) >= 0.0:
+        return MOST_STRETCH
+    low, high = 0.0, MOST_STRETCH
+    for _ in range(60):  # halved down to rounding; SciPy's root finders take longer to import
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if held(middle) > 0.0 else (low, middle)
+    return low
 
 
 def multivariate_t_log(squares: Float[np.ndarray, "..."], nu: float) -> Float[np.ndarray, "..."]:

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.identification.prediction_errors import Validation
+from taskcal.measurement.observation import Observation
 from taskcal.short_repr import short_repr
 
 Grouping = Literal["neighbours", "blocks", "rows"]
@@ -33,6 +34,8 @@ class HeldOut:
     """Measured less predicted in the axes of the robot's base, metres (then radians, for poses); NaN for lost beams."""
     nominal: Float[np.ndarray, "n targets b"]
     """The same of the nominal robot, with tracker frame and targets found from the rows that were fitted."""
+    kinds: tuple[type[Observation], ...] = ()
+    """Of observation of each target; none where a tracker measured all."""
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -40,12 +43,12 @@ class HeldOut:
     @property
     def validation(self) -> Validation:
         """The errors of all rows."""
-        return Validation.of_residuals(self.residuals, np.eye(3))
+        return Validation.of_residuals(self.residuals, np.eye(3), self.kinds)
 
     @property
     def nominal_validation(self) -> Validation:
         """The errors of all rows that the nominal robot leaves."""
-        return Validation.of_residuals(self.nominal, np.eye(3))
+        return Validation.of_residuals(self.nominal, np.eye(3), self.kinds)
 
     @property
     def part_means(self) -> Float[np.ndarray, " parts"]:

@@ -125,6 +125,7 @@ def hold_out(fit: Fit, campaign: Campaign, holdout: Holdout, nominal: Fit) -> Ca
         part=np.repeat(np.arange(len(parts)), [len(part) for part in parts]),
         residuals=np.concatenate([own for own, _ in predicted]),
         nominal=np.concatenate([before for _, before in predicted]),
+        kinds=campaign.kinds,
     )
     return replace(calibration, held_out=held_out)
 
@@ -152,7 +153,15 @@ def with_held_out(
         part = group_neighbours(campaign.q[out], GROUPS)
     residuals, before = _predict(calibration, campaign, out, nominal)
     rows = np.array([campaign.row_of(int(i)) for i in out])
-    held_out = HeldOut(by=by or "chosen", folds=0, rows=rows, part=part, residuals=residuals, nominal=before)
+    held_out = HeldOut(
+        by=by or "chosen",
+        folds=0,
+        rows=rows,
+        part=part,
+        residuals=residuals,
+        nominal=before,
+        kinds=campaign.kinds,
+    )
     return replace(calibration, held_out=held_out)
 
 

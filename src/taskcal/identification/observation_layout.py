@@ -31,6 +31,11 @@ class ObservationLayout(FrameLayout):
     kinds: tuple[Observation, ...]
     """How each target was observed; their rows are not looked at."""
 
+    @property
+    def observed(self) -> tuple[type[Observation], ...]:
+        """Kind of observation of each target."""
+        return tuple(map(type, self.kinds))
+
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the entries of z."""

@@ -44,7 +44,7 @@ def residuals_by_kind(
         residual = kind.differentiate(ends[:, t], unknown, campaign.read(t)).residual[seen]
         out[seen, t] = 0.0
         out[seen, t, : residual.shape[1]] = residual
-        if kind.width >= 3:
+        if kind.along_axes:
             for first in range(0, kind.width, 3):
                 out[seen, t, first : first + 3] = out[seen, t, first : first + 3] @ R
     return out
@@ -68,6 +68,9 @@ def unknowns_of(
         known = np.full(len(kind.unknowns), np.nan)
         if isinstance(layout, ObservationLayout) and layout.kinds[numbers[t]].key == kind.key:
             known = kind.named_like(layout.kinds[numbers[t]], layout.unknowns(calibration.z)[numbers[t]])
+        if not settled and np.isfinite(known).all():
+            out.append(known)
+            continue
         found = kind.settle(ends[:, t], campaign.read(t), known)
         first, second = (found, known) if settled else (known, found)
         out.append(np.where(np.isnan(first), second, first))

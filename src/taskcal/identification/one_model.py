@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import FitError
 from taskcal.estimation.group_variances import GroupedFit, Groups, find_sizes, reduce_rows
-from taskcal.geometry.walk import in_chunks
+from taskcal.geometry.chunks import in_chunks
 from taskcal.identification.belief import frame_precision
 from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.linearisation import Linearisation, linearise_rows

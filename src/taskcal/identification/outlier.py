@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import chdtri
 
+from taskcal.estimation.whitening import inverse_factors
 from taskcal.measurement.campaign import Campaign
 
 
@@ -63,12 +63,11 @@ def studentise(
     widths = np.array([one.width for one in campaign.observations] or [residual.shape[2]] * valid.shape[1])
     for b in np.unique(widths):  # numbers that were measured of a block
         judged = valid & (widths == b)
-        values, vectors = np.linalg.eigh(own[judged][:, :b, :b])
-        # directions that the fit follows entirely have no residual to judge
-        floor = 1e-6 * np.trace(covariance[judged][:, :b, :b], axis1=1, axis2=2)[:, None] / b
-        along = np.einsum("kij,ki->kj", vectors, residual[judged][:, :b])
-        square = np.sum(np.where(values > floor, along**2 / np.maximum(values, floor), 0.0), axis=1)
+        floor = 1e-6 * np.trace(covariance[judged][:, :b, :b], axis1=1, axis2=2) / b
+        square = _squared_lengths(residual[judged][:, :b], own[judged][:, :b, :b], floor)
         out[judged] = np.sqrt(square)
+    from scipy.special import chdtri
+
     limit = np.sqrt(chdtri(widths, level / max(int(valid.sum()), 1)))
     rows = [(float(out[i, t]), int(i), int(t)) for i, t in zip(*np.nonzero(out > limit), strict=True)]
     named = [
@@ -83,3 +82,21 @@ def studentise(
         for s, i, t in sorted(rows, reverse=True)
     ]
     return out, tuple(named)
+
+
+def _squared_lengths(
+    residual: Float[np.ndarray, "k b"], own: Float[np.ndarray, "k b b"], floor: Float[np.ndarray, " k"]
+) -> Float[np.ndarray, " k"]:
+    """Of residuals in units of their own covariances; directions whose variance is below the floor do not count.
+
+    The fit follows those entirely: they have no residual to judge.
+    """
+    W = inverse_factors(own)
+    square = np.sum((W @ residual[:, :, None])[:, :, 0] ** 2, axis=1)
+    # the smallest variance is at least 1/tr(own⁻¹) = 1/|W|²
+    doubtful = ~(np.einsum("kij,kij->k", W, W) * floor < 1.0)
+    if doubtful.any():
+        values, vectors = np.linalg.eigh(own[doubtful])
+        along, least = np.einsum("kij,ki->kj", vectors, residual[doubtful]), floor[doubtful, None]
+        square[doubtful] = np.sum(np.where(values > least, along**2 / np.maximum(values, least), 0.0), axis=1)
+    return square

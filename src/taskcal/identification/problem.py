@@ -8,12 +8,14 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.errors import ClosureError
+from taskcal.estimation.whitening import inverse_factors
 from taskcal.geometry import se3, walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
 from taskcal.geometry.covariance_propagation import propagate
 from taskcal.geometry.normal_equations import SQUARED, WhitenedEquations, normal_equations
 from taskcal.geometry.observations import Observations, Points, Walked
 from taskcal.geometry.walk import Columns
+from taskcal.identification.kept_rows import MOST_NUMBERS, KeptRows
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.observation import Observation
 from taskcal.measurement.registration import Registration
@@ -51,6 +53,11 @@ class FrameLayout:
     """Whether tracker frame and targets are held where the registration put them."""
     turned: bool = False
     """Whether measured rotations may be turned against the axes of the positions."""
+
+    @property
+    def observed(self) -> tuple[type[Observation], ...]:
+        """Kind of observation of each target; none where a tracker measured all."""
+        return ()
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -135,13 +142,10 @@ class FrameLayout:
             offsets = z[k + 6 :].reshape(-1, 3)
         else:
             offsets = self.registration.T_tool_target[:, :3, 3]
-        turn = self.turn(z)
-        points = Points(
-            position=np.ascontiguousarray(offsets),
-            columns=self.point_columns,
-            turn=se3.exp(turn),
-            turning=se3.left_jacobian(turn),
-        )
+        points = Points(np.ascontiguousarray(offsets), self.point_columns)
+        if self.turned:
+            turn = self.turn(z)
+            points = points._replace(turn=se3.exp(turn), turning=se3.left_jacobian(turn))
         return Walked(self.chain, s, np.concatenate(rows), self.layout, factor, points)
 
     def turn(self, z: Float[np.ndarray, " z"]) -> Float[np.ndarray, " 3"]:
@@ -209,6 +213,17 @@ class Problem:
     conditions: Conditions | None = None
     """How the poses were reached."""
 
+    def take(self, rows: Int[np.ndarray, " k"]) -> "Problem":
+        """The problem of some of a tracker's rows."""
+        rotation = self.seen.rotation
+        seen = Observations(
+            position=self.seen.position[rows],
+            rotation=None if rotation is None else rotation[rows],
+            valid=self.seen.valid[rows],
+        )
+        conditions = None if self.conditions is None else self.conditions.take(rows)
+        return Problem(frames=self.frames, q=self.q[rows], seen=seen, noise=self.noise[rows], conditions=conditions)
+
     @cached_property
     def _constant(self) -> bool:
         """Whether no kept parameter moves the joint side, so that it is evaluated once."""
@@ -240,12 +255,15 @@ class Problem:
         A step may lead there on the way to lengths that do close: the fit takes a shorter one then.
         """
 
-        def evaluate(z: Float[np.ndarray, " z"]) -> tuple[float, np.ndarray, np.ndarray]:
+        def evaluate(z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
             try:
-                walked = self.walked(z)
+                if loss == SQUARED and self._kept_at(z):
+                    cost, g, H = self.kept_rows(z).equations(whitener)
+                else:
+                    walked = self.walked(z)
+                    cost, g, H = normal_equations(walked, self.linearised(walked, z), whitener, loss, threshold)
             except ClosureError:
                 return np.inf, np.zeros(len(z)), np.zeros((len(z), len(z)))
-            cost, g, H = normal_equations(walked, self.linearised(walked, z), whitener, loss, threshold)
             stated = self.frames.stated(z, self.kinds)
             if stated is None:
                 return cost, g, H
@@ -253,6 +271,33 @@ class Problem:
             return cost + 0.5 * float(r @ r), g + A.T @ r, H + A.T @ A
 
         return evaluate
+
+    @cached_property
+    def keeps_rows(self) -> bool:
+        """Whether rows are kept, since they are few."""
+        return self.noise[..., 0].size * len(self.frames.names) <= MOST_NUMBERS
+
+    def _kept_at(self, z: Float[np.ndarray, " z"]) -> bool:
+        """Whether rows about an estimate are there, or worth keeping now: those of a tracker are streamed in less time at first."""
+        return self.keeps_rows and (bool(self.kinds) or z.tobytes() in self._latest)
+
+    @cached_property
+    def _latest(self) -> dict[bytes, KeptRows]:
+        return {}
+
+    def kept_rows(self, z: Float[np.ndarray, " z"]) -> KeptRows:
+        """Rows about an estimate, those of the latest one kept.
+
+        Raises:
+            ClosureError: a closed loop cannot be assembled at some pose.
+        """
+        key = z.tobytes()
+        if key not in self._latest:
+            walked = self.walked(z)
+            rows = KeptRows.of(walked, self.linearised(walked, z))
+            self._latest.clear()
+            self._latest[key] = rows
+        return self._latest[key]
 
     def linearised(self, walked: Walked, z: Float[np.ndarray, " z"]) -> Observations:
         """What was seen, as the compiled passes take it at an estimate."""
@@ -262,6 +307,8 @@ class Problem:
         self, z: Float[np.ndarray, " z"], covariance: Float[np.ndarray, "z z"]
     ) -> tuple[Float[np.ndarray, "n targets b"], Float[np.ndarray, "n targets b b"]]:
         """Residuals at an estimate, and the covariance of what is predicted for one of the estimate."""
+        if self.keeps_rows:
+            return self.kept_rows(z).propagate(covariance)
         walked = self.walked(z)
         return propagate(walked, self.linearised(walked, z), covariance)
 
@@ -273,7 +320,12 @@ class Problem:
 
 
 def whitener(covariance: Float[np.ndarray, "n targets b b"]) -> Float[np.ndarray, "n targets b b"]:
-    """Lower triangular W with W·covariance·Wᵀ = I."""
-    b = covariance.shape[-1]
-    factor = np.linalg.cholesky(covariance.reshape(-1, b, b))
-    return np.ascontiguousarray(np.linalg.inv(factor)).reshape(covariance.shape)
+    """Lower triangular W with W·covariance·Wᵀ = I.
+
+    Raises:
+        numpy.linalg.LinAlgError: a covariance is not positive definite.
+    """
+    W = inverse_factors(covariance)
+    if np.isnan(W[..., -1, -1]).any():
+        raise np.linalg.LinAlgError("a covariance is not positive definite")
+    return W

@@ -30,8 +30,8 @@ def with_size_held(model: ErrorModel, campaign: Campaign, options: FitOptions) -
     if options.prior is None or (options.prior_scale != "estimate" and options.prior_scale > LARGEST_SCALE):
         raise CampaignError(
             f"{named_file(campaign)}has no length that was measured or stated, so that a robot of any size fits it, the smallest "
-            f"best; state a distance between two sockets (--distances FILE), hold the lengths ({lengths[0]} and others) by a prior "
-            f"of at most {LARGEST_SCALE:g} tolerances, or keep none of them"
+            "best; state a distance between two sockets (--distances FILE), touch opposite faces of a cube, hold the lengths "
+            f"({lengths[0]} and others) by a prior of at most {LARGEST_SCALE:g} tolerances, or keep none of them"
         )
     return replace(options, prior_scale=1.0) if options.prior_scale == "estimate" else options
 

@@ -38,14 +38,15 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
     if not campaign.valid.any():
         raise CampaignError("the campaign has no measured point to compare with: every beam was lost")
     validation = replace(
-        Validation.of_residuals(residual, calibration.T_tracker_base[:3, :3]), compared=_compared(calibration, campaign)
+        Validation.of_residuals(residual, calibration.T_tracker_base[:3, :3], campaign.kinds),
+        compared=_compared(calibration, campaign),
     )
     off = float(np.median(validation.errors))
     if off <= PLAUSIBLE_SHARE * calibration.model.robot.reach:
         return validation
     remark = (
         f"the campaign is {off * 1e3:.0f} mm away from what the calibration predicts: if the tracker or the target was moved, "
-        "refit them (reregister); else it is another robot"
+        "refit them (reregister); else units, joints or the robot are others, which taskcal doctor (in Python: diagnose) tells"
     )
     return replace(validation, remarks=(remark,))
 
