@@ -217,3 +217,16 @@ def test_a_list_out_of_reach_is_refused(model):
     q = np.full((2, 6), 4.0)
     with pytest.raises(ReachError, match=r"reaches none of the 2 poses of task 'measured'.*move"):
         reach_task(model, Task(name="measured", poses=T[:2], joints=q))
+
+
+def test_lengths_in_metres_are_refused_and_said(model, tmp_path):
+    text = BOX.replace("[100.0, 0.0, 50.0]", "[0.1, 0.0, 0.05]").replace("[500.0, 700.0, 300.0]", "[0.5, 0.7, 0.3]")
+    text = text.replace("[1600.0, 30.0, 1400.0]", "[1.6, 0.03, 1.4]")
+    with pytest.raises(
+        ReachError, match=r"task 'pocket' lies within 2\.\d mm .* seem to be in metres; write them in millimetres"
+    ):
+        reach_task(model, load_task(written(tmp_path, text)))
+    T = reference_task().workspace.sample(5)
+    T[:, :3, 3] *= 1e-3
+    with pytest.raises(ReachError, match="in metres"):
+        reach_task(model, Task(name="list", poses=T))

@@ -1,15 +1,18 @@
 """Poses spread over a workspace."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from taskcal.errors import FileError
 from taskcal.geometry import se3
+from taskcal.geometry.euler import AngleForm, to_angles
 from taskcal.task.task import load_task
 from taskcal.task.workspace import Orientation, Workspace
 from tests.laws.campaigns import random_pose
 from tests.laws.robots import generators
-from tests.task.task_files import BOX, written
+from tests.task.task_files import BOX, CYLINDER, written
 
 rooms = st.tuples(st.floats(0, np.pi), st.sampled_from([0.0, 0.3, np.pi]))
 
@@ -69,3 +72,44 @@ def test_a_workspace_contains_its_own_samples_and_none_moved_out_of_it(rng, shap
     spun[:, :3, :3] = spun[:, :3, :3] @ se3.exp(np.array([0.0, 0.0, room.spin + 0.01]))
     assert not space.contains(spun).any()
     assert space.contains(space.middle()).all()
+
+
+@given(generators, st.sampled_from(["quaternion", "rpy", "abc", "wpr"]))
+def test_a_turned_box_has_the_places_of_the_straight_one_turned_about_its_centre(tmp_path_factory, rng, form):
+    turned = random_pose(rng, 1)[:3, :3]
+    told = f"quaternion = {se3.to_quaternion(turned).tolist()}"
+    if form != "quaternion":
+        way: AngleForm = form
+        told = f"{form}_deg = {np.degrees(to_angles(way, turned)).tolist()}"
+    folder = tmp_path_factory.mktemp("task")
+    straight = load_task(written(folder, BOX)).workspace
+    space = load_task(written(folder, BOX.replace('shape = "box"', f'shape = "box"\n{told}'))).workspace
+    np.testing.assert_allclose(space.turned, turned, atol=1e-12)
+    T, T_straight = (se3.inverse(w.T_base_frame) @ w.sample(50) for w in (space, straight))
+    np.testing.assert_allclose(T[:, :3, 3] - space.center, (T_straight[:, :3, 3] - space.center) @ turned.T, atol=1e-12)
+    np.testing.assert_allclose(T[:, :3, :3], T_straight[:, :3, :3], atol=1e-12)  # the tool does not turn with the box
+    assert space.contains(space.sample(50)).all()
+    corner = space.middle()[:1].copy()
+    corner[0, :3, 3] += space.T_base_frame[:3, :3] @ turned @ (0.499 * space.size)
+    assert space.contains(corner).all()
+    corner[0, :3, 3] += space.T_base_frame[:3, :3] @ turned[:, 0] * 0.01
+    assert not space.contains(corner).any()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            CYLINDER.replace("axis = [1.0, 1.0, 0.0]", "rpy_deg = [0.0, 90.0, 0.0]"),
+            "give axis in place of the rotation",
+        ),
+        (BOX.replace('shape = "box"', "axis = [1.0, 0.0, 0.0]"), "a box has no axis"),
+        (
+            BOX.replace('shape = "box"', "rpy_deg = [0.0, 0.0, 1.0]\nquaternion = [0.0, 0.0, 0.0, 1.0]"),
+            "keep one of them",
+        ),
+    ],
+)
+def test_a_rotation_that_is_stated_twice_or_of_another_shape_is_refused(tmp_path, text, message):
+    with pytest.raises(FileError, match=message):
+        load_task(written(tmp_path, text))

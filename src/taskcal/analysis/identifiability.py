@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import qr, solve_triangular
 
 from taskcal.analysis.collinearity import LEVEL, Collinearity, find_collinearities
 from taskcal.analysis.told_apart import ToldApart, find_told_apart
@@ -186,6 +185,8 @@ def eliminate(
     stacked: Float[np.ndarray, "rows p"], names: tuple[str, ...], tolerances: Float[np.ndarray, " p"], poses: int
 ) -> Identifiability:
     """Elimination of any stack of sensitivities, columns scaled to unit length."""
+    from scipy.linalg import qr
+
     p = stacked.shape[1]
     matrix = stacked
     if len(stacked) > p:
@@ -240,6 +241,8 @@ def _left_to_right(unit: np.ndarray) -> tuple[list[int], dict[int, dict[int, flo
             kept.append(j)
             continue
         k = len(kept)
+        from scipy.linalg import solve_triangular
+
         c = solve_triangular(R[:k, kept], R[:k, j], lower=False)
         # what counts for less than rounding times the conditioning is not a part of the relation
         dependent[j] = {kept[i]: float(c[i]) for i in range(k) if abs(c[i]) > 1e-8 * np.abs(c).max()}

@@ -21,6 +21,9 @@ from taskcal.task.turn_section import DirectedSection, TurnSection, towards
 from taskcal.task.workspace import Orientation, Workspace
 from taskcal.toml_file import Direction, Finite, HalfTurn, Positive, Section, read_toml
 
+AT_THE_BASE = 0.01
+"""Share of a robot's reach, within which of the middle of its base no robot works."""
+
 Triple = tuple[Finite, Finite, Finite]
 
 
@@ -72,10 +75,11 @@ def reach_task(model: ErrorModel, task: Task, count: int = 200, seed: int = 0) -
         seed: of the spread.
 
     Raises:
-        ReachError: the robot reaches the task nowhere, or leaves the branch along a path.
+        ReachError: the robot reaches the task nowhere, or leaves the branch along a path; or the task is at its very base.
     """
     expect_kinds({"model": ErrorModel, "task": Task}, model=model, task=task)
     model = model.nominal
+    _check_unit(model, task)
     if task.workspace is not None:
         T, weights = task.workspace.sample(count, seed), np.ones(count)
         q, reached = _spread(model, task.workspace, T)
@@ -96,6 +100,22 @@ def reach_task(model: ErrorModel, task: Task, count: int = 200, seed: int = 0) -
         )
     kept = weights[reached]
     return TaskPoses(T=T[reached], q=q[reached], weights=kept / kept.sum(), unreachable=~reached)
+
+
+def _check_unit(model: ErrorModel, task: Task) -> None:
+    """See that the task is not where no robot works: lengths in metres, read as millimetres, put it there."""
+    if task.workspace is not None:
+        room = task.workspace
+        middle = se3.apply(room.T_base_frame, room.center)
+        away = float(np.linalg.norm(middle) + 0.5 * np.linalg.norm(room.size))
+    else:
+        assert task.poses is not None
+        away = float(np.linalg.norm(task.poses[:, :3, 3], axis=1).max())
+    if away < AT_THE_BASE * model.robot.reach:
+        raise ReachError(
+            f"task '{task.name}' lies within {away * 1e3:.2g} mm of the middle of the robot's base: its lengths seem to be in "
+            "metres; write them in millimetres"
+        )
 
 
 def _spread(model: ErrorModel, workspace: Workspace, T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -170,8 +190,8 @@ class OrientationSection(DirectedSection):
         )
 
 
-class WorkspaceSection(Section):
-    """The workspace of a task file."""
+class WorkspaceSection(TurnSection):
+    """The workspace of a task file; a rotation is that of the box in the frame, none where none is stated."""
 
     frame: str = "base"
     shape: Literal["box", "cylinder"] = "box"
@@ -190,7 +210,15 @@ class WorkspaceSection(Section):
             raise ValueError("a box has size_mm, and neither radius_mm nor height_mm")
         if self.shape == "cylinder" and (not cylinder or box):
             raise ValueError("a cylinder has radius_mm and height_mm, and no size_mm")
+        if self.shape == "cylinder" and self.stated:
+            raise ValueError("a cylinder is turned by its axis; give axis in place of the rotation")
+        if self.shape == "box" and "axis" in self.model_fields_set:
+            raise ValueError("a box has no axis; turn it by quaternion, rpy_deg, abc_deg or wpr_deg")
         return self
+
+    def turned(self) -> Float[np.ndarray, "3 3"]:
+        """Of the shape in the frame."""
+        return towards(np.array(self.axis)) if self.shape == "cylinder" else self.rotation()
 
 
 class FrameSection(TurnSection):
@@ -259,7 +287,7 @@ class TaskFile(Section):
             shape=section.shape,
             center=np.array(section.center_mm) / 1e3,
             size=np.array(size) / 1e3,
-            turned=towards(np.array(section.axis)) if section.shape == "cylinder" else np.eye(3),
+            turned=section.turned(),
             orientations=tuple(o.orientation() for o in section.orientation),
         )
         return Task(name=self.name, workspace=workspace, accuracy=accuracy)

@@ -5,7 +5,6 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.stats import qmc
 
 from taskcal.geometry import se3
 from taskcal.short_repr import short_repr
@@ -51,7 +50,13 @@ class Workspace:
 
     def sample(self, count: int, seed: int = 0) -> Float[np.ndarray, "count 4 4"]:
         """Poses of the tool in the base, spread evenly (scrambled Halton sequence), orientations in turn."""
-        u = qmc.Halton(6, rng=seed).random(count)
+        from scipy.stats import qmc
+
+        return self.place(qmc.Halton(6, rng=seed).random(count))
+
+    def place(self, u: Float[np.ndarray, "count 6"]) -> Float[np.ndarray, "count 4 4"]:
+        """Poses of the tool in the base for numbers u in [0, 1), orientations in turn."""
+        count = len(u)
         if self.shape == "box":
             local = (u[:, :3] - 0.5) * self.size
         else:
