@@ -29,7 +29,7 @@ def test_an_accuracy_is_out_of_reach_where_all_candidates_would_not_do() -> None
     just = 2e-5 * np.sqrt(4 / 50)
     check_demands(replace(PLAN, accuracy=just * 1.01), 4)
     with pytest.raises(
-        ReachError, match=r"out of reach: 4 poses are expected to leave 0\.0200 mm rms, and not even all 50"
+        ReachError, match=r"out of reach: 4 poses are expected to leave 0\.02 mm rms, and not even all 50"
     ):
         check_demands(replace(PLAN, accuracy=just * 0.99), 4)
 
@@ -40,7 +40,7 @@ def test_an_accuracy_is_out_of_reach_where_all_candidates_would_not_do() -> None
         (None, 0.0, "the task states none"),
         (5e-5, 0.0, "the first 3 poses chosen meet the task's 0.05 mm"),
         (1e-5, 0.0, "about 16 poses would"),
-        (1e-5, 1e-4, "no number of poses meets the task's 0.01 mm: the model error alone leaves 0.1732 mm"),
+        (1e-5, 1e-4, "no number of poses meets the task's 0.01 mm: the model error alone leaves 0.173 mm"),
     ],
 )
 def test_the_accuracy_in_words(accuracy: float | None, model_error: float, words: str) -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taskcal.adaptation.plan import Plan
+from taskcal.adaptation.planned import Plan
 from taskcal.errors import ReachError
 
 
@@ -29,7 +29,7 @@ def check_demands(plan: Plan, count: int) -> None:
     if wanted is not None and extrapolate_poses(plan, wanted) > plan.candidates > 0:
         raise ReachError(
             f"the task's accuracy of {(plan.accuracy or wanted) * 1e3:g} mm is out of reach: {count} poses are expected to "
-            f"leave {plan.expected * 1e3:.4f} mm rms{_allowance(plan)}, and not even all {plan.candidates} that can be "
+            f"leave {plan.expected * 1e3:.3g} mm rms{_allowance(plan)}, and not even all {plan.candidates} that can be "
             "measured would do; state an accuracy that can be had, or leave it out of the task"
         )
 
@@ -52,7 +52,7 @@ def describe_accuracy(plan: Plan) -> str:
     if not allowed:
         alone = float(np.sqrt(3.0)) * plan.model_error
         return (
-            f"no number of poses meets {stated}: the model error alone leaves {alone * 1e3:.4f} mm (rms in space); "
+            f"no number of poses meets {stated}: the model error alone leaves {alone * 1e3:.3g} mm (rms in space); "
             "identifying what causes it, effects above all, is worth more than poses"
         )
     if plan.enough is not None:
@@ -67,5 +67,5 @@ def _allowance(plan: Plan) -> str:
     if not plan.geometry_allowance or not plan.model_error:
         return ""
     return (
-        f", the model error of {plan.model_error * 1e3:.3g} mm per axis allows {plan.geometry_allowance * 1e3:.4f} mm"
+        f", the model error of {plan.model_error * 1e3:.3g} mm per axis allows {plan.geometry_allowance * 1e3:.3g} mm"
     )

@@ -7,6 +7,7 @@ from typing import TypedDict, Unpack
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.adaptation.measuring_way import MeasuringWay
 from taskcal.arguments import expect_kinds, with_choices
 from taskcal.errors import UnknownName
 from taskcal.estimation.experiment_design import CRITERIA, Criterion
@@ -36,6 +37,7 @@ class PlanChoices(TypedDict, total=False):
     model_error: float | None
     prior_scale: float
     progress: Callable[[str], None]
+    observe: MeasuringWay | None
 
 
 @short_repr
@@ -74,6 +76,8 @@ class PlanOptions:
     """Factor of the tolerances."""
     progress: Callable[[str], None] = lambda _: None
     """Told what is being done."""
+    observe: MeasuringWay | None = None
+    """How to measure without a tracker, and what stands where; station, registration and noise are a tracker's."""
 
     def __post_init__(self) -> None:
         expect_kinds(
@@ -83,12 +87,14 @@ class PlanOptions:
                 "station": Station | None,
                 "registration": Registration | None,
                 "noise": TrackerNoise | None,
+                "observe": MeasuringWay | None,
             },
             campaign=self.campaign,
             calibration=self.calibration,
             station=self.station,
             registration=self.registration,
             noise=self.noise,
+            observe=self.observe,
         )
         if self.campaign is not None and self.calibration is not None:
             raise ValueError("give the campaign or the calibration from it; together they would count it twice")
