@@ -26,7 +26,13 @@ def cell():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "dropped", [(), ("J2.tz", "J3.tz", "J6"), ("J4.rx", "J3.ry", "J2.tx", "loop"), ("J1", "J2", "J3", "tool", "J5")]
+    "dropped",
+    [
+        (),
+        pytest.param(("J2.tz", "J3.tz", "J6"), marks=pytest.mark.long),
+        pytest.param(("J4.rx", "J3.ry", "J2.tx", "loop"), marks=pytest.mark.long),
+        ("J1", "J2", "J3", "tool", "J5"),
+    ],
 )
 def test_the_expected_error_is_the_mean_over_simulated_robots(cell, dropped):
     model, measured, unseen, made = cell

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.adaptation.selection import SUFFICIENT, select
+from taskcal.adaptation.selection import SUFFICIENT, select, selection_steps
 from taskcal.demo.reference import reference_task
 from taskcal.errors import CampaignError, ReachError
 from taskcal.geometry import se3
@@ -52,6 +52,12 @@ def test_the_published_and_the_identifiable_set_stand_in_the_same_picture(model)
     assert chosen.references["published"][0] == 33
     assert chosen.references["identifiable"][0] == 24
     assert all(e >= chosen.ladder[0].expected * (1 - 1e-9) for _, e in chosen.references.values())
+
+
+def test_its_steps_are_told_as_they_were_foreseen(model, listed):
+    told = []
+    select(model, listed, count=10, progress=told.append)
+    assert tuple(told) == selection_steps(None)
 
 
 def test_an_accuracy_is_met_by_the_smallest_model_that_meets_it(model):

@@ -19,6 +19,7 @@ from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, reach_task
+from tests.measurement import virtual_task
 
 CASES = {"counts": (8,), "plans": ("random", "grid"), "models": ("all", "published"), "seed": 3}
 
@@ -50,6 +51,16 @@ def rows(model, task):
     return study(model, task, robots=4, engine="sequential", **CASES).rows
 
 
+def test_a_robot_of_which_nothing_is_learnt_stays_as_it_is_and_is_counted(model, task, tmp_path):
+    """With so large a model error some campaigns are refused; they must not end the study."""
+    case = {"counts": (12,), "plans": ("random",), "seed": 3, "model_error": 5e-3, "engine": "sequential"}
+    made = study(model, task, robots=3, resume=tmp_path / "study.json", **case)
+    assert [row["learnt"] for row in made.rows] == [False, True, True]
+    assert made.unlearnt == 1
+    again = study(model, task, robots=3, resume=tmp_path / "study.json", **case)
+    assert again.rows == made.rows
+
+
 def test_every_robot_plan_count_and_model_has_its_row(rows):
     keys = [(row["robot"], row["plan"], row["count"], row["model"]) for row in rows]
     assert len(set(keys)) == len(keys) == 4 * 2 * 2
@@ -68,7 +79,7 @@ def test_fewer_robots_are_the_first_of_more(model, task, rows):
 
 
 def test_another_seed_draws_other_robots(model, task, rows):
-    other = study(model, task, robots=4, engine="sequential", **{**CASES, "seed": 4}).rows
+    other = study(model, task, robots=1, engine="sequential", **{**CASES, "seed": 4}).rows
     assert not {row["rms_mm"] for row in rows} & {row["rms_mm"] for row in other}
 
 
@@ -94,6 +105,14 @@ def test_an_interrupted_study_goes_on_where_it_was(model, task, rows, tmp_path):
     assert resumed[1:] == rows[1:]
 
 
+@pytest.fixture(scope="module")
+def begun(model, task, tmp_path_factory) -> str:
+    """The file of a study of one robot."""
+    path = tmp_path_factory.mktemp("begun") / "study.json"
+    study(model, task, robots=1, engine="sequential", resume=path, **CASES)
+    return path.read_text()
+
+
 @pytest.mark.parametrize(
     "changed",
     [
@@ -105,17 +124,16 @@ def test_an_interrupted_study_goes_on_where_it_was(model, task, rows, tmp_path):
         {"robot": "scaled"},
     ],
 )
-def test_a_file_of_another_study_is_refused(model, task, tmp_path, changed):
+def test_a_file_of_another_study_is_refused(model, task, begun, tmp_path, changed):
     path = tmp_path / "study.json"
-    study(model, task, robots=1, engine="sequential", resume=path, **CASES)
+    path.write_text(begun)
     if "robot" in changed:
         tolerances = replace(model.robot.tolerances, translation=2e-3)
         description = {**model.robot.description, "tolerance": {"translation_mm": 2.0, "rotation_mrad": 0.3}}
         model, changed = ErrorModel(replace(model.robot, tolerances=tolerances, description=description)), {}
-    before = path.read_text()
     with pytest.raises(FileError, match="holds a study of other settings; name another file"):
         study(model, task, robots=1, engine="sequential", resume=path, **{**CASES, **changed})
-    assert path.read_text() == before
+    assert path.read_text() == begun
 
 
 @pytest.mark.parametrize("model_error", [0.0, None, 2e-4])
@@ -203,3 +221,20 @@ def test_the_selected_model_is_as_good_as_the_full_one_and_the_undamped_publishe
     assert inside > 1.05, rms
     assert outside > 2.0, rms
     assert np.all(worse["published"] > 0.7), worse
+
+
+def test_ways_to_measure_are_judged_by_what_is_left_once_frames_were_taught(tmp_path):
+    ways = {"observe": ("tracker", "socket", "camera"), "counts": (30,), "plans": ("random",), "seed": 3}
+    more = {"robots": 3, "engine": "sequential", "model_error": 1e-4, "resume": tmp_path / "study.json"}
+    seen = study(virtual_task.MODEL, virtual_task.TASK, **ways, **more)
+    assert [(row["robot"], row["observe"]) for row in seen.rows[:4]] == [
+        (0, "tracker"), (0, "socket"), (0, "camera"), (1, "tracker"),
+    ]  # fmt: skip
+    assert len(seen.before) == 3
+    for row in seen.rows:
+        assert 0.0 < row["rms_mm"] < 0.8e3 * seen.before[row["robot"]]
+    assert study(virtual_task.MODEL, virtual_task.TASK, **ways, **more).rows == seen.rows
+    with pytest.raises(FileError, match="of other settings"):
+        study(virtual_task.MODEL, virtual_task.TASK, **{**ways, "observe": ("socket",)}, **more)
+    with pytest.raises(TaskcalError, match="plans for a tracker alone"):
+        study(virtual_task.MODEL, virtual_task.TASK, **{**ways, "plans": ("planned",)}, **more)

@@ -4,11 +4,12 @@ import subprocess
 import sys
 import time
 from functools import partial
+from pathlib import Path
 
 import pytest
 
 from taskcal.adaptation.workers import side_by_side
-from taskcal.errors import TaskcalError, UnknownName
+from taskcal.errors import UnknownName
 
 
 @pytest.mark.parametrize("engine", ["sequential", "threading", "loky"])
@@ -28,27 +29,6 @@ def test_a_single_worker_is_the_caller_who_lives_on():
 def test_an_engine_that_is_not_there_is_named():
     with pytest.raises(UnknownName, match="no engine 'loki'; did you mean 'loky'"):
         list(side_by_side(abs, [1], "loki", 1))
-
-
-def test_a_scheduler_that_does_not_answer_is_named():
-    pytest.importorskip("distributed")
-    with pytest.raises(TaskcalError, match="no Dask scheduler answers at 'nothing://here'"):
-        list(side_by_side(abs, [1], "dask:nothing://here", 1))
-
-
-def test_a_cluster_of_other_processes_gives_every_result():
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, protocol="tcp"
-    ) as cluster:
-        address = cluster.scheduler_address
-        assert sorted(side_by_side(partial(pow, 3), range(5), f"dask:{address}", -1)) == [1, 3, 9, 27, 81]
-        pids = set(side_by_side(_pid, range(20), f"dask:{address}", -1))
-    assert os.getpid() not in pids
-
-
-def _pid(_):
-    return os.getpid()
 
 
 def test_workers_end_soon_after_a_parent_that_was_killed():
@@ -80,3 +60,14 @@ def _runs(process):
             return stat.read().rsplit(")", 1)[1].split()[0] != "Z"
     except FileNotFoundError:
         return os.path.isdir("/proc/self") is False
+
+
+def test_workers_do_not_hear_an_interrupt_of_the_terminal():
+    blocked = list(side_by_side(_blocked_signals, range(2), "loky", 2))
+    assert all(signals >> (signal.SIGINT - 1) & 1 for signals in blocked)
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+def _blocked_signals(_: int) -> int:
+    status = Path("/proc/self/status").read_text()
+    return int(status.split("SigBlk:")[1].split()[0], 16)

@@ -43,12 +43,12 @@ def reasons_of(
         elif relation:
             reason = f"repeats {describe_combination(relation, {})}"
         elif alone <= 0.1 * expected[0]:
-            reason = f"{whose} the task by {alone * 1e3:.4f} mm rms, once tracker frame and targets are fitted"
+            reason = f"{whose} the task by {alone * 1e3:.2g} mm rms, once tracker frame and targets are fitted"
         else:
             cost = (expected[step + 1] / expected[step] - 1.0) * 100
             without = "it" if len(own) == 1 else group.name
             reason = (
-                f"not worth its variance: without {without} the expected error of {expected[step] * 1e3:.4f} mm changes by "
+                f"not worth its variance: without {without} the expected error of {expected[step] * 1e3:.3f} mm changes by "
                 f"{cost:+.2f} %"
             )
         out |= dict.fromkeys(own, reason)

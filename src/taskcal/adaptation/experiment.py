@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from taskcal.adaptation.candidates import Measurable
+from taskcal.adaptation.observed_linearisation import ObservedLinearisation
 from taskcal.adaptation.plan_prior import PlanPrior
 from taskcal.adaptation.smooth_field import SmoothField
 from taskcal.estimation.experiment_design import Candidates
@@ -100,7 +101,7 @@ class Linearisation:
 class Experiment:
     """Everything that turns poses into candidates of an experiment."""
 
-    linear: Linearisation
+    linear: Linearisation | ObservedLinearisation
     basis: Float[np.ndarray, "c d"]
     """Directions of unit prior variance that candidates or task see at all."""
     prior: Float[np.ndarray, "d d"]
@@ -187,9 +188,7 @@ def make_experiment(
     J_task, _ = linear.sensitivities(goal.q)
     J_task = J_task * np.sqrt(goal.weights / J_task.shape[1])[:, None, None, None]
     flat, J_task = rows.reshape(-1, rows.shape[2]), J_task.reshape(-1, rows.shape[2])
-    typical = float(np.mean(flat**2) / max(np.mean(J_task**2), 1e-300))
-    values, vectors = np.linalg.eigh(flat.T @ flat / len(flat) + typical * J_task.T @ J_task / len(J_task))
-    basis = vectors[:, values > 1e-13 * values[-1]]
+    basis = span(flat, J_task)
     d = basis.shape[1]
     signal = np.zeros((d, d))
     if campaign is not None:
@@ -204,6 +203,13 @@ def make_experiment(
         signal=signal,
         task=basis.T @ (J_task.T @ J_task) @ basis,
     )
+
+
+def span(measured: Float[np.ndarray, "m c"], task: Float[np.ndarray, "k c"]) -> Float[np.ndarray, "c d"]:
+    """Directions of unit length that rows of measurements or of a task see at all."""
+    typical = float(np.mean(measured**2) / max(np.mean(task**2), 1e-300))
+    values, vectors = np.linalg.eigh(measured.T @ measured / len(measured) + typical * task.T @ task / len(task))
+    return vectors[:, values > 1e-13 * values[-1]]
 
 
 def _information_of(

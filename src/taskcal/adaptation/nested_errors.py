@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.linalg import cho_factor, cho_solve
 
 from taskcal.identification.belief import frame_precision
 from taskcal.identification.calibration import Calibration
@@ -46,6 +45,8 @@ def left_out_errors(
     y = at.residual + np.einsum("nij,j->ni", J, (whole.z - problem.frames.start()) / scale)
     A, b = W @ J, np.einsum("nij,nj->ni", W, y)
     wrong = np.isin(campaign.ids, [row.id for row in whole.left_out])
+    from scipy.linalg import cho_factor, cho_solve
+
     A[wrong], b[wrong] = 0.0, 0.0
     precision = np.eye(len(scale))
     if len(scale) > p:

@@ -38,6 +38,16 @@ ASSUMED_POSES = 60
 """Measured poses assumed where there is no campaign yet: so many of the task's own workspace."""
 
 
+REACHING, DESIGNING = "joints that reach the task's poses", "what the measured poses tell over the task"
+SHRINKING, VALIDATING = "what each size of the model leaves", "cross-validation"
+ELIMINATING = "which parameters the poses tell apart"
+
+
+def selection_steps(campaign: Campaign | None) -> tuple[str, ...]:
+    """What `select` tells its `progress` one after another, with a campaign or without."""
+    return REACHING, DESIGNING, SHRINKING, *(() if campaign is None else (VALIDATING,)), ELIMINATING
+
+
 @dataclass(frozen=True, kw_only=True)
 class NestedModel:
     """One size of the model; each larger one contains it."""
@@ -152,6 +162,8 @@ def select(
             ``model_error``: standard deviation per axis of what the complete model does not explain, metres, without a campaign
             and hyperparameters; by default that of the robot's file, or of a typical robot (`model_error_of`).
 
+            ``progress``: told what is being done.
+
     Raises:
         ReachError: the robot does not reach the task.
         CampaignError: the accuracy is below what even the full model is expected to reach, or too few rows.
@@ -160,9 +172,12 @@ def select(
         {"model": ErrorModel, "task": Task, "campaign": Campaign | None}, model=model, task=task, campaign=campaign
     )
     chosen = SelectionOptions.of(**options)
+    chosen.progress(REACHING)
     reached = reach_task(model, task, chosen.count, chosen.seed)
+    chosen.progress(DESIGNING)
     by, hyper, whole = design_for(model, reached, task, campaign, chosen)
     groups = parameter_groups(model)
+    chosen.progress(SHRINKING)
     order, expected = by.ladder([group.members for group in groups])
     order = [groups[g] for g in order]
     crossed = None if campaign is None or whole is None else _cross_validate(whole, campaign, order, hyper, chosen)
@@ -170,6 +185,7 @@ def select(
     k, why = _choose(ladder, accuracy)
     kept = _kept(model, order[:k])
     poses = reached.q if campaign is None else np.concatenate([reached.q, campaign.q])
+    chosen.progress(ELIMINATING)
     elimination = identifiability(model, poses)
     return Selection(
         kept=tuple(model.names[i] for i in kept),
@@ -260,6 +276,7 @@ def _cross_validate(
             f"{n} rows are too few for cross-validation in {options.folds} folds; measure more, or select without it"
         )
     parts = split_postures(campaign.q, options.folds, options.seed)
+    options.progress(VALIDATING)
     nested = [np.array(_kept(model, order[:k]), dtype=np.int64) for k in range(len(order) + 1)]
     errors = left_out_errors(whole, campaign, nested, hyper.deviations(model), parts, options.noise)
     return [mean_over_rows(of_one) for of_one in errors]

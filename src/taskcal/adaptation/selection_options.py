@@ -1,5 +1,6 @@
 """How parameters are chosen for a task: one frozen value."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypedDict, Unpack
 
@@ -18,6 +19,7 @@ class SelectionChoices(TypedDict, total=False):
     noise: TrackerNoise | None
     hyperparameters: Hyperparameters | None
     model_error: float | None
+    progress: Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -37,6 +39,8 @@ class SelectionOptions:
     model_error: float | None = None
     """Standard deviation per axis of what the complete model does not explain, metres, without a campaign and hyperparameters;
     None for that of the robot's file, or of a typical robot (`model_error_of`)."""
+    progress: Callable[[str], None] = lambda _: None
+    """Told what is being done."""
 
     def __post_init__(self) -> None:
         expect_kinds(

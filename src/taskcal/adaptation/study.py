@@ -17,12 +17,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
-from jaxtyping import Float
 
-from taskcal.adaptation.candidates import measuring_task
+from taskcal.adaptation.candidates import enlarge, measuring_task
 from taskcal.adaptation.geometry_allowance import allow_geometry
 from taskcal.adaptation.plan import plan
 from taskcal.adaptation.selection import select
+from taskcal.adaptation.studied_robot import StudySetting, errors_before, try_robot
 from taskcal.adaptation.study_options import StudyChoices, StudyOptions
 from taskcal.adaptation.virtual_robots import VirtualRobots
 from taskcal.adaptation.workers import side_by_side
@@ -30,11 +30,7 @@ from taskcal.analysis.elimination_table import published_kept
 from taskcal.arguments import expect_kinds, warn_renamed
 from taskcal.errors import CampaignError, FileError, TaskcalError
 from taskcal.files import write_whole
-from taskcal.identification.calibration import Calibration
-from taskcal.identification.effect_selection import explain
 from taskcal.identification.fit_options import FitOptions
-from taskcal.identification.identify import identify
-from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, reach_task
@@ -54,8 +50,9 @@ class Study:
     """Task errors of every robot, plan, number of poses and model."""
 
     rows: tuple[Mapping[str, Any], ...]
-    """One for each: robot, plan, count, model; rms_mm and max_mm of the error of the predicted geometry over the task, and
-    rms_with_model_error_mm of single poses, which have the model error beside it."""
+    """One for each: robot, observe, plan, count, model; rms_mm and max_mm of the error of the predicted geometry over the task, and
+    rms_with_model_error_mm of single poses, which have the model error beside it; and whether anything was learnt from the
+    measurements, or else the nominal robot stands for the calibrated one, with its frames found."""
     robots: int
     seed: int
     accuracy: float | None = None
@@ -66,6 +63,8 @@ class Study:
     """Where that comes from, in words."""
     origin: str = "drawn from the tolerances"
     """Where the robots' defects come from, in words."""
+    before: tuple[float, ...] = ()
+    """Where errors are those that are left once frames were taught: the same of every robot before it is calibrated, metres."""
 
     def __repr__(self) -> str:
         plans, models = ({row[key] for row in self.rows} for key in ("plan", "model"))
@@ -73,6 +72,26 @@ class Study:
             f"Study({self.robots} robots, {len(plans)} plans, {len({row['count'] for row in self.rows})} numbers of poses, "
             f"{len(models)} models: {len(self.rows)} rows, seed {self.seed})"
         )
+
+    @property
+    def unlearnt(self) -> int:
+        """Rows with the nominal robot, since nothing was learnt from the measurements."""
+        return sum(not row.get("learnt", True) for row in self.rows)
+
+    @property
+    def aligned(self) -> bool:
+        """Whether errors are those that are left once frames were taught."""
+        return bool(self.before)
+
+    def spread_before(self) -> dict[str, float]:
+        """Median and 5 and 95 % quantiles over the robots of the error before calibration, metres; nothing without `before`."""
+        if not self.before:
+            return {}
+        return {
+            "median": float(np.median(self.before)),
+            "p05": float(np.percentile(self.before, 5)),
+            "p95": float(np.percentile(self.before, 95)),
+        }
 
     @property
     def geometry_allowance(self) -> float | None:
@@ -93,12 +112,12 @@ class Study:
 
         Where the task states an accuracy, ``share_accurate`` is the share of robots that meet it at single poses.
         """
-        groups: dict[tuple[str, int, str], list[Mapping[str, Any]]] = {}
+        groups: dict[tuple[str, str, int, str], list[Mapping[str, Any]]] = {}
         for row in self.rows:
-            groups.setdefault((row["plan"], row["count"], row["model"]), []).append(row)
+            groups.setdefault((row["observe"], row["plan"], row["count"], row["model"]), []).append(row)
         return [
-            {"plan": kind, "count": count, "model": model, **self._quantiles(rows)}
-            for (kind, count, model), rows in groups.items()
+            {"observe": way, "plan": kind, "count": count, "model": model, **self._quantiles(rows)}
+            for (way, kind, count, model), rows in groups.items()
         ]
 
     def _quantiles(self, rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
@@ -126,22 +145,6 @@ class Study:
             "model_error_origin": self.model_error_origin,
             "summary": self.summary(),
         }
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Setting:
-    """Everything that a robot of the study needs."""
-
-    task_q: Float[np.ndarray, "n joints"]
-    weights: Float[np.ndarray, " n"]
-    plans: Mapping[str, Float[np.ndarray, "count joints"]]
-    """Fixed plans, by kind and count."""
-    pool: Float[np.ndarray, "pool joints"]
-    cases: tuple[tuple[str, int], ...]
-    models: Mapping[str, FitOptions]
-    noise: TrackerNoise
-    seed: int
-    robots: VirtualRobots
 
 
 def study(
@@ -184,6 +187,8 @@ def study(
             ``calibration``: of this model; robots like that one, with defects and effects of the sizes that it found, and its
             model error, in place of the tolerances.
 
+            ``observe``: how the robots are measured, each way as `simulate` has it; by a tracker by default.
+
     Raises:
         CampaignError: the calibration is of another robot or model, or has no prior.
         UnknownName: a plan, model or engine that does not exist.
@@ -196,7 +201,7 @@ def study(
     done = _read(resume, setting)
     progress(len(done), chosen.robots)
     left = [index for index in range(chosen.robots) if index not in done]
-    with closing(side_by_side(partial(_one_robot, setting), left, engine, workers)) as results:
+    with closing(side_by_side(partial(try_robot, setting), left, engine, workers)) as results:
         for index, rows in results:
             done[index] = rows
             if resume is not None:
@@ -211,32 +216,37 @@ def study(
         model_error=setting.robots.model_error.position,
         model_error_origin=setting.robots.model_error.source,
         origin=setting.robots.origin,
+        before=errors_before(setting, chosen.robots) if setting.aligned else (),
     )
 
 
-def _prepare(model: ErrorModel, task: Task, options: StudyOptions) -> _Setting:
+def _prepare(model: ErrorModel, task: Task, options: StudyOptions) -> StudySetting:
     seed, noise = options.seed, options.noise or TrackerNoise()
     robots = _robots(model, options)
     model_error = robots.model_error
     goal = reach_task(model, task, 200, seed)
+    room = enlarge(task, model) if options.aligned else measuring_task(model, task)
     fixed: dict[str, np.ndarray] = {}
     for count in options.counts:
         if "planned" in options.plans:
             planned = plan(model, task, count, seed=seed, noise=noise, model_error=model_error.position)
             fixed[f"planned {count}"] = planned.q
         if "grid" in options.plans:
-            fixed[f"grid {count}"] = reach_task(model, measuring_task(model, task), count, 0).q
+            fixed[f"grid {count}"] = reach_task(model, room, count, 0).q
     fits = {name: replace(_fit_of(robots, task, name), noise=noise) for name in options.models}
-    return _Setting(
+    return StudySetting(
         task_q=goal.q,
         weights=goal.weights,
         plans=fixed,
-        pool=reach_task(model, measuring_task(model, task), POOL, seed + 1).q,
-        cases=tuple((kind, count) for count in options.counts for kind in options.plans),
+        pool=reach_task(model, room, POOL, seed + 1).q,
+        cases=tuple(
+            (way, kind, count) for way in options.observe for count in options.counts for kind in options.plans
+        ),
         models=fits,
         noise=noise,
         seed=seed,
         robots=robots,
+        aligned=options.aligned,
     )
 
 
@@ -261,51 +271,7 @@ def _fit_of(robots: VirtualRobots, task: Task, name: str) -> FitOptions:
     return FitOptions(prior=robots.prior) if name == "all" and robots.prior is not None else FitOptions()
 
 
-def _identify(model: ErrorModel, campaign: Campaign, name: str, options: FitOptions) -> Calibration:
-    """The calibration that a model's name stands for."""
-    if name not in ("geometry", "auto"):
-        return identify(model, campaign, options=options)
-    geometry = ErrorModel(model.robot, lengths_only=model.lengths_only)
-    return (
-        identify(geometry, campaign, options=options)
-        if name == "geometry"
-        else explain(geometry, campaign, options=options).calibration
-    )
-
-
-def _one_robot(setting: _Setting, index: int) -> tuple[int, list[dict[str, Any]]]:
-    """All plans and models of one true robot."""
-    rng = np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index,)))
-    robots, noise = setting.robots, setting.noise
-    x, task_q = robots.draw(rng), setting.task_q
-    out: list[dict[str, Any]] = []
-    for kind, count in setting.cases:
-        q = setting.plans.get(f"{kind} {count}")
-        if q is None:
-            q = setting.pool[rng.permutation(len(setting.pool))[:count]]
-        campaign, truth = robots.measure(x, q, noise, rng)
-        # the same for all plans, and drawn beside the robot, which does not depend on it
-        alone = np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index, 1)))
-        unexplained, way = robots.unexplained(truth, task_q, alone), robots.conditions(task_q)
-        for name, options in setting.models.items():
-            calibration = _identify(robots.model, campaign, name, options)
-            off = (calibration.predict(task_q, way) - truth.points(task_q, way))[:, 0] * 1e3
-            error, single = np.linalg.norm(off, axis=1), np.linalg.norm(off - unexplained * 1e3, axis=1)
-            out.append(
-                {
-                    "robot": index,
-                    "plan": kind,
-                    "count": count,
-                    "model": name,
-                    "rms_mm": float(np.sqrt(np.sum(setting.weights * error**2))),
-                    "max_mm": float(error.max()),
-                    "rms_with_model_error_mm": float(np.sqrt(np.sum(setting.weights * single**2))),
-                }
-            )
-    return index, out
-
-
-def _fingerprint(setting: _Setting) -> str:
+def _fingerprint(setting: StudySetting) -> str:
     robots = setting.robots
     out = hashlib.sha256((robots.model.robot.digest + " ".join(robots.model.names)).encode())
     sizes = (
@@ -314,16 +280,17 @@ def _fingerprint(setting: _Setting) -> str:
     for array in (setting.task_q, setting.weights, setting.pool, *setting.plans.values(), *sizes):
         out.update(np.round(array, 9).tobytes())
     models = {name: (options.keep, options.prior is None) for name, options in setting.models.items()}
+    cases = setting.cases if setting.aligned else [case[1:] for case in setting.cases]
     out.update(
         json.dumps(
-            [setting.cases, models, setting.seed, vars(setting.noise), setting.robots.model_error.position],
+            [cases, models, setting.seed, vars(setting.noise), setting.robots.model_error.position],
             sort_keys=True,
         ).encode()
     )
     return out.hexdigest()[:16]
 
 
-def _read(resume: str | Path | None, setting: _Setting) -> dict[int, list[dict[str, Any]]]:
+def _read(resume: str | Path | None, setting: StudySetting) -> dict[int, list[dict[str, Any]]]:
     if resume is None or not Path(resume).exists():
         return {}
     try:
@@ -339,11 +306,12 @@ def _read(resume: str | Path | None, setting: _Setting) -> dict[int, list[dict[s
 
 def _row(row: Mapping[str, Any]) -> dict[str, Any]:
     """A row as it was written; a KeyError where it is not whole."""
+    row = {"observe": "tracker", "learnt": True, **row}
     kinds = {"robot": int, "plan": str, "count": int, "model": str}
-    errors = {"rms_mm": float, "max_mm": float, "rms_with_model_error_mm": float}
+    errors = {"rms_mm": float, "max_mm": float, "rms_with_model_error_mm": float, "observe": str, "learnt": bool}
     return {key: kind(row[key]) for key, kind in (kinds | errors).items()}
 
 
-def _append(path: Path, setting: _Setting, done: Mapping[int, list[dict[str, Any]]]) -> None:
+def _append(path: Path, setting: StudySetting, done: Mapping[int, list[dict[str, Any]]]) -> None:
     content = {"study": _fingerprint(setting), "robots": {str(index): done[index] for index in sorted(done)}}
     write_whole(path, json.dumps(content))

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from typing import Literal, TypedDict, Unpack
 
 from taskcal.arguments import expect_kinds, with_choices
-from taskcal.errors import UnknownName
+from taskcal.errors import TaskcalError, UnknownName
 from taskcal.identification.calibration import Calibration
 from taskcal.measurement.tracker import TrackerNoise
+from taskcal.measurement.virtual_cell import SimulationOptions
 
 PlanKind = Literal["planned", "random", "grid"]
 PLANS: tuple[PlanKind, ...] = ("planned", "random", "grid")
@@ -26,6 +27,7 @@ class StudyChoices(TypedDict, total=False):
     noise: TrackerNoise | None
     model_error: float | None
     calibration: Calibration | None
+    observe: Iterable[str]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -54,6 +56,10 @@ class StudyOptions:
     the robot's file, or of a typical robot (`model_error_of`)."""
     calibration: Calibration | None = None
     """Robots like this one, with defects and effects of the sizes that were found, and its model error."""
+    observe: tuple[str, ...] = ("tracker",)
+    """How the robots are measured, each way as `simulate` has it: ``tracker``, ``socket``, ``socket+wire`` … Where it is not by a
+    tracker alone, errors are those that are left once the work's frame and the tool point were taught with the calibrated robot,
+    and postures are drawn from the room that measuring may take about the task."""
 
     def __post_init__(self) -> None:
         kinds = {"noise": TrackerNoise | None, "calibration": Calibration | None}
@@ -64,6 +70,18 @@ class StudyOptions:
         for name in self.models:
             if name not in MODELS:
                 raise UnknownName("model", name, MODELS)
+        for way in self.observe:
+            SimulationOptions(observe=way)
+        if self.aligned and "planned" in self.plans:
+            raise TaskcalError(
+                "a study plans for a tracker alone; with other ways to measure give the plans random or grid, and see what to "
+                "expect of a plan for one of them by plan(observe=…)"
+            )
+
+    @property
+    def aligned(self) -> bool:
+        """Whether errors are those of the shape alone, the same for all ways to measure."""
+        return self.observe != ("tracker",)
 
     @classmethod
     def of(cls, **choices: Unpack[StudyChoices]) -> "StudyOptions":
@@ -72,6 +90,8 @@ class StudyOptions:
         Raises:
             TypeError: an option that does not exist; the message names all.
         """
+        if "observe" in choices:
+            choices["observe"] = tuple(choices["observe"])
         if "counts" in choices:
             choices["counts"] = tuple(choices["counts"])
         if "plans" in choices:

@@ -75,8 +75,20 @@ class VirtualRobots:
         q: Float[np.ndarray, "n joints"],
         noise: TrackerNoise,
         rng: np.random.Generator,
+        observe: str = "tracker",
     ) -> tuple[Campaign, Truth]:
-        """A campaign, and the robot and tracker that it is of."""
+        """A campaign, and the robot and cell that it is of; how it is measured as `simulate` has it."""
+        if observe != "tracker":
+            return simulate(
+                self.model,
+                q,
+                rng=rng,
+                x=x,
+                noise=noise,
+                model_error=self.model_error.position,
+                joint_error=self.joint_error,
+                observe=observe,
+            )
         off = self._joints_off(q, rng)
         campaign, truth = simulate(
             self.model,

@@ -1,18 +1,22 @@
 """A function of many items, side by side: on the cores of this machine, or on a Dask cluster."""
 
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable, Generator, Iterable
+from contextlib import contextmanager
 from typing import Any, TypeVar, cast
 
-from taskcal.errors import TaskcalError, UnknownName
+from taskcal.errors import UnknownName
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 ENGINES = ("loky", "threading", "sequential", "dask:ADDRESS")
-LOOK = 0.5
+WARNINGS, CLEARED_UP = "PYTHONWARNINGS", "ignore:resource_tracker:UserWarning"
+
+LOOK = 0.2
 """Seconds after which a worker looks for its parent again."""
 
 
@@ -29,7 +33,7 @@ def side_by_side(
 
     Raises:
         UnknownName: an engine that does not exist.
-        TaskcalError: the scheduler does not answer, or Dask is not installed.
+        TaskcalError: of `on_cluster`.
     """
     from joblib import Parallel, delayed
 
@@ -41,30 +45,40 @@ def side_by_side(
     elif engine == "loky":
         parent = os.getpid()
         jobs = (delayed(_beside_parent)(parent, function, i) for i in items)
-        yield from cast(Iterable[Result], Parallel(backend=engine, **parallel)(jobs))
+        with _deaf_children():
+            results = cast(Iterable[Result], Parallel(backend=engine, **parallel)(jobs))
+        yield from results
     elif engine.startswith("dask:"):
-        yield from _on_dask(function, items, engine.removeprefix("dask:"), parallel)
+        from taskcal.adaptation.cluster import on_cluster
+
+        yield from on_cluster(function, items, engine.removeprefix("dask:"), workers)
     else:
         raise UnknownName("engine", engine, ENGINES)
 
 
-def _on_dask(
-    function: Callable[[Item], Result], items: Iterable[Item], address: str, parallel: dict[str, Any]
-) -> Generator[Result, None, None]:
-    from joblib import Parallel, delayed, parallel_config
+@contextmanager
+def _deaf_children() -> Generator[None, None, None]:
+    """Processes that are started meanwhile do not hear Ctrl-C, which a terminal sends to them too: they end with their parent.
 
+    The one that clears up after the others then does so without a word: that they ended in the middle is what was asked for.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing.resource_tracker import ensure_running
+
+    warned = os.environ.get(WARNINGS)
+    os.environ[WARNINGS] = f"{warned},{CLEARED_UP}" if warned else CLEARED_UP
+    ensure_running()  # as it starts it lets interrupts through again, which it would do in between otherwise
+    earlier = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
-        from dask.distributed import Client  # pyright: ignore
-    except ImportError as error:
-        raise TaskcalError("the dask engine needs dask[distributed]; install Taskcal with its extra: dask") from error
-    try:
-        client: Any = Client(address, timeout="10s", set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as error:
-        raise TaskcalError(
-            f"no Dask scheduler answers at '{address}': {error}; name one as dask:tcp://HOST:PORT"
-        ) from error
-    with client, parallel_config(backend="dask", client=client):
-        yield from cast(Iterable[Result], Parallel(**parallel)(delayed(function)(i) for i in items))
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, earlier)  # one that came meanwhile is heard now
+        if warned is None:
+            del os.environ[WARNINGS]
+        else:
+            os.environ[WARNINGS] = warned
 
 
 _watching = threading.Event()
