@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from taskcal.diagnosis.diagnose import diagnose
+from taskcal.diagnosis.observed_mistakes import tried_rows
+from taskcal.measurement.registration import register_observations
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from tests.laws.observations import socket_campaign, wire_campaign
+from tests.laws.observations import cube_campaign, socket_campaign, wire_campaign
 
 ROBOT = load_robot("ur5")
 
@@ -25,7 +27,9 @@ def sockets():
 
 
 def test_a_sound_campaign_of_sockets_has_no_findings(sockets):
-    found = diagnose(sockets, ROBOT)
+    told = []
+    found = diagnose(sockets, ROBOT, progress=lambda *counted: told.append(counted))
+    assert told == [("mistakes, 1 at a time", done, len(told)) for done in range(len(told))]
     assert found.findings == ()
     assert "without a tracker (socket)" in found.scope
 
@@ -68,3 +72,24 @@ def test_the_length_of_a_wire_shows_the_sign_of_a_joint():
     first = diagnose(replace(wire, q=wire.q * [1, 1, -1, 1, 1, 1]), ROBOT).findings[0]
     assert (first.id, first.subject) == ("joint-sign", ("J3",))
     assert first.error_after < 0.1 * first.error_before < ROBOT.reach
+
+
+@pytest.mark.slow
+def test_touches_show_the_sign_of_a_joint():
+    model = ErrorModel(ROBOT)
+    touches, _ = cube_campaign(np.random.default_rng(4), model, np.zeros(len(model)), 60, noise=2e-5)
+    first = diagnose(replace(touches, q=touches.q * [1, 1, -1, 1, 1, 1]), ROBOT).findings[0]
+    assert (first.id, first.subject) == ("joint-sign", ("J3",))
+    assert first.error_after < 1e-4
+
+
+def test_enough_is_looked_at_of_each_of_many_anchors():
+    model = ErrorModel(ROBOT)
+    wire = wire_campaign(np.random.default_rng(4), model, np.zeros(len(model)), 120)[0]
+    (kind,) = wire.observations
+    of = kind.of + 3 * (np.arange(120) >= 60)
+    many = replace(wire, observations=(replace(kind, anchors=("a", "b", "c", "d", "e", "f"), of=of),))
+    rows = tried_rows(many)
+    assert np.bincount(of[rows]).min() >= 12
+    assert len(tried_rows(wire)) < len(rows) < 120
+    register_observations(model.poses(many.q[rows]), many.take(rows), model)

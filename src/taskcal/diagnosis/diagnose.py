@@ -11,11 +11,13 @@ from taskcal.diagnosis.observed_mistakes import explain_observed, scope_of
 from taskcal.diagnosis.search import (
     PER_MISTAKE,
     Explanation,
+    Progress,
     explain_in_pairs,
     explain_singly,
     held_out_distances,
     is_sound,
     typical,
+    untold,
 )
 from taskcal.diagnosis.spread import find_narrowness
 from taskcal.diagnosis.supposition import Case
@@ -56,7 +58,7 @@ class Diagnosis:
 
 
 @single_threaded
-def diagnose(campaign: Campaign, robot: Robot) -> Diagnosis:
+def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = untold) -> Diagnosis:
     """Find the mistakes of a campaign: what is written wrong, and what went wrong in its course.
 
     Every usual mistake of joints, frames, rows and robot is undone, singly and in pairs; half of the rows register the nominal
@@ -71,6 +73,7 @@ def diagnose(campaign: Campaign, robot: Robot) -> Diagnosis:
     Args:
         campaign: the measurements; it may lie outside the robot's limits.
         robot: the robot that is said to have been measured.
+        progress: told what is being tried, how many of it were, and how many there are.
 
     What was observed without a tracker (sockets, wires, landmarks, boards) is examined for mistakes of the joints, and where it
     is sockets alone of the robot: `Diagnosis.scope` says so.
@@ -78,15 +81,15 @@ def diagnose(campaign: Campaign, robot: Robot) -> Diagnosis:
     expect_kinds({"campaign": Campaign, "robot": Robot}, campaign=campaign, robot=robot)
     case = Case.of(robot, campaign)
     if scope := scope_of(campaign):
-        return _diagnose_observed(case, scope)
-    found = explain_singly(case)
+        return _diagnose_observed(case, scope, progress)
+    found = explain_singly(case, progress)
     given = next(e for e in found if not e.mistakes)
     before = min(given.error, extent(case))
     if not is_sound(found[0]):
         reordered = find_other_order(case, before) if at_chance(case) else None
         if reordered is not None:
             return Diagnosis(findings=tuple(reordered[0]), robot=robot, campaign=reordered[1], unmended=())
-        found = explain_in_pairs(case)
+        found = explain_in_pairs(case, progress)
         given = next(e for e in found if not e.mistakes)
     best, local = _chosen(found, given)
     if not best.error <= PLAUSIBLE_SHARE * best.case.model.robot.reach and local is None:
@@ -109,9 +112,9 @@ def diagnose(campaign: Campaign, robot: Robot) -> Diagnosis:
     return Diagnosis(findings=tuple(findings), robot=best.case.robot, campaign=mended, unmended=tuple(unmended))
 
 
-def _diagnose_observed(case: Case, scope: str) -> Diagnosis:
+def _diagnose_observed(case: Case, scope: str, progress: Progress) -> Diagnosis:
     """By the joints, and the robot where that is quick."""
-    found = explain_observed(case)
+    found = explain_observed(case, progress)
     best, given = found[0], next(e for e in found if not e.mistakes)
     reach = best.case.model.robot.reach
     if best.error <= PLAUSIBLE_SHARE * reach:

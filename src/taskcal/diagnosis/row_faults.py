@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.optimize import linear_sum_assignment
 
 from taskcal.diagnosis.linear_fit import LinearFit, register_trimmed
 from taskcal.diagnosis.row_pairing import rearranged
@@ -175,6 +174,8 @@ def _mixed_up(case: Case, rows: np.ndarray, fit: LinearFit) -> RowFault | None:
     apart = np.nan_to_num(
         np.nanmax(np.linalg.norm(ends[:, None] - campaign.points[rows][None], axis=3), axis=2), nan=1e3
     )
+    from scipy.optimize import linear_sum_assignment
+
     of, taken = linear_sum_assignment(apart)
     if np.median(apart[of, taken]) > 0.2 * np.median(np.diag(apart)):
         return None

@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial.transform import Rotation
 
 from taskcal.diagnosis.quick_fit import LEVER_SHARE
 from taskcal.diagnosis.search import SOUND_SHARE
 from taskcal.diagnosis.supposition import Case
 from taskcal.errors import CampaignError
+from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import register_closely
 
@@ -91,11 +90,13 @@ def _starts(T: Float[np.ndarray, "n 4 4"], campaign: Campaign) -> list[Float[np.
         Z = axes[1] @ np.diag(signs) @ axes[0].T
         out.append(Z * np.sign(np.linalg.det(Z)))
     angles = np.arange(HEADINGS) * 2.0 * np.pi / HEADINGS
-    return [*out, *Rotation.from_euler("z", angles[:, None]).as_matrix()]
+    return [*out, *se3.turns("z", angles[:, None])]
 
 
 def _descend(Z: np.ndarray, T: np.ndarray, campaign: Campaign, lever: float) -> Pairing | None:
     """The order where the search ends that starts from one rotation; None where it does not come to an end."""
+    from scipy.optimize import linear_sum_assignment
+
     p, y = T[:, :3, 3], campaign.points
     ends = ((p - p.mean(axis=0)) @ Z.T)[:, None] + y.mean(axis=0)
     turned: np.ndarray | None = None

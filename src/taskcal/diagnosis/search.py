@@ -1,7 +1,7 @@
 """Which suppositions, singly or in pairs, make robot and campaign fit each other."""
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,9 @@ from taskcal.errors import CampaignError
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration, register_closely
 from taskcal.robot.robot import TWO_TURNS
+
+Progress = Callable[[str, int, int], None]
+"""Told what is being tried, how many of it were, and how many there are."""
 
 PER_MISTAKE = 0.8
 """Logarithm of the factor by which a mistake has to lower the error to be believed: 2.2."""
@@ -70,9 +73,13 @@ class Explanation:
     """Logarithm of the error, and what the mistakes cost; the smallest is the best."""
 
 
-def explain_singly(case: Case) -> list[Explanation]:
+def untold(step: str, done: int, of: int) -> None:
+    """Nobody asks how far it is."""
+
+
+def explain_singly(case: Case, progress: Progress = untold) -> list[Explanation]:
     """Explanations by one mistake, the best first; without mistakes among them the campaign as it is."""
-    return _compared(case, _tried(case, (), pairs=False))
+    return _compared(case, _tried(case, (), progress, pairs=False), progress)
 
 
 def is_sound(explanation: Explanation) -> bool:
@@ -80,12 +87,13 @@ def is_sound(explanation: Explanation) -> bool:
     return explanation.error <= SOUND_SHARE * explanation.case.model.robot.reach
 
 
-def explain_in_pairs(case: Case) -> list[Explanation]:
+def explain_in_pairs(case: Case, progress: Progress = untold) -> list[Explanation]:
     """As `explain_singly`, with two mistakes at a time, and with three where two are too few."""
-    found = _compared(case, _tried(case, (), pairs=True))
+    found = _compared(case, _tried(case, (), progress, pairs=True), progress)
     if len(found[0].mistakes) == MOST - 1 and not is_sound(found[0]):
-        more = [m for e in found[:3] if len(e.mistakes) == MOST - 1 for m in _tried(e.case, e.mistakes, pairs=False)]
-        found = sorted([*found, *_compared(case, more)], key=lambda e: e.rank)
+        two = [e for e in found[:3] if len(e.mistakes) == MOST - 1]
+        more = [m for e in two for m in _tried(e.case, e.mistakes, progress, pairs=False)]
+        found = sorted([*found, *_compared(case, more, progress)], key=lambda e: e.rank)
     return found
 
 
@@ -97,7 +105,7 @@ def spread_rows(rows: int, wanted: int) -> Int[np.ndarray, " k"]:
 Combination = tuple[Supposition, ...]
 
 
-def _tried(case: Case, already: Combination, *, pairs: bool) -> list[Combination]:
+def _tried(case: Case, already: Combination, progress: Progress, *, pairs: bool) -> list[Combination]:
     """The best combinations by a quick fit on some rows."""
     joints = list(joint_mistakes(case))
     robots = list(robot_mistakes(case)) if all(s.robot is None for s in already) else []
@@ -110,7 +118,9 @@ def _tried(case: Case, already: Combination, *, pairs: bool) -> list[Combination
         groups[0][1].extend(_joint_pairs(joints))
         groups += [((a, b), [()]) for a, b in itertools.combinations((*robots, *measured), 2) if _together(a, b)]
     scored: list[tuple[float, Combination]] = []
-    for rest, combinations in groups:
+    step = f"mistakes, {len(already) + 1 + pairs} at a time"
+    for number, (rest, combinations) in enumerate(groups):
+        progress(step, number, len(groups))
         changed = case
         for supposition in rest:
             changed = supposition.undo(changed)
@@ -173,9 +183,11 @@ def _composed(combination: Combination, joints: int) -> JointMap:
     return out
 
 
-def _compared(case: Case, combinations: Iterable[Combination]) -> list[Explanation]:
+def _compared(case: Case, combinations: Iterable[Combination], progress: Progress) -> list[Explanation]:
     out: list[Explanation] = []
-    for combination in ((), *(c for c in combinations if c)):
+    compared = ((), *(c for c in combinations if c))
+    for number, combination in enumerate(compared):
+        progress("the likeliest of them, on rows held out", number, len(compared))
         changed = case
         for supposition in combination:
             changed = supposition.undo(changed)
