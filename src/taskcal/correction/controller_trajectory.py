@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.correction.cornering import Samples, round_corners
+from taskcal.correction.corners import Corners
 from taskcal.correction.segments import Segments
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
@@ -19,17 +21,25 @@ from taskcal.robot.robot import Robot
 MAX_STEP_M, MAX_STEP_RAD = 0.02, np.radians(5.0)
 """Segments are followed in steps not longer than this, metres and radians."""
 
+CORNER_LOST = (
+    "rounds a corner where the robot does not reach it inside its joint limits; it is taken to meet its target"
+)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ControllerTrajectory:
     """Where a nominal controller moves its joints in the motions of a program."""
 
     start: Float[np.ndarray, "m joints"]
-    """Where each motion begins, radians; NaN where that is not known."""
+    """Where each motion begins, radians: in the target before it; NaN where that is not known."""
     end: Float[np.ndarray, "m joints"]
-    """Where it ends; NaN where it cannot be executed."""
+    """In its target; NaN where it cannot be executed."""
+    passes: Float[np.ndarray, "m joints"]
+    """Where it ends: in its target, or in the middle of the corner in which it is left for the next one."""
     segments: Segments
-    """Tool in part's frame along each motion; of use for lines and arcs."""
+    """Tool in part's frame along each motion, to its target; of use for lines and arcs."""
+    corners: Corners
+    """Between motions that do not stop."""
     rejected: dict[int, str]
     """Motions that cannot be executed, and why."""
     out_of_reach: tuple[int, ...]
@@ -37,7 +47,7 @@ class ControllerTrajectory:
     warnings: dict[int, str]
     """Motions whose posture data disagree with where the path leads."""
     move: Int[np.ndarray, " k"]
-    """Motion of every sample along lines and arcs whose start is known, in order; the last one of each is its end."""
+    """Motion of every sample along lines and arcs whose start is known, in order; the last one of each is where it ends."""
     share: Float[np.ndarray, " k"]
     """Share of the motion's length."""
     q: Float[np.ndarray, "k joints"]
@@ -45,7 +55,10 @@ class ControllerTrajectory:
 
 
 def simulate_controller(
-    robot: Robot, moves: Sequence[Move], refused: Mapping[int, str] | None = None
+    robot: Robot,
+    moves: Sequence[Move],
+    refused: Mapping[int, str] | None = None,
+    near: Float[np.ndarray, "m joints"] | None = None,
 ) -> ControllerTrajectory:
     """Simulate the nominal controller executing a program.
 
@@ -53,15 +66,20 @@ def simulate_controller(
         robot: the robot as its controller knows it.
         moves: the motions, in the order of the program.
         refused: motions of which it is not known where they lead, and why.
+        near: where motions end whose targets state no posture, about, radians; NaN where that is not known. By default in the
+            posture that is nearest to the one before, and at first in the best one.
     """
-    return _Simulation(robot, moves, dict(refused or {})).run()
+    nowhere = np.full((len(moves), len(robot.joints)), np.nan)
+    return _Simulation(robot, moves, dict(refused or {}), nowhere if near is None else near).run()
 
 
 class _Simulation:
     """One run through a program; motions that follow each other along lines and arcs are traced together."""
 
-    def __init__(self, robot: Robot, moves: Sequence[Move], refused: dict[int, str]):
-        self.robot, self.moves = robot, moves
+    def __init__(
+        self, robot: Robot, moves: Sequence[Move], refused: dict[int, str], near: Float[np.ndarray, "m joints"]
+    ):
+        self.robot, self.moves, self.near = robot, moves, near
         self.model = ErrorModel(robot)
         m, joints = len(moves), len(robot.joints)
         self.start, self.end = np.full((m, joints), np.nan), np.full((m, joints), np.nan)
@@ -90,16 +108,22 @@ class _Simulation:
             i += 1
         parts = self.samples or [(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, joints)))]
         move, share, q = (np.concatenate(column) for column in zip(*parts, strict=True))
+        samples = Samples(move=move, share=share, q=q)
+        cornered = round_corners(self.model, self.moves, self.segments, samples, self.start, self.end)
+        for i in cornered.lost:
+            self.warnings.setdefault(i, CORNER_LOST)
         return ControllerTrajectory(
             start=self.start,
             end=self.end,
+            passes=cornered.passes,
             segments=self.segments,
+            corners=cornered.corners,
             rejected=self.rejected,
             out_of_reach=tuple(self.out_of_reach),
             warnings=self.warnings,
-            move=move,
-            share=share,
-            q=q,
+            move=cornered.samples.move,
+            share=cornered.samples.share,
+            q=cornered.samples.q,
         )
 
     def _take_joint_targets(self) -> None:
@@ -193,7 +217,10 @@ class _Simulation:
         """Find the joint positions of a pose that is not reached along a known path."""
         move = self.moves[i]
         T = self.goal[i]
-        seed = self.start[i] if np.isfinite(self.start[i, 0]) else self.last
+        if move.end.posture is None and np.isfinite(self.near[i, 0]):
+            seed = self.near[i]
+        else:
+            seed = self.start[i] if np.isfinite(self.start[i, 0]) else self.last
         near = np.zeros((0, len(self.robot.joints)))
         if seed is not None:
             solution = solve_near(self.model, T[None], seed[None])

@@ -55,6 +55,12 @@ class Segments:
         return self._arc[0]
 
     @property
+    def arc_angle(self) -> Float[np.ndarray, " m"]:
+        """Angle that each arc spans about its centre, 0 to 2π; zero for a line."""
+        is_arc, _, _, angles = self._arc
+        return np.where(is_arc, angles[:, 1], 0.0)
+
+    @property
     def via_share(self) -> Float[np.ndarray, " m"]:
         """Share of an arc's length at which its via point lies; NaN for a line."""
         is_arc, _, _, angles = self._arc
