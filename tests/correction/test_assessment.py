@@ -6,6 +6,7 @@ from taskcal.correction.assessment import assess
 from taskcal.correction.controller_trajectory import simulate_controller
 from taskcal.correction.correct import wanted_segments
 from taskcal.correction.placement import Placed, Placement
+from taskcal.correction.rounded_path import RoundedPath
 from taskcal.geometry import se3
 from taskcal.robot.error_model import ErrorModel
 
@@ -21,7 +22,11 @@ def test_a_way_whose_start_is_not_known_is_assessed_at_its_end_only(robot, make_
     wanted = wanted_segments(trajectory, placed, moves)
     start = wanted.start.copy()
     start[1] = np.nan
-    every, found = assess(placed, wanted, trajectory), assess(placed, replace(wanted, start=start), trajectory)
+    path = RoundedPath(segments=wanted, corners=trajectory.corners)
+    every, found = (
+        assess(placed, path, trajectory),
+        assess(placed, replace(path, segments=replace(wanted, start=start)), trajectory),
+    )
     assert (every.move == 1).sum() > 1
     assert found.at_target[found.move == 1].tolist() == [True]
     kept = every.at_target | (every.move != 1)

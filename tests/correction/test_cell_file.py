@@ -88,7 +88,7 @@ def test_the_robots_base_and_its_external_axes_read_back_as_they_were_written(tm
         ('[[tool]]\nname = "a"\nreflectors_mm = { x = [1, 2, 3], y = [1, 2, 4] }\n', "has 2 entries; give 3 or more"),
         ('[[tool]]\nname = "a"\nuncertainty_mm = 0.1\n', "uncertainty_mm is of what is measured"),
         ('[[tool]]\nname = "a"\nlenght = 1\n', "'lenght' is not a known key"),
-        ("[[tool]\n", "no TOML"),
+        ("[[tool]\n", "not TOML"),
     ],
 )
 def test_what_is_wrong_in_a_cell_file_is_said(text, words, tmp_path):

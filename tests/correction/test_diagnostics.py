@@ -40,7 +40,7 @@ def said(program, corrected, motion, deviation=(0.0, 0.0, 0.0), tolerance=2e-5):
     trajectory, subdivision = corrected([0.0] * 3, [0.0] * 3, [0.0] * 3)
     subdivision = replace(subdivision, deviation=np.array(deviation), tolerance=tolerance)
     origin = [(i, 0.0, 1.0) for i in range(3)]
-    return diagnose(program, trajectory, trajectory, origin, subdivision, motion)
+    return diagnose(program, trajectory, trajectory, origin, program.moves, subdivision, motion)
 
 
 def test_nothing_is_said_where_there_is_nothing_to_say(robot, program, corrected):
@@ -74,3 +74,12 @@ def test_tools_and_parts_that_no_motion_has_are_named_with_those_that_it_has(pro
     probe = Measured(name="part", touched=np.zeros((3, 6)), touched_with="spidnle")
     touching = replace(cell, parts={"base": replace(probe, name="base")})
     assert diagnose_unused_frames(touching, program) == []
+
+
+def test_corners_of_unknown_size_are_said_once_with_how_many(robot, program, corrected):
+    unknown = replace(program, moves=tuple(replace(move, zone=None) for move in program.moves))
+    (diagnostic,) = said(unknown, corrected, calm(robot))
+    assert diagnostic.place == program.moves[0].place
+    assert "in a corner whose size is not known, as 2 others do" in diagnostic.text
+    stopping = replace(unknown, moves=tuple(replace(move, stops=True) for move in unknown.moves))
+    assert said(stopping, corrected, calm(robot)) == ()

@@ -57,3 +57,18 @@ def test_motions_of_a_tool_path_keep_their_kind(tmp_path, calibration, robot, mi
     program = read_program(path, robot=robot, tool=Frame(name="spindle", T=robot.T_flange_tool), part=part)
     expected = [WORDS[into][kind] for kind in ("linear", "linear", "circular", "linear")]
     assert rewritten_as(program, calibration, into) == expected
+
+
+@pytest.mark.parametrize("into", WORDS)
+def test_corners_that_only_the_new_program_rounds_are_said_with_how_much(tmp_path, calibration, robot, shifted, into):
+    """At a right angle, zones of 0.3 mm pass by at a quarter of the square's diagonal."""
+    poses = [shifted(x, y, 0) for x, y in ((0, 0), (40, 0), (40, 30), (90, 30), (90, 80))]
+    path = write_path(tmp_path / "path.csv", poses)
+    found = correct(calibration, read_program(path, robot=robot), into=into)
+    (said,) = found.diagnostics
+    assert "passes by at 0.106 mm, the farthest of 3 corners" in str(said)
+    at_target = found.after.length[found.after.at_target]
+    np.testing.assert_allclose(at_target[1:4], 0.3e-3 * np.sqrt(2.0) / 4.0, rtol=0.01)
+    whole = correct(calibration, read_program(path, robot=robot))
+    assert not whole.diagnostics
+    assert whole.after.length[whole.after.at_target].max() < 1e-8

@@ -5,9 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from taskcal.correction.cell import Cell
 from taskcal.correction.controller_trajectory import simulate_controller
-from taskcal.correction.part_placement import Region, place
+from taskcal.correction.correct import frames_on
+from taskcal.correction.part_placement import place
+from taskcal.correction.part_region import Region
+from taskcal.correction.rigid_motion import without_rigid_motion
 from taskcal.demo.elastic_robot import elastic_robot
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
@@ -49,6 +54,37 @@ def test_a_placement_is_the_program_with_its_frame_moved(calibration, program):
     np.testing.assert_allclose(placed.after, now.after, rtol=1e-6)
     np.testing.assert_allclose(placed.margin, now.margin, atol=1e-6)
     assert 0.0 < placed.after < placed.before
+
+
+def test_a_touched_part_is_left_with_what_its_targets_do_not_have_in_common(calibration, program, robot):
+    """Robots drawn from the covariance, their targets brought back by the nearest rigid motion, by SciPy."""
+    whole = place(calibration, program, NOWHERE).now
+    touched = place(calibration, program, NOWHERE, touched_off=True).now
+    assert touched.after < 0.9 * whole.after
+    assert touched.before < whole.before
+    trajectory = simulate_controller(robot, program.moves)
+    frames, _ = frames_on(calibration, program.moves, Cell())
+    (frame,) = frames
+    points, spread = frame.points(trajectory.end), frame.spread(trajectory.end)
+    about = points - points.mean(axis=0)
+    rng, squares = np.random.default_rng(0), []
+    for _ in range(400):
+        there = about + spread @ rng.standard_normal(spread.shape[2])
+        shift = there.mean(axis=0)
+        turn, _ = Rotation.align_vectors(there - shift, about)
+        squares.append(np.square(there - shift - turn.apply(about)).sum(axis=1).mean())
+    white = 3.0 * calibration.model_error[0] ** 2
+    np.testing.assert_allclose(np.sqrt(touched.after**2 - white), np.sqrt(np.mean(squares)), rtol=0.1)
+
+
+def test_moving_the_robot_as_a_whole_is_no_error_of_a_touched_part(robot):
+    points = np.random.default_rng(1).standard_normal((7, 3)) + 5.0
+    twists = np.random.default_rng(2).standard_normal((6, 4))
+    errors = se3.by_twist(points) @ twists
+    np.testing.assert_allclose(without_rigid_motion(points, errors), 0.0, atol=1e-12)
+    other = np.random.default_rng(3).standard_normal((7, 3, 2))
+    once = without_rigid_motion(points, other)
+    np.testing.assert_allclose(without_rigid_motion(points, once + errors[:, :, :2]), once, atol=1e-12)
 
 
 def test_without_a_calibration_the_tolerances_count(robot, program):
@@ -100,7 +136,9 @@ def test_a_task_is_placed_as_its_poses_are(robot, program, middle):
 
 def test_the_best_comes_first(robot, program):
     region = Region(low=np.array([-0.2, 0.0, 0.0]), high=np.array([0.2, 0.0, 0.0]), turn=(-0.3, 0.3), steps=(3, 2))
-    found = place(robot, program, region)
+    said: list[tuple[int, int]] = []
+    found = place(robot, program, region, progress=lambda *at: said.append(at))
+    assert said == [(number, 6) for number in range(1, 7)]
     assert len(found.all) == 6
     errors = [placed.expected for placed in found.ranked]
     assert errors == sorted(errors)

@@ -1,6 +1,7 @@
 """RAPID programs, corrected: frames by name, configurations, shared targets, arcs."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from taskcal.programs.program import Frame
 from taskcal.programs.rapid.compose import compose_rapid
 from taskcal.programs.rapid.configuration import Configuration
 from taskcal.programs.rapid.read import read_rapid
+from taskcal.programs.source import Source
 from taskcal.robot.error_model import ErrorModel
 from tests.correction.test_correct import true_poses
 
@@ -75,3 +77,31 @@ def test_lines_and_arcs_are_divided_in_the_text(program, calibration):
         assert written.kind == meant.kind
         assert written.follows == meant.follows
         np.testing.assert_allclose(written.end.T, meant.end.T, atol=3e-7)
+
+
+def test_the_true_tool_goes_to_targets_that_calls_and_loops_give(program, calibration, robot):
+    """The corners of the square by a routine with an approach, the others by a loop over an array."""
+    text = program.sources[0].text
+    head = text[: text.index("  PROC")] if "  PROC" in text else text[: text.index("PROC")]
+    names = re.findall(r"robtarget (\w+)", head)[:3]
+    elements = ",".join(re.search(rf"robtarget {name}\s*:=\s*(.*?);", head, re.DOTALL)[1] for name in names)
+    end = "v100,fine,tSpindle\\WObj:=wTable;"
+    lines = [
+        f"CONST robtarget row{{3}}:=[{elements}];", "PROC main()", f"MoveJ {names[0]},{end}", f"pick {names[1]};",
+        f"pick {names[2]};", "FOR i FROM 1 TO Dim(row,1) DO", f"MoveL row{{i}},{end}", "ENDFOR", "ENDPROC",
+        "PROC pick(robtarget p)", f"MoveL Offs(p,0,0,5),{end}", f"MoveL p,{end}", "ENDPROC", "ENDMODULE",
+    ]  # fmt: skip
+    shared = read_rapid([Source.of(Path("shared.mod"), (head + "\n".join(lines)).encode())])
+    assert not shared.diagnostics
+    assert sorted(move.texts_motions for move in shared.moves) == [1, 2, 2, 2, 2, 3, 3, 3]
+    found = correct(calibration, shared, bounds=Bounds(tolerance=1e-4))
+    assert not found.rejected
+    again = read_rapid(found.sources)
+    order = np.argsort([move.kind != "joint" for move in shared.moves], kind="stable")  # to begin with a posture
+    after = true_poses(calibration, [again.moves[i] for i in order], robot)
+    wanted = np.array([shared.moves[i].part.T @ shared.moves[i].end.T for i in order])
+    off = np.linalg.norm(after[:, :3, 3] - wanted[:, :3, 3], axis=1)
+    carried = np.array([shared.moves[i].end.name == "" for i in order])
+    assert carried.sum() == 2
+    assert off[~carried].max() < 3e-7
+    assert off[carried].max() < 1e-4

@@ -45,7 +45,7 @@ def test_nodes_are_met_and_the_path_between_them_is_kept(problem, tolerance):
 
 
 def test_a_tighter_tolerance_takes_more_pieces_and_a_motion_of_all_joints_none(problem):
-    wide, tight = (subdivide(problem(tolerance)).pieces for tolerance in (1e-4, 1e-6))
+    wide, tight = (subdivide(problem(tolerance)).pieces for tolerance in (1e-4, 3e-7))
     assert wide[0] == tight[0] == 1
     assert (tight[1:] > wide[1:]).all()
 

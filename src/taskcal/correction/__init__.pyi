@@ -6,8 +6,9 @@ from taskcal.correction.inverse import solve_calibrated as solve_calibrated
 from taskcal.correction.joint_motion import JointMotion as JointMotion
 from taskcal.correction.part_placement import PartPlacements as PartPlacements
 from taskcal.correction.part_placement import PlacedPart as PlacedPart
-from taskcal.correction.part_placement import Region as Region
 from taskcal.correction.part_placement import place as place
+from taskcal.correction.part_region import Region as Region
+from taskcal.correction.placement_options import PlacementOptions as PlacementOptions
 from taskcal.correction.tool_poses import ToolJoints as ToolJoints
 from taskcal.correction.tool_poses import ToolPoses as ToolPoses
 from taskcal.correction.tool_poses import find_joints as find_joints

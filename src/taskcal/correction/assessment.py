@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.correction.controller_trajectory import ControllerTrajectory
 from taskcal.correction.placement import Placed
-from taskcal.correction.segments import Segments
+from taskcal.correction.rounded_path import RoundedPath
 from taskcal.geometry import se3
 from taskcal.short_repr import short_repr
 
@@ -23,7 +23,8 @@ class Deviations:
     share: Float[np.ndarray, " k"]
     """Share of its length."""
     at_target: Bool[np.ndarray, " k"]
-    """At the motion's end; elsewhere the component along the path is left out of the error."""
+    """At the motion's end, which is in its target or in the middle of the corner there; elsewhere the component along the path is
+    left out of the error."""
     q: Float[np.ndarray, "k joints"]
     """Joint positions of the controller, radians."""
     error: Float[np.ndarray, "k 3"]
@@ -44,7 +45,7 @@ class Deviations:
 
 def assess(
     placed: Placed,
-    wanted: Segments,
+    wanted: RoundedPath,
     trajectory: ControllerTrajectory,
     origin: Sequence[tuple[int, float, float]] | None = None,
 ) -> Deviations:
@@ -52,7 +53,7 @@ def assess(
 
     Args:
         placed: the motions of the program as it was given, on the robot as calibrated, or as it truly is.
-        wanted: their segments, tool in part.
+        wanted: the path that it asks for, tool in part.
         trajectory: where the controller moves its joints, in this program or in a rewritten one.
         origin: for each motion of the rewritten program, the one it comes from, and the shares of its length where it
             begins and ends; the program itself by default.
@@ -65,16 +66,15 @@ def assess(
     single = np.flatnonzero(unsampled)
     move = np.concatenate([trajectory.move, single])
     share = np.concatenate([trajectory.share, np.ones(len(single))])
-    q = np.concatenate([trajectory.q, trajectory.end[single]])
+    q = np.concatenate([trajectory.q, trajectory.passes[single]])
     order = np.lexsort((share, move))
     move, share, q = move[order], share[order], q[order]
     first, last = table[move, 1], table[move, 2]
     original, along = source[move], first + share * (last - first)
     at_target = along >= 1.0 - 1e-12
-    assessable = at_target | np.isfinite(wanted.start[original, 0, 0])
+    assessable = at_target | np.isfinite(wanted.segments.start[original, 0, 0])
     original, along, q, at_target = original[assessable], along[assessable], q[assessable], at_target[assessable]
-    # the start of a segment is not known where only its end is assessed
-    T = np.where(at_target[:, None, None], wanted.end[original], wanted.at(original, along))
+    T = wanted.at(original, along)
     true = placed.tool_in_part(original, along, q)
     error = true[:, :3, 3] - T[:, :3, 3]
     between = np.flatnonzero(~at_target)

@@ -1,7 +1,6 @@
 """Correcting a program: every target becomes the pose at which a nominal controller moves to the joints the true robot needs."""
 
-from collections.abc import Callable, Mapping, Sequence, Set
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,32 +12,26 @@ from taskcal.correction.cell import Cell
 from taskcal.correction.controller_trajectory import ControllerTrajectory, simulate_controller
 from taskcal.correction.correction import SHARE_OF_UNCERTAINTY, TOLERANCE, Bounds, Correction
 from taskcal.correction.correction_problem import CorrectionProblem
-from taskcal.correction.diagnostics import diagnose, diagnose_unused_frames
+from taskcal.correction.diagnostics import diagnose, diagnose_new_corners, diagnose_unused_frames
 from taskcal.correction.drive_directions import DriveDirections, drive_directions, uses_directions
 from taskcal.correction.error_budget import SOURCES, budget_of
 from taskcal.correction.frame_calibration import FrameCalibration, calibrate_frames
 from taskcal.correction.joint_motion import joint_motion
-from taskcal.correction.mounting import ask_for_base, base_statement, mount
-from taskcal.correction.new_program import compose_new_program
+from taskcal.correction.mounting import Mounted, ask_for_base, base_statement, mount
 from taskcal.correction.placement import Placed
-from taskcal.correction.rejections import find_rejections
+from taskcal.correction.rewritten_program import rewrite_program
+from taskcal.correction.rounded_path import RoundedPath
 from taskcal.correction.segments import Segments
-from taskcal.correction.subdivision import Subdivision, subdivide
-from taskcal.correction.target_changes import TargetChanges, target_changes
+from taskcal.correction.subdivision import subdivide
+from taskcal.correction.target_changes import target_changes
+from taskcal.correction.waypoints import choose_waypoints
 from taskcal.errors import TaskcalError
 from taskcal.identification.calibration import Calibration
-from taskcal.programs.languages import language_of
-from taskcal.programs.program import Move, Program, Waypoint
-from taskcal.programs.reading import parse_program
-from taskcal.programs.source import Source
+from taskcal.programs.program import Diagnostic, Move, Program
 from taskcal.programs.spinning import with_spins
-from taskcal.robot.robot import Robot
 
 MAX_REASONS = 3
 """Diagnostics that are shown where no motion could be resolved."""
-
-UNMOVED, UNTURNED = 1e-7, 1e-7
-"""A target that moves and turns by less, metres and radians, keeps its text."""
 
 
 def correct(
@@ -90,44 +83,60 @@ def correct(
     )  # fmt: skip
     subdivision = subdivide(problem)
     changes = target_changes(robot, subdivision, trajectory)
-    kept = {i for i, move in enumerate(moves) if keep_joints and move.kind == "axes"}
-    rejected = trajectory.rejected | find_rejections(robot, subdivision, changes, bounds)
-    rejected = {i: why for i, why in rejected.items() if i not in kept}
-    waypoints = _waypoints(moves, subdivision, changes, kept | rejected.keys())
+    waypoints, rejected = choose_waypoints(
+        problem, subdivision, changes, bounds, keep_joints=keep_joints, program=program if into is None else None
+    )
     progress("the corrected program")
-    rewritten = _rewrite(given, program, robot, cell, waypoints, trajectory, into)
-    new_trajectory = simulate_controller(robot, rewritten.program.moves, rewritten.refused)
-    motion = joint_motion(robot, rewritten.program.moves, new_trajectory)
-    before, after = assess(placed, wanted, trajectory), assess(placed, wanted, new_trajectory, rewritten.origin)
-    written = np.isin(np.arange(len(moves)), list(waypoints))
+    rewritten = rewrite_program(
+        given, program, robot, cell, waypoints, trajectory, into=into, tolerance=subdivision.tolerance
+    )
+    written_moves, written = rewritten.program.moves, np.isin(np.arange(len(moves)), list(waypoints))
+    new_trajectory = simulate_controller(robot, written_moves, rewritten.refused, rewritten.near(trajectory))
+    motion = joint_motion(robot, written_moves, new_trajectory)
+    path = RoundedPath(segments=wanted, corners=trajectory.corners)
+    before, after = assess(placed, path, trajectory), assess(placed, path, new_trajectory, rewritten.origin)
     return Correction(
         program=program,
         sources=rewritten.sources,
-        moves=rewritten.program.moves,
+        moves=written_moves,
         bounds=bounds,
         tolerance=subdivision.tolerance,
-        wanted=wanted,
+        wanted=path,
         before=before,
         after=after,
         budget=budget_of(before.length[before.at_target], after.length[after.at_target], variances),
         corrected=np.flatnonzero(written),
         pieces=rewritten.pieces,
+        origin=rewritten.origin,
         shift=np.where(written, changes.shift, 0.0),
         turn=np.where(written, changes.turn, 0.0),
         uncertainty=np.sqrt(variances.sum(axis=1)),
         joint_change=np.where(written, changes.joint, 0.0),
         rejected=rejected,
         diagnostics=(
-            *ask_for_base(given, cell, trajectory.out_of_reach),
-            *mounted.diagnostics,
-            *diagnose_unused_frames(cell, program),
-            *diagnose(program, trajectory, new_trajectory, rewritten.origin, subdivision, motion),
+            *_diagnose_cell(given, program, cell, mounted, trajectory),
+            *diagnose(program, trajectory, new_trajectory, rewritten.origin, written_moves, subdivision, motion),
+            *([] if into is None else diagnose_new_corners(program, trajectory, new_trajectory, rewritten.origin)),
         ),
-        statements=tuple(
-            filter(None, (*dict.fromkeys(frame.statement for frame in frames), base_statement(given, cell)))
-        ),
+        statements=_statements(frames, given, cell),
         motion=motion,
     )
+
+
+def _diagnose_cell(
+    given: Program, program: Program, cell: Cell, mounted: Mounted, trajectory: ControllerTrajectory
+) -> tuple[Diagnostic, ...]:
+    """What the user should know of where the robot stands, and of the tools and parts around it."""
+    return (
+        *ask_for_base(given, cell, trajectory.out_of_reach),
+        *mounted.diagnostics,
+        *diagnose_unused_frames(cell, program),
+    )
+
+
+def _statements(frames: Sequence[FrameCalibration], given: Program, cell: Cell) -> tuple[str, ...]:
+    """Relative to which frames, and with which tools, a program is accurate."""
+    return tuple(filter(None, (*dict.fromkeys(frame.statement for frame in frames), base_statement(given, cell))))
 
 
 def _tolerances(variances: Float[np.ndarray, "m sources"]) -> tuple[float, float]:
@@ -150,71 +159,6 @@ def _require_motion(program: Program) -> None:
     if not program.moves:
         why = "".join(f"; {diagnostic}" for diagnostic in program.diagnostics[:MAX_REASONS])
         raise TaskcalError(f"{program.sources[0].path} has no motion that could be resolved{why}")
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Rewritten:
-    """The corrected program."""
-
-    sources: tuple[Source, ...]
-    program: Program
-    """As read again from its sources."""
-    refused: dict[int, str]
-    """Its motions of which it is not known where they lead."""
-    pieces: Int[np.ndarray, " m"]
-    """Into how many motions each of the given program became."""
-    origin: Sequence[tuple[int, float, float]]
-    """For each of its motions, the one it comes from and the shares of that one's length where it begins and ends."""
-
-
-def _rewrite(
-    given: Program,
-    program: Program,
-    robot: Robot,
-    cell: Cell,
-    waypoints: Mapping[int, tuple[Waypoint, ...]],
-    trajectory: ControllerTrajectory,
-    into: str | Path | None,
-) -> _Rewritten:
-    """Write the corrected files, and read the program from them again.
-
-    Args:
-        given: the program as it was read, whose frames are those of the files.
-        program: with its frames in the robot's base.
-        robot: the robot.
-        cell: where the robot stands, and what its external axes carry.
-        waypoints: what to write, by number of the motion.
-        trajectory: of the controller in the program.
-        into: file of a new program.
-
-    Raises:
-        TaskcalError: it cannot be written, or reads as another number of motions than were written.
-    """
-    if into is None:
-        sources = program.rewrite(robot, waypoints)
-        again = program.reread(sources)
-    else:
-        first = given.moves[0]
-        sources = (compose_new_program(Path(into), robot, _with_frames_of(given, program), waypoints, trajectory),)
-        declares = language_of(Path(into)).declares_frames
-        tool, part = (None, None) if declares else (first.tool, first.part)
-        again = parse_program(sources, robot=robot, tool=tool, part=part)
-    pieces = np.array([len(waypoints[i]) if i in waypoints else 1 for i in range(len(program.moves))], dtype=np.int64)
-    origin = piece_origins(pieces)
-    if len(origin) != len(again.moves):
-        raise TaskcalError(
-            f"the corrected program reads as {len(again.moves)} motions instead of {len(origin)}; nothing was written"
-        )
-    mounted = mount(again, cell)
-    return _Rewritten(sources=sources, program=mounted.program, refused=mounted.refused, pieces=pieces, origin=origin)
-
-
-def _with_frames_of(given: Program, program: Program) -> Program:
-    """A program with the frames as they were read, for a new program that counts them as that one did."""
-    moves = tuple(
-        replace(move, tool=read.tool, part=read.part) for move, read in zip(program.moves, given.moves, strict=True)
-    )
-    return replace(program, moves=moves)
 
 
 def frames_on(
@@ -278,61 +222,3 @@ def variances_at(
         conditions = None if directions is None else directions.at(rows, np.ones(len(rows)))
         variances[rows] = frame.variances(trajectory.end[rows], conditions)
     return variances
-
-
-def _waypoints(
-    moves: Sequence[Move], subdivision: Subdivision, changes: TargetChanges, kept: Set[int]
-) -> dict[int, tuple[Waypoint, ...]]:
-    """What is written for every motion that changes.
-
-    Args:
-        moves: the motions of the program.
-        subdivision: as corrected.
-        changes: how far that moves them.
-        kept: numbers of motions that stay as they are.
-    """
-    nodes = subdivision.nodes
-    first = np.searchsorted(nodes.move, np.arange(len(moves) + 1))
-    waypoints: dict[int, tuple[Waypoint, ...]] = {}
-    for i, move in enumerate(moves):
-        rows = range(first[i], first[i + 1])
-        unchanged = subdivision.pieces[i] == 1 and changes.shift[i] < UNMOVED and changes.turn[i] < UNTURNED
-        if i in kept or not rows or unchanged:
-            continue
-        if move.kind == "axes":
-            waypoints[i] = (Waypoint(kind="axes", q=nodes.q[rows[-1]], T=None),)
-            continue
-        if move.via is None:
-            waypoints[i] = tuple(
-                Waypoint(kind=move.kind, q=nodes.q[k], T=nodes.T[k], external=_external(moves, i, nodes.share[k]))
-                for k in rows
-            )
-            continue
-        waypoints[i] = tuple(
-            Waypoint(
-                kind="circular",
-                q=nodes.q[k],
-                T=nodes.T[k],
-                via=Waypoint(kind="circular", q=nodes.q[k - 1], T=nodes.T[k - 1]),
-                external=_external(moves, i, nodes.share[k]),
-            )
-            for k in rows[1::2]
-        )
-    return waypoints
-
-
-def _external(moves: Sequence[Move], i: int, share: float) -> tuple[float, ...]:
-    """Positions of the external axes at a share of a motion's length; empty where they stay, or their start is not known.
-
-    A controller moves them in step with the way of the tool.
-    """
-    follows = moves[i].follows
-    start, end = () if follows is None else moves[follows].external, moves[i].external
-    if share >= 1.0 or start == end or len(start) != len(end):
-        return ()
-    return tuple(b if np.isnan(a) else a + share * (b - a) for a, b in zip(start, end, strict=True))
-
-
-def piece_origins(pieces: Int[np.ndarray, " m"]) -> list[tuple[int, float, float]]:
-    """For each motion of a rewritten program the one it comes from, and its shares, by how many each became."""
-    return [(i, k / count, (k + 1) / count) for i, count in enumerate(pieces.tolist()) for k in range(count)]

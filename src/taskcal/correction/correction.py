@@ -11,9 +11,10 @@ from jaxtyping import Float, Int
 from taskcal.correction.assessment import Deviations
 from taskcal.correction.error_budget import ErrorBudget
 from taskcal.correction.joint_motion import JointMotion
-from taskcal.correction.segments import Segments
+from taskcal.correction.rounded_path import RoundedPath
 from taskcal.errors import FileError, shortened
 from taskcal.files import write_all
+from taskcal.programs.backup import write_backup
 from taskcal.programs.program import Diagnostic, Move, Program
 from taskcal.programs.source import Source
 from taskcal.public_names import FormerName
@@ -54,7 +55,7 @@ class Correction:
     bounds: Bounds
     tolerance: float
     """To which lines and arcs were divided, metres."""
-    wanted: Segments
+    wanted: RoundedPath
     """The path that the true tool is to take, tool in part."""
     before: Deviations
     """Predicted errors of the program as it was given."""
@@ -66,8 +67,10 @@ class Correction:
     """Numbers of the motions that were corrected."""
     pieces: Int[np.ndarray, " m"]
     """Into how many motions each became."""
+    origin: tuple[tuple[int, float, float], ...]
+    """For each corrected motion, the one it comes from and the shares of that one's length where it begins and ends."""
     shift: Float[np.ndarray, " m"]
-    """How far each target was moved, metres."""
+    """How far each target was moved, or an arc's point on the way where that went farther, metres."""
     turn: Float[np.ndarray, " m"]
     """How far it was turned, radians."""
     uncertainty: Float[np.ndarray, " m"]
@@ -116,11 +119,14 @@ class Correction:
         return paths
 
     def write(self, out: str | Path) -> tuple[Path, ...]:
-        """Write the corrected files, all or none.
+        """Write the corrected files, all or none; of a backup all of it, to a place that does not exist yet.
 
         Raises:
             FileError: it would overwrite what was read, or cannot be written.
         """
+        backup = self.program.backup
+        if backup is not None and len(self.sources) == len(self.program.sources):
+            return (write_backup(backup, out, self.sources),)
         contents = self.contents(out)
         write_all(contents)
         return tuple(contents)

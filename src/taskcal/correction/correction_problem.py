@@ -42,6 +42,16 @@ class CorrectionProblem:
         """Motions that have a via point, whether or not their start is known."""
         return np.array([move.via is not None for move in self.moves], dtype=bool)
 
+    @cached_property
+    def clear(self) -> Float[np.ndarray, "m 2"]:
+        """Shares of the motions' lengths, from their starts and before their ends, in which no target may be put.
+
+        A controller rounds a corner by no more than half of the way to the target next to it; a target that stood nearer would
+        make the corner another one.
+        """
+        corners = self.trajectory.corners
+        return 2.0 * np.stack([corners.entry.max(axis=1), corners.exit.max(axis=1)], axis=1)
+
     def seeds(self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k joints"]:
         """Nominal joint positions along motions, between the samples of the controller's trajectory."""
         trajectory = self.trajectory

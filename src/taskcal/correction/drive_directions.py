@@ -56,7 +56,7 @@ def drive_directions(robot: Robot, moves: Sequence[Move], trajectory: Controller
     alone = np.flatnonzero(np.isfinite(trajectory.end[:, 0]) & ~np.isin(number, trajectory.move))
     along = trajectory.move + np.minimum(trajectory.share, 1.0 - BEFORE_END)
     place = np.concatenate([started, along, alone + 1.0 - BEFORE_END])
-    q = np.concatenate([trajectory.start[started], trajectory.q, trajectory.end[alone]])
+    q = np.concatenate([trajectory.start[started], trajectory.q, trajectory.passes[alone]])
     order = np.argsort(place, kind="stable")
     place, turned = place[order], q[order] @ drive_motion(robot).T
     of_move = place.astype(np.int64)

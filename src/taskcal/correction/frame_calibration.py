@@ -74,6 +74,25 @@ class FrameCalibration:
         grasped = R_fixed_grasped @ self.grasped.covariance @ np.swapaxes(R_fixed_grasped, 1, 2)
         return by_estimate + grasped + R.T @ self._fixed_covariance(q) @ R
 
+    def points(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3"]:
+        """The grasped frame's origin in the fixed frame, metres."""
+        return (se3.inverse(self.calibration.T_tracker_base @ self.fixed.T_base_fixed) @ self._grasped_poses(q))[
+            :, :3, 3
+        ]
+
+    def spread(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3 k"]:
+        """Errors of the grasped frame's origin by independent causes of one standard deviation each, metres.
+
+        They go together at all poses, so that what poses have in common can be taken out; in the fixed frame's axes, and without
+        what is not known of the fixed frame itself.
+        """
+        R = (self.calibration.T_tracker_base @ self.fixed.T_base_fixed)[:3, :3].T
+        values, vectors = np.linalg.eigh(self.calibration.z_covariance)
+        by_estimate = R @ self.grasped.twists(q, None)[:, :3] @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+        values, vectors = np.linalg.eigh(self.grasped.covariance)
+        held = R @ self._grasped_poses(q)[:, :3, :3] @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+        return np.concatenate([by_estimate, held], axis=2)
+
     def _grasped_poses(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
         """Poses of the grasped frame in the tracker's."""
         return self.calibration.predict_tool(q) @ self.grasped.T_tool_grasped
@@ -114,7 +133,7 @@ class FrameCalibration:
         parts = np.stack([geometry, grasped - geometry, total - grasped], axis=1)
         parts = np.maximum(parts, 0.0)
         parts *= (total / np.maximum(parts.sum(axis=1), 1e-300))[:, None]
-        return np.stack([parts[:, 0], self._model_variance(q), parts[:, 1], parts[:, 2]], axis=1)
+        return np.stack([parts[:, 0], self.model_variance(q), parts[:, 1], parts[:, 2]], axis=1)
 
     def _grasped_covariance(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None
@@ -125,7 +144,8 @@ class FrameCalibration:
         by_estimate = J @ self.calibration.z_covariance @ np.swapaxes(J, 1, 2)
         return by_estimate + R @ self.grasped.covariance @ np.swapaxes(R, 1, 2)
 
-    def _model_variance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
+    def model_variance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
+        """Of what the model cannot explain at a new pose, in space, metres²."""
         if self.calibration.field is None:
             return np.full(len(q), 3.0 * self.calibration.model_error[0] ** 2)
         return self.calibration.field.variance(q)[:, :3].sum(axis=1)

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.correction.controller_trajectory import ControllerTrajectory
+from taskcal.correction.rounded_path import RoundedPath
 from taskcal.kinematics.inverse import conditioning
 from taskcal.programs.program import Move
 from taskcal.robot.error_model import ErrorModel
@@ -27,7 +28,8 @@ TURN_SPEED = float(np.radians(500.0))
 class JointMotion:
     """Largest joint speeds and accelerations along lines and arcs of known speed, and the posture nearest to singular.
 
-    Finite differences over the samples of the path; at a corner between two segments the zone decides, which is not modelled.
+    Finite differences over the samples of the path. Accelerations in corners are left out: there the controller slows down as
+    its drives need it.
     """
 
     robot: Robot
@@ -82,16 +84,19 @@ def joint_motion(robot: Robot, moves: Sequence[Move], trajectory: ControllerTraj
         before = np.concatenate([[0.0], trajectory.share[:-1]])
         before[starts] = 0.0
         q0 = np.concatenate([trajectory.q[:1], trajectory.q[:-1]])
-        q0[starts] = trajectory.start[i[starts]]
+        corners = trajectory.corners
+        joined = corners.before[i[starts]]
+        q0[starts] = np.where((joined >= 0)[:, None], trajectory.passes[joined], trajectory.start[i[starts]])
         time, assumed = _durations(moves, trajectory, trajectory.share - before)
         with np.errstate(invalid="ignore", divide="ignore"):
             rate = (trajectory.q - q0) / time[:, None]
             change = np.diff(rate, axis=0) / (0.5 * (time[1:] + time[:-1]))[:, None]
-            change[np.diff(i) != 0] = np.nan
+            turning = RoundedPath(segments=trajectory.segments, corners=corners).inside(i, trajectory.share)
+            change[(np.diff(i) != 0) | turning[1:] | turning[:-1]] = np.nan
         speed, acceleration = _largest(rate, speed), _largest(change, acceleration)
     ends = np.isfinite(trajectory.end[:, 0])
     move = np.concatenate([i, np.flatnonzero(ends)])
-    q = np.concatenate([trajectory.q, trajectory.end[ends]])
+    q = np.concatenate([trajectory.q, trajectory.passes[ends]])
     if not len(q):
         return JointMotion(
             robot=robot, speed=speed, acceleration=acceleration, conditioning=np.inf, nearest_singular=None

@@ -4,10 +4,10 @@ A placement moves what stands still, the part or the fixed tool, rigidly in the 
 about the vertical through the middle of the targets. Motions to joint positions stay.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from jaxtyping import Float
@@ -18,13 +18,19 @@ from taskcal.correction.cell import Cell
 from taskcal.correction.controller_trajectory import ControllerTrajectory, simulate_controller
 from taskcal.correction.correct import frames_on, place_motions, variances_at, wanted_segments
 from taskcal.correction.mounting import mount
+from taskcal.correction.part_region import Region
+from taskcal.correction.placement_options import PlacementChoices, PlacementOptions
+from taskcal.correction.rigid_motion import without_rigid_motion
+from taskcal.correction.rounded_path import RoundedPath
+from taskcal.correction.touched_off import on_touched_parts
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
-from taskcal.kinematics.inverse import conditioning
+from taskcal.kinematics.inverse import conditioning, solve_near
 from taskcal.programs.program import Frame, Move, Program, Target
 from taskcal.programs.source import Place
 from taskcal.programs.spinning import with_spins
+from taskcal.programs.zone import THROUGH_TARGET
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.load import Load
 from taskcal.robot.robot import Robot
@@ -33,44 +39,6 @@ from taskcal.task.task import Task, reach_task
 
 NEAR_SINGULAR = 0.02
 """Placements whose nearest posture to a singular one has a smaller ratio of singular values are not recommended."""
-
-MOST_PLACEMENTS = 5000
-
-
-@short_repr
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Region:
-    """How far a part may be moved from where it stands.
-
-    Raises:
-        TaskcalError: a bound is not a number or above the other one, or the grid has no or too many placements.
-    """
-
-    low: Float[np.ndarray, " 3"]
-    """Along the axes of the robot's base, metres."""
-    high: Float[np.ndarray, " 3"]
-    turn: tuple[float, float] = (0.0, 0.0)
-    """About the vertical through the middle of the targets, radians."""
-    steps: tuple[int, int] = (5, 3)
-    """Placements along each axis along which it may be moved, and turns, where it may be turned."""
-
-    def __post_init__(self) -> None:
-        for low, high in (*zip(self.low, self.high, strict=True), self.turn):
-            if not (np.isfinite(low) and np.isfinite(high) and low <= high):
-                raise TaskcalError(f"a region goes from {low:g} to {high:g}; give the smaller number first")
-        if min(self.steps) < 1:
-            raise TaskcalError(f"a region has {self.steps[0]} steps and {self.steps[1]} turns; give 1 or more of each")
-        if len(self.grid()) > MOST_PLACEMENTS:
-            raise TaskcalError(
-                f"a region has {len(self.grid())} placements; give fewer steps, for {MOST_PLACEMENTS} at most"
-            )
-
-    def grid(self) -> Float[np.ndarray, "n 4"]:
-        """Shifts and turns, metres and radians."""
-        bounds = [*zip(self.low, self.high, strict=True), self.turn]
-        counts = [self.steps[0]] * 3 + [self.steps[1]]
-        axes = [np.linspace(a, b, n if b > a else 1) for (a, b), n in zip(bounds, counts, strict=True)]
-        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
 
 
 @short_repr
@@ -147,9 +115,8 @@ def place(
     region: Region,
     *,
     cell: Cell | None = None,
-    force: tuple[float, float, float] | None = None,
-    count: int = 30,
-    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+    **options: Unpack[PlacementChoices],
 ) -> PartPlacements:
     """The error to be expected of a program or a task, over placements of its part.
 
@@ -158,25 +125,47 @@ def place(
         what: a program, or a task.
         region: where the part may be put.
         cell: what was measured of a program's tools and parts; by default all are where the controller has them.
-        force: of the process on the tool, newtons, in axes of the base. The calibration needs a `Compliance` effect for it, and
-            without one the robot's file stiffnesses.
-        count: poses of a task.
-        seed: of their choice.
+        progress: called with the number of placements that were looked at, and of all.
+        **options: those of `PlacementOptions`, each by its name, and all at once as ``options``; names replace what is in those.
+
+            ``force``: of the process on the tool, newtons, in axes of the base. The calibration needs a `Compliance` effect for it,
+            and without one the robot's file stiffnesses.
+
+            ``touched_off``: the part is touched off or measured where it is put, so that what is common to all targets, a shift and
+            a turn of the part, does not count.
+
+            ``count``: poses of a task.
+
+            ``seed``: of their choice.
 
     Raises:
-        TaskcalError: there is no motion to a pose; or the robot's file does not tell how it yields.
+        TypeError: an option that does not exist; the message names all.
+        TaskcalError: there is no motion to a pose; the robot's file does not tell how it yields; or a part is to be touched off
+            that is in the robot's hand.
     """
     expect_kinds({"on": Calibration | Robot, "what": Program | Task, "region": Region}, on=on, what=what, region=region)
-    calibration = on if isinstance(on, Calibration) else None
+    calibration, chosen = on if isinstance(on, Calibration) else None, PlacementOptions.of(**options)
     robot = on.model.robot if isinstance(on, Calibration) else on
-    name, moves = _moves_of(what, robot, cell or Cell(), count, seed)
+    name, moves = _moves_of(what, robot, cell or Cell(), chosen.count, chosen.seed)
     origins = [move.flange(move.end.T)[:3, 3] for move in moves if move.end.T is not None]
     if not origins:
         raise TaskcalError(f"{name} has no motion to a pose, so that its part can be anywhere")
-    view = _View(robot, calibration, cell or Cell(), _loaded(on, robot, force))
-    middle = np.mean(origins, axis=0)
-    placed = [view.at(moves, middle, row[:3], float(row[3])) for row in region.grid()]
-    now = view.at(moves, middle, np.zeros(3), 0.0)
+    held = next((move for move in moves if move.part_in_hand), None)
+    if chosen.touched_off and held is not None:
+        raise TaskcalError(
+            f"{held.place}: the part is in the robot's hand, so that there is nothing to touch off where it is put"
+        )
+    view = _View(robot, calibration, cell or Cell(), _loaded(on, robot, chosen.force), chosen.touched_off)
+    middle, grid = np.mean(origins, axis=0), region.grid()
+    now, near = view.at(moves, middle, np.zeros(3), 0.0, None)
+    placed: list[PlacedPart] = []
+    for number, row in enumerate(grid):
+        # poses of a task may be reached in whatever posture; a controller that begins a program is in one that follows from it
+        one, ends = view.at(moves, middle, row[:3], float(row[3]), near if isinstance(what, Task) else None)
+        near = np.where(np.isfinite(ends), ends, near)  # the next placement is beside this one
+        placed.append(one)
+        if progress is not None:
+            progress(number + 1, len(grid))
     return PartPlacements(name=name, now=now, all=tuple(placed))
 
 
@@ -186,8 +175,10 @@ def _moves_of(what: Program | Task, robot: Robot, cell: Cell, count: int, seed: 
         kept = [i for i in range(len(what.moves)) if i not in mounted.refused]
         moves = with_spins(mounted.program, robot).moves
         number = {old: new for new, old in enumerate(kept)}
+        # at the targets themselves, however their corners are rounded
         return str(what.sources[0].path), [
-            replace(moves[i], follows=None if (f := moves[i].follows) is None else number.get(f)) for i in kept
+            replace(moves[i], zone=THROUGH_TARGET, follows=None if (f := moves[i].follows) is None else number.get(f))
+            for i in kept
         ]
     model = ErrorModel(robot)
     T = reach_task(model, what, count, seed).T
@@ -232,14 +223,30 @@ class _View:
     calibration: Calibration | None
     cell: Cell
     loaded: tuple[ErrorModel, ErrorModel, Float[np.ndarray, " p"]] | None
+    touched_off: bool
 
     def at(
-        self, moves: Sequence[Move], middle: Float[np.ndarray, " 3"], shift: Float[np.ndarray, " 3"], turn: float
-    ) -> PlacedPart:
-        """A placement of what stands still."""
+        self,
+        moves: Sequence[Move],
+        middle: Float[np.ndarray, " 3"],
+        shift: Float[np.ndarray, " 3"],
+        turn: float,
+        near: Float[np.ndarray, "m joints"] | None,
+    ) -> tuple[PlacedPart, Float[np.ndarray, "m joints"]]:
+        """A placement of what stands still, and the joint positions at the ends of the motions.
+
+        Args:
+            moves: of the program, or to the poses of a task.
+            middle: of the targets, about which the part is turned.
+            shift: of the part.
+            turn: of the part.
+            near: joint positions at the ends of the motions in a placement beside this one; unknown ones NaN.
+        """
         about = se3.translation(*middle) @ se3.rotation("z", turn) @ se3.translation(*-middle)
         S = se3.translation(*shift) @ about
         moved = _moved(moves, S)
+        if near is not None:
+            moved = _found_from(self.robot, moved, near)
         trajectory = simulate_controller(self.robot, moved)
         ends = np.isfinite(trajectory.end[:, 0])
         q = np.concatenate([trajectory.end[ends], trajectory.q])
@@ -247,7 +254,7 @@ class _View:
         before, after = self._errors(moved, trajectory) if ends.any() else nothing
         refused = sorted(trajectory.rejected.items())
         limits = self.robot.limits
-        return PlacedPart(
+        placed = PlacedPart(
             shift=np.asarray(shift, dtype=float),
             turn=turn,
             reached=1.0 - len(refused) / len(moves),
@@ -258,6 +265,7 @@ class _View:
             margin=float(np.minimum(q - limits[:, 0], limits[:, 1] - q).min()) if len(q) else np.nan,
             conditioning=float(conditioning(ErrorModel(self.robot), q).min()) if len(q) else 0.0,
         )
+        return placed, trajectory.end
 
     def _errors(self, moves: Sequence[Move], trajectory: ControllerTrajectory) -> tuple[float, float]:
         """Rms errors at the targets before and after a correction, metres."""
@@ -265,13 +273,19 @@ class _View:
             model = ErrorModel(self.robot)
             ends = trajectory.end[np.isfinite(trajectory.end[:, 0])]
             effect = model.jacobian(ends, angular=False) * model.tolerances
+            if self.touched_off:
+                effect = without_rigid_motion(model.poses(ends)[:, :3, 3], effect)
             return float(np.sqrt((effect**2).sum(axis=(1, 2)).mean())), np.nan
         frames, number = frames_on(self.calibration, moves, self.cell)
         placed = place_motions(self.calibration, frames, number, None)
-        found = assess(placed, wanted_segments(trajectory, placed, moves), trajectory)
-        variances = variances_at(frames, number, trajectory, None)
-        left = float(variances[np.isfinite(variances).all(axis=1)].sum(axis=1).mean())
-        known = float((found.length[found.at_target] ** 2).mean())
+        wanted = RoundedPath(segments=wanted_segments(trajectory, placed, moves), corners=trajectory.corners)
+        found = assess(placed, wanted, trajectory)
+        if self.touched_off:
+            known, left = on_touched_parts(frames, number, trajectory, found)
+        else:
+            variances = variances_at(frames, number, trajectory, None)
+            left = float(variances[np.isfinite(variances).all(axis=1)].sum(axis=1).mean())
+            known = float((found.length[found.at_target] ** 2).mean())
         return float(np.sqrt(known + left)), float(np.sqrt(left))
 
     def _deflection(self, q: Float[np.ndarray, "n joints"]) -> float:
@@ -281,6 +295,25 @@ class _View:
         free, pushed, x = self.loaded
         moved = pushed.poses(q, x)[:, :3, 3] - free.poses(q, x)[:, :3, 3]
         return float(np.sqrt((moved**2).sum(axis=1).mean()))
+
+
+def _found_from(robot: Robot, moves: list[Move], near: Float[np.ndarray, "m joints"]) -> list[Move]:
+    """Free motions with their joint positions, all at once, where these follow from those of a placement beside this one."""
+    free = [
+        i
+        for i, move in enumerate(moves)
+        if move.kind == "joint" and move.end.T is not None and move.end.q is None
+        and move.end.posture is None and move.follows is None and np.isfinite(near[i]).all()
+    ]  # fmt: skip
+    if not free:
+        return moves
+    T = np.stack([moves[i].flange(moves[i].end.T) for i in free]) @ robot.T_flange_tool  # pyright: ignore[reportArgumentType]
+    solution = solve_near(ErrorModel(robot), T, near[free])
+    out = list(moves)
+    for k, i in enumerate(free):
+        if solution.reached[k]:
+            out[i] = replace(moves[i], end=replace(moves[i].end, q=solution.q[k]))
+    return out
 
 
 def _moved(moves: Sequence[Move], S: Float[np.ndarray, "4 4"]) -> list[Move]:

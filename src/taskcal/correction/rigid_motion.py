@@ -28,3 +28,20 @@ def rigid_twists(
     """The twists at given points of the rigid motions that come nearest to how some points move."""
     n, k = points.shape[:2]
     return np.linalg.pinv(se3.by_twist(points - at[:, None]).reshape(n, 3 * k, 6)) @ J.reshape(n, 3 * k, -1)
+
+
+def without_rigid_motion(
+    points: Float[np.ndarray, "n 3"], errors: Float[np.ndarray, "n 3 k"]
+) -> Float[np.ndarray, "n 3 k"]:
+    """Errors less the small rigid motion of all points that comes nearest to them, in least squares.
+
+    Args:
+        points: where the errors are, metres.
+        errors: k sets of them.
+    """
+    about = points - points.mean(axis=0)
+    size = max(float(np.abs(about).max(initial=0.0)), 1e-9)
+    A = (se3.by_twist(about) / np.r_[1.0, 1.0, 1.0, [size] * 3]).reshape(-1, 6)
+    flat = errors.reshape(len(A), -1)
+    motion = np.linalg.lstsq(A, flat, rcond=1e-9)[0]  # targets on a line leave the turn about it open
+    return (flat - A @ motion).reshape(errors.shape)

@@ -27,6 +27,10 @@ WIDER = 1.2
 """Step in which a tolerance is widened."""
 
 
+NO_ROOM = 1e-6
+"""Share of a motion's length in which no further target is put."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Nodes:
     """Ends of the pieces of corrected motions, and a via point of each arc; sorted by motion and share."""
@@ -83,18 +87,19 @@ def _divide(problem: CorrectionProblem, tolerance: float) -> Subdivision:
     lost[nodes.move[~nodes.reached]] = True
     before = np.array([-1 if move.follows is None else move.follows for move in problem.moves], dtype=np.int64)
     open_ &= ~lost & ~lost[before]
-    deviation = np.zeros(m)
+    deviation, mendable = np.zeros(m), np.zeros(0)
     todo = np.flatnonzero(open_)
     for round_ in range(MAX_ROUNDS):
         if len(todo):
-            deviation[todo] = _deviations(problem, nodes, todo, pieces)
+            deviation[todo], mendable = _deviations(problem, nodes, todo, pieces)
             if not round_:
-                tolerance = _widened(tolerance, problem.widest, deviation[todo], GROWTH * np.count_nonzero(pieces))
-            todo = todo[(deviation[todo] > tolerance) & (pieces[todo] < MAX_PIECES)]
+                tolerance = _widened(tolerance, problem.widest, mendable, GROWTH * np.count_nonzero(pieces))
+            more = (mendable > tolerance) & (pieces[todo] < MAX_PIECES)
+            todo, mendable = todo[more], mendable[more]
         if not len(todo):
             break
         # the deviation of a chord goes with the square of its length
-        factor = np.minimum(np.sqrt(deviation[todo] / tolerance) * MARGIN, 16.0)
+        factor = np.minimum(np.sqrt(mendable / tolerance) * MARGIN, 16.0)
         pieces[todo] = np.minimum(np.maximum(np.ceil(pieces[todo] * factor), pieces[todo] + 1), MAX_PIECES)
         nodes = _replaced(nodes, _nodes(problem, todo, pieces), todo)
     return Subdivision(pieces=pieces, nodes=nodes, deviation=deviation, tolerance=tolerance)
@@ -117,7 +122,8 @@ def _nodes(problem: CorrectionProblem, rows: Int[np.ndarray, " r"], pieces: Int[
     count = pieces[rows] * per_piece
     move = np.repeat(rows, count)
     number = np.arange(len(move)) - np.repeat(np.cumsum(count) - count, count) + 1
-    share = number / np.repeat(count, count)
+    ends = _piece_ends(problem, rows, pieces)
+    share = ends if (per_piece == 1).all() else _with_vias(ends, problem.is_circular[np.repeat(rows, pieces[rows])])
     # an arc that stays whole keeps its own via point
     via = (pieces[move] == 1) & problem.is_circular[move] & (number == 1)
     on_arc = via & problem.wanted.is_arc[move]
@@ -135,6 +141,33 @@ def _nodes(problem: CorrectionProblem, rows: Int[np.ndarray, " r"], pieces: Int[
     # no joints to take the controller's pose from: moved by as much as the true tool is off at the nominal joints
     stated[lost, :3, 3] += T[lost, :3, 3] - problem.placed.tool_in_part(move[lost], share[lost], seeds[lost])[:, :3, 3]
     return Nodes(move=move, share=share, q=solution.q, reached=solution.reached, wanted=T, T=stated)
+
+
+def _piece_ends(
+    problem: CorrectionProblem, rows: Int[np.ndarray, " r"], pieces: Int[np.ndarray, " m"]
+) -> Float[np.ndarray, " p"]:
+    """Shares of their motion's length at which the pieces of some motions end: evenly, and clear of the corners."""
+    count = pieces[rows]
+    owner = np.repeat(np.arange(len(rows)), count)
+    number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count) + 1
+    n, clear = count[owner], problem.clear[rows][owner]
+    room = np.stack([np.zeros(len(n)), np.ones(len(n))], axis=1)
+    bound = np.zeros((len(n), 2), dtype=bool)
+    for _ in range(2):  # where one end has to stay clear, the other may come to lack room
+        between = np.maximum(n - bound.sum(axis=1), 1)
+        bound |= clear > ((room[:, 1] - room[:, 0]) / between)[:, None]
+        room = np.where(bound, np.stack([clear[:, 0], 1.0 - clear[:, 1]], axis=1), [0.0, 1.0])
+    between = np.maximum(n - bound.sum(axis=1), 1)
+    inner = room[:, 0] + (room[:, 1] - room[:, 0]) * (number - bound[:, 0]) / between
+    inner = np.where(n == 2, np.clip(0.5, clear[:, 0], np.maximum(1.0 - clear[:, 1], clear[:, 0])), inner)
+    return np.where(number == n, 1.0, inner)
+
+
+def _with_vias(ends: Float[np.ndarray, " p"], circular: Bool[np.ndarray, " p"]) -> Float[np.ndarray, " k"]:
+    """Ends of pieces, with the middle of a piece before its end where it is an arc's."""
+    begin = np.where(np.concatenate([[1.0], ends[:-1]]) >= 1.0, 0.0, np.concatenate([[0.0], ends[:-1]]))
+    both = np.stack([(begin + ends) / 2.0, ends], axis=1)
+    return both[np.stack([circular, np.ones(len(ends), dtype=bool)], axis=1)]
 
 
 def _pose(target: Target | None) -> Float[np.ndarray, "4 4"]:
@@ -155,8 +188,11 @@ def _replaced(nodes: Nodes, new: Nodes, rows: Int[np.ndarray, " r"]) -> Nodes:
 
 def _deviations(
     problem: CorrectionProblem, nodes: Nodes, rows: Int[np.ndarray, " r"], pieces: Int[np.ndarray, " m"]
-) -> Float[np.ndarray, " r"]:
-    """Largest distance of the true tool from each of some motions, between its nodes, metres."""
+) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, " r"]]:
+    """Largest distance of the true tool from each of some motions, between its nodes, metres.
+
+    Of all pieces, and of those that can be divided further.
+    """
     first = np.searchsorted(nodes.move, rows, side="left")
     arc = problem.is_circular[rows]
     stride = np.where(arc, 2, 1)
@@ -170,7 +206,10 @@ def _deviations(
     T0 = np.where(inner[:, None, None], nodes.T[before], start_T[owner])
     via = np.where(arc[owner, None], nodes.T[np.maximum(end - 1, 0), :3, 3], np.nan)
     segments = Segments(start=T0, end=nodes.T[end], via=via)
-    out = np.zeros(len(rows))
+    finish = _piece_ends(problem, rows, pieces)
+    begin = np.where(piece == 0, 0.0, np.concatenate([[0.0], finish[:-1]]))
+    divisible = _have_room(begin, finish, problem.clear[rows][owner])
+    out, mendable = np.zeros(len(rows)), np.zeros(len(rows))
     model = ErrorModel(problem.robot)
     own_tool = problem.robot.T_flange_tool
     for within in (0.25, 0.5, 0.75):
@@ -181,14 +220,22 @@ def _deviations(
         for own, example in problem.by_placement(move):
             flange[own] = example.flange(T[own])
         solution = solve_near(model, flange @ own_tool, q0 + within * (nodes.q[end] - q0))
-        share = (piece + within) / pieces[move]
+        share = begin + within * (finish - begin)
         wanted = problem.wanted.at(move, share)
         error = problem.placed.tool_in_part(move, share, solution.q)[:, :3, 3] - wanted[:, :3, 3]
         tangent = problem.wanted.direction(move, share)
         error -= (error * tangent).sum(axis=1, keepdims=True) * tangent
         size = np.where(solution.reached, np.linalg.norm(error, axis=1), np.inf)
         np.maximum.at(out, owner, size)
-    return out
+        np.maximum.at(mendable, owner, np.where(divisible, size, 0.0))
+    return out, mendable
+
+
+def _have_room(
+    begin: Float[np.ndarray, " p"], finish: Float[np.ndarray, " p"], clear: Float[np.ndarray, "p 2"]
+) -> Bool[np.ndarray, " p"]:
+    """Whether a further target may be put into pieces, by what is to stay clear at both ends of their motions."""
+    return np.minimum(finish, 1.0 - clear[:, 1]) - np.maximum(begin, clear[:, 0]) > NO_ROOM
 
 
 def _starts(

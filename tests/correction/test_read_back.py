@@ -1,0 +1,25 @@
+import numpy as np
+import pytest
+
+from taskcal.correction.read_back import check_reading
+from taskcal.errors import TaskcalError
+from taskcal.programs.program import Waypoint
+from taskcal.programs.rapid.read import read_rapid
+from tests.programs.rapid.samples import POINTS, module
+
+
+@pytest.mark.parametrize(("off_mm", "fine"), [(0.0, True), (0.02, True), (0.05, False)])
+def test_a_target_that_reads_beside_what_was_to_be_written_is_an_error(off_mm, fine):
+    moves = read_rapid([module("MoveL p1,v5,fine,tool0;MoveL p2,v5,fine,tool0;MoveL p3,v5,fine,tool0;", POINTS)]).moves
+    T = moves[2].end.T.copy()
+    T[0, 3] += off_mm * 1e-3
+    path = (
+        Waypoint(kind="linear", q=np.zeros(6), T=moves[1].end.T),
+        Waypoint(kind="linear", q=np.zeros(6), T=T),
+    )
+    pieces = np.array([1, 2])
+    if fine:
+        check_reading(moves, pieces, {1: path}, 2e-5)
+    else:
+        with pytest.raises(TaskcalError, match=r"part.mod:13: the corrected program reads 0.050 mm beside"):
+            check_reading(moves, pieces, {1: path}, 2e-5)
