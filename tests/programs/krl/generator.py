@@ -12,7 +12,7 @@ BLANKS = ("", " ", "  ", "\t")
 COMMENTS = ("", "", "", " ; to the part", ";FOLD x;%{PE}", " ; \u00fcber den Tisch \u2013 lang", '; "{X 1" C_DIS')
 PASSIVE = (
     "WAIT SEC 0.5", "$OUT[3]=TRUE", "BAS(#VEL_PTP,50)", "", "; nothing", "HALT", "I=I+1", "$ADVANCE=3", "DECL INT I2",
-    "IF $IN[1] THEN", "ENDIF", "FOR I=1 TO 3", "ENDFOR",
+    "IF $IN[1] THEN\nHALT\nENDIF", "FOR I=1 TO 3\nENDFOR", "AGAIN:",
 )  # fmt: skip
 
 
@@ -25,7 +25,13 @@ class Generated:
     """All of which can be resolved."""
 
 
-LEANING = "LIN {Z 100.5}", "lin_rel {X 10.0,Z -3} C_DIS #TOOL", "SLIN_REL {Y 1} #BASE", "LIN {X 1,Y 2}"
+LEANING = (
+    "LIN {Z 100.5}",
+    "lin_rel {X 10.0,Z -3} C_DIS #TOOL",
+    "SLIN_REL {Y 1} #BASE",
+    "LIN {X 1,Y 2}",
+    "circ_rel {X 10,Y 5},{X 20.5} C_DIS",
+)
 """Motions that count from where the one before ended."""
 
 
@@ -47,18 +53,23 @@ def generate(rng: np.random.Generator) -> Generated:
         if rng.random() < 0.1:
             src += _computed(rng)
             motions += 1
+        if rng.random() < 0.15:
+            lines, count = _flowing(rng, int(rng.integers(10**6)))
+            src += lines
+            motions += count
         if rng.random() < 0.1:
             src.append(_one(rng, ("SUB(1)", "sub( 2 )", "SUB(N,F)")))
             motions += not calls
             calls = True
         src.append(_one(rng, BLANKS) + (_motion(rng, points) if moves else _one(rng, PASSIVE)) + _one(rng, COMMENTS))
+    above = ["DEFFCT E6POS ABOVE(P :IN,D :IN)", "DECL E6POS P", "REAL D", "P.Z=P.Z+D", "RETURN P", "ENDFCT"]
     sub = ["DEF SUB(N :IN,F :OUT)", "INT N", "DECL FRAME F", "N=N+1", f"LIN {_pose(rng)}", "END"] if calls else []
     newline, encoding = _one(rng, ("\r\n", "\n")), _one(rng, ("utf-8", "cp1252"))
     last = _one(rng, ("", newline))
     return Generated(
         sources=tuple(
             Source.of(Path(name), (newline.join(lines) + last).encode(encoding))
-            for name, lines in (("part.src", [*src, "END", *sub]), ("PART.DAT", [*dat, "ENDDAT"]))
+            for name, lines in (("part.src", [*src, "END", *sub, *above]), ("PART.DAT", [*dat, "ENDDAT"]))
         ),
         motions=motions,
     )
@@ -70,11 +81,39 @@ def _computed(rng: np.random.Generator) -> list[str]:
         [f"FP={_pose(rng)}", "FP.Z=FP.Z+1.5"],
         ["N=2", f"FP={_pose(rng)}", "IF N == 2 THEN", "FP.X=N*2-(1.5+FP.Y)", "ELSE", "FP.A=$ANIN[1]", "ENDIF"],
         [f"F={_pose(rng, status=False)}", f"FP=F:{_pose(rng, status=False)}"],
+        [f"FP={_pose(rng)}", "$BASE.Z=$BASE.Z+1.5", "$TOOL.X = 2*2.5" if rng.random() < 0.3 else "N=3"],
     )
     return [
         *steps[int(rng.integers(len(steps)))],
-        _one(rng, ("LIN FP", "ptp fp", "LIN FP:{X 0,Y 0,Z 1} C_DIS", "SLIN FP")),
+        _one(
+            rng,
+            (
+                "LIN FP",
+                "ptp fp",
+                "LIN FP:{X 0,Y 0,Z 1} C_DIS",
+                "SLIN FP",
+                "LIN Above(FP,2.5) C_DIS",
+                "LIN FP:INV_POS(FP)",
+            ),
+        ),
     ]
+
+
+def _flowing(rng: np.random.Generator, number: int) -> tuple[list[str], int]:
+    """Lines with a flow that the text decides, and how many different motions they make."""
+    ways = (
+        ([f"FP={_pose(rng)}", "FOR I=1 TO 3", "FP.Z=FP.Z+1.5", "LIN FP", "ENDFOR"], 3),
+        (["N=1", f"FP={_pose(rng)}", "WHILE N<3", "N=N+1", "FP.X=N*10", "SLIN FP C_DIS", "ENDWHILE"], 2),
+        ([f"FP={_pose(rng)}", "N=0", "REPEAT", "N=N+1", "FP.Y=N", "PTP FP", "UNTIL N==2"], 2),
+        (
+            [f"FP={_pose(rng)}", "N=0", "LOOP", "N=N+1", "IF N>2 THEN", "EXIT", "ENDIF", "FP.Y=N", "PTP FP", "ENDLOOP"],
+            2,
+        ),
+        ([f"FP={_pose(rng)}", f"L{number}:", "LIN FP", "IF $IN[1] THEN", f"GOTO L{number}", "ENDIF"], 1),
+        ([f"FP={_pose(rng)}", f"GOTO L{number}", "FP.Z=0", f"L{number}:", "LIN FP"], 1),
+        ([f"FP={_pose(rng)}", "SWITCH $ANIN[1]", "CASE 1,2", "HALT", "DEFAULT", "FP.Z=FP.Z", "ENDSWITCH", "LIN FP"], 1),
+    )
+    return ways[int(rng.integers(len(ways)))]
 
 
 def _one(rng: np.random.Generator, choices: Sequence[str]) -> str:

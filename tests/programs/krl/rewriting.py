@@ -4,6 +4,9 @@ import numpy as np
 
 from taskcal.programs.program import Move, Program, Waypoint
 from taskcal.programs.zyx_angles import rotation
+from taskcal.robot.catalogue import load_robot
+
+ROBOT = load_robot("kuka-kr16-2")
 
 Q = np.radians([5.0, -70.0, 95.0, 10.0, -30.0, -20.0])
 """Joint positions of all of them: they decide status and turn only."""
@@ -19,12 +22,14 @@ def nearby(rng: np.random.Generator, move: Move, size: float = 1e-3) -> Waypoint
 
 
 def nearby_waypoints(rng: np.random.Generator, program: Program, most: int) -> dict[int, tuple[Waypoint, ...]]:
-    """For about half of the motions, up to so many waypoints each."""
-    return {
+    """For about half of the motions, up to so many waypoints each; none for those that cannot be rewritten for others' sake."""
+    waypoints = {
         i: tuple(nearby(rng, move) for _ in range(int(rng.integers(1, most + 1))))
         for i, move in enumerate(program.moves)
         if rng.random() < 0.5
     }
+    cannot = program.unwritable(ROBOT, waypoints, tolerance=0.0)
+    return {i: path for i, path in waypoints.items() if i not in cannot}
 
 
 def _moved(rng: np.random.Generator, T: np.ndarray, size: float) -> np.ndarray:

@@ -48,7 +48,7 @@ def test_a_point_that_counts_from_the_motion_before_counts_across_calls():
     assert [move.follows for move in program.moves] == [None, 2, 0]
 
 
-def test_a_parameter_is_a_constant_where_every_call_gives_the_same():
+def test_a_text_stands_for_a_motion_of_each_call_that_gives_it_something_else():
     routine = "DEF TO(P :IN)\nDECL E6POS P\nLIN P\nEND\n"
     points = f"DECL E6POS XP1={POSE}\nDECL E6POS XP2={HIGH}"
     program = read(f"{FRAMES}TO(XP1)\nTO(XP1)", dat=points, more=routine)
@@ -56,7 +56,11 @@ def test_a_parameter_is_a_constant_where_every_call_gives_the_same():
     np.testing.assert_allclose(move.end.T[:3, 3], [0.9, 0, 0.8])
     assert move.follows is None
     program = read(f"{FRAMES}TO(XP1)\nTO(XP2)", dat=points, more=routine)
-    assert not program.moves
+    assert [round(float(move.end.T[2, 3]), 9) for move in program.moves] == [0.8, 0.9]
+    assert [(move.follows, move.texts_motions, move.divisible) for move in program.moves] == [
+        (None, 2, False),
+        (0, 2, False),
+    ]
 
 
 @pytest.mark.parametrize(("mode", "known"), [("IN", True), ("OUT", False), ("", False)])
@@ -73,7 +77,8 @@ def test_a_routine_that_calls_itself_ends():
     )
     assert not program.moves
     assert [text.partition(": ")[2] for text in texts(program)] == [
-        "LIN stays as it is: AGAIN sets it", "LIN stays as it is: AGAIN is called in a circle"
+        "LIN stays as it is: AGAIN sets it",
+        "LIN stays as it is: AGAIN is called where that is not followed",
     ]  # fmt: skip
 
 
@@ -87,5 +92,9 @@ def test_what_holds_at_a_return_counts():
 def test_functions_in_expressions_count_as_calls():
     function = f"DEFFCT BOOL LIFT( )\nLIN {HIGH}\n$BASE=BASE_DATA[1]\nRETURN TRUE\nENDFCT\n"
     program = read(f"{FRAMES}BOOL OK\nLIN {POSE}\nOK=LIFT( )\nLIN {POSE}", more=function)
+    assert [(m.routine, m.follows, m.part.name) for m in program.moves] == [
+        ("PART", None, "$NULLFRAME"), ("PART", 2, "BASE_DATA[1]"), ("LIFT", 0, "$NULLFRAME")
+    ]  # fmt: skip
+    program = read(f"{FRAMES}BOOL OK\nLIN {POSE}\nOK=NOT LIFT( )\nLIN {POSE}", more=function)
     assert len(program.moves) == 1
     assert any("LIFT sets it" in text for text in texts(program))

@@ -5,14 +5,31 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskcal.programs.krl.expressions import evaluated, is_whole, name_of, number_of, product, structure, values_of
+from taskcal.programs.krl.expressions import (
+    evaluated,
+    inverse,
+    is_whole,
+    name_of,
+    number_of,
+    product,
+    structure,
+    values_of,
+)
 from taskcal.programs.krl.lexer import lines_of_words
 from taskcal.programs.krl.position import pose
 from taskcal.programs.krl.syntax import Aggregate, Reference
 from taskcal.programs.unresolved import Unresolved
 from tests.laws.robots import generators
 
-VALUES = {"A": 2.0, "B1": -3.5, "OK": True, "P[2]": structure("E6POS", {"X": 10.0, "S": 2.0}), "MODE": "#BASE"}
+POINT = structure("POS", {"X": 10.0, "Y": 0.0, "Z": 0.0})
+VALUES = {
+    "A": 2.0,
+    "B1": -3.5,
+    "OK": True,
+    "P[2]": structure("E6POS", {"X": 10.0, "S": 2.0}),
+    "MODE": "#BASE",
+    "POINT": POINT,
+}
 
 
 class Table:
@@ -63,6 +80,12 @@ def test_numbers_are_those_of_python(left, sign, right, compare):
         ("-A", -2.0),
         ("1.0 / 4.5", 1.0 / 4.5),
         ("6 / 3", 2.0),
+        ("5.0 / 2", 2.5),
+        ("POINT.X / 4", 2.5),
+        ("SQRT(25) / 2", 2.5),
+        ("ABS(B1) + SQRT(6.25)", 6.0),
+        ("100.0 * COS(60) + SIN(-30)", pytest.approx(49.5)),
+        ("ATAN2(1.0, -1.0) - ACOS(0.0) - TAN(45)", pytest.approx(44.0)),
     ],
 )
 def test_values(text, expected):
@@ -73,7 +96,7 @@ def test_values(text, expected):
     "text",
     [
         "C", "A +", "A 1", "F(A)", "P[B1]", "P[0]", "P[2].Y", "1 / 2", "1 / 0", "A + OK", "NOT A", "P[2] + 1", "{X}", "{X 1,X 2}",
-        "(" * 60 + "1" + ")" * 60, "MODE < 1", "{X {Y 1}}", "", "1E400",
+        "(" * 60 + "1" + ")" * 60, "MODE < 1", "SQRT(-1)", "ACOS(2)", "ATAN2(1)", "SIN(1,2)", "ABS(OK)", "{X {Y 1}}", "", "1E400",
     ],
 )  # fmt: skip
 def test_what_the_text_does_not_tell_has_no_value(text):
@@ -117,3 +140,20 @@ def test_a_structure_is_whole_or_says_nothing_of_a_kind():
     assert is_whole(structure("", {"TOOL_NO": 1.0}))
     assert not is_whole(structure("", {"X": 1.0}))
     assert not is_whole(structure("", {"A1": 1.0, "A2": 0.0}))
+
+
+@given(generators)
+def test_a_frame_and_what_inv_pos_makes_of_it_are_each_other_s_inverse(rng):
+    """Homogeneous transformations, with R = Rz(A) Ry(B) Rx(C)."""
+    values = dict(zip("XYZABC", [*rng.uniform(-2000, 2000, 3), *rng.uniform(-180, 180, 3)], strict=True))
+    frame = structure("FRAME", values)
+    (cA, cB, cC), (sA, sB, sC) = (f(np.radians([values[n] for n in "ABC"])) for f in (np.cos, np.sin))
+    T = np.eye(4)
+    T[:3, :3] = [
+        [cA * cB, cA * sB * sC - sA * cC, cA * sB * cC + sA * sC],
+        [sA * cB, sA * sB * sC + cA * cC, sA * sB * cC - cA * sC],
+        [-sB, cB * sC, cB * cC],
+    ]
+    T[:3, 3] = [values[n] / 1e3 for n in "XYZ"]
+    np.testing.assert_allclose(pose(inverse(frame)), np.linalg.inv(T), atol=1e-9)
+    np.testing.assert_allclose(pose(product(frame, inverse(frame))), np.eye(4), atol=1e-9)

@@ -40,6 +40,11 @@ def test_a_distance_is_along_the_base_or_the_tool():
         (f"LIN {POSE}\n$BASE={{X 1,Y 0,Z 0,A 0,B 0,C 0}}\nLIN {{Z 700}}", "that is not known"),
         (f"LIN {POSE}\nLIN {{Z 700,A 10}}", "of its angles it states A only"),
         (f"LIN {POSE}\nLIN_REL {{A 10}}", "turns the tool by angles that are not added here"),
+        (f"LIN {POSE}\nLIN_REL {{A 10}} #TOOL", "write a motion to a complete point"),
+        (f"LIN {POSE}\nCIRC_REL {{X 5,Y 5}},{{X 10,C 90}}", "turns the tool by angles that are not added here"),
+        (f"LIN {POSE}\nCIRC_REL {{A1 5}},{{X 10}}", "its distance is not stated by X, Y and Z"),
+        (f"LIN {POSE}\nLIN_REL {{X 10,E1 5}}", "it moves E1 by a distance that is not added here"),
+        (f"LIN {POSE}\nPTP_REL {{E1 5}}", "it moves E1 by a distance that is not added here"),
         (f"LIN {POSE}\nLIN_REL {{X W}}", "X is 'W', which is not a number"),
     ],
 )
@@ -76,6 +81,43 @@ def test_the_points_of_a_spline_are_read_and_it_stays_whole():
     assert source.text.count("SPL") == program.sources[0].text.count("SPL")
 
 
+@pytest.mark.parametrize("keyword", ["CIRC_REL", "SCIRC_REL"])
+def test_both_points_of_an_arc_by_distances_count_from_where_it_begins(keyword):
+    """KUKA.PLC mxAutomation (Beckhoff TF5120, KRC_MoveCircRelative): both positions are relative to where the motion starts."""
+    program = read(f"{FRAMES}LIN {POSE}\n{keyword} {{X 20,Y 20}},{{Y 40,Z -1}} C_DIS")
+    assert not texts(program)
+    assert program.rewrite(ROBOT, {})[0].text == program.sources[0].text
+    arc = program.moves[1]
+    Ry = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])  # B 90
+    for pose, mm in ((arc.via.T, [920, 20, 800]), (arc.end.T, [900, 40, 799])):
+        np.testing.assert_allclose(pose[:3, 3] * 1e3, mm, atol=1e-9)
+        np.testing.assert_allclose(pose[:3, :3], Ry, atol=1e-12)
+    T = se3.translation(0.001, 0.0, 0.0)
+    waypoints = {0: (Waypoint(kind="linear", q=np.zeros(6), T=T @ program.moves[0].end.T),)}
+    (source, *_) = again = program.rewrite(ROBOT, waypoints)
+    assert f"\n{keyword.removesuffix('_REL')} {{E6POS: X 920" in source.text.replace("\r", "")
+    kept = program.reread(again).moves[1]
+    np.testing.assert_allclose(kept.end.T, arc.end.T, atol=1e-8)
+    np.testing.assert_allclose(kept.via.T, arc.via.T, atol=1e-8)
+
+
+def test_a_distance_that_is_a_product_is_one_step():
+    np.testing.assert_allclose(ends(f"LIN {POSE}\nLIN_REL {{X 10}}:{{X 5}}")[1], [915, 0, 800])
+
+
+def test_external_axes_stay_where_a_distance_does_not_move_them():
+    program = read(f"{FRAMES}LIN {POSE[:-1]},E1 50}}\nLIN_REL {{X 10,E1 0}}")
+    assert [bool(np.isnan(move.external[0])) for move in program.moves] == [False, True]
+
+
+def test_a_point_of_a_spline_that_is_written_whole_stays_one():
+    program = read(f"{FRAMES}SPLINE\nSPL {POSE}\nSPL {{X 910}}\nENDSPLINE")
+    T = se3.translation(0.001, 0.0, 0.0) @ program.moves[1].end.T
+    (source, *_) = program.rewrite(ROBOT, {1: (Waypoint(kind="linear", q=np.zeros(6), T=T),)})
+    assert "SPL {E6POS: X 911.0" in source.text
+    assert "SLIN" not in source.text
+
+
 def test_a_motion_to_where_the_robot_is_moves_nothing():
     program = read(f"{FRAMES}PTP $POS_ACT\nLIN {POSE}\nPTP $AXIS_ACT\nLIN {{Z 700}}")
     assert not texts(program)
@@ -101,10 +143,3 @@ def test_what_the_controller_s_own_routine_changes_is_known():
         ]
     )
     assert len(program.moves) == 1
-
-
-def test_a_parameter_is_no_point_of_the_data_list():
-    more = "DEF OTHER(XP1 :OUT)\nXP1={X 0}\nEND\n"
-    program = read(f"{FRAMES}LIN XP1", dat=f"DECL E6POS XP1={POSE}", more=more)
-    assert not program.moves  # in the same module a name cannot be told apart
-    assert "XP1 is a variable of the program's own" in texts(program)[0]

@@ -60,8 +60,9 @@ def test_an_arc_has_two_points():
     [
         ("CIRC XP1,XP2,CA 270", "the arc ends at the angle CA"),
         ("CIRC XP1,XP2,CA=270 C_DIS", "the arc ends at the angle CA"),
-        ("CIRC_REL {X 10},{Y 5}", "arcs and splines by distances are not read"),
-        ("SPL_REL {X 10}", "arcs and splines by distances are not read"),
+        ("CIRC_REL {X 10},{Y 5} #TOOL", "'#TOOL' is not understood behind CIRC_REL"),
+        ("SCIRC_REL {X 10}", "SCIRC_REL is given 1 points"),
+        ("SPL_REL {X 10}", "SPL_REL is not read; write SPL to a complete point"),
         ("LIN {X 10} #TOOL", "'#TOOL' is not understood"),
         ("LIN XP1,XP2", "LIN is given 2 points"),
         ("CIRC XP1", "CIRC is given 1 points"),
@@ -78,11 +79,21 @@ def test_motions_that_are_not_understood_say_why(text, trouble):
         assert line.trouble or not line.operands[0].parts
 
 
-@pytest.mark.parametrize("text", ["OFFSET(P1)", "P1.X", "{X 1,X 2}", "{X 1", "P1:", "P1 + P2", "{1 2}"])
+@pytest.mark.parametrize(
+    "text", ["OFFSET(P1)", "P1.X", "{X 1,X 2}", "{X 1", "P1:", "P1 + P2", "{1 2}", "{X 1,T 'B11 0.0}"]
+)
 def test_points_that_are_no_constants_have_no_parts(text):
     line = only(f"LIN {text} C_DIS")
     assert isinstance(line, Motion)
     assert line.operands[0].parts == ()
+
+
+def test_words_of_a_component_stay_apart():
+    line = only("LIN {X A B_AND B, Y - 1}")
+    assert isinstance(line, Motion)
+    (point,) = line.operands[0].parts
+    assert isinstance(point, Aggregate)
+    assert [(field.text, field.value) for field in point.fields] == [("A B_AND B", None), ("-1", -1.0)]
 
 
 def test_declarations():

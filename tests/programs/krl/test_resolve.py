@@ -14,7 +14,8 @@ from tests.programs.krl.small_programs import FRAMES, POSE, read
         (f"$TOOL=TOOL_DATA[9]\nLIN {POSE}", r"TOOL_DATA\[9\] is not in the files given; pass \$config\.dat"),
         (f"$TOOL=TOOL_DATA[N]\nLIN {POSE}", "which element of TOOL_DATA is meant is known only at run time"),
         (f"BAS(#TOOL,N)\nLIN {POSE}", "which element of TOOL_DATA is meant is not stated as a number"),
-        (f"{FRAMES}$BASE.X=5\nLIN {POSE}", r"\$BASE.X is changed on its own"),
+        (f"{FRAMES}$BASE.X=$ANIN[1]\nLIN {POSE}", r"\$ANIN\[1\] is known only at run time"),
+        (f"{FRAMES}CIRC {{X 1,Y 2,Z 3,E1 N}},{POSE}", "E1 is 'N', which is not a number"),
         (f"{FRAMES}BAS(#INITMOV,0)\nLIN {POSE}", r"BAS\(#INITMOV\) resets tool and base"),
         (f"{FRAMES}BAS(#EX_BASE,1)\n$IPO_MODE=#TCP\nLIN {POSE}", "the base is one that moves"),
         (f"{FRAMES}$ROBROOT.Z=500\nLIN {POSE}", r"\$ROBROOT is changed by the program, at part\.src:"),
@@ -34,9 +35,10 @@ from tests.programs.krl.small_programs import FRAMES, POSE, read
         (f"{FRAMES}LOOP\nLIN {POSE}\n$BASE=BASE_DATA[1]\nENDLOOP", "set further down in the same loop"),
         (
             f"{FRAMES}LOOP\nIF $IN[1] THEN\nEXIT\nENDIF\n$BASE=BASE_DATA[1]\nENDLOOP\nLIN {POSE}",
-            "one branch of the LOOP",
+            "set further down in the same loop",
         ),
-        (f"{FRAMES}AGAIN:\nLIN {POSE}", "can be reached by a GOTO"),
+        (f"{FRAMES}AGAIN:\nLIN {POSE}\n$BASE=BASE_DATA[1]\nGOTO AGAIN", "can be reached by a GOTO"),
+        (f"{FRAMES}IF $IN[1] THEN\nINSIDE:\nLIN {POSE}\nENDIF\nGOTO INSIDE", "can be reached by a GOTO"),
         (f"$TOOL=$NULLFRAME\n$BASE=$NULLFRAME\n$IPO_MODE=MODE\nLIN {POSE}", r"\$IPO_MODE\) is not stated"),
     ],
 )

@@ -11,11 +11,11 @@ def test_frames_pass_from_a_caller_to_what_it_calls():
     assert [(m.routine, m.follows) for m in program.moves] == [("PART", 1), ("SUB", None)]
     program = read(f"SUB( )\n{FRAMES}SUB( )", more=more)
     assert not program.moves
-    assert "SUB is called with different ones" in texts(program)[0]
+    assert "$TOOL is not set before it" in texts(program)[0]
     program = read(f"{FRAMES}SUB( )\nLIN {POSE}", more="DEF SUB( )\n$BASE=BASE_DATA[1]\nEND\n")
     assert [m.part.name for m in program.moves] == ["BASE_DATA[1]"]
     program = read(f"{FRAMES}LIN {POSE}\nSUB( )", more=f"DEF SUB( )\nLIN {POSE}\nSUB( )\nEND\n")
-    assert "SUB is called in a circle" in texts(program)[0]
+    assert "SUB is called where that is not followed" in texts(program)[0]
 
 
 def test_routines_of_one_name_in_two_files_count_as_one():

@@ -1,71 +1,57 @@
-"""What a KRL routine leaves behind where it is called: its lines are followed with what holds at the call."""
+"""What calls of KRL routines are given, and what they give back."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass
 
+from taskcal.programs.krl.lexer import Word
+from taskcal.programs.krl.parameters import handed_over, whole_call
 from taskcal.programs.krl.routines import Routine
-from taskcal.programs.krl.state import State
-from taskcal.programs.krl.syntax import Call
-from taskcal.programs.krl.variables import Known, Names, bound, forgotten, without_own
-
-DEEPEST = 12
-"""Calls in each other that are followed."""
-
-MOST_PASSES = 4
-"""As many lines as the program has, so many times, are gone through again for calls; behind that, what routines set is taken as
-not known."""
-
-Follow = Callable[[Routine, State, "Calls"], State]
-"""Goes through a routine from what holds where it is called, without taking note of its motions; says what holds behind it."""
+from taskcal.programs.krl.variables import HERE, Adjustable, Names, Variables, forgotten, without_own
 
 
-@dataclass(eq=False, kw_only=True)
-class Calls:
-    """The routines of a program, and how far calls have been followed."""
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """A call of a routine."""
 
-    routines: Mapping[str, list[Routine]]
-    alters: Mapping[str, frozenset[str]]
-    """By name of a routine: what of tool, base and the like it alters."""
-    changes: Mapping[str, frozenset[str]]
-    """By name of a routine: keys of the variables it changes."""
-    names: Callable[[Routine], Names]
-    follow: Follow
-    called_at: dict[str, list[State]]
-    """By name of a routine: what holds where it is called."""
-    notes: bool = True
-    """Whether calls are noted: not where a routine is gone through only for what it leaves behind."""
-    inside: tuple[str, ...] = ()
-    """Routines that are being gone through."""
-    left: list[int]
-    """How many lines may still be gone through for calls, in all."""
+    name: str
+    """In capitals."""
+    words: tuple[tuple[Word, ...], ...]
+    """What each parameter is given."""
+    handed: tuple[str, ...]
+    """Variables that it may change, because they are not given by value."""
 
-    def through(self, line: Call, known: Known, state: State) -> State:
-        """What holds behind a call of a routine of the files.
 
-        Args:
-            line: the call.
-            known: the values of variables there.
-            state: what holds there.
-        """
-        (routine, *others) = self.routines[line.name]
-        names = self.names(routine)
-        given = zip(routine.parameters, line.arguments, strict=False)
-        entry = replace(state, variables=bound(known, given, names))
-        if self.notes:
-            self.called_at[line.name].append(entry)
-        spent = len(routine.lines) + 1
-        if others or line.name in self.inside or len(self.inside) >= DEEPEST or spent > self.left[0]:
-            return self.forget(line.name, state)
-        self.left[0] -= spent
-        inner = replace(self, inside=(*self.inside, line.name), notes=False)
-        behind = self.follow(routine, entry, inner)
-        variables = without_own(behind.variables, routine.prefix)
-        own = {k: v for k, v in state.variables.items() if k.startswith(known.names.prefix)}
-        return replace(behind, variables={**variables, **own})
+def function_called(
+    words: Sequence[Word], routines: Container[str], by_value: Mapping[str, tuple[bool, ...]]
+) -> Arguments | None:
+    """The function of the program whose value is all of an expression; None where it is anything else."""
+    called = whole_call(words)
+    if called is None or called.name not in routines:
+        return None
+    return Arguments(name=called.name, words=called.arguments, handed=handed_over(called, by_value))
 
-    def forget(self, name: str, state: State) -> State:
-        """What holds behind a routine that is not followed."""
-        if name not in self.routines:
-            return state
-        variables = forgotten(state.variables, self.changes[name])
-        return replace(state.forgotten(f"{name} sets it", self.alters[name]), variables=variables)
+
+def behind_call(
+    call: Arguments, routine: Routine, variables: Variables, names: Names, changed: Container[str]
+) -> Variables:
+    """Variables of the caller behind a call: those that it handed over as a whole hold what the parameters held at the end.
+
+    Args:
+        call: the call.
+        routine: what is called.
+        variables: behind its last line.
+        names: of the caller.
+        changed: keys of variables that the routine changes under their own names.
+    """
+    back = forgotten(without_own(variables, routine.prefix), map(names.key, call.handed))
+    for parameter, words in zip(routine.parameters, call.words, strict=False):
+        if len(words) != 1 or call.handed.count(words[0].upper) != 1:
+            continue
+        key, value = names.key(words[0].upper), variables.get(f"{routine.prefix}{parameter}")
+        if value is None or key in changed or key in names.volatile or (isinstance(value, str) and value in HERE):
+            continue
+        plain = value.value if isinstance(value, Adjustable) else value
+        if isinstance(plain, float) and not plain.is_integer() and words[0].upper in names.whole_numbers:
+            continue
+        back = {**back, key: value}
+    return back

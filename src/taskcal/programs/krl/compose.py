@@ -20,6 +20,10 @@ NEWLINE = "\r\n"
 """As KUKA's controllers write it."""
 
 
+NEAREST_MM, NEAREST_PERCENT = 0.3, 1
+"""How near motions that do not stop pass by their targets, along paths and by the joints."""
+
+
 def compose_krl(
     name: str,
     robot: Robot,
@@ -39,7 +43,7 @@ def compose_krl(
         q: joint positions in which each motion ends, radians; they decide status and turn of motions of all joints to a
             pose, where the motions do not state them.
         notes: a comment before each motion.
-        wait_s: seconds to wait behind each motion that stops.
+        wait_s: seconds to wait behind each motion that stops and waits.
         joint_speed_percent: speed of motions of all joints, of the axes' largest speeds.
 
     Raises:
@@ -59,6 +63,7 @@ def compose_krl(
         "INTERRUPT ON 3",
         "BAS (#INITMOV,0 )",
         f"BAS (#VEL_PTP,{joint_speed_percent:g} )",
+        *([f"$APO.CDIS = {NEAREST_MM:g}", f"$APO.CPTP = {NEAREST_PERCENT}"] if any(not m.stops for m in moves) else []),
         *_motions(robot, moves, q, notes, wait_s),
         "END",
     ]
@@ -87,7 +92,7 @@ def _motions(
         along_path = move.kind in ("linear", "circular")
         passing = "" if move.stops else " C_DIS" if along_path else " C_PTP"
         yield f"{KEYWORDS[move.kind]} {','.join(points)}{passing}"
-        if move.stops and wait_s:
+        if move.stops and move.waits and wait_s:
             yield f"WAIT SEC {wait_s:g}"
 
 

@@ -1,12 +1,14 @@
 """The words of a line of KRL, taken one after the other: operands, structures and what WITH sets."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from math import isfinite
 
 from taskcal.programs.krl.lexer import Word, bit_string
 from taskcal.programs.krl.syntax import FRAMES_OF_DISTANCES, Aggregate, Field, Operand, Reference
 
 PASSING = {"C_PTP", "C_DIS", "C_VEL", "C_ORI", "C_SPL"}
+QUOTES = ("'", '"')
 
 
 class Cursor:
@@ -139,21 +141,29 @@ class Cursor:
             return None
         name = self.take()
         self.skip_brackets()
-        before = self._words[self._next - 1].end
+        behind = self._words[self._next - 1].end
         start = self._next
         self.skip_to(",", "}")
         words = self._words[start : self._next]
-        if self.done or not words:
+        if (
+            self.done or not words or any(word.text in QUOTES for word in words)
+        ):  # a quote that is a word has no other end
             return None
-        text = "".join(word.text for word in words)
+        text = _joined(words)
         return Field(
             name=name.upper,
             text=text,
             value=_number(words),
             start=words[0].start,
             end=words[-1].end,
-            touches=before == words[0].start,
+            touches=behind == words[0].start,
         )
+
+
+def _joined(words: Sequence[Word]) -> str:
+    """Words in a row, those that no symbol parts with a blank between them."""
+    apart = ("symbol" not in (before.kind, word.kind) for before, word in pairwise(words))
+    return words[0].text + "".join(f" {w.text}" if blank else w.text for blank, w in zip(apart, words[1:], strict=True))
 
 
 def _number(words: Sequence[Word]) -> float | None:

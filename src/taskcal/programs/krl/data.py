@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.programs.krl.data_lists import Datum, File, aggregate_of, number_texts, plain_value, stated
-from taskcal.programs.krl.parameters import given_by_value, handed_over
+from taskcal.programs.krl.parameters import given_by_value, handed_in, handed_in_motion, handed_over
 from taskcal.programs.krl.position import AXES, EXTERNAL, POSE, pose
 from taskcal.programs.krl.syntax import (
     Assignment,
@@ -17,6 +17,7 @@ from taskcal.programs.krl.syntax import (
     Control,
     Declaration,
     End,
+    Motion,
     Operand,
     Reference,
     Statement,
@@ -41,6 +42,10 @@ class Data:
     files: tuple[File, ...]
     roots: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
     """By name of a routine: the routines that nothing calls, from which it is reached."""
+    elements: Mapping[tuple[int, int], frozenset[str]] = field(default_factory=dict[tuple[int, int], frozenset[str]])
+    """By file and first character of an assignment by a computed index: the elements that it sets, where that is known."""
+    refused: set[str] = field(default_factory=set[str])
+    """Variables that were asked for in vain, because code changes them."""
     set_elsewhere: dict[str, Place] = field(default_factory=dict[str, Place])
     """Tools and bases that were taken as the data list states them, and where a program of its own changes them."""
 
@@ -53,19 +58,15 @@ class Data:
         return {datum.name: datum for datum in self._own.values() if datum.shared}
 
     @cached_property
-    def _local(self) -> set[tuple[str, str]]:
-        """Variables that a routine declares for itself, and what it is given."""
-        out: set[tuple[str, str]] = set()
-        for file in self.files:
-            for line in file.statements if not file.holds_data else ():
-                match line:
-                    case Declaration():
-                        out |= {(file.module, variable.name) for variable in line.variables}
-                    case Begin():
-                        out |= {(file.module, name) for name in line.parameters}
-                    case _:
-                        pass
-        return out
+    def _local(self) -> set[tuple[str, str, str]]:
+        """By module and routine: variables that a routine declares for itself, and what it is given; no other knows them."""
+        return {
+            (file.module, routine, name)
+            for file in self.files
+            if not file.holds_data
+            for _, routine, own in _lines_with_own_names(file)
+            for name in own
+        }
 
     @cached_property
     def by_value(self) -> Mapping[str, tuple[bool, ...]]:
@@ -80,7 +81,10 @@ class Data:
             if file.holds_data or file.module == BUILT_IN:
                 continue
             for line, routine, own in _lines_with_own_names(file):
-                for name in _changed_by(line, self.by_value):
+                names = _changed_by(line, self.by_value)
+                if isinstance(line, Assignment) and (file.number, line.start) in self.elements:
+                    names = (*self.elements[file.number, line.start], *handed_in(line, self.by_value))
+                for name in names:
                     if name.partition("[")[0] not in own:
                         place = file.source.place(line.start)
                         out.setdefault(name, []).append((file.module, routine, place))
@@ -114,6 +118,18 @@ class Data:
         )
 
     @cached_property
+    def real_numbers(self) -> frozenset[str]:
+        """Variables that data lists and routines declare as REAL, and none as INT."""
+        declared = frozenset(
+            variable.name
+            for file in self.files
+            for line in file.statements
+            if isinstance(line, Declaration) and line.type == "REAL"
+            for variable in line.variables
+        )
+        return declared - self.whole_numbers
+
+    @cached_property
     def _listed(self) -> dict[str, frozenset[str]]:
         out: dict[str, set[str]] = {}
         for file in self.files:
@@ -126,10 +142,10 @@ class Data:
         """Variables of a module's own data list, of which other programs know nothing."""
         return self._listed.get(module, frozenset())
 
-    def number(self, name: str, module: str) -> float | bool | None:
+    def number(self, name: str, module: str, routine: str = "") -> float | bool | None:
         """The number or truth value that a data list states for a variable, if no line of code ever changes it."""
         variable = name.partition("[")[0]
-        if (module, variable) in self._local or self._changed.keys() & {name, variable}:
+        if (module, routine, variable) in self._local or self._changed.keys() & {name, variable}:
             return None
         own = self._numbers.get((module, name))
         return self._shared_numbers.get(name) if own is None else own[0]
@@ -180,19 +196,25 @@ class Data:
             Unresolved: no data list states it, or the program changes it.
         """
         variable = name.partition("[")[0]
-        datum = None if (module, variable) in self._local else self._own.get((module, name), self._shared.get(name))
+        datum = (
+            None
+            if (module, routine, variable) in self._local
+            else self._own.get((module, name), self._shared.get(name))
+        )
         elements = {name, variable}
         for where, changing, place in (change for element in elements for change in self._changed.get(element, [])):
             if datum is not None and variable in TABLES and self._apart(routine, changing):
                 self.set_elsewhere.setdefault(name, place)
             elif where == module or (datum is not None and datum.shared):
+                self.refused.add(variable)
                 raise Unresolved(f"{name} is changed by the program, at {place}")
-        if datum is None and (module, variable) in self._local:
+        if datum is None and (module, routine, variable) in self._local:
             raise Unresolved(f"{name} is a variable of the program's own, whose value is known only at run time")
+        if datum is None and variable.startswith("$"):
+            raise Unresolved(f"{name} is known only at run time")
         if datum is None:
             files = "$config.dat" if variable in TABLES else "the .dat that states it"
-            hint = "" if variable.startswith("$") else f"; pass {files}"
-            raise Unresolved(f"{name} is not in the files given{hint}")
+            raise Unresolved(f"{name} is not in the files given; pass {files}")
         return datum
 
     def _apart(self, routine: str, other: str) -> bool:
@@ -205,9 +227,11 @@ def _changed_by(line: Statement, by_value: Mapping[str, tuple[bool, ...]]) -> tu
     """Variables and elements that a line assigns or hands to a routine."""
     match line:
         case Assignment():
-            return (*_element(line), *line.changed)
+            return (*_element(line), *handed_in(line, by_value))
         case Call() if line.name != BUILT_IN:
             return handed_over(line, by_value)
+        case Motion():
+            return handed_in_motion(line, by_value)
         case Control(keyword="FOR") if line.words:
             return (line.words[0].upper,)
         case Control():

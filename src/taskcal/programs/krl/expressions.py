@@ -1,15 +1,22 @@
 """Expressions of KRL whose value the text alone gives: numbers, comparisons, frames and their products."""
 
+import math
 import operator
 from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from taskcal.geometry import se3
 from taskcal.programs.krl.lexer import Word, bit_string, lines_of_words
 from taskcal.programs.krl.position import AXES, EXTERNAL, POSE, has_pose, pose, pose_values
 from taskcal.programs.krl.syntax import Aggregate, Field, Reference
 from taskcal.programs.unresolved import Unresolved
+
+
+class Real(float):
+    """A number that is REAL by the text, and not INT: its quotients are not cut off."""
+
 
 Value = float | bool | str | Aggregate
 """A number, a truth value, an enumeration constant in capitals, or a structure."""
@@ -23,8 +30,17 @@ NUMBERS = frozenset({*POSE, *AXES, *EXTERNAL, "S", "T"})
 _COMPARE: dict[str, Callable[[float, float], bool]] = {
     "==": operator.eq, "<>": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
 }  # fmt: skip
+_FUNCTIONS: dict[str, tuple[int, Callable[..., float]]] = {
+    "ABS": (1, math.fabs), "SQRT": (1, math.sqrt),
+    "SIN": (1, lambda a: math.sin(math.radians(a))), "COS": (1, lambda a: math.cos(math.radians(a))),
+    "TAN": (1, lambda a: math.tan(math.radians(a))), "ACOS": (1, lambda x: math.degrees(math.acos(x))),
+    "ATAN2": (2, lambda y, x: math.degrees(math.atan2(y, x))),
+}  # fmt: skip
+"""Functions of KRL with how many numbers they are given, angles in degrees (KUKA System Software, standard functions)."""
+
 _LEVELS = (("OR",), ("EXOR",), ("AND",), tuple(_COMPARE), ("+", "-"), ("*", "/"), (":",))
 """Operators from the loosest to the tightest (KUKA System Software, priority of operators)."""
+_PRIORITY = {sign: level for level, signs in enumerate(_LEVELS) for sign in signs}
 
 
 @runtime_checkable
@@ -62,7 +78,7 @@ def number_of(words: Sequence[Word], lookup: Lookup) -> float:
     value = evaluated(words, lookup)
     if isinstance(value, bool) or not isinstance(value, float) or not np.isfinite(value):
         raise Unresolved(f"'{''.join(word.text for word in words)}' is not a number")
-    return value
+    return float(value)
 
 
 def structure(type_: str, values: dict[str, float | str]) -> Aggregate:
@@ -129,7 +145,22 @@ def product(left: Aggregate, right: Aggregate) -> Aggregate:
         _in_range(value or 0.0)
     values: dict[str, float | str] = dict(pose_values(pose(left) @ pose(right)))
     values |= {name: value for name in ("S", "T") if (value := right.value(name)) is not None}
-    return structure(right.type, values)
+    return structure(
+        left.type if left.type == "$POS_ACT" else right.type, values
+    )  # from where the robot is, it still is
+
+
+def inverse(frame: Value) -> Aggregate:
+    """What INV_POS makes of a frame: F : INV_POS(F) is the zero frame.
+
+    Raises:
+        Unresolved: it is not a complete frame, or states external axes away from zero.
+    """
+    if not isinstance(frame, Aggregate) or not has_pose(frame) or any(frame.value(name) for name in EXTERNAL):
+        raise Unresolved("what INV_POS is given is not a frame alone")
+    for name in POSE:
+        _in_range(frame.value(name) or 0.0)
+    return structure(frame.type, dict(pose_values(se3.inverse(pose(frame)))))
 
 
 def is_whole(aggregate: Aggregate) -> bool:
@@ -165,13 +196,11 @@ class _Reader:
         if not self.accept(text):
             raise Unresolved(f"'{text}' is missing in an expression")
 
-    def level(self, level: int) -> Value:
-        """Operators of one priority, the left ones first."""
-        if level == len(_LEVELS):
-            return self._single()
-        value = self.level(level + 1)
-        while self.next() in _LEVELS[level]:
-            value = _applied(self.take().upper, value, self.level(level + 1))
+    def level(self, lowest: int) -> Value:
+        """Operators of a priority and of higher ones, of one priority the left ones first."""
+        value = self._single()
+        while (priority := _PRIORITY.get(self.next(), -1)) >= lowest:
+            value = _applied(self.take().upper, value, self.level(priority + 1))
         return value
 
     def _single(self) -> Value:
@@ -186,14 +215,15 @@ class _Reader:
         word = self.take()
         match word.kind, word.upper:
             case "number", text:
-                return _in_range(float(text))
+                value = _in_range(float(text))
+                return value if text.isdecimal() else Real(value)
             case "enum", text:
                 return text
             case "string", _ if (bits := bit_string(word.upper)) is not None:
                 return bits
             case "symbol", "-" | "+":
                 value = _number(self._single())
-                return -value if word.text == "-" else value
+                return value if word.text == "+" else Real(-value) if isinstance(value, Real) else -value
             case "symbol", "(":
                 value = self.level(0)
                 self.expect(")")
@@ -210,8 +240,8 @@ class _Reader:
                 raise Unresolved(f"'{word.text}' is not evaluated")
 
     def _variable(self, name: str) -> Value:
-        if self.next() == "(":
-            raise Unresolved(f"what {name}() gives is known only at run time")
+        if self.accept("("):
+            return self._function(name)
         if self.accept("["):
             indices = [_index(self.level(0))]
             while self.accept(","):
@@ -222,6 +252,25 @@ class _Reader:
         while self.accept("."):
             value = _component(value, self.take().upper, name)
         return value
+
+    def _function(self, name: str) -> Value:
+        """One of KRL's own functions; those of the program are asked elsewhere."""
+        if name == "INV_POS":
+            frame = self.level(0)
+            self.expect(")")
+            return inverse(frame)
+        count, function = _FUNCTIONS.get(name, (0, math.sqrt))
+        if not count:
+            raise Unresolved(f"what {name}() gives is known only at run time")
+        given = [_number(self.level(0))]
+        while len(given) < count:
+            self.expect(",")
+            given.append(_number(self.level(0)))
+        self.expect(")")
+        try:
+            return Real(_in_range(function(*given)))
+        except ValueError:
+            raise Unresolved(f"{name}({', '.join(f'{value:g}' for value in given)}) has no value") from None
 
     def _structure(self) -> Aggregate:
         type_ = ""
@@ -255,12 +304,14 @@ def _applied(sign: str, left: Value, right: Value) -> Value:
     a, b = _number(left), _number(right)
     if sign in _COMPARE:
         return _COMPARE[sign](a, b)
+    real = isinstance(a, Real) or isinstance(b, Real)
     if sign == "/":
-        # two whole numbers may be INT, whose quotient is cut off, or REAL; the text of a value does not tell which
-        if b == 0.0 or (a / b != int(a / b) and a == int(a) and b == int(b)):
+        # two whole numbers may be INT, whose quotient is cut off, or REAL; the text of a value does not always tell which
+        if b == 0.0 or (not real and a / b != int(a / b) and a == int(a) and b == int(b)):
             raise Unresolved("a quotient of whole numbers depends on their type")
-        return a / b
-    return _in_range({"+": a + b, "-": a - b, "*": a * b}[sign])
+        return Real(_in_range(a / b)) if real else a / b
+    value = _in_range({"+": a + b, "-": a - b, "*": a * b}[sign])
+    return Real(value) if real else value
 
 
 def _in_range(value: float) -> float:
@@ -292,4 +343,7 @@ def _component(value: Value, component: str, name: str) -> float | str:
     field = value.field(component) if isinstance(value, Aggregate) else None
     if field is None:
         raise Unresolved(f"{name}.{component} is not stated")
-    return field.text.upper() if field.value is None else field.value
+    if field.value is None:
+        return field.text.upper()
+    position = isinstance(value, Aggregate) and any(all(map(value.field, names)) for names in (POSE[:3], AXES))
+    return Real(field.value) if position and component in (*POSE, *AXES, *EXTERNAL) else field.value

@@ -9,13 +9,14 @@ from jaxtyping import Float
 
 from taskcal.geometry import se3
 from taskcal.programs.krl.data import Data
-from taskcal.programs.krl.expressions import Lookup, name_of, number_of, with_values
+from taskcal.programs.krl.expressions import Lookup, evaluated, name_of, number_of, with_values
 from taskcal.programs.krl.lexer import Word
+from taskcal.programs.krl.mechanisms import EXTERNAL_KINEMATIC, coupled, on_its_mechanism
 from taskcal.programs.krl.parser import parse_operand
 from taskcal.programs.krl.position import pose
 from taskcal.programs.krl.state import EVERYTHING, Held, State, Table
 from taskcal.programs.krl.syntax import Aggregate, Assignment, Call, Field, Operand
-from taskcal.programs.krl.variables import Known, Names
+from taskcal.programs.krl.variables import Adjustable, Known, Lost, Names, Variables
 from taskcal.programs.program import Frame
 from taskcal.programs.unresolved import Unresolved
 
@@ -37,13 +38,16 @@ class Frames:
 
     def known(self, state: State) -> Known:
         """The values of variables where something holds."""
-        return Known(names=self.names, data=self.data, variables=state.variables)
+        both = {"$TOOL": state.tool, "$BASE": state.base}
+        held = {name: held.frame for name, held in both.items() if held.frame is not None and not held.carrier}
+        return Known(names=self.names, data=self.data, variables=state.variables, held=held)
 
-    def of(self, operand: Operand, name: str, known: Known) -> Held:
-        """The frame that an operand states, called by a name where it has none of its own."""
+    def of(self, words: Sequence[Word], name: str, known: Known) -> Held:
+        """The frame that an expression states, called by a name where it has none of its own."""
+        operand = parse_operand(words)
         try:
             if not operand.parts:
-                raise Unresolved(f"{name} is set to something that the text does not state as a frame")
+                return Held(frame=self._frame(name, self._computed(words, name, known)))
             T, names = np.eye(4), list[str]()
             for part in operand.parts:
                 if isinstance(part, Aggregate):
@@ -61,6 +65,21 @@ class Frames:
         table: Table = "tool" if variable == "TOOL_DATA" else "base" if variable == "BASE_DATA" else "own"
         return Held(frame=self._frame(names[0], T), table=table)
 
+    def _computed(self, words: Sequence[Word], name: str, known: Known) -> Float[np.ndarray, "4 4"]:
+        """A frame that functions compute, such as ``INV_POS(F):G``."""
+        value = evaluated(words, known)
+        if not isinstance(value, Aggregate):
+            raise Unresolved(f"{name} is set to something that the text does not state as a frame")
+        return pose(value)
+
+    def _base(self, words: Sequence[Word], known: Known) -> Held:
+        """What $BASE is set to."""
+        inside = coupled(words)
+        if inside is None or isinstance(inside, Held):
+            return self.of(words, "$BASE", known) if inside is None else inside
+        held = self.of(inside, "$BASE", known) if inside else Held(frame=NULL, table="null")
+        return replace(held, carrier=EXTERNAL_KINEMATIC)
+
     def _named(self, name: str, known: Known) -> Float[np.ndarray, "4 4"]:
         if name in ("$NULLFRAME", "$WORLD"):
             return np.eye(4)
@@ -69,6 +88,8 @@ class Frames:
         assigned = known.assigned(name)
         if isinstance(assigned, Aggregate):
             return pose(assigned)
+        if assigned is None and name in known.held:
+            return known.held[name].T
         return pose(self.data.find(name, self.names.module, self.names.routine).aggregate)
 
     @property
@@ -100,21 +121,22 @@ class Frames:
             return replace(state, tool=unknown, base=unknown, fixed_tool=None)
         mode = parameters.field("IPO_FRAME")
         text = mode.text.upper() if mode else "#BASE"
+        number = parameters.value("BASE_NO")
         return replace(
             state,
             tool=self.numbered("tool", parameters.value("TOOL_NO"), self.known(state)),
-            base=self.numbered("base", parameters.value("BASE_NO"), self.known(state)),
+            base=on_its_mechanism(self.numbered("base", number, self.known(state)), number, self.data, self.names),
             fixed_tool={"#BASE": False, "#TCP": True}.get(text),
         )
 
-    def after_assignment(self, state: State, line: Assignment) -> State:
-        """The state behind an assignment."""
+    def after_assignment(self, state: State, line: Assignment, variables: Variables) -> State:
+        """The state behind an assignment, which makes variables what they are."""
         value, known = line.value, self.known(state)
         match line.name:
             case "$TOOL":
-                return replace(state, tool=self.of(value, "$TOOL", known))
+                return replace(state, tool=self.of(line.words, "$TOOL", known))
             case "$BASE":
-                return replace(state, base=self.of(value, "$BASE", known))
+                return replace(state, base=self._base(line.words, known))
             case "$IPO_MODE":
                 return replace(state, fixed_tool={"#BASE": False, "#TCP": True}.get(line.text))
             case "FDAT_ACT":
@@ -128,14 +150,28 @@ class Frames:
                 return replace(state, speed=part.value("CP"), turn_speed=part.value("ORI1"))
             case "$VEL.ORI1":
                 return replace(state, turn_speed=_number(line.words, known))
+            case _ if line.variable == "$APO":
+                return replace(state, approximation=state.approximation.after_assignment(line, known))
             case _:
                 pass
         if line.variable == "FDAT_ACT" and state.parameters is not None:
             return replace(state, parameters=_with_component(state.parameters, line, known))
         if line.variable in ("$TOOL", "$BASE"):
-            held = Held(frame=None, reason=f"{line.name} is changed on its own")
+            held = self._with_own_component(line, variables)
             return replace(state, tool=held) if line.variable == "$TOOL" else replace(state, base=held)
         return state
+
+    def _with_own_component(self, line: Assignment, variables: Variables) -> Held:
+        """$TOOL or $BASE with a component that a line sets."""
+        value = variables.get(self.names.key(line.variable))
+        value = value.value if isinstance(value, Adjustable) else value
+        if not isinstance(value, Aggregate):
+            reason = value.reason if isinstance(value, Lost) else f"{line.name} is changed on its own"
+            return Held(frame=None, reason=reason)
+        try:
+            return Held(frame=self._frame(line.variable, pose(value)))
+        except Unresolved as trouble:
+            return Held(frame=None, reason=str(trouble))
 
     def _with_parameters(self, state: State, value: Operand) -> State:
         try:
@@ -154,6 +190,7 @@ class Frames:
     def after_bas(self, state: State, line: Call) -> State:
         """The state behind a call of BAS, the controller's routine for motion parameters (bas.src)."""
         known = self.known(state)
+        state = replace(state, approximation=state.approximation.after_bas(line, known))
         number = _number(line.arguments[1], known) if len(line.arguments) > 1 else None
         match line.command:
             case "#PTP_PARAMS" | "#PTP_DAT" | "#FRAMES":
@@ -169,9 +206,7 @@ class Frames:
             case "#BASE":
                 return replace(state, base=self.numbered("base", number, known))
             case "#EX_BASE":
-                return replace(
-                    state, base=replace(self.numbered("base", number, known), carrier="an external kinematic system")
-                )
+                return replace(state, base=replace(self.numbered("base", number, known), carrier=EXTERNAL_KINEMATIC))
             case "#INITMOV":
                 return self._initial(state)
             case _:
@@ -179,7 +214,9 @@ class Frames:
 
     def _initial(self, state: State) -> State:
         """The state behind BAS(#INITMOV): as the bas.src that was passed says; else tool and base are not known."""
-        reset = state.forgotten("BAS(#INITMOV) resets tool and base before it", EVERYTHING - {"motion"})
+        reset = state.forgotten(
+            "BAS(#INITMOV) resets tool and base before it", EVERYTHING - {"motion", "approximation"}
+        )
         tool, base = self.data.initial_frames
         known = self.known(state)
         if tool is not None:
@@ -195,14 +232,19 @@ class Frames:
             if function in ("STOOL", "STOOL2", "SBASE", "SIPO_MODE"):
                 state = self._set_by(state, name, words)
             elif name in ("$TOOL", "$BASE"):
-                held = self.of(parse_operand(words), name, self.known(state))
-                state = replace(state, tool=held) if name == "$TOOL" else replace(state, base=held)
+                known = self.known(state)
+                if name == "$TOOL":
+                    state = replace(state, tool=self.of(words, name, known))
+                else:
+                    state = replace(state, base=self._base(words, known))
             elif name == "$IPO_MODE":
                 state = replace(state, fixed_tool={"#BASE": False, "#TCP": True}.get("".join(w.upper for w in words)))
             elif name in ("$VEL", "$VEL.CP"):
                 state = replace(state, speed=_number(words[2:3] if function == "SVEL_CP" else words, self.known(state)))
             elif name == "$VEL.ORI1":
                 state = replace(state, turn_speed=_number(words, self.known(state)))
+            elif name.startswith("$APO"):
+                state = replace(state, approximation=state.approximation.of_motion(name, words, self.known(state)))
         return state
 
     def _set_by(self, state: State, name: str, words: tuple[Word, ...]) -> State:
@@ -217,7 +259,9 @@ class Frames:
             case "$TOOL":
                 return replace(state, tool=set_by.tool)
             case "$BASE":
-                return replace(state, base=set_by.base)
+                # SBASE knows BASE_DATA alone
+                text = f"SBASE sets a base that is carried by {set_by.base.carrier}; whether it then moves is not known"
+                return replace(state, base=Held(frame=None, reason=text) if set_by.base.carrier else set_by.base)
             case _:
                 return replace(state, fixed_tool=set_by.fixed_tool)
 
@@ -249,6 +293,8 @@ class Frames:
         )
 
     def _standing(self, frame: Frame) -> Frame:
+        if self.data.robroot is None:
+            return frame
         T = se3.inverse(self.robroot) @ frame.T
         return frame if np.array_equal(T, frame.T) else self._frame(frame.name, T)
 

@@ -1,14 +1,15 @@
 """Points that do not state all their components, and motions by a distance: both count from where the motion before ended.
 
 A component that a point leaves out keeps the value that it has there (KUKA System Software, programming of motions to points);
-``LIN_REL`` and ``PTP_REL`` add theirs to it, along the base's axes, or with ``#TOOL`` along the tool's.
+``LIN_REL`` and ``PTP_REL`` add theirs to it, along the base's axes, or with ``#TOOL`` along the tool's. Both points of ``CIRC_REL``
+count from where the arc begins (KUKA.PLC mxAutomation as in Beckhoff TF5120, KRC_MoveCircRelative).
 """
 
 import numpy as np
 from jaxtyping import Float
 
 from taskcal.geometry import se3
-from taskcal.programs.krl.position import AXES, POSE, axes, has_axes, has_pose, pose, pose_values, rotation_stated
+from taskcal.programs.krl.position import AXES, EXTERNAL, POSE, axes, has_pose, pose, pose_values, rotation_stated
 from taskcal.programs.krl.syntax import Aggregate
 from taskcal.programs.program import Move
 from taskcal.programs.unresolved import Unresolved
@@ -59,20 +60,37 @@ def completed_pose(aggregate: Aggregate, before: Move | None) -> Float[np.ndarra
     return se3.pose(T[:3, :3] if oriented else before.end.T[:3, :3], np.array(xyz))
 
 
-def moved_pose(aggregate: Aggregate, before: Move | None, *, by_tool: bool) -> Float[np.ndarray, "4 4"]:
+def moved_pose(step: Float[np.ndarray, "4 4"], before: Move | None, *, by_tool: bool) -> Float[np.ndarray, "4 4"]:
     """Where a motion by a distance ends.
+
+    Args:
+        step: the distance, metres.
+        before: the motion before, with the same tool and base.
+        by_tool: whether it is along the tool's axes.
 
     Raises:
         Unresolved: it is not known where it begins, or it turns, too.
     """
-    if has_axes(aggregate) or before is None or before.end.T is None:
+    if before is None or before.end.T is None:
         raise Unresolved(UNKNOWN)
-    step = pose(aggregate, needed=())
     if np.abs(step[:3, :3] - np.eye(3)).max() > 0.0:
-        raise Unresolved("it turns the tool by angles that are not added here")
+        raise Unresolved("it turns the tool by angles that are not added here; write a motion to a complete point")
     T = before.end.T.copy()
     T[:3, 3] += T[:3, :3] @ step[:3, 3] if by_tool else step[:3, 3]
     return T
+
+
+def refuse_moved_axes(aggregate: Aggregate) -> None:
+    """Let no external axis be moved by a distance, which would be taken for its position.
+
+    Raises:
+        Unresolved: one is.
+    """
+    for name in EXTERNAL:
+        if aggregate.field(name) and aggregate.value(name) != 0.0:
+            raise Unresolved(
+                f"it moves {name} by a distance that is not added here; write a motion to a complete point"
+            )
 
 
 def moved_axes(aggregate: Aggregate, before: Move | None) -> Float[np.ndarray, " joints"]:

@@ -39,6 +39,8 @@ _HARMLESS = {
     "CONTINUE", "ANIN", "ANOUT", "ASYPTP", "ASYCONT", "ASYSTOP", "CONST_VEL", "TIME_BLOCK", "STOP", "CHANNEL",
 }  # fmt: skip
 _OPERATORS = {"AND", "OR", "EXOR", "NOT", "B_AND", "B_OR", "B_EXOR", "B_NOT"}
+_BY_VALUE = {"ABS", "SQRT", "SIN", "COS", "TAN", "ACOS", "ATAN2", "INV_POS", "VARSTATE", "EK", "LK", "EB"}
+"""Functions of the controller, which change nothing that they are given."""
 _ENDS = {"END", "ENDFCT", "ENDDAT"}
 _BEGINS = {"DEF", "DEFFCT", "DEFDAT"}
 
@@ -82,11 +84,11 @@ def _statement(words: list[Word]) -> Statement:
     if keyword in _STEERING:
         return Control(start=start, end=end, keyword=keyword, words=tuple(words[1:]), changed=_handed_over(words[1:]))
     if len(words) == 2 and words[1].text == ":":
-        return Control(start=start, end=end, keyword="LABEL")
+        return Control(start=start, end=end, keyword="LABEL", words=(first,))
     if len(words) > 1 and words[1].kind == "name":
         return _declaration(words, shared)
     if len(words) > 1 and words[1].text == "(":
-        return Call(start=start, end=end, name=keyword, arguments=_arguments(words[1:]))
+        return Call(start=start, end=end, name=keyword, arguments=arguments_of(words[1:]))
     return _assignment(words)
 
 
@@ -96,6 +98,7 @@ def _assignment(words: list[Word]) -> Statement:
     if equals is None or equals + 1 == len(words):
         return Statement(start=start, end=end)
     cursor = Cursor(words[equals + 1 :])
+    index, component = _behind_name(words[1:equals])
     return Assignment(
         start=start,
         end=end,
@@ -103,10 +106,24 @@ def _assignment(words: list[Word]) -> Statement:
         variable=words[0].upper,
         value=cursor.operand(),
         text="".join(word.upper for word in words[equals + 1 :]),
-        left=tuple(words[:equals]),
+        index=index,
+        component=component,
         words=tuple(words[equals + 1 :]),
         changed=_handed_over(words[equals:]),
     )
+
+
+def _behind_name(words: list[Word]) -> tuple[tuple[Word, ...] | None, str]:
+    """Index and components of what is assigned to, such as ``[N].X``."""
+    if not words or words[0].text != "[":
+        return None, "".join(word.upper for word in words).removeprefix(".")
+    depth, end = 0, len(words)
+    for i, word in enumerate(words):
+        depth += (word.text == "[") - (word.text == "]")
+        if depth == 0:
+            end = i
+            break
+    return tuple(words[1:end]), "".join(word.upper for word in words[end + 1 :]).removeprefix(".")
 
 
 def _declaration(words: list[Word], shared: bool) -> Declaration:
@@ -132,8 +149,8 @@ def _motion(words: list[Word]) -> Motion:
     keyword = words[0].upper
     cursor = Cursor(words[1:])
     operands, passing = [cursor.operand()], list[str]()
-    trouble = "" if keyword in POINT_MOTIONS else "arcs and splines by distances are not read"
-    along = ""
+    trouble = "" if keyword in POINT_MOTIONS else f"{keyword} is not read; write SPL to a complete point"
+    arc, along = keyword.removesuffix("_REL").endswith("CIRC"), ""
     while cursor.accept(","):
         if cursor.at_name({"CA"}):
             trouble = trouble or "the arc ends at the angle CA, not in the point"
@@ -145,13 +162,13 @@ def _motion(words: list[Word]) -> Motion:
         word = cursor.take()
         if word.upper in PASSING:
             passing.append(word.upper)
-        elif keyword in RELATIVE_MOTIONS and word.upper in FRAMES_OF_DISTANCES:
+        elif keyword in RELATIVE_MOTIONS and not (arc and word.upper == "#TOOL") and word.upper in FRAMES_OF_DISTANCES:
             along = word.upper
         elif word.upper == "WITH":
             settings = cursor.settings()
         elif word.text != ",":
-            trouble = trouble or f"'{word.text}' is not understood"
-    if keyword in POINT_MOTIONS and len(operands) != (2 if keyword.endswith("CIRC") else 1):
+            trouble = trouble or f"'{word.text}' is not understood behind {keyword}"
+    if keyword in POINT_MOTIONS and len(operands) != (2 if arc else 1):
         trouble = trouble or f"{keyword} is given {len(operands)} points"
     return Motion(
         start=words[0].start,
@@ -162,17 +179,18 @@ def _motion(words: list[Word]) -> Motion:
         settings=settings,
         along=along,
         trouble=trouble,
+        words=tuple(words[1:]) if any(word.text == "(" for word in words) else (),
     )
 
 
 def _parameters(words: list[Word]) -> tuple[tuple[str, bool], ...]:
     """Names in the parentheses of a routine's head, such as ``(N :IN, P :OUT)``, and whether each is given by value."""
     opening = next((i for i, word in enumerate(words) if word.text == "("), len(words))
-    groups = _arguments(words[opening:])
+    groups = arguments_of(words[opening:])
     return tuple((group[0].upper, group[-1].upper == "IN") for group in groups if group and group[0].kind == "name")
 
 
-def _arguments(words: list[Word]) -> tuple[tuple[Word, ...], ...]:
+def arguments_of(words: Sequence[Word]) -> tuple[tuple[Word, ...], ...]:
     """What stands between the commas of a pair of parentheses."""
     out: list[tuple[Word, ...]] = []
     depth, current = 0, list[Word]()
@@ -194,7 +212,7 @@ def _handed_over(words: Sequence[Word]) -> tuple[str, ...]:
     inside: list[bool] = []
     for before, word in zip([None, *words], words, strict=False):
         if word.text == "(":
-            inside.append(before is not None and before.kind == "name" and before.upper not in _OPERATORS)
+            inside.append(before is not None and before.kind == "name" and before.upper not in _OPERATORS | _BY_VALUE)
         elif word.text == ")" and inside:
             inside.pop()
         elif word.kind == "name" and any(inside):

@@ -1,34 +1,45 @@
-"""Reading KRL programs, callers before what they call, so that tool and base pass from one to the other."""
+"""Reading KRL programs: from the routines that nothing calls through all that they call."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
-from taskcal.errors import FileError
-from taskcal.programs.krl.calls import MOST_PASSES, Calls
+from taskcal.errors import FileError, TaskcalError
+from taskcal.programs.krl.blocks import tree_of
 from taskcal.programs.krl.data import Data
 from taskcal.programs.krl.data_lists import File
-from taskcal.programs.krl.findings import Findings, Found
+from taskcal.programs.krl.findings import Findings, Text
+from taskcal.programs.krl.flow import Flow
 from taskcal.programs.krl.frames import Frames
 from taskcal.programs.krl.lexer import lines_of_words
 from taskcal.programs.krl.parser import parse
-from taskcal.programs.krl.resolve import Walk
 from taskcal.programs.krl.rewrite import Site, rewrite
 from taskcal.programs.krl.routines import (
     Routine,
     altering,
-    callers_first,
     callers_of,
     changing,
+    matters,
+    read_names,
+    resuming,
     roots_of,
     routines_of,
     unasked,
 )
-from taskcal.programs.krl.state import State, merged
-from taskcal.programs.krl.syntax import Begin
+from taskcal.programs.krl.sharing import Sharing, in_data_list
+from taskcal.programs.krl.state import State
+from taskcal.programs.krl.syntax import Begin, Motion
+from taskcal.programs.krl.walk import through
 from taskcal.programs.program import Diagnostic, Frame, Program, Waypoint
 from taskcal.programs.source import Source
 from taskcal.programs.unresolved import Unresolved
 from taskcal.robot.robot import Robot
+
+LEAST_LEFT = 5000
+"""As many lines may be gone through again in any program."""
+
+AGAIN = 30
+"""As many lines as the program has, so many times, are gone through again for calls and the turns of loops; behind that, what
+routines set is taken as not known, and loops are not taken turn by turn."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -48,8 +59,23 @@ class KrlProgram(Program):
         Args:
             robot: the robot, whose joint positions decide status and turn.
             waypoints: by number of the motion.
+
+        Raises:
+            TaskcalError: a motion is to be rewritten that cannot be, because others share its text.
         """
-        return rewrite(self.sources, self.sites, self.moves, robot, waypoints)
+        shared = Sharing(sites=self.sites, moves=self.moves, robot=robot).unwritable(waypoints)
+        for number, why in shared.items():
+            raise TaskcalError(
+                f"motion {number} of {self.moves[number].place} cannot be rewritten: {why}; leave it out"
+            )
+        elements = in_data_list(self.sites, self.moves, waypoints)
+        return rewrite(self.sources, self.sites, self.moves, robot, waypoints, elements)
+
+    def unwritable(
+        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
+    ) -> dict[int, str]:
+        """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
+        return Sharing(sites=self.sites, moves=self.moves, robot=robot).unwritable(waypoints)
 
     def reread(self, sources: tuple[Source, ...]) -> "KrlProgram":
         """The program of other texts of the same files; see `Program.reread`."""
@@ -82,58 +108,74 @@ def read_krl(sources: Sequence[Source]) -> KrlProgram:
 class _Reading:
     files: tuple[File, ...]
     findings: Findings = field(default_factory=Findings)
+    elements: Mapping[Text, frozenset[str]] = field(default_factory=dict[Text, frozenset[str]])
+    """What assignments by a computed index set, where that is known already."""
 
     def program(self) -> KrlProgram:
-        """Read all routines, callers before those they call, so that tool and base pass from one to the other."""
+        """Follow the program from all routines that nothing calls."""
         routines = routines_of(self.files)
         callers = callers_of(routines)
-        data = Data(files=self.files, roots=roots_of(callers))
+        data = Data(files=self.files, roots=roots_of(callers), elements=self.elements)
+        flow = self._flow(routines, data)
+        beside = unasked(self.files)
+        roots = [name for name in routines if not callers[name] - {name} or name in beside]
+        for routine in (routine for name in roots for routine in routines[name]):
+            through(flow, routine, State.unset())
+        self._anywhere(flow)
+        known = {text: frozenset(names) for text, names in flow.elements.items() if names is not None}
+        if not self.elements and data.refused & {name.partition("[")[0] for names in known.values() for name in names}:
+            return _Reading(files=self.files, elements=known).program()
+        self._never_taken(flow, roots)
+        self._warn()
+        self._say_set_elsewhere(data)
+        return self._ordered(data)
+
+    def _flow(self, routines: Mapping[str, list[Routine]], data: Data) -> Flow:
         changes = changing(routines, data)
-        beside = unasked(self.files).intersection(routines)
-        volatile = frozenset[str]().union(*(changes[name] for name in beside))
-        frames: dict[Routine, Frames] = {}
+        volatile = frozenset[str]().union(*(changes[name] for name in unasked(self.files).intersection(routines)))
         made: dict[tuple[str, bytes], Frame] = {}
+        frames: dict[Routine, Frames] = {}
 
         def frames_of(routine: Routine) -> Frames:
             if routine not in frames:
                 frames[routine] = Frames(data=data, names=routine.names(data, volatile), made=made)
             return frames[routine]
 
-        passing: dict[tuple[int, int], Found] = {}
-        quiet = Findings(found=passing, beside=self.findings.found)
-
-        def follow(routine: Routine, state: State, calls: Calls) -> State:
-            return Walk(findings=quiet, routine=routine, frames=frames_of(routine), calls=calls).run(state)
-
-        calls = Calls(
+        read = read_names(self.files)
+        size = sum(len(file.statements) for file in self.files)
+        return Flow(
+            findings=self.findings,
             routines=routines,
+            trees={
+                r: tree_of(r.lines, lambda x: matters(x, read, routines)) for same in routines.values() for r in same
+            },
+            frames=frames_of,
             alters=altering(routines),
             changes=changes,
-            names=lambda routine: frames_of(routine).names,
-            follow=follow,
-            called_at={name: [] for name in routines},
-            left=[MOST_PASSES * sum(len(file.statements) for file in self.files)],
+            by_value=data.by_value,
+            resuming=resuming(self.files, routines),
+            left=LEAST_LEFT + AGAIN * size,
         )
-        findings = replace(self.findings, beside=passing)
-        done: set[str] = set()
-        for name in callers_first(callers):
-            entry = self._entry(name, calls.called_at[name], beside)
-            if not callers[name] <= done:
-                entry = replace(entry.forgotten(f"{name} is called in a circle"), variables={})
-            done.add(name)
-            for routine in routines[name]:
-                walk = Walk(findings=findings, routine=routine, frames=frames_of(routine), calls=calls)
-                walk.run(entry)
-        self._warn()
-        self._say_set_elsewhere(data)
-        return self._ordered(data)
 
-    @staticmethod
-    def _entry(name: str, states: list[State], beside: frozenset[str]) -> State:
-        """What holds at the start of the routines of a name."""
-        if name in beside or not states:
-            states = [*states, State.unset()]
-        return merged(states, f"{name} is called with different ones")
+    def _anywhere(self, flow: Flow) -> None:
+        """Go through routines that are called where that is not followed: anything may hold there."""
+        done = set[str]()
+        while flow.anywhere - done:
+            for name in [name for name in flow.routines if name in flow.anywhere - done]:
+                done.add(name)
+                for routine in flow.routines[name]:
+                    through(flow, routine, State.unset().forgotten(f"{name} is called where that is not followed"))
+
+    def _never_taken(self, flow: Flow, roots: Sequence[str]) -> None:
+        """Go through motions to which no way leads, as those by which points are taught behind the end of a program."""
+        found = self.findings
+        found.seen |= {*(o.site.text for o in found.occurrences), *found.reasons}
+        flow.all_ways, flow.left = True, 0
+        for routine in (routine for same in flow.routines.values() for routine in same):
+            motions = {(routine.file.number, line.start) for line in routine.lines if isinstance(line, Motion)}
+            if motions - found.seen:
+                entry = State.unset()
+                through(flow, routine, entry if routine.name in roots else entry.forgotten("nothing leads to it"))
 
     def _say_set_elsewhere(self, data: Data) -> None:
         """Say which tools and bases another program may change."""
@@ -163,16 +205,15 @@ class _Reading:
             T_world_base = data.robroot
         except Unresolved:  # the motions to poses say so
             T_world_base = None
-        keys = sorted(self.findings.found)
-        motions = [self.findings.found[key] for key in keys]
-        number = {key: i for i, key in enumerate(keys)}
+        found = list(self.findings.finished())
+        failed = ((file.number, start, text) for (_, start), (file, text) in self.findings.reasons.items())
         return KrlProgram(
             sources=tuple(file.source for file in self.files),
-            moves=tuple(replace(f.move, follows=None if f.follows is None else number.get(f.follows)) for f in motions),
+            moves=tuple(move for move, _ in found),
             diagnostics=tuple(
                 Diagnostic(place=self.files[file].source.place(position), text=text)
-                for file, position, text in sorted(set(self.findings.diagnostics))
+                for file, position, text in sorted({*self.findings.diagnostics, *failed})
             ),
-            sites=tuple(f.site for f in motions),
+            sites=tuple(site for _, site in found),
             T_world_base=T_world_base,
         )

@@ -1,44 +1,42 @@
-"""One pass through the lines of a KRL routine: what holds for tool and base, and where each motion goes."""
+"""Where the motions of a KRL program go, given what holds before each."""
 
 import math
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.programs.krl.blocks import LOOPS, SPLINES, Block, body_of, decided
-from taskcal.programs.krl.calls import Calls
 from taskcal.programs.krl.data_lists import Datum
-from taskcal.programs.krl.expressions import evaluated, name_of, with_values
-from taskcal.programs.krl.findings import Findings, Found
+from taskcal.programs.krl.expressions import evaluated, name_of, structure, with_values
+from taskcal.programs.krl.findings import Findings
 from taskcal.programs.krl.frames import NULL, Frames
-from taskcal.programs.krl.incomplete import completed_axes, completed_pose, is_incomplete, moved_axes, moved_pose
-from taskcal.programs.krl.parameters import handed_over
-from taskcal.programs.krl.parser import BLOCKS
-from taskcal.programs.krl.position import external, has_axes, has_pose, pose, whole
+from taskcal.programs.krl.incomplete import (
+    completed_axes,
+    completed_pose,
+    is_incomplete,
+    moved_axes,
+    moved_pose,
+    refuse_moved_axes,
+)
+from taskcal.programs.krl.position import EXTERNAL, external, has_axes, has_pose, pose, pose_values, whole
 from taskcal.programs.krl.rewrite import Site, Written
-from taskcal.programs.krl.routines import Routine, altered_by, calls_of, keys_changed_by
-from taskcal.programs.krl.state import State, merged
+from taskcal.programs.krl.routines import Routine
+from taskcal.programs.krl.state import State
 from taskcal.programs.krl.status import ACCURATE_BIT, Status
 from taskcal.programs.krl.syntax import (
     RELATIVE_MOTIONS,
     Aggregate,
-    Assignment,
-    Call,
-    Control,
     Motion,
     Operand,
     Reference,
-    Statement,
 )
 from taskcal.programs.krl.variables import (
     HERE,
+    Adjustable,
+    Holding,
     Known,
-    Variables,
-    after_assignment,
-    forgotten,
-    without_own,
-    without_places,
+    Lost,
 )
 from taskcal.programs.program import Move, MoveKind, Target
 from taskcal.programs.unresolved import Unresolved
@@ -46,164 +44,65 @@ from taskcal.programs.unresolved import Unresolved
 KINDS: dict[str, MoveKind] = {
     "PTP": "joint", "SPTP": "joint", "LIN": "linear", "SLIN": "linear", "CIRC": "circular", "SCIRC": "circular",
     "SPL": "linear", "PTP_REL": "joint", "SPTP_REL": "joint", "LIN_REL": "linear", "SLIN_REL": "linear",
+    "CIRC_REL": "circular", "SCIRC_REL": "circular",
 }  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Walk:
-    """One pass through the lines of a routine."""
+class Resolver:
+    """Where the motions of a routine go."""
 
     findings: Findings
     routine: Routine
     frames: Frames
-    calls: Calls
-    returns: list[State] = field(default_factory=list[State])
-    """What holds where the routine is left before its end."""
 
-    def run(self, state: State) -> State:
-        """Go through all lines.
+    def resolve(
+        self, line: Motion, state: State, *, in_spline: bool, returned: Mapping[int, Holding]
+    ) -> tuple[Move, Site]:
+        """A motion and its place in the text.
 
         Args:
-            state: what holds where the routine is called.
+            line: the motion.
+            state: what holds before it.
+            in_spline: whether it is part of a SPLINE block.
+            returned: what functions of the program return of its points, by their first character.
 
-        Returns:
-            What holds behind it.
+        Raises:
+            Unresolved: the text does not tell where it goes.
         """
-        blocks: list[Block] = []
-        trigger = False
-        for number, line in enumerate(self.routine.lines):
-            match line:
-                case Motion():
-                    state = self._motion(line, state, any(b.keyword in SPLINES for b in blocks), trigger)
-                    trigger = False
-                case Assignment():
-                    variables = after_assignment(self.frames.known(state), line)
-                    state = self._asked(line, self.frames.after_assignment(state, line), {"variables": variables})
-                case Call():
-                    state = self._call(line, state)
-                case Control(keyword="TRIGGER"):
-                    trigger = True
-                case Control():
-                    state = self._control(number, line, self._asked(line, state, {}), blocks)
-                case _:
-                    pass
-        prefix = self.routine.prefix
-        state = merged([*self.returns, state], f"it differs between the ends of {self.routine.name}")
-        return replace(state, variables=without_own(state.variables, prefix))
+        if line.trouble or (line.keyword == "SPL" and not in_spline):
+            raise Unresolved(line.trouble or "it is part of no SPLINE block")
+        move, site = self._resolve(line, self.frames.with_settings(state, line.settings), returned)
+        # the shape of a spline depends on all its points: they are corrected, and it is left whole
+        return (replace(move, divisible=False) if in_spline else move), site
 
-    def _asked(self, line: Statement, state: State, changes: dict[str, Variables]) -> State:
-        """What holds behind functions in the expressions of a line."""
-        state = replace(state, **changes)
-        for name in calls_of(line):
-            state = self.calls.forget(name, state)
-        if isinstance(line, Control) and line.changed:
-            keys = (self.frames.names.key(name) for name in line.changed)
-            state = replace(state, variables=forgotten(state.variables, keys))
-        return state
-
-    def _control(self, number: int, line: Control, state: State, blocks: list[Block]) -> State:
-        keyword = line.keyword
-        if keyword == "LABEL":
-            return replace(state.forgotten("it can be reached by a GOTO"), variables={})
-        if keyword == "RETURN":
-            self.returns.append(state)
-            return replace(state, last=None)
-        if keyword in BLOCKS:
-            if keyword in LOOPS:
-                state = self._at_loop(number, state)
-            blocks.append(Block(keyword=keyword, entry=state, condition=self._condition(line, state)))
-            return replace(state, last=None) if keyword in SPLINES else state
-        if not blocks:
-            return replace(state, last=None)
-        if keyword == "EXIT":
-            loops = [block for block in blocks if block.keyword in LOOPS]
-            if loops:
-                loops[-1].exits.append(state)
-            return state
-        block = blocks[-1]
-        if keyword in ("ELSE", "CASE", "DEFAULT"):
-            if block.keyword == "IF" or block.has_default:  # before the first CASE there is no branch
-                block.exits.append(state)
-            block.has_default.append(keyword != "CASE")
-            return block.entry
-        if keyword in BLOCKS.values():
-            blocks.pop()
-            reason = f"it is set in one branch of the {block.keyword} before and not, or differently, in another"
-            if block.condition is not None:
-                return decided(block, state)
-            complete = block.keyword in (*SPLINES, "LOOP", "REPEAT") or any(block.has_default)
-            return merged([*block.exits, state, *([] if complete else [block.entry])], reason)
-        return replace(state, last=None)
-
-    def _condition(self, line: Control, state: State) -> bool | None:
-        """Whether the condition of an IF holds; None where the text does not tell, and of other blocks."""
-        if line.keyword != "IF":
+    def position(self, state: State) -> Aggregate | None:
+        """Where the robot is, with the tool and base that hold; None where the text does not tell."""
+        before = self._before(state)
+        if before is None or before.end.T is None:
             return None
-        words = line.words[:-1] if line.words and line.words[-1].upper == "THEN" else line.words
-        try:
-            value = evaluated(words, self.frames.known(state))
-        except Unresolved:
-            return None
-        return value if isinstance(value, bool) else None
+        return structure("$POS_ACT", dict(pose_values(before.end.T)))
 
-    def _at_loop(self, number: int, state: State) -> State:
-        """At the start of a loop: what it sets further down differs from pass to pass."""
-        body, by_value = body_of(self.routine.lines, number), self.frames.data.by_value
-        sets = frozenset[str]().union(*(altered_by(line, self.calls.alters) for line in body))
-        keys = frozenset[str]().union(
-            *(keys_changed_by(line, self.frames.names, by_value, self.calls.changes) for line in body)
-        )
-        state = replace(state, variables=forgotten(state.variables, keys))
-        return state.forgotten("it is set further down in the same loop", sets | {"motion"})
-
-    def _call(self, line: Call, state: State) -> State:
-        if line.name == "BAS":
-            return self.frames.after_bas(state, line)
-        if line.name not in self.calls.routines:
-            self.findings.diagnose(
-                self.routine.file,
-                line.start,
-                f"{line.name} is not in the files given; it is taken to leave $TOOL, $BASE and $IPO_MODE as they are",
-            )
-            state = replace(state, last=None)
-        else:
-            state = self.calls.through(line, self.frames.known(state), state)
-        keys = (self.frames.names.key(name) for name in handed_over(line, self.frames.data.by_value))
-        return replace(state, variables=forgotten(state.variables, keys))
-
-    def _motion(self, line: Motion, state: State, in_spline: bool, trigger: bool) -> State:
-        if self._stays_there(line, state):
-            return state
-        try:
-            if line.trouble or (line.keyword == "SPL" and not in_spline):
-                raise Unresolved(line.trouble or "it is part of no SPLINE block")
-            move, site = self._resolve(line, self.frames.with_settings(state, line.settings))
-            if in_spline:  # its shape depends on all its points: they are corrected, and it is left whole
-                move = replace(move, divisible=False)
-        except Unresolved as trouble:
-            self.findings.diagnose(self.routine.file, line.start, f"{line.keyword} stays as it is: {trouble}")
-            return replace(state, last=None, variables=without_places(state.variables))
-        if trigger:
-            self.findings.diagnose(
-                self.routine.file, line.start, "a TRIGGER acts along this motion; check it if the motion is divided"
-            )
-        key = (self.routine.file.number, line.start)
-        follows = None if in_spline else state.last
-        self.findings.found[key] = Found(move=move, site=site, follows=follows)
-        return replace(state, last=key, variables=without_places(state.variables))
-
-    def _stays_there(self, line: Motion, state: State) -> bool:
+    def stays_there(self, line: Motion, state: State) -> bool:
         """Whether a motion goes to where the robot is, as programs begin."""
         parts = line.operands[0].parts if len(line.operands) == 1 else ()
         if len(parts) != 1 or not isinstance(parts[0], Reference) or parts[0].index:
             return False
         name = parts[0].name
-        return name in HERE or self.frames.known(state).assigned(name) in HERE
+        try:
+            return name in HERE or self.frames.known(state).assigned(name) in HERE
+        except Unresolved:
+            return False
 
-    def _resolve(self, line: Motion, state: State) -> tuple[Move, Site]:
+    def _resolve(self, line: Motion, state: State, returned: Mapping[int, Holding]) -> tuple[Move, Site]:
         kind = KINDS[line.keyword]
         known = self.frames.known(state)
-        written = tuple(self._written(operand, known) for operand in line.operands)
+        if any(_asks_for_its_place(operand) for operand in line.operands):
+            known = replace(known, here=self.position(state))
+        written = tuple(
+            self._written(operand, known) if operand.parts else self._computed(line, operand, known, returned)
+            for operand in line.operands
+        )
         end = self._target(written[-1], kind, line, self._before(state))
         if end.q is not None:
             if kind != "joint":
@@ -212,7 +111,7 @@ class Walk:
         via = None
         if kind == "circular":
             assert end.T is not None
-            via = self._via(written[0], end.T)
+            via = self._via(written[0], end.T, line, self._before(state))
         try:
             tool, part = self.frames.tool_and_part(state)
         except Unresolved:
@@ -229,22 +128,22 @@ class Walk:
             speed=state.speed if kind in ("linear", "circular") else None,
             turn_speed=_turn_speed(state) if kind in ("linear", "circular") else None,
             stops=not line.passing,
+            zone=state.approximation.zone(line.passing, kind),
             follows=None,
             routine=self.routine.name,
             place=self.routine.file.source.place(line.start),
-            external=external(written[-1].aggregates[0]),
+            external=_external(written[-1].aggregates[0], line),
             carrier=state.base.carrier,
         )
-        leans = line.keyword in RELATIVE_MOTIONS or is_incomplete(written[-1].aggregates[0])
+        first = written[-1].aggregates[0]
+        leans = line.keyword in RELATIVE_MOTIONS or is_incomplete(first) or first.type == "$POS_ACT"
         return move, Site(file=self.routine.file, motion=line, written=written, leans=leans)
 
     def _before(self, state: State) -> Move | None:
         """The motion before, if tool and base are still the same."""
-        key = state.last or (-1, -1)
-        found = self.findings.found.get(key) or self.findings.beside.get(key)
-        if found is None:
+        if state.last is None:
             return None
-        before = found.move
+        before = self.findings.occurrences[state.last].move
         try:
             tool, part = self.frames.tool_and_part(state)
         except Unresolved:
@@ -254,8 +153,6 @@ class Walk:
 
     def _written(self, operand: Operand, known: Known) -> Written:
         """Where the numbers of a point stand."""
-        if not operand.parts:
-            raise Unresolved("its point is not stated in the text")
         parts = [self._part(part, known) for part in operand.parts]
         datum = parts[0] if isinstance(parts[0], Datum) else None
         aggregates = tuple(part.aggregate if isinstance(part, Datum) else part for part in parts)
@@ -265,11 +162,26 @@ class Walk:
         )
         return Written(operand=operand, aggregates=aggregates, datum=datum, file=self.routine.file, computed=computed)
 
+    def _computed(self, line: Motion, operand: Operand, known: Known, returned: Mapping[int, Holding]) -> Written:
+        """A point that functions compute."""
+        words = line.words_of(operand)
+        if not words:
+            raise Unresolved("its point is not stated in the text")
+        value = returned[operand.start] if operand.start in returned else evaluated(words, known)
+        if isinstance(value, Lost):
+            raise Unresolved(value.reason)
+        value = value.value if isinstance(value, Adjustable) else value
+        if not isinstance(value, Aggregate):
+            raise Unresolved("what stands for its point is not a position")
+        return Written(operand=operand, aggregates=(value,), datum=None, file=self.routine.file, computed=True)
+
     def _part(self, part: Aggregate | Reference, known: Known) -> Aggregate | Datum:
         """A position as it is written, or what its variable holds."""
         if isinstance(part, Aggregate):
             return with_values(part, known)
         name = name_of(part, known)
+        if name == "$POS_ACT" and known.here is not None:
+            return known.here
         assigned = known.assigned(name)
         if assigned is None:
             return self.frames.data.find(name, self.routine.file.module, self.routine.name)
@@ -288,11 +200,11 @@ class Walk:
             q = moved_axes(first, before) if relative else completed_axes(first, before)
             return Target(name=name, T=None, q=q, posture=None, place=place)
         if line.keyword in RELATIVE_MOTIONS:
-            T = moved_pose(first, before, by_tool=line.along == "#TOOL")
+            T = moved_pose(_distance(written), before, by_tool=line.along == "#TOOL")
         else:
             T = completed_pose(first, before)
-        for aggregate in written.aggregates[1:]:
-            T = T @ _offset(aggregate)
+            for aggregate in written.aggregates[1:]:
+                T = T @ _offset(aggregate)
         S, turn = whole(last, "S"), whole(last, "T")
         if S is not None and S & ACCURATE_BIT:
             self.findings.diagnose(
@@ -305,17 +217,51 @@ class Walk:
         stated = kind == "joint" and (S is not None or turn is not None)
         return Target(name=name, T=T, q=None, posture=Status(S=S, T=turn) if stated else None, place=place)
 
-    def _via(self, written: Written, end: Float[np.ndarray, "4 4"]) -> Target:
+    def _via(self, written: Written, end: Float[np.ndarray, "4 4"], line: Motion, before: Move | None) -> Target:
         """The auxiliary point of an arc, which need not state an orientation."""
         place = self.routine.file.source.place(written.operand.start) if written.datum is None else written.datum.place
+        name = "" if written.datum is None else written.datum.name
         first = written.aggregates[0]
+        external(first)  # refuses what is not a number
+        if line.keyword in RELATIVE_MOTIONS:
+            T = moved_pose(_distance(written), before, by_tool=False)
+            return Target(name=name, T=T, q=None, posture=None, place=place)
         oriented = any(first.field(name) for name in "ABC")
         T = pose(first) if oriented else pose(first, needed=("X", "Y", "Z"))
         for aggregate in written.aggregates[1:]:
             T = T @ _offset(aggregate)
         if not oriented:
             T[:3, :3] = end[:3, :3]
-        return Target(name="" if written.datum is None else written.datum.name, T=T, q=None, posture=None, place=place)
+        return Target(name=name, T=T, q=None, posture=None, place=place)
+
+
+def _asks_for_its_place(operand: Operand) -> bool:
+    """Whether a point may be counted from where the robot is."""
+    return not operand.parts or any(isinstance(part, Reference) and part.name == "$POS_ACT" for part in operand.parts)
+
+
+def _distance(written: Written) -> Float[np.ndarray, "4 4"]:
+    """By what a motion goes on from where the one before ended.
+
+    Raises:
+        Unresolved: it is not stated as a frame.
+    """
+    first = written.aggregates[0]
+    if has_axes(first) or not has_pose(first):
+        refuse_moved_axes(first)
+        raise Unresolved("its distance is not stated by X, Y and Z")
+    T = np.eye(4)
+    for aggregate in written.aggregates:
+        T = T @ _offset(aggregate)
+    return T
+
+
+def _external(aggregate: Aggregate, line: Motion) -> tuple[float, ...]:
+    """Positions of the external axes at the end of a motion; NaN where they stay as they are."""
+    if line.keyword not in RELATIVE_MOTIONS:
+        return external(aggregate)
+    refuse_moved_axes(aggregate)
+    return (math.nan,) * len(EXTERNAL)
 
 
 def _offset(aggregate: Aggregate) -> Float[np.ndarray, "4 4"]:

@@ -1,7 +1,7 @@
 """New numbers for the points of a KRL program, in the places where it states them."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isnan
 
@@ -68,6 +68,13 @@ class Site:
     """Its points, the last of them the end."""
     leans: bool = False
     """It counts from where the motion before ends, at least in part."""
+    before: tuple[int, ...] = ()
+    """Numbers of the motions that may be the one before, as far as they are known."""
+
+    @property
+    def text(self) -> tuple[int, int]:
+        """Number of the file and first character."""
+        return (self.file.number, self.motion.start)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -85,27 +92,51 @@ def rewrite(
     moves: Sequence[Move],
     robot: Robot,
     waypoints: Mapping[int, tuple[Waypoint, ...]],
+    elements: Container[int],
 ) -> tuple[Source, ...]:
-    """The sources with some motions rewritten; see `KrlProgram.rewrite`."""
+    """The sources with some motions rewritten; see `KrlProgram.rewrite`.
+
+    Args:
+        sources: the files.
+        sites: of the motions.
+        moves: the motions.
+        robot: the robot.
+        waypoints: by number of the motion.
+        elements: numbers of motions whose points get their numbers in the data list, because others share their text.
+    """
     rewriting = _Rewriting(robot=robot, files=_files(sites))
-    changed = {number for number, path in waypoints.items() if not _stays(moves[number], path)}
+    changed = {number for number, path in waypoints.items() if not stays(moves[number], path)}
+    done: set[tuple[int, int]] = set()
     for number, (site, move) in enumerate(zip(sites, moves, strict=True)):
         path = waypoints.get(number)
         if site.leans:
-            path = (path or (_own(move),)) if number in changed or move.follows in changed else None
-        if path is not None:
+            path = (path or (_own(move),)) if number in changed or changed.intersection(site.before) else None
+        if path is None:
+            continue
+        if number in elements:
+            rewriting.elements(site, move, path)
+        elif move.texts_motions == 1:
+            rewriting.motion(site, move, path)
+        elif stays(move, path):
+            continue
+        elif site.text not in done:
+            done.add(site.text)
             rewriting.motion(site, move, path)
     rewriting.variables()
     return tuple(source.edited(rewriting.edits.get(i, ())) for i, source in enumerate(sources))
 
 
-def _stays(move: Move, path: tuple[Waypoint, ...]) -> bool:
+def stays(move: Move, path: tuple[Waypoint, ...]) -> bool:
     """Whether a motion is to go where it goes already."""
     (only, *more) = path
     if more or only.kind != move.kind:
         return False
-    old, new = (move.end.q, only.q) if only.T is None else (move.end.T, only.T)
-    return old is not None and bool(np.abs(new - old).max() < _SAME)
+    pairs = [(move.end.q, only.q if only.T is None else None), (move.end.T, only.T)]
+    if move.via is not None and only.via is not None:
+        pairs.append((move.via.T, only.via.T))
+    return all(
+        old is None if new is None else old is not None and bool(np.abs(new - old).max() < _SAME) for old, new in pairs
+    )
 
 
 def _own(move: Move) -> Waypoint:
@@ -137,11 +168,8 @@ class _Rewriting:
     def motion(self, site: Site, move: Move, path: tuple[Waypoint, ...]) -> None:
         """Rewrite a motion, with motions of their own for all waypoints but the last."""
         *before, last = path
-        source, start = site.file.source, site.motion.start
-        line = source.text.rfind("\n", 0, start) + 1
-        for waypoint in before:
-            text = self._instruction(site, move, waypoint, passing=True)
-            self._edit(site.file, Edit(start=line, end=line, text=f"{source.indent(start)}{text}{source.newline}"))
+        self._before(site, move, before)
+        start = site.motion.start
         if last.kind != move.kind or site.leans:
             text = self._instruction(site, move, last, passing=not move.stops)
             self._edit(site.file, Edit(start=start, end=site.motion.end, text=text))
@@ -150,10 +178,34 @@ class _Rewriting:
         if last.via is not None:
             self._point(site.written[0], last.via)
 
+    def _before(self, site: Site, move: Move, path: Sequence[Waypoint]) -> None:
+        """Put motions of their own before a motion."""
+        source, start = site.file.source, site.motion.start
+        line = source.text.rfind("\n", 0, start) + 1
+        for waypoint in path:
+            text = self._instruction(site, move, waypoint, passing=True)
+            self._edit(site.file, Edit(start=line, end=line, text=f"{source.indent(start)}{text}{source.newline}"))
+
+    def elements(self, site: Site, move: Move, path: tuple[Waypoint, ...]) -> None:
+        """Give the elements to which a motion goes their new numbers, in the data list."""
+        *before, last = path
+        self._before(site, move, before)
+        points = (last,) if last.via is None else (last.via, last)
+        for written, waypoint in zip(site.written, points, strict=True):
+            datum = written.datum
+            assert datum is not None
+            edits = self.edits.setdefault(datum.file.number, [])
+            known = {(edit.start, edit.end) for edit in edits}
+            changes = edits_for(datum.aggregate, values_at(self.robot, written, waypoint))
+            edits += [change for change in changes if (change.start, change.end) not in known]
+
     def _instruction(self, site: Site, move: Move, waypoint: Waypoint, *, passing: bool) -> str:
         """A motion instruction to a waypoint, with all else that the motion says."""
         keyword = KEYWORDS[waypoint.kind]
         spline = site.motion.keyword.startswith("S")
+        if spline:
+            # a line in its stead would change the spline
+            keyword = "SPL" if site.motion.keyword == "SPL" else f"S{keyword}"
         points = [self._aggregate(site.written[-1], waypoint)]
         if waypoint.via is not None:
             points.insert(0, self._aggregate(site.written[-1], waypoint.via))
@@ -165,13 +217,13 @@ class _Rewriting:
             rest = ""  # C_PTP is not for paths, C_DIS not for PTP alone
         if passing and (move.stops or not rest):
             rest += " C_SPL" if spline else " C_DIS" if along_path else " C_PTP"
-        return f"{'S' if spline else ''}{keyword} {', '.join(points)}{rest}"
+        return f"{keyword} {', '.join(points)}{rest}"
 
     def _point(self, written: Written, waypoint: Waypoint) -> None:
         """Give a point of a motion its new numbers."""
         first, operand = written.aggregates[0], written.operand
         if has_axes(first) == (waypoint.T is None):
-            changes = edits_for(first, self._values(written, waypoint))
+            changes = edits_for(first, values_at(self.robot, written, waypoint))
             if written.datum is None and len(operand.parts) == 1 and not written.computed:
                 for change in changes:
                     self._edit(written.file, change)
@@ -181,28 +233,14 @@ class _Rewriting:
                 key = (datum.file.number, datum.start, tuple(changes))
                 self.uses.setdefault(key, _Use(datum=datum, changes=key[2])).points.append(written)
                 return
-            if not changes and len(operand.parts) == 1:
+            if not changes and len(operand.parts) < 2:
                 return
         self._edit(written.file, Edit(start=operand.start, end=operand.end, text=self._aggregate(written, waypoint)))
-
-    def _values(self, written: Written, waypoint: Waypoint) -> dict[str, float]:
-        """Values of all components, millimetres and degrees."""
-        if waypoint.T is None:
-            return axis_values(waypoint.q)
-        first = written.aggregates[0]
-        values = pose_values(waypoint.T, first)
-        if has_pose(first) and not (first.field("S") or first.field("T")):
-            return values
-        if np.isnan(waypoint.q).any():  # written again where it was, of which the posture is not known
-            return values
-        stated = Status(S=whole(first, "S") or 0, T=whole(first, "T") or 0)
-        status = stated.of(self.robot, waypoint.q)
-        return {**values, "S": float(status.S or 0), "T": float(status.T or 0)}
 
     def _aggregate(self, written: Written, waypoint: Waypoint) -> str:
         """A waypoint in braces: as the point is written, if it states the same kind of position completely, in numbers."""
         first = written.aggregates[0]
-        values = self._values(written, waypoint)
+        values = values_at(self.robot, written, waypoint)
         names = [name for name in values if name not in ("S", "T")]
         beside = {name: value for name, value in zip(EXTERNAL, waypoint.external, strict=False) if not isnan(value)}
         values |= {name: value for name, value in beside.items() if first.field(name)}
@@ -264,6 +302,27 @@ class _Rewriting:
         at = end or len(source.text)
         self._edit(datum.file, Edit(start=at, end=at, text=line if end else source.newline + line))
         return name
+
+
+def values_at(robot: Robot, written: Written, waypoint: Waypoint) -> dict[str, float]:
+    """Values of all components of a point at a waypoint, millimetres and degrees."""
+    if waypoint.T is None:
+        return axis_values(waypoint.q)
+    first = written.aggregates[0]
+    values = pose_values(waypoint.T, first)
+    if has_pose(first) and not (first.field("S") or first.field("T")):
+        return values
+    if np.isnan(waypoint.q).any():  # written again where it was, of which the posture is not known
+        return values
+    stated = Status(S=whole(first, "S") or 0, T=whole(first, "T") or 0)
+    status = stated.of(robot, waypoint.q)
+    return {**values, "S": float(status.S or 0), "T": float(status.T or 0)}
+
+
+def mentions_of(variable: str, sites: Sequence[Site], module: str) -> Iterator[tuple[File, int]]:
+    """Files and positions at which a module names a variable of its own."""
+    files = tuple(file for file in _files(sites) if file.module == module)
+    return ((file, position) for file, name, position in _all_names(files) if name == variable)
 
 
 def _name(datum: Datum) -> str:

@@ -1,13 +1,14 @@
 """The routines of a KRL program, what each alters, and which calls which."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+from taskcal.programs.call_graph import with_called
 from taskcal.programs.krl.data import BUILT_IN, Data
 from taskcal.programs.krl.data_lists import File
 from taskcal.programs.krl.lexer import Word, lines_of_words
-from taskcal.programs.krl.parameters import handed_over
+from taskcal.programs.krl.parameters import handed_in_motion, handed_over
 from taskcal.programs.krl.state import EVERYTHING
 from taskcal.programs.krl.syntax import Assignment, Begin, Call, Control, Declaration, End, Motion, Statement
 from taskcal.programs.krl.variables import Names
@@ -40,6 +41,7 @@ class Routine:
             own=frozenset(own | set(self.parameters)),
             listed=data.listed(self.file.module),
             whole_numbers=data.whole_numbers,
+            real_numbers=data.real_numbers,
             volatile=volatile,
         )
 
@@ -61,14 +63,21 @@ def routines_of(files: tuple[File, ...]) -> dict[str, list[Routine]]:
     return out
 
 
-_VARIABLES = {"$TOOL": "tool", "$BASE": "base", "$IPO_MODE": "mode", "FDAT_ACT": "parameters", "$VEL": "speed"}
+_VARIABLES = {
+    "$TOOL": "tool",
+    "$BASE": "base",
+    "$IPO_MODE": "mode",
+    "FDAT_ACT": "parameters",
+    "$VEL": "speed",
+    "$APO": "approximation",
+}
 _COMMANDS = {
     "#INITMOV": EVERYTHING - {"motion"},
-    "#PTP_PARAMS": frozenset({"tool", "base", "mode"}),
-    "#PTP_DAT": frozenset({"tool", "base", "mode"}),
+    "#PTP_PARAMS": frozenset({"tool", "base", "mode", "approximation"}),
+    "#PTP_DAT": frozenset({"tool", "base", "mode", "approximation"}),
     "#FRAMES": frozenset({"tool", "base", "mode"}),
-    "#CP_PARAMS": frozenset({"tool", "base", "mode", "speed"}),
-    "#CP_DAT": frozenset({"tool", "base", "mode"}),
+    "#CP_PARAMS": frozenset({"tool", "base", "mode", "speed", "approximation"}),
+    "#CP_DAT": frozenset({"tool", "base", "mode", "approximation"}),
     "#VEL_CP": frozenset({"speed"}),
     "#TOOL": frozenset({"tool"}),
     "#BASE": frozenset({"base"}),
@@ -80,7 +89,7 @@ def altered_by(line: Statement, routines: Mapping[str, frozenset[str]]) -> froze
     """What of `EVERYTHING` a line alters, given what routines alter."""
     match line:
         case Motion():
-            return frozenset({"motion"})
+            own = frozenset({"motion"})
         case Assignment() if line.variable in _VARIABLES:
             own = frozenset({_VARIABLES[line.variable]})
         case Call(name="BAS"):
@@ -98,9 +107,12 @@ def keys_changed_by(
         case Assignment():
             own = {line.variable, *line.changed}
         case Call(name="BAS"):
-            own = set[str]()
+            altered = _COMMANDS.get(line.command, frozenset[str]()) - {"parameters"}
+            own = {variable for variable, what in _VARIABLES.items() if what in altered}
         case Call():
             own = {*handed_over(line, by_value)}
+        case Motion():
+            own = {*handed_in_motion(line, by_value)}
         case Control():
             own = {*line.changed, *(word.upper for word in line.words[:1] if line.keyword == "FOR")}
         case _:
@@ -114,7 +126,7 @@ def calls_of(line: Statement) -> tuple[str, ...]:
         case Call():
             words = (word for argument in line.arguments for word in (*argument, None))
             return (line.name, *_before_parentheses(tuple(words)))
-        case Assignment() | Control():
+        case Assignment() | Control() | Motion():
             return _before_parentheses(line.words)
         case _:
             return ()
@@ -126,7 +138,25 @@ def _before_parentheses(words: Sequence[Word | None]) -> tuple[str, ...]:
     )
 
 
-def altering(routines: dict[str, list[Routine]]) -> dict[str, frozenset[str]]:
+def only_computes(routine: Routine, routines: Container[str]) -> bool:
+    """Whether a call of a routine can be left out, once its value is known: it sets variables of its own and nothing else."""
+    own = {v.name for line in routine.lines if isinstance(line, Declaration) for v in line.variables}
+    for line in routine.lines:
+        match line:
+            case Begin() | End() | Declaration():
+                continue
+            case Assignment() if line.variable in own:
+                pass
+            case Control() if line.keyword != "TRIGGER":
+                pass
+            case _:
+                return False
+        if any(name in routines for name in calls_of(line)):
+            return False
+    return True
+
+
+def altering(routines: Mapping[str, Sequence[Routine]]) -> dict[str, frozenset[str]]:
     """What the routines of each name alter, by themselves or by those that they call."""
     own = {
         name: (
@@ -135,10 +165,10 @@ def altering(routines: dict[str, list[Routine]]) -> dict[str, frozenset[str]]:
         )
         for name, same in routines.items()
     }
-    return _closed(own)
+    return with_called(own)
 
 
-def changing(routines: dict[str, list[Routine]], data: Data) -> dict[str, frozenset[str]]:
+def changing(routines: Mapping[str, Sequence[Routine]], data: Data) -> dict[str, frozenset[str]]:
     """Keys of the variables that the routines of each name change, by themselves or by those that they call."""
     own = {
         name: (
@@ -154,21 +184,11 @@ def changing(routines: dict[str, list[Routine]], data: Data) -> dict[str, frozen
         )
         for name, same in routines.items()
     }
-    return _closed(own)
+    return with_called(own)
 
 
 def _called(same: Sequence[Routine], routines: Mapping[str, object]) -> frozenset[str]:
     return frozenset(name for r in same for line in r.lines for name in calls_of(line) if name in routines)
-
-
-def _closed(own: Mapping[str, tuple[frozenset[str], frozenset[str]]]) -> dict[str, frozenset[str]]:
-    """What each has, by itself or by those that it calls."""
-    total = {name: has for name, (has, _) in own.items()}
-    while True:
-        wider = {name: has.union(*(total[other] for other in calls)) for name, (has, calls) in own.items()}
-        if wider == total:
-            return total
-        total = wider
 
 
 def callers_of(routines: dict[str, list[Routine]]) -> dict[str, set[str]]:
@@ -183,7 +203,68 @@ def callers_of(routines: dict[str, list[Routine]]) -> dict[str, set[str]]:
 def roots_of(callers: Mapping[str, set[str]]) -> dict[str, frozenset[str]]:
     """By name of routines: those that nothing calls, from which they are reached; themselves where nothing calls them."""
     own = {name: frozenset() if others else frozenset({name}) for name, others in callers.items()}
-    return _closed({name: (own[name], frozenset(others)) for name, others in callers.items()})
+    return with_called({name: (own[name], frozenset(others)) for name, others in callers.items()})
+
+
+_BY_BAS = frozenset({"LDAT_ACT", "PDAT_ACT", "TOOL_DATA", "BASE_DATA", *_VARIABLES})
+"""Variables that the controller's own routine reads."""
+
+
+def read_names(files: Iterable[File]) -> frozenset[str]:
+    """Variables, and other names, that code reads anywhere."""
+    out = set(_BY_BAS)
+    for file in files:
+        for words in lines_of_words(file.source.text) if not file.holds_data else ():
+            assigns = len(words) > 1 and words[1].text in ("=", "[", ".") and words[0].kind == "name"
+            out |= {word.upper for word in words[assigns:] if word.kind == "name"}
+    return frozenset(out)
+
+
+def matters(line: Statement, read: frozenset[str], routines: Container[str]) -> bool:
+    """Whether a line is of any consequence for motions: not what sets a variable that nothing reads.
+
+    Args:
+        line: the line.
+        read: names that code reads.
+        routines: names of the routines of the files.
+    """
+    match line:
+        case Assignment():
+            asks = line.changed or any(name in routines for name in calls_of(line))
+            return bool(asks) or line.variable in read
+        case Motion() | Call() | Control():
+            return True
+        case _:
+            return False
+
+
+def resuming(files: Iterable[File], routines: Mapping[str, Sequence[Routine]]) -> frozenset[str]:
+    """Routines that declare an interrupt whose routine resumes, which leaves those that they call."""
+    resumes = with_called(
+        {
+            name: (
+                frozenset({"RESUME"} if any(_resumes(line) for r in same for line in r.lines) else ()),
+                _called(same, routines),
+            )
+            for name, same in routines.items()
+        }
+    )
+    out: set[str] = set()
+    for file in files:
+        current = ""
+        for words in lines_of_words(file.source.text) if not file.holds_data else ():
+            upper = [word.upper for word in words]
+            head = next((i for i, word in enumerate(upper) if word in ("DEF", "DEFFCT")), None)
+            if head is not None and head < 2:
+                names = [word.upper for word in words[head + 1 :] if word.kind == "name"]
+                current = next((name for name in names if name in routines), "")
+            elif "INTERRUPT" in upper and any(resumes.get(name) for name in _behind_do(upper)):
+                out.add(current)
+    return frozenset(out)
+
+
+def _resumes(line: Statement) -> bool:
+    return isinstance(line, Control) and line.keyword == "RESUME"
 
 
 def unasked(files: Iterable[File]) -> frozenset[str]:
@@ -200,15 +281,3 @@ def unasked(files: Iterable[File]) -> frozenset[str]:
 def _behind_do(words: Sequence[str]) -> Iterator[str]:
     if {"INTERRUPT", "TRIGGER"} & set(words) and "DO" in words[:-1]:
         yield words[words.index("DO") + 1]
-
-
-def callers_first(callers: dict[str, set[str]]) -> list[str]:
-    """Names of routines, each behind those that call it as far as they do not call each other."""
-    order: list[str] = []
-    left = dict(callers)
-    while left:
-        free = [name for name, others in left.items() if not (others - {name}) & left.keys()]
-        for name in free or list(left)[:1]:
-            order.append(name)
-            del left[name]
-    return order

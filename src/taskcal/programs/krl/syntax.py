@@ -5,13 +5,13 @@ from typing import NamedTuple
 
 from taskcal.programs.krl.lexer import Word
 
-RELATIVE_MOTIONS = frozenset({"PTP_REL", "LIN_REL", "SPTP_REL", "SLIN_REL"})
+RELATIVE_MOTIONS = frozenset({"PTP_REL", "LIN_REL", "CIRC_REL", "SPTP_REL", "SLIN_REL", "SCIRC_REL"})
 """Motions by a distance."""
 
 POINT_MOTIONS = frozenset({"PTP", "LIN", "CIRC", "SPTP", "SLIN", "SCIRC", "SPL", *RELATIVE_MOTIONS})
 """Motions to one point, or through one to another."""
 
-OTHER_MOTIONS = frozenset({"CIRC_REL", "SCIRC_REL", "SPL_REL"})
+OTHER_MOTIONS = frozenset({"SPL_REL"})
 """Motions that are not read."""
 
 FRAMES_OF_DISTANCES = frozenset({"#BASE", "#TOOL"})
@@ -141,8 +141,10 @@ class Assignment(Statement):
     """The value as written, in capitals and without blanks."""
     changed: tuple[str, ...]
     """Variables handed to functions on the way."""
-    left: tuple[Word, ...]
-    """What is assigned to."""
+    index: tuple[Word, ...] | None
+    """Of an element: what stands between the brackets."""
+    component: str
+    """Of a structure, in capitals; empty where all of it is assigned."""
     words: tuple[Word, ...]
     """The value."""
 
@@ -162,6 +164,12 @@ class Motion(Statement):
     """Of a motion by a distance: along whose axes, ``#BASE`` or ``#TOOL``; empty where it does not say."""
     trouble: str = ""
     """What is not understood of it; empty where all is."""
+    words: tuple[Word, ...] = ()
+    """What stands behind the keyword, if functions are called there."""
+
+    def words_of(self, operand: Operand) -> tuple[Word, ...]:
+        """The words of one of its points, if functions are called in the motion."""
+        return tuple(word for word in self.words if operand.start <= word.start and word.end <= operand.end)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
