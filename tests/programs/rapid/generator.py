@@ -126,6 +126,37 @@ class _Maker:
                 pass
         return f"{name} {conc}{via}{text} , {ending} ;"
 
+    def handing_over(self, frames: dict) -> list[str]:
+        """Routines that give targets to others, and loops that go through arrays: one text for several motions."""
+        tool, part = str(self.rng.choice(["tool0", "tA"])), str(self.rng.choice(["wobj0", "wA"]))
+        ends = f"v100 , fine , t \\ WObj := {part}"
+        given = [self.targets[int(i)] for i in self.rng.permutation(len(self.targets))[: int(self.rng.integers(1, 4))]]
+        calls = [f"far {text} , {tool} ;" for text, _ in given]
+        shift = self.number(float(self.rng.uniform(-50, 50)))
+        meant = {"q": None, "tool": frames[tool], "part": frames[part], "stops": True}
+        for _, T in given:
+            above = T.copy()
+            above[2, 3] += float(shift) / 1e3
+            self.moves.append(Meant(kind="joint", T=above, **meant))
+        self.moves += [Meant(kind="linear", T=T, **meant) for _, T in given]
+        row = [T for text, T in self.targets if text.startswith("row")]
+        loop = [
+            "FOR k FROM 1 TO Dim ( row , 1 ) DO",
+            f"MoveL row {{ k }} , v100 , fine , {tool} \\ WObj := {part} ;",
+            "ENDFOR",
+        ]
+        self.moves += [Meant(kind="linear", T=T, **meant) for T in row]
+        inner = [f"MoveJ Offs ( p , 0 , 0 , z ) , {ends} ;", f"MoveL p , {ends} ;"]
+        near = ["PROC near ( robtarget p , num z , PERS tooldata t )", *inner, "ENDPROC"]
+        far = [
+            "PROC far ( robtarget p , PERS tooldata t )",
+            "VAR num z ;",
+            f"z := {shift} ;",
+            "near p , z , t ;",
+            "ENDPROC",
+        ]
+        return [*near, *far, "PROC callers ( )", *calls, *loop, "ENDPROC"]
+
     def block(self, frames: dict, depth: int) -> list[str]:
         lines: list[str] = []
         for _ in range(int(self.rng.integers(1, 5))):
@@ -167,6 +198,8 @@ def generate(rng: np.random.Generator) -> Generated:
         local = "LOCAL " if rng.random() < 0.3 else ""
         parameters = "( num n , \\ switch on | \\ switch off )" if rng.random() < 0.3 else "( )"
         body += [f"{local}PROC r{k} {parameters}", *maker.block(frames, 2), "ENDPROC"]
+    if rng.random() < 0.5:
+        body += maker.handing_over(frames)
     main = [f"MODULE Part{rng.choice(['', ' ( SYSMODULE , NOVIEW )'])}", *maker.declarations, *body, "ENDMODULE"]
     load = "[ 2.5 , [ 0 , 0 , 90 ] , [ 1 , 0 , 0 , 0 ] , 0 , 0 , 0 ]"
     data = [

@@ -83,3 +83,9 @@ def test_the_forms_have_the_arguments_that_they_are_told_by():
     assert MOTION_FORMS["arclstart"].counts() == (6, 7)
     assert "arcl1start" not in MOTION_FORMS
     assert {"arcl1", "arclstart2", "arccend"} <= MOTION_FORMS.keys()
+
+
+def test_external_axes_alone_are_no_motion_of_the_robot():
+    program = read_rapid([module("MoveL p1,v5,fine,tool0;MoveExtJ jOut,vrot10,fine;MoveL p2,v5,fine,tool0;", POINTS)])
+    assert [move.follows for move in program.moves] == [None, None]
+    assert not program.diagnostics

@@ -18,14 +18,14 @@ def test_the_path_of_a_postprocessor_with_its_frames():
         "linear",
         "linear",
         "circular",
-        "linear",
-        "linear",
+        *["linear"] * 5,
     ]
     names = ["Target_10", "Line{1}", "Line{2}", "Line{3}", "Arc_end", "Target_10", "Target_10"]
-    assert [move.end.name for move in program.moves] == names
-    assert [move.follows for move in program.moves] == [None, 0, 1, 2, 3, 4, 5]
-    assert [move.stops for move in program.moves] == [False, True, False, False, True, False, False]
-    assert [move.speed for move in program.moves] == pytest.approx([1.0, 0.1, 0.0333, 0.0333, 0.0333, 1.0, 1.0])
+    assert [move.end.name for move in program.moves] == [*names, "Line{1}", "Line{2}", "Line{3}"]
+    assert [move.follows for move in program.moves] == [None, 0, 1, 2, 3, 4, 5, None, 7, 8]
+    assert [move.texts_motions for move in program.moves] == [1] * 7 + [3] * 3
+    assert [move.stops for move in program.moves[:7]] == [False, True, False, False, True, False, False]
+    assert [move.speed for move in program.moves[:7]] == pytest.approx([1.0, 0.1, 0.0333, 0.0333, 0.0333, 1.0, 1.0])
     assert {move.routine for move in program.moves} == {"Path_10"}
     third = program.moves[3]
     np.testing.assert_allclose(third.end.T, pose([100, 80, 0], [0, 0, 1, 0]), atol=1e-15)
@@ -34,7 +34,7 @@ def test_the_path_of_a_postprocessor_with_its_frames():
     )
     np.testing.assert_allclose(third.tool.T, pose([250, 30, 120], [0.70710678, 0, 0.70710678, 0]), atol=1e-9)
     assert third.end.place.line == 10
-    assert [move.carrier for move in program.moves] == ["", "", "", "", "", "STN1", ""]
+    assert [move.carrier for move in program.moves] == ["", "", "", "", "", "STN1", "", "", "", ""]
     arc = program.moves[4]
     assert arc.via is not None
     np.testing.assert_allclose(arc.via.T[:3, 3], [0.05, 0.1, 0.0])
@@ -44,7 +44,6 @@ def test_what_is_not_resolved_is_said_by_file_and_line():
     program = read_rapid([source(IRC5, "Path_10.mod"), source(IRC5_FRAMES, "CalibData.sys")])
     assert reasons(program) == [
         "Path_10.mod:22: MoveL stays as it is: \\T gives it a time, which a changed way would not keep",
-        "Path_10.mod:24: MoveL stays as it is: 'i' counts a loop",
         "Path_10.mod:26: MoveL stays as it is: 'Target_20' is not declared in the files; pass the module that declares it",
     ]
 

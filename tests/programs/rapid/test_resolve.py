@@ -57,6 +57,19 @@ def test_speeds_and_stops():
     assert "the zone of a motion is not known, which is taken as a stop: 'zMine'" in reasons(program)[0]
 
 
+def test_zones_have_sizes_for_the_tool_point_and_for_its_turning():
+    """Technical reference manual, RAPID, data type zonedata, and argument Z of MoveL."""
+    own = "CONST zonedata tight:=[FALSE,5,2,2,0.5,2,0.5];\nVAR num n:=1;\n"
+    zones = ["z0", "z10", "z10\\Z:=3", "tight", "z5\\Z:=n", "fine", "[FALSE,4,6,6,1,6,1]", "z5\\Z:=later()"]
+    program = read_rapid([module("".join(f"MoveL p1,v100,{zone},tool0;" for zone in zones), POINTS + own)])
+    found = [move.zone for move in program.moves]
+    assert found[-1] is None
+    sizes = [(zone.distance * 1e3, zone.turn_distance * 1e3, np.degrees(zone.angle)) for zone in found[:-1]]
+    expected = [(0.3, 0.3, 0.03), (10, 15, 1.5), (3, 15, 1.5), (5, 5, 0.5), (1, 8, 0.8), (0, 0, 0), (4, 6, 1)]
+    np.testing.assert_allclose(sizes, expected, atol=1e-12)
+    assert [move.stops for move in program.moves] == [False] * 5 + [True, False, False]
+
+
 def test_external_axes_are_read_where_there_are_some():
     body = "MoveL [[0,0,0],[1,0,0,0],[0,0,0,0],[100,9E9,-3.5,9E9,9E9,9E9]],v5,fine,tool0;\nMoveL p1,v5,fine,tool0;"
     program = read_rapid([module(body, POINTS)])

@@ -230,6 +230,17 @@ def test_an_arc_becomes_lines_or_stays_an_arc():
     np.testing.assert_allclose(third.via.T, arc.via.T, atol=1e-9)
 
 
+def test_no_routine_of_the_programs_own_is_called_in_place_of_a_motion():
+    own = '  MoveAbsJ [[0,10,20,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;\nENDPROC\nPROC MoveL()\n  TPWrite "mine";'
+    program = read_rapid([module(own, POINTS)])
+    pose = np.eye(4)
+    waypoints = (Waypoint(kind="linear", q=Q, T=pose), Waypoint(kind="axes", q=Q, T=None))
+    with pytest.raises(
+        TaskcalError, match=r"part\.mod:\d+: cannot become a MoveL, which is a routine of the program's own"
+    ):
+        program.rewrite(ROBOT, {0: waypoints})
+
+
 @pytest.mark.parametrize("encoding", ["latin-1", "utf-8", "utf-8-sig"])
 def test_bytes_of_any_encoding_survive(encoding):
     data = S4C.replace("Grinding cell", "Schleifzelle für Füße").replace("\n", "\r\n").encode(encoding)

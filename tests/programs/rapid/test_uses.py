@@ -13,11 +13,3 @@ def test_what_a_routine_is_given_does_not_change_its_data_unless_the_routine_doe
     program = read_rapid([source(text)])
     assert [move.end.name for move in program.moves] == ["p1"]
     assert any("'p2' is assigned to in part.mod:3" in text for text in reasons(program))
-
-
-def test_the_target_of_a_routine_that_is_given_it_is_reported():
-    text = f"MODULE m\n{POINTS}PROC main()\ngo p1;\nENDPROC\nPROC go(robtarget p)\nMoveL p,v5,fine,tool0;\nENDPROC\nENDMODULE"
-    assert reasons(read_rapid([source(text)])) == [
-        "part.mod:12: the target that 'go' is given stays as it is: motions to a routine's parameter are not read",
-        "part.mod:15: MoveL stays as it is: 'p' is a parameter of the routine 'go'",
-    ]

@@ -61,7 +61,7 @@ def compose_rapid(
     notes: Sequence[str] = (),
     wait_s: float = 0.0,
     speed: float = 0.25,
-    zone: str = "z1",
+    zone: str = "z0",
 ) -> Source:
     """A module of its own, ``name.mod``, that declares its targets, tools and work objects and a procedure ``name_run``.
 
@@ -72,7 +72,7 @@ def compose_rapid(
         q: joint positions in which each motion ends, radians; they decide the configuration of motions to a pose that do
             not state it.
         notes: a comment before each motion.
-        wait_s: seconds to wait behind each motion that stops.
+        wait_s: seconds to wait behind each motion that stops and waits.
         speed: of the tool point, for motions that do not say theirs, metres per second.
         zone: of motions that pass by.
 
@@ -104,7 +104,7 @@ def compose_rapid(
             _tool(move, declared),
         ]
         body.append(f"    {NAMES[move.kind]} {','.join(arguments)};")
-        if move.stops and wait_s:
+        if move.stops and move.waits and wait_s:
             body.append(f"    WaitTime {wait_s:g};")
     lines = [f"MODULE {name}", *declared.lines, "", f"  PROC {name}{RUN}()", *body, "  ENDPROC", "ENDMODULE"]
     return Source(path=Path(f"{name}.mod"), text=NEWLINE.join(lines) + NEWLINE, encoding="utf-8")

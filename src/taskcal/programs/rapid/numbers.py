@@ -19,6 +19,19 @@ Texts = tuple[str | None, ...]
 """A text for each number of a target before its external axes; None where it keeps its own."""
 
 
+SAME_WANTED_MM, SAME_WANTED = 1e-3, 2e-6
+"""Texts that differ by no more, millimetres, and parts of a quaternion or degrees, want the same."""
+
+
+def agree(target: TargetArgument, texts: Texts, others: Texts) -> bool:
+    """Whether two texts of a target want the same numbers."""
+    pairs = zip(texts, others, target.meant, strict=True)
+    off = [abs((old if a is None else float(a)) - (old if b is None else float(b))) for a, b, old in pairs]
+    if target.type == "jointtarget":
+        return max(off) <= SAME_WANTED
+    return max(off[:3]) <= SAME_WANTED_MM and max(off[3:7]) <= SAME_WANTED and max(off[7:]) == 0.0
+
+
 def new_texts(target: TargetArgument, waypoint: Waypoint, robot: Robot) -> Texts:
     """What to write for a waypoint where a target stood."""
     if target.type == "jointtarget":

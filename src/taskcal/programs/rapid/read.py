@@ -7,18 +7,21 @@ from itertools import chain
 from taskcal.errors import FileError
 from taskcal.programs.program import Diagnostic, Program, Waypoint
 from taskcal.programs.rapid.base_frame import SUFFIX, base_frame
-from taskcal.programs.rapid.flow import follow_routine, gets_target, is_motion, is_read, nested
+from taskcal.programs.rapid.effects import effects_of
+from taskcal.programs.rapid.findings import Findings
 from taskcal.programs.rapid.lexer import Token
-from taskcal.programs.rapid.names import Context, File, Scope, Symbol, contexts
+from taskcal.programs.rapid.moving import nested
+from taskcal.programs.rapid.names import Context, File, Symbol, contexts
 from taskcal.programs.rapid.parser import parse
 from taskcal.programs.rapid.predefined import MOTIONLESS, MOVING, SHIFTING, TURNING
-from taskcal.programs.rapid.resolve import Motion, Settings, resolve
+from taskcal.programs.rapid.resolve import Motion, Settings
 from taskcal.programs.rapid.rewrite import rewrite_files
-from taskcal.programs.rapid.syntax import Branches, Instruction, Loop, Module, Problem, Statement, Unparsed
-from taskcal.programs.rapid.uses import Use, assigned, uses
+from taskcal.programs.rapid.roots import follow_program
+from taskcal.programs.rapid.sharing import Sharing
+from taskcal.programs.rapid.syntax import Instruction, Module, Problem, Unparsed
+from taskcal.programs.rapid.uses import Use, changes, uses
 from taskcal.programs.rapid.values import Values
 from taskcal.programs.source import Source
-from taskcal.programs.unresolved import Unresolved
 from taskcal.robot.robot import Robot
 
 
@@ -42,6 +45,12 @@ class RapidProgram(Program):
             TaskcalError: the robot has not six joints.
         """
         return rewrite_files(self.sources, self.motions, self.uses, robot, waypoints)
+
+    def unwritable(
+        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
+    ) -> dict[int, str]:
+        """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
+        return Sharing(motions=self.motions, uses=self.uses, robot=robot, tolerance=tolerance).unwritable(waypoints)
 
     def reread(self, sources: tuple[Source, ...]) -> "RapidProgram":
         """The program of other texts of the same files; see `Program.reread`."""
@@ -72,11 +81,14 @@ def read_rapid(sources: Sequence[Source]) -> RapidProgram:
         files.append(File(source=source, modules=modules))
         diagnostics += [Diagnostic(place=source.place(p.position), text=p.text) for p in problems]
     everywhere = tuple(contexts(files))
-    values = Values(assigned=assigned(everywhere))
+    changed = changes(everywhere)
+    values = Values(assigned=changed.assigned)
     settings = replace(_settings(everywhere, values), T_world_base=T_world_base)
-    motions: list[Motion] = []
+    findings = Findings(settings=settings, files=files)
+    follow_program(everywhere, effects_of(everywhere, changed), values, findings)
+    motions = findings.motions()
+    diagnostics += findings.diagnostics(motions)
     for context in everywhere:
-        follow_routine(context, _Resolver(context, settings, motions, diagnostics))
         diagnostics += _lost_motions(context)
     diagnostics += _cautions(everywhere)
     diagnostics += [Diagnostic(place=file.source.place(at), text=text) for text, (file, at) in settings.notes.items()]
@@ -95,27 +107,6 @@ def _parsed(source: Source) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:
     if not modules:
         raise FileError(source.path, "has no MODULE; give a RAPID module (.mod, .sys, .prg, .modx or .sysx)")
     return modules, problems
-
-
-class _Resolver:
-    """Resolves the motions of a routine; keeps them, and says of the others why they cannot be."""
-
-    def __init__(self, context: Context, settings: Settings, motions: list[Motion], diagnostics: list[Diagnostic]):
-        self.context, self.settings, self.motions, self.diagnostics = context, settings, motions, diagnostics
-
-    def __call__(self, instruction: Instruction, scope: Scope, follows: int | None) -> int | None:
-        file = self.context.file
-        name = self.context.routine.name.text if self.context.routine else ""
-        try:
-            if not is_read(instruction, scope):
-                raise Unresolved("this motion is not read")
-            motion = resolve(instruction, scope, file, self.settings, name, follows)
-        except Unresolved as reason:
-            text = f"{instruction.name.text} stays as it is: {reason}"
-            self.diagnostics.append(Diagnostic(place=file.source.place(instruction.start), text=text))
-            return None
-        self.motions.append(motion)
-        return len(self.motions) - 1
 
 
 def _settings(everywhere: Iterable[Context], values: Values) -> Settings:
@@ -167,31 +158,15 @@ def _words(everywhere: Iterable[Context]) -> Iterator[tuple[File, Token, frozens
 
 
 def _lost_motions(context: Context) -> Iterable[Diagnostic]:
-    """Motions in text that was not understood, and targets that are handed to a routine."""
+    """Motions in text that was not understood."""
     if context.routine is None:
         for unparsed in context.module.unparsed:
             yield from _motions_in(unparsed, context)
         return
     for block in (context.routine.body, *context.routine.handlers):
-        yield from _lost_in(block, context, context.scope)
-
-
-def _lost_in(block: Iterable[Statement], context: Context, scope: Scope) -> Iterable[Diagnostic]:
-    for statement in block:
-        match statement:
-            case Unparsed():
+        for statement in nested(block):
+            if isinstance(statement, Unparsed):
                 yield from _motions_in(statement, context)
-            case Branches():
-                for branch in statement.branches:
-                    yield from _lost_in(branch, context, scope)
-            case Loop():
-                yield from _lost_in(statement.body, context, scope.with_counter(statement.counter))
-            case Instruction() if not is_read(statement, scope) and not is_motion(statement, scope):
-                if statement.name.key in scope.routines and gets_target(statement, scope):
-                    text = f"the target that '{statement.name.text}' is given stays as it is: motions to a routine's parameter"
-                    yield Diagnostic(place=context.file.source.place(statement.start), text=f"{text} are not read")
-            case _:
-                pass
 
 
 def _motions_in(unparsed: Unparsed, context: Context) -> Iterable[Diagnostic]:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +16,7 @@ from taskcal.programs.rapid.syntax import Argument, Call, Expression, Instructio
 from taskcal.programs.rapid.target_argument import TargetArgument, resolve_target
 from taskcal.programs.rapid.values import Values
 from taskcal.programs.unresolved import Unresolved
+from taskcal.programs.zone import THROUGH_TARGET, Zone
 
 NAMES: Mapping[MoveKind, str] = {"joint": "MoveJ", "linear": "MoveL", "circular": "MoveC", "axes": "MoveAbsJ"}
 
@@ -66,6 +67,8 @@ class Motion:
     layout: Layout
     end: TargetArgument
     via: TargetArgument | None
+    redefined: frozenset[str]
+    """Motion instructions whose names the program gives to routines of its own, by key."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -117,10 +120,8 @@ def layout(instruction: Instruction) -> Layout:
     return Layout(via=via, to=to, speed=speed, zone=zone, tool=tool, options=options)
 
 
-def resolve(
-    instruction: Instruction, scope: Scope, file: File, settings: Settings, routine: str, follows: int | None
-) -> Motion:
-    """A motion with its targets, tool and frame.
+def resolve(instruction: Instruction, scope: Scope, file: File, settings: Settings, routine: str) -> Motion:
+    """A motion with its targets, tool and frame; what comes before it is still to be said.
 
     Raises:
         Unresolved: the text does not give one of them.
@@ -135,19 +136,38 @@ def resolve(
     type_ = "jointtarget" if kind == "axes" else "robtarget"
     end = resolve_target(where.to, type_, scope, values, file)
     via = resolve_target(where.via, type_, scope, values, file) if where.via else None
-    # where the motion before is not known, the configuration is the best there is even if the controller does not check it
-    binds = kind not in settings.postures_off
-    counts = binds or follows is None
+    stops, zone = _zone(where, scope, file, settings)
     move = Move(
-        kind=kind, end=end.target(counts, binds), via=via.target(counts) if via else None, tool=frames.tool, part=frames.part,
+        kind=kind, end=end.target(True), via=via.target(True) if via else None, tool=frames.tool, part=frames.part,
         part_in_hand=frames.part_in_hand,
         speed=_speed(where, scope, values) if form.speed_counts or "on" in where.options else None,
         turn_speed=_turn_speed(where, scope, values), divisible=form.repeats and not where.options.keys() & {"on", "off"},
-        stops=_stops(where, scope, file, settings), follows=follows, routine=routine,
+        stops=stops, zone=zone, follows=None, routine=routine,
         place=file.source.place(instruction.start), carrier=frames.carrier,
         external=tuple(axis if abs(axis) < NO_AXIS else math.nan for axis in end.external),
     )  # fmt: skip
-    return Motion(move=move, file=file, instruction=instruction, layout=where, end=end, via=via)
+    redefined = frozenset(MOTION_FORMS.keys() & scope.routines.keys())
+    return Motion(move=move, file=file, instruction=instruction, layout=where, end=end, via=via, redefined=redefined)
+
+
+def following(motion: Motion, follows: int | None, settings: Settings, texts_motions: int) -> Motion:
+    """A motion whose place among the others is known.
+
+    Args:
+        motion: as it was resolved.
+        follows: number of the one before; None where that is not known.
+        settings: of the program.
+        texts_motions: how many motions its text stands for.
+    """
+    move = motion.move
+    # where the motion before is not known, the configuration is the best there is even if the controller does not check it
+    binds = move.kind not in settings.postures_off
+    counts = binds or follows is None
+    move = replace(
+        move, end=motion.end.target(counts, binds), via=motion.via.target(counts) if motion.via else None, follows=follows,
+        texts_motions=texts_motions, divisible=move.divisible and texts_motions == 1,
+    )  # fmt: skip
+    return replace(motion, move=move)
 
 
 def _in_base(frames: Frames, settings: Settings) -> Frames:
@@ -174,10 +194,11 @@ def _data(
         case Reference():
             if scope.find(node.name.text) is None:
                 raise Unresolved(f"unknown {what} '{node.name.text}'; pass the module that declares it")
-            origin = values.origin(node, scope)
-            if origin.type != type_:
-                raise Unresolved(f"'{node.name.text}' is {origin.type}, not {type_}")
-            return file.source.text[node.start : node.end], values.of(node, scope)
+            found = values.found(node, scope)
+            if found.type != type_:
+                raise Unresolved(f"'{node.name.text}' is {found.type}, not {type_}")
+            declared = found.origin is not None and found.handed is None
+            return file.source.text[node.start : node.end] if declared else found.name, found.value
         case Call():
             raise Unresolved(f"the value of {node.name.text}() is known only at run time")
         case None:
@@ -210,15 +231,39 @@ def _turn_speed(where: Layout, scope: Scope, values: Values) -> float | None:
     return math.radians(degrees) if isinstance(degrees, float) and 0.0 < degrees < 1e8 else None
 
 
-def _stops(where: Layout, scope: Scope, file: File, settings: Settings) -> bool:
+def _zone(where: Layout, scope: Scope, file: File, settings: Settings) -> tuple[bool, Zone | None]:
+    r"""Whether a motion stops, and how near it passes by its target otherwise.
+
+    The size of the zone for the tool point is also given by ``\Z``. Zones of the reorientation that are smaller are as large
+    as that one (Technical reference manual, RAPID, data type zonedata).
+    """
     if "inpos" in where.options or where.zone is None:
-        return True
+        return True, THROUGH_TARGET
     try:
         data = settings.values.of(where.zone.value, scope) if where.zone.value else None
     except Unresolved as reason:
         note = f"the zone of a motion is not known, which is taken as a stop: {reason}"
         settings.notes.setdefault(note, (file, where.zone.start))
-        return True
+        return True, THROUGH_TARGET
     if not isinstance(data, tuple) or not data or not isinstance(data[0], bool):
         raise Unresolved("its zone is not zonedata")
-    return data[0]
+    try:
+        return data[0], _sizes(data, where, scope, settings.values)
+    except Unresolved:
+        return data[0], None
+
+
+def _sizes(data: tuple[Value, ...], where: Layout, scope: Scope, values: Values) -> Zone | None:
+    r"""Sizes of a zone; None where the text does not tell them.
+
+    Raises:
+        Unresolved: ``\Z`` is computed.
+    """
+    given = where.options.get("z")
+    path = data[1] if given is None or given.value is None else values.number(given.value, scope)
+    turn, angle = (data[2], data[4]) if len(data) > 4 else (path, 0.0)
+    if not (isinstance(path, float) and isinstance(turn, float) and isinstance(angle, float)):
+        return None
+    if not (math.isfinite(path) and path >= 0.0 and math.isfinite(turn) and math.isfinite(angle)):
+        return None
+    return Zone(distance=path / 1e3, turn_distance=max(path, turn) / 1e3, angle=math.radians(max(angle, 0.0)))

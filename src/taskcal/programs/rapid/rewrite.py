@@ -13,8 +13,9 @@ from taskcal.programs.rapid.names import Symbol
 from taskcal.programs.rapid.numbers import Texts, fresh_text, meant_text, new_texts
 from taskcal.programs.rapid.predefined import DATA
 from taskcal.programs.rapid.resolve import NAMES, Motion
+from taskcal.programs.rapid.sharing import Want, other_use
 from taskcal.programs.rapid.syntax import Declaration
-from taskcal.programs.rapid.target_argument import JOINTS, TargetArgument, TargetType, leaves
+from taskcal.programs.rapid.target_argument import JOINTS, TargetType, leaves
 from taskcal.programs.rapid.uses import Use
 from taskcal.programs.source import Edit, Source
 from taskcal.robot.robot import Robot
@@ -27,19 +28,6 @@ SAFE_NAME = 16
 
 FLY_BY = "z0"
 """The finest zone without a stop."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Want:
-    """New numbers for a target argument."""
-
-    target: TargetArgument
-    motion: Motion
-    texts: Texts
-
-    @property
-    def changes(self) -> bool:
-        return any(text is not None for text in self.texts)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -76,7 +64,7 @@ def rewrite_files(
             f"{robot.name} has {len(robot.joints)} joints; a RAPID program of it is not written, only of six"
         )
     edits = _Edits()
-    wants: list[_Want] = []
+    wants: list[Want] = []
     for number in sorted(waypoints):
         path, motion = waypoints[number], motions[number]
         if not path:
@@ -92,24 +80,24 @@ def _type(kind: MoveKind) -> TargetType:
     return "jointtarget" if kind == "axes" else "robtarget"
 
 
-def _end(motion: Motion, waypoint: Waypoint, robot: Robot, edits: _Edits) -> list[_Want]:
+def _end(motion: Motion, waypoint: Waypoint, robot: Robot, edits: _Edits) -> list[Want]:
     """Edit the instruction's name and arguments as the kind of its last waypoint needs; the numbers are left to do."""
     where, source = motion.layout, motion.file.source
     kind, own = waypoint.kind, motion.move.kind
-    wants: list[_Want] = []
+    wants: list[Want] = []
     if kind != own:
         name = motion.instruction.name
         edits.add(source, name.start, name.end, _name(motion, kind))
     if where.via is not None and motion.via is not None:
         if kind == "circular":
-            wants.append(_Want(target=motion.via, motion=motion, texts=new_texts(motion.via, _via(waypoint), robot)))
+            wants.append(Want(target=motion.via, motion=motion, texts=new_texts(motion.via, _via(waypoint), robot)))
         else:
             edits.add(source, where.via.start, where.to.start, "")
     elif kind == "circular":
         via = fresh_text("robtarget", _via(waypoint), robot, motion.end)
         edits.add(source, where.to.start, where.to.start, f"{via},")
     if _type(kind) == motion.end.type:
-        wants.append(_Want(target=motion.end, motion=motion, texts=new_texts(motion.end, waypoint, robot)))
+        wants.append(Want(target=motion.end, motion=motion, texts=new_texts(motion.end, waypoint, robot)))
     else:
         edits.add(source, where.to.start, where.behind_to, fresh_text(_type(kind), waypoint, robot, motion.end))
     return wants
@@ -121,6 +109,10 @@ def _name(motion: Motion, kind: MoveKind) -> str:
     Raises:
         TaskcalError: there is none.
     """
+    if NAMES[kind].lower() in motion.redefined:
+        raise TaskcalError(
+            f"{motion.move.place}: cannot become a {NAMES[kind]}, which is a routine of the program's own"
+        )
     if motion.instruction.name.key in ("movej", "movel", "movec", "moveabsj"):
         return NAMES[kind]
     raise TaskcalError(f"{motion.move.place}: {motion.instruction.name.text} is not written as another kind of motion")
@@ -168,11 +160,16 @@ def _insert(motion: Motion, path: Iterable[Waypoint], robot: Robot, edits: _Edit
 
 
 def _write_targets(
-    wants: Sequence[_Want], sources: Sequence[Source], uses: Mapping[Symbol, tuple[Use, ...]], edits: _Edits
+    wants: Sequence[Want], sources: Sequence[Source], uses: Mapping[Symbol, tuple[Use, ...]], edits: _Edits
 ) -> None:
     """Put the numbers where they belong: into the argument, into the declaration, or into clones of the declaration."""
-    declared: dict[tuple[Symbol, tuple[int, ...]], list[_Want]] = {}
+    declared: dict[tuple[Symbol, tuple[int, ...]], list[Want]] = {}
+    once: dict[tuple[object, ...], Want] = {}  # several motions may have one target from one argument
+    followed = [want for want in wants if want.is_carried]  # their text stays: they go with what they shift
     for want in wants:
+        if not want.is_carried:
+            once.setdefault((want.target.argument, want.home), want)
+    for want in once.values():
         if want.target.origin is not None:
             declared.setdefault((want.target.origin.symbol, want.target.origin.path), []).append(want)
         elif want.changes:
@@ -183,14 +180,14 @@ def _write_targets(
     words = (token.key for source in sources for token in tokenize(source.text) if token.kind == "name")
     fresh = FreshNames(words, longest=LONGEST_NAME, usual=SAFE_NAME, reserved=RESERVED | set(DATA))
     for (symbol, path), group in declared.items():
-        _write_declared(group, _other_uses(uses.get(symbol, ()), path, group), fresh, edits)
+        _write_declared(group, other_use(uses.get(symbol, ()), path, group, followed) is not None, fresh, edits)
 
 
-def _replace_argument(want: _Want, text: str, edits: _Edits) -> None:
-    edits.add(want.motion.file.source, want.target.argument.start, want.target.argument.end, text)
+def _replace_argument(want: Want, text: str, edits: _Edits) -> None:
+    edits.add(want.target.argument_file.source, want.target.argument.start, want.target.argument.end, text)
 
 
-def _edit_numbers(want: _Want, edits: _Edits) -> None:
+def _edit_numbers(want: Want, edits: _Edits) -> None:
     if want.target.literal is None:
         return
     for leaf, text in zip(leaves(want.target.literal), want.texts, strict=False):
@@ -198,17 +195,7 @@ def _edit_numbers(want: _Want, edits: _Edits) -> None:
             edits.add(want.target.file.source, leaf.start, leaf.end, text)
 
 
-def _other_uses(uses: Iterable[Use], path: tuple[int, ...], group: Iterable[_Want]) -> bool:
-    """Whether a target is read by anything but the arguments that change."""
-    own = [(want.motion.file, want.target.argument) for want in group if want.changes]
-
-    def is_own(use: Use) -> bool:
-        return any(use.file is file and argument.start <= use.start < argument.end for file, argument in own)
-
-    return any(use.overlaps(path) and not is_own(use) for use in uses)
-
-
-def _write_declared(group: Sequence[_Want], others: bool, fresh: FreshNames, edits: _Edits) -> None:
+def _write_declared(group: Sequence[Want], others: bool, fresh: FreshNames, edits: _Edits) -> None:
     """Write the numbers of a declared target.
 
     The declaration takes those of most motions where nothing else reads it. Other motions, and those that shift it by Offs or
@@ -217,7 +204,8 @@ def _write_declared(group: Sequence[_Want], others: bool, fresh: FreshNames, edi
     kept: Texts | None = None
     direct = [want for want in group if not want.target.shifted and want.target.literal is not None]
     if direct and not others:
-        kept = Counter(want.texts for want in direct).most_common(1)[0][0]
+        fixed = [want for want in direct if not want.replaceable and want.changes]
+        kept = Counter(want.texts for want in fixed or direct).most_common(1)[0][0]
         _edit_numbers(next(want for want in direct if want.texts == kept), edits)
     clones: dict[str, str] = {}
     for want in group:
@@ -229,7 +217,7 @@ def _write_declared(group: Sequence[_Want], others: bool, fresh: FreshNames, edi
         _replace_argument(want, clones[value], edits)
 
 
-def _clone_text(want: _Want) -> str:
+def _clone_text(want: Want) -> str:
     """The value of a clone, in the style of the declaration where that writes its numbers out."""
     target = want.target
     if target.literal is None or target.shifted:
@@ -242,7 +230,7 @@ def _clone_text(want: _Want) -> str:
     return "".join([*parts, text[at : target.literal.end]])
 
 
-def _clone(want: _Want, value: str, fresh: FreshNames, edits: _Edits) -> str:
+def _clone(want: Want, value: str, fresh: FreshNames, edits: _Edits) -> str:
     """Declare a clone of a target behind it, and say its name."""
     origin = want.target.origin
     if origin is None or origin.symbol.declaration is None or origin.symbol.file is None:

@@ -1,5 +1,6 @@
 """What a RAPID module consists of: declarations, routines, statements and expressions with their places in the text."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from taskcal.programs.rapid.lexer import Token
@@ -95,6 +96,26 @@ class Operation(Node):
 
 
 Expression = Number | Text | Truth | Aggregate | Reference | Call | Operation
+
+
+def parts(node: Expression) -> Iterator[Expression]:
+    """An expression and all that stand in it."""
+    yield node
+    match node:
+        case Aggregate():
+            inside = node.items
+        case Operation():
+            inside = node.operands
+        case Call():
+            inside = tuple(argument.value for argument in node.arguments if argument.value is not None)
+        case Reference():
+            inside = tuple(
+                item for selector in node.selectors if isinstance(selector, Index) for item in selector.items
+            )
+        case _:
+            inside = ()
+    for part in inside:
+        yield from parts(part)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,6 +1,5 @@
 """Targets as instructions write them: a name, an inline aggregate, or either with Offs or RelTool around it."""
 
-import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -9,12 +8,14 @@ from jaxtyping import Float
 
 from taskcal.geometry import se3
 from taskcal.programs.program import Target
+from taskcal.programs.rapid.computed import pose_numbers, shifted
 from taskcal.programs.rapid.configuration import Configuration
 from taskcal.programs.rapid.frames import numbers, parts, pose_of, position, quaternion
+from taskcal.programs.rapid.held import Handed, Origin
 from taskcal.programs.rapid.names import File, Scope
 from taskcal.programs.rapid.predefined import Value
 from taskcal.programs.rapid.syntax import Aggregate, Argument, Call, Expression, Number, Reference
-from taskcal.programs.rapid.values import Origin, Values
+from taskcal.programs.rapid.values import Values
 from taskcal.programs.unresolved import Unresolved
 
 TargetType = Literal["robtarget", "jointtarget"]
@@ -27,15 +28,27 @@ class TargetArgument:
     """A target argument: what it means, and where its numbers stand."""
 
     argument: Argument
+    """Where the target is written: of the motion, or of the call by which the motion's routine is given it."""
+    argument_file: File
     type: TargetType
     origin: Origin | None
-    """Declaration of its numbers; None where they stand in the argument."""
+    """Declaration of its numbers; None where they stand in the argument, or are computed."""
     literal: Aggregate | None
     """What holds its numbers, all of them written out; None where some are computed."""
     file: File
     """File of the numbers."""
     shifted: bool
-    """Offs or RelTool is around it."""
+    """Offs or RelTool is around it, or it is computed or assigned: its numbers are not those of the literal."""
+    handed: Handed | None = None
+    """How a routine is given it by the call in which the argument stands; None where that is the motion's own."""
+    read_at: int = 0
+    """First character of what the motion reads of a parameter."""
+    base: "TargetArgument | None" = None
+    """What Offs or RelTool shifts."""
+    along_part: bool = True
+    """It is shifted along the axes of the work object (Offs), so that it does not turn with what it shifts."""
+    whole: bool = True
+    """The argument names all of the target and nothing more, so that another name can take its place."""
     meant: tuple[float, ...]
     """Position in mm, unit quaternion with scalar first, and confdata; or joint positions in degrees: after any shift."""
     external: tuple[float, ...]
@@ -45,6 +58,20 @@ class TargetArgument:
     def T(self) -> Float[np.ndarray, "4 4"]:
         """The pose that is meant."""
         return pose_of(self.meant[:3], self.meant[3:7])
+
+    def carried(self, T_base: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "4 4"]:
+        """Where it would be if what it shifts were somewhere else.
+
+        Raises:
+            ValueError: it shifts nothing.
+        """
+        if self.base is None:
+            raise ValueError("only a target under Offs or RelTool goes with another one")
+        if not self.along_part:
+            return T_base @ se3.inverse(self.base.T) @ self.T
+        T = T_base.copy()
+        T[:3, 3] += self.T[:3, 3] - self.base.T[:3, 3]
+        return T
 
     def target(self, posture_counts: bool, posture_binds: bool = True) -> Target:
         """What a motion goes to; without its posture where the controller is told to ignore that and it is not needed."""
@@ -57,7 +84,7 @@ class TargetArgument:
     @property
     def _written(self) -> int:
         if self.origin is None or self.origin.symbol.declaration is None:
-            return self.argument.start
+            return self.argument.start if self.literal is None else self.literal.start
         return self.origin.symbol.declaration.start if self.literal is None else self.literal.start
 
 
@@ -85,19 +112,11 @@ def _resolve(
         case Aggregate():
             meant, external = _numbers(values.of(node, scope), type_, "the target")
             return TargetArgument(
-                argument=argument, type=type_, origin=None, literal=_literal(node, type_), file=file, shifted=False,
-                meant=meant, external=external,
-            )  # fmt: skip
-        case Reference():
-            origin = values.origin(node, scope)
-            if origin.type != type_:
-                raise Unresolved(f"'{node.name.text}' is {origin.type}, not {type_}")
-            meant, external = _numbers(values.of(node, scope), type_, f"'{node.name.text}'")
-            literal = _literal(origin.node, type_) if isinstance(origin.node, Aggregate) else None
-            return TargetArgument(
-                argument=argument, type=type_, origin=origin, literal=literal, file=origin.symbol.file or file,
+                argument=argument, argument_file=file, type=type_, origin=None, literal=_literal(node, type_), file=file,
                 shifted=False, meant=meant, external=external,
             )  # fmt: skip
+        case Reference():
+            return _named(node, argument, type_, scope, values, file)
         case Call() if node.name.key in ("offs", "reltool") and type_ == "robtarget":
             return _shifted(node, argument, scope, values, file)
         case Call():
@@ -106,41 +125,56 @@ def _resolve(
             raise Unresolved(f"the target is not a {type_}")
 
 
-def _shifted(call: Call, argument: Argument, scope: Scope, values: Values, file: File) -> TargetArgument:
-    """What Offs or RelTool makes of a target.
+def _named(
+    node: Reference, argument: Argument, type_: TargetType, scope: Scope, values: Values, file: File
+) -> TargetArgument:
+    """What a name means: declared data, a parameter with the argument that it was given, or what was assigned."""
+    found = values.found(node, scope)
+    if found.type != type_:
+        raise Unresolved(f"'{node.name.text}' is {found.type}, not {type_}")
+    meant, external = _numbers(found.value, type_, f"'{found.name}'")
+    literal = _literal(found.literal, type_) if isinstance(found.literal, Aggregate) else None
+    handed, origin = found.handed, found.origin
+    target = TargetArgument(
+        argument=argument, argument_file=file, type=type_, origin=origin, literal=literal, file=file,
+        shifted=origin is None and literal is None, meant=meant, external=external,
+    )  # fmt: skip
+    if origin is not None:
+        target = replace(target, file=origin.symbol.file or file)
+    if handed is None:
+        return target
+    given = handed.argument.value
+    own = len(given.selectors) if isinstance(given, Reference) else 0
+    return replace(
+        target,
+        argument=handed.argument,
+        argument_file=handed.file,
+        file=handed.file if origin is None else target.file,
+        shifted=False,
+        handed=handed,
+        read_at=node.start,
+        whole=not node.selectors and (origin is None or len(origin.selectors) == own),
+    )
 
-    Offs shifts along the axes of the work object; RelTool shifts along those of the tool, then turns about its x, the new y
-    and the new z (RAPID reference manual, functions Offs and RelTool).
-    """
+
+def _shifted(call: Call, argument: Argument, scope: Scope, values: Values, file: File) -> TargetArgument:
+    """What Offs or RelTool makes of a target."""
     required = [a.value for a in call.arguments if not a.option and a.value is not None]
     options = {a.option: a.value for a in call.arguments if a.option and not a.conditional and a.value is not None}
     if len(required) != 4 or len(required) + len(options) != len(call.arguments):
         raise Unresolved(f"{call.name.text}() is not given a target and three distances")
     inner = _resolve(required[0], argument, "robtarget", scope, values, file)
-    x, y, z = (values.number(node, scope) for node in required[1:])
-    if not all(abs(v) <= 1e6 for v in (x, y, z)):
-        raise Unresolved(f"{call.name.text}() shifts out of any range")
-    T = inner.T
-    if call.name.key == "offs":
-        if options:
-            raise Unresolved("Offs() has no options")
-        T[:3, 3] += np.array([x, y, z]) / 1e3
-    else:
-        if not options.keys() <= {"rx", "ry", "rz"}:
-            raise Unresolved(f"RelTool() has no option '{min(options.keys() - {'rx', 'ry', 'rz'})}'")
-        angles = [math.radians(values.number(options[k], scope)) if k in options else 0.0 for k in ("rx", "ry", "rz")]
-        if not all(math.isfinite(a) for a in angles):
-            raise Unresolved("RelTool() turns by no finite angle")
-        T = T @ se3.translation(x / 1e3, y / 1e3, z / 1e3)
-        for axis, angle in zip("xyz", angles, strict=True):
-            T = T @ se3.rotation(axis, angle)
-    return replace(inner, shifted=True, meant=(*pose_numbers(T), *inner.meant[7:]))
-
-
-def pose_numbers(T: Float[np.ndarray, "4 4"]) -> tuple[float, ...]:
-    """Position in mm and unit quaternion, scalar first."""
-    x, y, z, w = se3.to_quaternion(T[:3, :3])
-    return (*(float(v) for v in T[:3, 3] * 1e3), float(w), float(x), float(y), float(z))
+    by = [values.number(node, scope) for node in required[1:]]
+    T = shifted(call.name.text, inner.T, by, {name: values.number(node, scope) for name, node in options.items()})
+    base = inner
+    if (
+        inner.handed is not None
+    ):  # what the call gives is read for other numbers than these, which the motion has to state
+        inner = replace(inner, argument=argument, argument_file=file, origin=None, literal=None, file=file, handed=None)
+    meant = (*pose_numbers(T), *inner.meant[7:])
+    return replace(
+        inner, shifted=True, meant=meant, base=base, along_part=call.name.key == "offs", read_at=required[0].start
+    )
 
 
 def _numbers(value: Value, type_: TargetType, what: str) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -61,15 +61,25 @@ class Use:
         return self.path is None or all(a == b for a, b in zip(self.path, path, strict=False))
 
 
-def assigned(everywhere: Iterable[Context]) -> dict[Symbol, str]:
-    """How each variable is assigned to first, as "is assigned to in part.mod:4"; variables that keep their value are missing."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Changes:
+    """What a program changes of its data."""
+
+    assigned: Mapping[Symbol, str]
+    """How each variable is assigned to first, as "is assigned to in part.mod:4"; those that keep their value are missing."""
+    parameters: frozenset[tuple[str, str]]
+    """Keys of routines and of those of their parameters that they assign to."""
+
+
+def changes(everywhere: Iterable[Context]) -> Changes:
+    """What a program changes of its data."""
     everywhere = tuple(everywhere)
     assigned: dict[Symbol, str] = {}
     parameters: frozenset[tuple[str, str]] = frozenset()
     while True:
         more: set[tuple[str, str]] = set()
         for mention in mentions(everywhere, parameters):
-            symbol = _symbol(mention) if mention.changes else None
+            symbol = symbol_of(mention) if mention.changes else None
             if symbol is None:
                 continue
             if symbol.declaration is not None and symbol.declaration.storage != "const":
@@ -77,16 +87,16 @@ def assigned(everywhere: Iterable[Context]) -> dict[Symbol, str]:
             elif symbol.parameter_of:
                 more.add((symbol.parameter_of, symbol.name.lower()))
         if more <= parameters:
-            return assigned
+            return Changes(assigned=assigned, parameters=parameters)
         parameters |= more  # what is handed to these changes too
 
 
 def uses(everywhere: Iterable[Context], values: Values) -> Mapping[Symbol, tuple[Use, ...]]:
-    """All references to each piece of data."""
+    """All references to each piece of data and each parameter."""
     uses_of: dict[Symbol, list[Use]] = {}
     for mention in mentions(everywhere):
-        symbol = _symbol(mention)
-        if symbol is None or symbol.declaration is None:
+        symbol = symbol_of(mention)
+        if symbol is None or not (symbol.declaration or symbol.parameter_of):
             continue
         try:
             path, _ = values.path(mention.reference, symbol, mention.scope)
@@ -105,11 +115,19 @@ def _assignment(mention: Mention) -> str:
     return f"may be assigned to in {place}, which is not understood ({mention.unparsed.trouble(source)})"
 
 
-def _symbol(mention: Mention) -> Symbol | None:
+def symbol_of(mention: Mention) -> Symbol | None:
+    """What a reference stands for; None where that is not known."""
     try:
         return mention.scope.find(mention.reference.name.text)
     except Unresolved:
         return None
+
+
+def mentions_in(
+    block: Iterable[Statement], scope: Scope, file: File, changed: frozenset[tuple[str, str]]
+) -> Iterator[Mention]:
+    """Every reference to data in some statements; see `mentions`."""
+    return _Walker(file, changed).statements(block, scope)
 
 
 def mentions(everywhere: Iterable[Context], changed: frozenset[tuple[str, str]] = frozenset()) -> Iterator[Mention]:
@@ -218,7 +236,10 @@ class _Walker:
                 for operand in expression.operands:
                     yield from self.read(operand, scope)
             case Call():
-                yield from self.arguments(expression.arguments, expression.name.key, function_may_change, scope)
+                arguments = expression.arguments
+                if expression.name.key == "dim" and "dim" not in scope.routines:
+                    arguments = arguments[1:]  # it reads how many elements there are, not what they hold
+                yield from self.arguments(arguments, expression.name.key, function_may_change, scope)
             case _:
                 pass
 

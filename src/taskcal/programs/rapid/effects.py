@@ -1,0 +1,67 @@
+"""Which data statements and routines of a program may change."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from taskcal.programs.call_graph import with_called
+from taskcal.programs.rapid.moving import called
+from taskcal.programs.rapid.names import Context, File, Scope, Symbol
+from taskcal.programs.rapid.syntax import Routine, Statement
+from taskcal.programs.rapid.uses import Changes, mentions_in, symbol_of
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Effects:
+    """What may change where."""
+
+    changes: Changes
+    of_routine: Mapping[Routine, frozenset[Symbol]]
+    """Data that a routine may change, by itself or by those that it calls."""
+    volatile: frozenset[Symbol]
+    """Data that may change at any time: in a trap, or where an error is handled."""
+    _of_statement: dict[Statement, frozenset[Symbol]] = field(default_factory=dict[Statement, frozenset[Symbol]])
+
+    def of(self, statement: Statement, scope: Scope, file: File) -> frozenset[Symbol]:
+        """Data that a statement may change, with all that stands in it and all that it calls."""
+        if statement not in self._of_statement:
+            own = _changed([statement], scope, file, self.changes)
+            others = (self.of_routine.get(routine, frozenset[Symbol]()) for routine in called([statement], scope))
+            self._of_statement[statement] = own.union(*others)
+        return self._of_statement[statement]
+
+    def of_arguments(self, statement: Statement, scope: Scope, file: File) -> frozenset[Symbol]:
+        """Data that a call may change by the parameters that it is given."""
+        return _changed([statement], scope, file, self.changes)
+
+
+def effects_of(everywhere: Iterable[Context], changes: Changes) -> Effects:
+    """What the routines of a program may change."""
+    own: dict[Routine, tuple[frozenset[Symbol], frozenset[Routine]]] = {}
+    handled: dict[Routine, tuple[frozenset[Symbol], frozenset[Routine]]] = {}
+    for context in everywhere:
+        routine = context.routine
+        if routine is None:
+            continue
+        handlers = [statement for handler in routine.handlers for statement in handler]
+        handled[routine] = _own(handlers, context, changes)
+        own[routine] = _own([*routine.body, *handlers], context, changes)
+    of_routine = with_called(own)
+    volatile = set[Symbol]()
+    for routine, (changed, calls) in handled.items():
+        volatile |= changed.union(*(of_routine[other] for other in calls))
+        if routine.kind == "trap":
+            volatile |= of_routine[routine]
+    return Effects(changes=changes, of_routine=of_routine, volatile=frozenset(volatile))
+
+
+def _own(
+    block: Iterable[Statement], context: Context, changes: Changes
+) -> tuple[frozenset[Symbol], frozenset[Routine]]:
+    block = tuple(block)
+    changed = _changed(block, context.scope, context.file, changes)
+    return changed, frozenset(called(block, context.scope))
+
+
+def _changed(block: Iterable[Statement], scope: Scope, file: File, changes: Changes) -> frozenset[Symbol]:
+    symbols = (symbol_of(mention) for mention in mentions_in(block, scope, file, changes.parameters) if mention.changes)
+    return frozenset(symbol for symbol in symbols if symbol is not None)
