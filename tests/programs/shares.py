@@ -14,9 +14,11 @@ from pathlib import Path
 from taskcal.errors import TaskcalError
 from taskcal.programs.apt.parser import parse as parse_apt
 from taskcal.programs.krl.lexer import lines_of_words
+from taskcal.programs.krl.read import KrlProgram
 from taskcal.programs.languages import LANGUAGES
 from taskcal.programs.program import Program
 from taskcal.programs.rapid.lexer import tokenize
+from taskcal.programs.rapid.read import RapidProgram
 from taskcal.programs.reading import parse_program
 from taskcal.programs.source import Source, read_source
 from taskcal.robot.catalogue import load_robot
@@ -55,10 +57,19 @@ def share_of(files: Sequence[Path], robot: Robot) -> Share:
     return Share(
         files=tuple(files),
         motions=motions,
-        understood=len(program.moves) - sum(getattr(i, "half", False) for i in getattr(program, "instructions", ())),
+        understood=understood_in(program),
         reasons=reasons(program),
         kept=same,
     )
+
+
+def understood_in(program: Program) -> int:
+    """Motion instructions that are understood; one that stands for several motions counts once."""
+    if isinstance(program, RapidProgram):
+        return len({motion.instruction for motion in program.motions})
+    if isinstance(program, KrlProgram):
+        return len({site.text for site in program.sites})
+    return len(program.moves) - sum(getattr(i, "half", False) for i in getattr(program, "instructions", ()))
 
 
 def motions_in(source: Source) -> int:

@@ -33,7 +33,7 @@ def compose_program(
         moves: its motions.
         q: joint positions in which each motion ends, radians; they decide the posture of motions to a pose.
         notes: a comment before each motion; in CSV the name of a target that has none.
-        wait_s: seconds to wait behind each motion that stops; not in CSV.
+        wait_s: seconds to wait behind each motion that stops and waits; not in CSV.
         speed: in RAPID: of the tool point, for motions that do not say theirs, metres per second.
         joint_speed_percent: in KRL: of motions of all joints, of the axes' largest speeds.
 
@@ -61,13 +61,24 @@ def compose_program(
     return replace(language.compose(program), path=path)
 
 
-def moves_to_joints(robot: Robot, q: Float[np.ndarray, "n joints"], path: str | Path) -> tuple[Move, ...]:
-    """Motions to joint positions, each with a stop, such as a measuring program needs.
+def moves_to_joints(
+    robot: Robot,
+    q: Float[np.ndarray, "n joints"],
+    path: str | Path,
+    *,
+    stops: Sequence[bool] | None = None,
+    waits: Sequence[bool] | None = None,
+    speeds: Sequence[float | None] | None = None,
+) -> tuple[Move, ...]:
+    """Motions to joint positions, such as a measuring program needs.
 
     Args:
         robot: the robot, which moves its own tool.
         q: joint positions, radians.
         path: file that they are meant for.
+        stops: whether each stops there; all by default.
+        waits: whether each waits where it stops; all by default.
+        speeds: of the tool point in each, metres per second; none of their own by default.
     """
     tool, part = Frame(name="", T=robot.T_flange_tool), Frame(name="", T=np.eye(4))
     place = Place(path=Path(path), line=1)
@@ -79,11 +90,12 @@ def moves_to_joints(robot: Robot, q: Float[np.ndarray, "n joints"], path: str | 
             tool=tool,
             part=part,
             part_in_hand=False,
-            speed=None,
-            stops=True,
+            speed=None if speeds is None else speeds[k],
+            stops=stops is None or stops[k],
             follows=k - 1 if k else None,
             routine="",
             place=place,
+            waits=waits is None or waits[k],
         )
         for k, posture in enumerate(q)
     )

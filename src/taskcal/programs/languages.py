@@ -1,5 +1,6 @@
 """The languages of robot programs, in one table: to add one, write its folder and its entry here."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -60,9 +61,17 @@ class Language:
     """Suffixes of files that a new program can be written to."""
     declares_frames: bool
     """Whether a program says its own tools and frames."""
+    marks: str = ""
+    """What is found in every file of a program, a regular expression without regard to letter case; empty for anything."""
     base_file: str = ""
     """The file that says where the robot stands in the world, in which frames are counted; empty where they are counted in
     the robot's base."""
+
+    def holds(self, source: Source) -> bool:
+        """Whether a file, known by its suffix, is one of a program: controllers have other files with the same suffixes."""
+        if "\0" in source.text:
+            return False
+        return not self.marks or re.search(self.marks, source.text, re.IGNORECASE | re.MULTILINE) is not None
 
 
 # A language is imported when a file of it is met.
@@ -134,6 +143,7 @@ LANGUAGES = (
         compose=_compose_rapid,
         composed=(".mod", ".prg", ".modx"),
         declares_frames=True,
+        marks=r"^\s*MODULE\b|\A\ufeff?\s*MOC:CFG_",
         base_file="MOC.cfg",
     ),
     Language(
@@ -143,6 +153,7 @@ LANGUAGES = (
         compose=_compose_krl,
         composed=(".src",),
         declares_frames=True,
+        marks=r"^\s*(GLOBAL\s+)?DEF(FCT|DAT)?\b",
         base_file="$machine.dat",
     ),
     Language(
@@ -151,6 +162,7 @@ LANGUAGES = (
         read=_read_tp,
         compose=_compose_tp,
         composed=(".ls",),
+        marks=r"^\s*/POS\b|^\s*\[\*",
         declares_frames=False,
     ),
     Language(
@@ -158,6 +170,7 @@ LANGUAGES = (
         suffixes=(".apt", ".aptsource", ".cls", ".clsf", ".cl", ".ncl"),
         read=_read_apt,
         compose=None,
+        marks=r"^\s*(GOTO|TLON|LOADTL|LOAD|FEDRAT|RAPID|PARTNO|TOOL PATH|MULTAX|CUTTER)\b",
         declares_frames=False,
     ),
     Language(

@@ -10,7 +10,8 @@ from jaxtyping import Bool, Float
 
 from taskcal.errors import shortened
 from taskcal.geometry import se3
-from taskcal.programs.source import Place, Source
+from taskcal.programs.source import Backup, Place, Source
+from taskcal.programs.zone import THROUGH_TARGET, Zone
 from taskcal.public_names import FormerName
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
@@ -103,10 +104,16 @@ class Move:
     """Programmed speed of the tool's reorientation, radians per second; None where it is not known."""
     divisible: bool = True
     """It may be written as several motions in a row; not one that does something once along its way."""
+    texts_motions: int = 1
+    """How many motions its text stands for: those of a routine that is given several targets, or of the turns of a loop."""
     external: tuple[float, ...] = ()
     """Positions of the external axes at its end as they are written, millimetres or degrees; NaN where none is stated."""
+    waits: bool = True
+    """Whether a program that waits where it stops does so here."""
     carrier: str = ""
     """What moves the part's frame, whose pose is then the one in what is moved; empty where the frame stands still."""
+    zone: Zone | None = THROUGH_TARGET
+    """How near it passes by its target where it does not stop; None where the text does not tell."""
 
     def flange(self, T: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4"]:
         """Poses of the flange in the base for poses of the tool in the part's frame."""
@@ -134,6 +141,8 @@ class Waypoint:
     """Via point of an arc."""
     external: tuple[float, ...] = ()
     """Positions of the external axes, as in `Move`; empty to leave them as the motion states them."""
+    share: float = 1.0
+    """How much of the motion is done there, of its length."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,6 +171,8 @@ class Program(ABC):
     """Where the program's files say that the robot stands; None where they do not, and the world is taken for its base."""
     base_from: str = "the program's files"
     """What says it."""
+    backup: Backup | None = None
+    """The folder or zip file that it was found in; None of files that were named."""
 
     remarks = FormerName("diagnostics")
 
@@ -181,6 +192,18 @@ class Program(ABC):
             robot: the robot, whose joint positions decide the posture data that are written.
             waypoints: by number of the motion.
         """
+
+    def unwritable(
+        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
+    ) -> dict[int, str]:
+        """Motions that cannot be rewritten as they should, because others have the same text, and why.
+
+        Args:
+            robot: the robot.
+            waypoints: by number of the motion.
+            tolerance: how far a target may be from its waypoint that is written as the shift of another one, metres.
+        """
+        return {}
 
     @abstractmethod
     def reread(self, sources: tuple[Source, ...]) -> "Program":

@@ -97,6 +97,15 @@ class Source:
         return replace(self, text="".join([*parts, self.text[position:]]))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Backup:
+    """A folder or a zip file in which a program was found."""
+
+    path: Path
+    skipped: int
+    """Files in it that are no program."""
+
+
 def edited_piece(text: str, edits: Iterable[Edit], start: int) -> str:
     """A piece of a file, with edits of the file that lie in it.
 

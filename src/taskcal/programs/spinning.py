@@ -7,9 +7,9 @@ from typing import TypeVar
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.errors import ReachError, TaskcalError
+from taskcal.errors import ReachError
 from taskcal.geometry import se3
-from taskcal.kinematics.spin import about_z, carried_along, choose_spin, tool_travel
+from taskcal.kinematics.spin import about_z, choose_spin
 from taskcal.programs.program import Move, Program
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -38,24 +38,20 @@ def with_spins(program: P, robot: Robot) -> P:
     return replace(program, moves=tuple(moves))
 
 
-def with_spins_of(program: P, other: Program) -> P:
-    """The program with the spins of another one that takes the same path, if not by the same points.
+def with_spins_near(program: P, paths: Sequence[Sequence[Float[np.ndarray, "4 4"] | None]]) -> P:
+    """The program with the rotation about the tool's axis, where that is open, as near as it can be to that of other poses.
 
-    Raises:
-        TaskcalError: their motions do not follow each other in the same runs.
+    Args:
+        program: the program.
+        paths: of each motion the poses of its via point, if it has one, and of its end; None where it goes to joint positions.
     """
     moves = list(program.moves)
-    runs, others = _runs(moves), _runs(other.moves)
-    if len(runs) != len(others):
-        raise TaskcalError(f"{program.sources[0].path} has {len(runs)} runs of motions instead of {len(others)}")
-    for run, other_run in zip(runs, others, strict=True):
-        other_T, T = _poses(other.moves, other_run), carried_along(_poses(moves, run))
-        carried = carried_along(other_T)
-        x = (np.swapaxes(carried[:, :3, :3], 1, 2) @ other_T[:, :3, :1])[:, :, 0]
-        spin = np.unwrap(np.arctan2(x[:, 1], x[:, 0]))
-        travel, other_travel = tool_travel(T), tool_travel(other_T)
-        scale = other_travel[-1] / travel[-1] if travel[-1] > 0.0 else 1.0
-        _place(moves, run, T @ about_z(np.interp(travel * scale, other_travel, spin)))
+    for k, path in enumerate(paths):
+        if not moves[k].end.free_spin:
+            continue
+        T, wanted = _poses(moves, [k]), np.stack([pose for pose in path if pose is not None])
+        x = (np.swapaxes(T[:, :3, :3], 1, 2) @ wanted[:, :3, :1])[:, :, 0]
+        _place(moves, [k], T @ about_z(np.arctan2(x[:, 1], x[:, 0])))
     return replace(program, moves=tuple(moves))
 
 

@@ -37,6 +37,7 @@ def test_either_word_sets_the_unit(word):
         ("GOTO/1,2,3,0,0,0", "the tool axis has length 0 instead of 1"),
         ("GODLTA/1,2,3", "GODLTA counts from a place that is not known"),
         ("TLLFT,GOFWD/L1,PAST,L2", "TLLFT is not read"),
+        ("GOTO/1,2,3\nCLEARP/XYPLAN,30\nGOCLER\nGODLTA/1", "GOCLER is not read; the motion stays as it is"),
         ("INDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,5),ON,(LINE/0,0,0,0,5,0)", "begins at a place that is not known"),
         ("GOTO/5,0,0\nINDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,6),ON,(LINE/0,0,0,0,6,0)", "does not lie on its circle"),
         ("GOTO/5,0,0\nINDIRV/1,0,0\nTLON,GOFWD/(CIRCLE/0,0,0,5),ON,(LINE/0,0,0,0,5,0)", "do not lie on one circle"),
@@ -47,5 +48,12 @@ def test_either_word_sets_the_unit(word):
     ],
 )
 def test_what_is_not_read_is_said_by_line(text, said):
-    (diagnostic,) = read(text).diagnostics
-    assert said in str(diagnostic)
+    assert said in str(read(text).diagnostics[0])
+    assert len(read(text).diagnostics) == 1 + ("GODLTA/1\n" in f"{text}\n")
+
+
+def test_a_clearance_surface_moves_nothing():
+    """CLRSRF defines where a later RETRCT goes (ICAM, the CLRSRF command)."""
+    program = read("CLRSRF/0,0,1,50\nGOTO/1,2,3")
+    np.testing.assert_allclose(points(program), [[0.001, 0.002, 0.003]])
+    assert not program.diagnostics

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from taskcal.programs.program import Frame
 from taskcal.programs.source import Source
 from taskcal.programs.tp.read import TpProgram, read_tp
 from taskcal.robot.catalogue import load_robot
@@ -102,10 +103,15 @@ POSITIONS = {
 }
 
 
-def read(*instructions: str, positions: dict[str, str] | None = None, **given: object) -> TpProgram:
+def read(
+    *instructions: str,
+    positions: dict[str, str] | None = None,
+    tool: Frame | None = None,
+    part: Frame | None = None,
+) -> TpProgram:
     """A program of some instructions, with the backup's frames and registers."""
     source = listing(list(instructions), POSITIONS if positions is None else positions)
-    return read_tp([source, *backup()], robot=R2000, **given)  # type: ignore[arg-type]
+    return read_tp([source, *backup()], robot=R2000, tool=tool, part=part)
 
 
 def degrees(*values: float) -> np.ndarray:

@@ -78,3 +78,12 @@ def test_a_computed_position_has_no_number():
     motion = parse_motion("L P[R[1:n]] 100mm/sec FINE ;", 0)
     assert motion is not None
     assert motion.operands[0].number is None
+
+
+@pytest.mark.parametrize(
+    ("ending", "distance"),
+    [("FINE", 0.0), ("CNT0", 0.0), ("CD 25", 0.025), ("CNT50", None), ("CNT R[2]", None), ("CR50", None)],
+)
+def test_the_size_of_a_corner_is_known_where_it_is_stated_as_a_distance(ending, distance):
+    motion = parse_motion(f"L P[1] 500mm/sec {ending} ;", 0)
+    assert (None if motion.zone is None else motion.zone.distance) == distance

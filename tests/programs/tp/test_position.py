@@ -43,6 +43,13 @@ def test_what_is_missing_is_said():
         stars.pose()
 
 
+@pytest.mark.parametrize("number", ["3.W", "3.000e2", "3.0.0", "3.000mmx", "***W"])
+def test_a_number_that_runs_into_something_else_is_not_read(number):
+    group = only(pose(1, 2, 3).replace("    3.000  mm", number)).groups[1]
+    with pytest.raises(Unresolved, match="does not state"):
+        group.pose()
+
+
 def test_axes_of_further_groups_follow_the_extended_ones_of_the_robot():
     inside = (
         pose(1, 2, 3).rstrip()

@@ -8,10 +8,11 @@ from hypothesis import given, settings
 
 from taskcal.errors import TaskcalError
 from taskcal.programs.program import Waypoint
+from taskcal.programs.source import Source
 from taskcal.programs.tp.read import read_tp
 from tests.laws.robots import generators
 from tests.programs.tp.generator import generate, moved, nearby_waypoints
-from tests.programs.tp.samples import R2000, degrees, pose, read
+from tests.programs.tp.samples import POSITIONS, R2000, backup, degrees, listing, pose, read
 
 SET = ("  UFRAME_NUM=1", "  UTOOL_NUM=1")
 Q = degrees(0, 10, -20, 0, -60, 0)
@@ -101,6 +102,14 @@ def test_a_motion_that_needs_more_points_gets_lines_before_its_own_and_the_rest_
         "   8:  DO[1]=ON    ;",
     ]
     assert "LINE_COUNT\t= 8;" in text
+
+
+def test_a_motion_without_number_and_semicolon_is_not_continued_by_its_new_points():
+    whole = listing(["J P[1] 10% FINE"], POSITIONS)
+    source = Source.of(whole.path, whole.text.replace("   1:J P[1] 10% FINE    ;", "    :J P[1] 10% FINE").encode())
+    program = read_tp([source, *backup()], robot=R2000)
+    changed = program.rewrite(R2000, {0: (Waypoint(kind="axes", q=Q, T=None), Waypoint(kind="axes", q=2 * Q, T=None))})
+    assert [move.end.q[1] for move in program.reread(changed).moves] == [Q[1], 2 * Q[1]]
 
 
 def test_conditions_under_a_motion_keep_their_own_numbers():

@@ -33,3 +33,9 @@ def test_registers_are_poses_or_joints_and_comments_are_none():
 def test_other_variables_are_left_alone():
     text = "[*SYSTEM*]$MNUFRAMENUM  Storage: CMOS  Access: RW  : ARRAY[1] OF BYTE\n     [1,1] =\n X: 1 Y: 1 Z: 1 W: 1 P: 1 R: 1\n"
     assert not read_variables([Source.of(Path("system.va"), text.encode())]).frames
+
+
+def test_a_frame_with_a_number_that_runs_into_something_else_is_not_read():
+    system, registers = backup()
+    damaged = Source.of(system.path, system.text.replace("1500.000 ", "1500.0e1 ").encode())
+    assert set(read_variables([damaged, registers]).frames) == {2}

@@ -14,7 +14,6 @@ from taskcal.programs.apt.resolve import Resolver
 from taskcal.programs.apt.rewrite import rewrite
 from taskcal.programs.program import Frame, Program, Waypoint
 from taskcal.programs.source import Source
-from taskcal.programs.spinning import with_spins_of
 from taskcal.robot.robot import Robot
 
 
@@ -40,8 +39,8 @@ class AptProgram(Program):
         return rewrite(self.sources, self.moves, self.instructions, waypoints)
 
     def reread(self, sources: tuple[Source, ...]) -> "AptProgram":
-        """The program of other texts of the same files, with this one's spins along the way; see `Program.reread`."""
-        return with_spins_of(read_apt(sources, tool=self.tool, part=self.part, tools=self.tools), self)
+        """The program of other texts of the same files; see `Program.reread`."""
+        return read_apt(sources, tool=self.tool, part=self.part, tools=self.tools)
 
 
 def read_apt(

@@ -11,7 +11,6 @@ from taskcal.programs.csv_path.resolve import resolve_move, unknown_frame
 from taskcal.programs.csv_path.rewrite import Written, rewrite
 from taskcal.programs.program import Diagnostic, Frame, Move, Program, Waypoint
 from taskcal.programs.source import Edit, Source
-from taskcal.programs.spinning import with_spins_of
 from taskcal.robot.robot import Robot
 
 
@@ -39,8 +38,8 @@ class CsvProgram(Program):
         return tuple(path_table.source.edited(e) for path_table, e in zip(self.path_tables, edits, strict=True))
 
     def reread(self, sources: tuple[Source, ...]) -> "CsvProgram":
-        """The program of other texts of the same files, with this one's spins along the way; see `Program.reread`."""
-        return with_spins_of(read_csv_path(sources, robot=self.robot, tool=self.tool, part=self.part), self)
+        """The program of other texts of the same files; see `Program.reread`."""
+        return read_csv_path(sources, robot=self.robot, tool=self.tool, part=self.part)
 
 
 def read_csv_path(

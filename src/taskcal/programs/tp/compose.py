@@ -30,7 +30,7 @@ def compose_tp(
         name: of the program.
         moves: its motions, to joint positions: to poses a program says the numbers of user frame and tool, which it cannot state.
         notes: a remark before each motion.
-        wait_s: seconds to wait behind each motion that stops.
+        wait_s: seconds to wait behind each motion that stops and waits.
         joint_speed_percent: of the axes' largest speeds.
 
     Raises:
@@ -69,5 +69,5 @@ def _instructions(moves: Sequence[Move], notes: Sequence[str], wait_s: float, pe
         if notes:
             yield f"  !{' '.join(notes[i].split())[:LONGEST_REMARK]}"
         yield f"J P[{i + 1}] {percent:g}% {'FINE' if move.stops else 'CNT100'}"
-        if move.stops and wait_s:
+        if move.stops and move.waits and wait_s:
             yield f"  WAIT {wait_s:6.2f}(sec)"

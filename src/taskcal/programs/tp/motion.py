@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from math import radians
 
 from taskcal.programs.unresolved import Unresolved
+from taskcal.programs.zone import THROUGH_TARGET, Zone
 
 _KEYWORD = re.compile(r"\s*(?P<keyword>[JLCAS])(?=\s*P(R)?\s*\[)", re.IGNORECASE)
 _OPERAND = re.compile(r"\s*(?P<kind>PR|P)\s*\[", re.IGNORECASE)
@@ -17,7 +18,7 @@ _PLAIN_SPEED = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*(%|mm/sec|cm/min|inch/min|de
 _OTHER_SPEED = re.compile(
     r"(?:A?R\[[^\]]*\]\s*(%|mm/sec|cm/min|inch/min|deg/sec|sec|msec)|max_speed|weld_speed)", re.IGNORECASE
 )
-_TERMINATION = re.compile(r"(FINE|CNT\s*\d+|CNT\s*A?R\[[^\]]*\]|CD\s*\d+)(?![\w\[])", re.IGNORECASE)
+_TERMINATION = re.compile(r"(FINE|CNT\s*\d+|CNT\s*A?R\[[^\]]*\]|C[DR]\s*\d+)(?![\w\[])", re.IGNORECASE)
 _OPTION = re.compile(r"(?P<name>[A-Za-z_][A-Za-z_.]*)(?P<rest>[^\s\[]*(?:\[[^\]]*\][^\s\[]*)*)")
 
 METRES_PER_SECOND = {"mm/sec": 1e-3, "cm/min": 1e-2 / 60.0, "inch/min": 0.0254 / 60.0}
@@ -90,6 +91,8 @@ class Motion:
     termination: tuple[int, int] = (0, 0)
     """Where FINE or CNT stands; empty where neither does."""
     stops: bool = True
+    zone: Zone | None = THROUGH_TARGET
+    """How near it passes by; None where the text does not say: a corner by ``CNT`` depends on how the controller accelerates."""
     speed: float | None = None
     """Metres per second; None where the text does not say."""
     turn_speed: float | None = None
@@ -175,12 +178,29 @@ def _behind_operands(text: str, position: int, at: int, motion: Motion) -> Motio
     termination = _TERMINATION.match(text, _blanks(text, speed.end()))
     if termination is None:
         raise Unresolved("it says neither FINE nor CNT")
-    stops = "".join(termination[1].upper().split()) in ("FINE", "CNT0")
-    motion = replace(motion, termination=(at + termination.start(), at + termination.end()), stops=stops)
+    ending = "".join(termination[1].upper().split())
+    motion = replace(
+        motion,
+        termination=(at + termination.start(), at + termination.end()),
+        stops=ending in ("FINE", "CNT0"),
+        zone=_zone(ending),
+    )
     try:
         return _with_options(motion, text, termination.end())
     except Unresolved as reason:
         return replace(motion, obstacle=str(reason))
+
+
+def _zone(ending: str) -> Zone | None:
+    """Of a termination without blanks: ``CD`` says the distance from the target where the corner begins, millimetres.
+
+    ``CR`` says a length, too, but no document at hand whether it is that distance or the corner's radius.
+    """
+    if ending in ("FINE", "CNT0"):
+        return THROUGH_TARGET
+    if not ending.startswith("CD"):
+        return None
+    return Zone(distance=float(ending[2:]) / 1e3, turn_distance=float(ending[2:]) / 1e3)
 
 
 def _blanks(text: str, position: int) -> int:

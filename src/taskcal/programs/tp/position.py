@@ -35,9 +35,11 @@ _GROUP = re.compile(r"\bGP[ \t]*(?P<number>\d)[ \t]*:", re.IGNORECASE)
 _FRAME = re.compile(r"\b(?P<name>UF|UT)[ \t]*:[ \t]*(?P<value>\d+|F)", re.IGNORECASE)
 _CONFIGURATION = re.compile(r"\bCONFIG[ \t]*:[ \t]*'(?P<text>[^'\r\n]*)'", re.IGNORECASE)
 _COMPONENT = re.compile(
-    r"\b(?P<name>[XYZWPR]|J\d|E\d)[ \t]*=(?P<blank>[ \t]*)(?P<number>[-+]?(?:\d+(?:\.\d*)?|\.\d+)|\*+)[ \t]*(?P<unit>mm|deg)?",
+    r"\b(?P<name>[XYZWPR]|J\d|E\d)[ \t]*=(?P<blank>[ \t]*)(?P<number>[-+]?(?:\d+(?:\.\d*)?|\.\d+)|\*+)"
+    r"[ \t]*(?P<unit>mm|deg)?(?![\w.])",
     re.IGNORECASE,
 )
+"""A number that runs into something else is damaged, and not a component."""
 
 
 @dataclass(frozen=True, kw_only=True)

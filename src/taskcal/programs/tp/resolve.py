@@ -192,6 +192,7 @@ class Resolver:
             speed=motion.speed,
             turn_speed=motion.turn_speed,
             stops=motion.stops,
+            zone=motion.zone,
             follows=follows,
             routine=self.listing.name,
             place=place,

@@ -176,7 +176,9 @@ class _Rewriting:
         if move.stops:
             start, end = motion.termination
             edits.append(Edit(start=start, end=end, text=PASSING))
-        return edited_piece(text[own.number[1] : own.end], edits, own.number[1])
+        piece = edited_piece(text[own.number[1] : own.end], edits, own.number[1])
+        # without a number and a semicolon, the line behind would go on with this one
+        return piece if piece.endswith(";") else f"{piece} ;"
 
     def _position(self, written: Written, waypoint: Waypoint) -> str:
         """A position's text for a waypoint: from its number's closing bracket on."""

@@ -21,9 +21,9 @@ ROBOT_GROUP = 1
 _VARIABLE = re.compile(r"^[ \t]*(?:\[[^\]\r\n]*\])?[ \t]*(?P<name>\$\w+)[ \t]+Storage:", re.MULTILINE | re.IGNORECASE)
 _ELEMENT = re.compile(r"^[ \t]*\[(?P<group>\d+)[ \t]*,[ \t]*(?P<number>\d+)\][ \t]*=", re.MULTILINE)
 _COMMENT = re.compile(r"'[^'\r\n]*'")
-_POSE_VALUE = re.compile(r"\b(?P<name>[XYZWPR])[ \t]*:[ \t]*(?P<value>[-+]?(?:\d+(?:\.\d*)?|\.\d+))")
+_POSE_VALUE = re.compile(r"\b(?P<name>[XYZWPR])[ \t]*:[ \t]*(?P<value>[-+]?(?:\d+(?:\.\d*)?|\.\d+))(?![\w.])")
 _JOINT_VALUE = re.compile(
-    r"\bJ(?P<number>\d)[ \t]*=[ \t]*(?P<value>[-+]?(?:\d+(?:\.\d*)?|\.\d+))[ \t]*(?P<unit>mm|deg)?"
+    r"\bJ(?P<number>\d)[ \t]*=[ \t]*(?P<value>[-+]?(?:\d+(?:\.\d*)?|\.\d+))[ \t]*(?P<unit>mm|deg)?(?![\w.])"
 )
 _EXTENDED = re.compile(r"\bEXT\d")
 _CONFIGURATION = re.compile(r"\bConfig:[ \t]*(?P<text>[^\r\n]*)")
