@@ -32,7 +32,7 @@ def named_effects(model, campaign, backlash=True):
 
 @pytest.fixture(scope="module")
 def loop(robot):
-    return prepare_closed_loop(robot, poses=40, rows=2, candidates=50)
+    return prepare_closed_loop(robot, poses=50, rows=2, candidates=60)
 
 
 @pytest.fixture(scope="module")

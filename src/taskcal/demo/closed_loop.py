@@ -7,22 +7,24 @@ program as it was written, in the same program with its parts touched off, and i
 """
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import cast
 
-import joblib
 import numpy as np
 from jaxtyping import Float
 
 from taskcal.adaptation.plan import plan
+from taskcal.adaptation.workers import side_by_side
 from taskcal.correction.assessment import Deviations, assess
 from taskcal.correction.cell import Cell, Measured
 from taskcal.correction.controller_trajectory import ControllerTrajectory, simulate_controller
-from taskcal.correction.correct import correct, piece_origins, wanted_segments
+from taskcal.correction.correct import correct, wanted_segments
 from taskcal.correction.correction import TOLERANCE, Bounds, Correction
 from taskcal.correction.placement import Placed, Placement
+from taskcal.correction.rounded_path import RoundedPath
 from taskcal.demo.kept_fits import KeptFits
 from taskcal.demo.milling import ROWS, Milling, milling_program, with_part_frames
 from taskcal.demo.reference import reference_task
@@ -162,11 +164,12 @@ def run_closed_loop(
     cell = _measure_cell(program, offsets, placements, parts, rng)
     correction = correct(calibration, program, cell=cell, bounds=Bounds(tolerance=TOLERANCE))
     placed = Placed(
-        tool_in_base=lambda q, move, share: true.milled(q),
+        # the time goes with the place in the program, however densely that is looked at
+        tool_in_base=lambda q, move, share: true.milled(q, (move + share) / len(moves)),
         placements=tuple(placements.values()),
         number=np.array([list(placements).index((m.tool.name, m.part.name)) for m in moves], dtype=np.int64),
     )
-    wanted = wanted_segments(trajectory, placed, moves)
+    wanted = RoundedPath(segments=wanted_segments(trajectory, placed, moves), corners=trajectory.corners)
     cutting = np.array([move.kind != "axes" for move in moves])
 
     def deviations(
@@ -181,7 +184,7 @@ def run_closed_loop(
         correction=correction,
         before=deviations(trajectory),
         touched_off=deviations(simulate_controller(loop.robot, program.moves)),
-        after=deviations(simulate_controller(loop.robot, correction.moves), piece_origins(correction.pieces)),
+        after=deviations(simulate_controller(loop.robot, correction.moves), correction.origin),
     )
 
 
@@ -204,20 +207,19 @@ def run_closed_loops(
     """
     progress(f"robot 1 of {len(seeds)}: measured, its effects searched, corrected")
     begin = time.monotonic()
-    jobs = (joblib.delayed(_run_keeping)(loop, seed, fits) for seed in seeds)
-    done = cast(
-        Iterator[LoopRun], joblib.Parallel(n_jobs=workers if len(seeds) > 1 else 1, return_as="generator")(jobs)
-    )
-    runs: list[LoopRun] = []
-    for run in done:
-        runs.append(run)
-        left = (time.monotonic() - begin) / len(runs) * (len(seeds) - len(runs)) / 60.0
-        progress(f"{len(runs)} of {len(seeds)} robots measured, identified, corrected; about {left:.0f} min left")
-    return runs
+    jobs = partial(_run_keeping, loop, fits)
+    runs: dict[int, LoopRun] = {}
+    with closing(side_by_side(jobs, enumerate(seeds), "loky", workers if len(seeds) > 1 else 1)) as done:
+        for number, run in done:
+            runs[number] = run
+            left = (time.monotonic() - begin) / len(runs) * (len(seeds) - len(runs)) / 60.0
+            progress(f"{len(runs)} of {len(seeds)} robots measured, identified, corrected; about {left:.0f} min left")
+    return [runs[number] for number in range(len(seeds))]
 
 
-def _run_keeping(loop: ClosedLoop, seed: int, fits: Path | None) -> LoopRun:
-    return run_closed_loop(loop, seed, fit=None if fits is None else KeptFits(folder=fits, fit=find_effects))
+def _run_keeping(loop: ClosedLoop, fits: Path | None, numbered: tuple[int, int]) -> tuple[int, LoopRun]:
+    number, seed = numbered
+    return number, run_closed_loop(loop, seed, fit=None if fits is None else KeptFits(folder=fits, fit=find_effects))
 
 
 def _expected_model(robot: Robot) -> ErrorModel:

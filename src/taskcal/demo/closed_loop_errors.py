@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from taskcal.correction.assessment import Deviations
 from taskcal.demo.closed_loop import LoopRun
@@ -13,7 +13,7 @@ from taskcal.demo.closed_loop import LoopRun
 LINES: tuple[str, str, str] = "as programmed", "touched off", "corrected"
 """What is told of every robot."""
 
-RADIUS_95 = float(np.sqrt(chi2.ppf(0.95, 3) / 3.0))
+RADIUS_95 = float(np.sqrt(chdtri(3, 1.0 - 0.95) / 3.0))
 """Within which 95 % of errors lie that are alike in all directions, as a multiple of their root mean square in space."""
 
 

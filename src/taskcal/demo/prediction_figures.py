@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 from jaxtyping import Float
 from plotly.subplots import make_subplots
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from taskcal.demo.predictions import Predictions
 from taskcal.demo.procedure import Fitted
@@ -105,7 +105,7 @@ def draw_coverage(predictions: Sequence[Predictions]) -> go.Figure:
     figure = make_subplots(
         rows=1, cols=2, horizontal_spacing=0.12, subplot_titles=["pose by pose", "share inside the stated ellipsoid"]
     )
-    limits = chi2.ppf(LEVELS, 3)
+    limits = chdtri(3, 1.0 - LEVELS)
     low = high = 1.0
     for k, p in enumerate(predictions):
         colour, label = SERIES[k % len(SERIES)], f"{_fit_label(p)}; {p.where}"

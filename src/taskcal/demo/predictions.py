@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -46,4 +46,4 @@ class Predictions:
 
     def share_inside(self, probability: float) -> float:
         """Share of the errors inside the stated ellipsoid of a probability."""
-        return float(np.mean(self.squared_distance <= chi2.ppf(probability, 3)))
+        return float(np.mean(self.squared_distance <= chdtri(3, 1.0 - probability)))

@@ -80,9 +80,19 @@ class TrueRobot:
         """Of poses that are measured one after another: how far each drive is through its lost motion, and the time."""
         return self._reached(q, MEASURED_FROM, MEASURED_UNTIL)
 
-    def milled(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
-        """Poses of the tool in the base on the ways of a program, reached one after another."""
-        return self.model.poses(q, self.x, self._reached(q, MILLED_FROM, MILLED_UNTIL))
+    def milled(
+        self, q: Float[np.ndarray, "n joints"], progress: Float[np.ndarray, " n"] | None = None
+    ) -> Float[np.ndarray, "n 4 4"]:
+        """Poses of the tool in the base on the ways of a program, reached one after another.
+
+        Args:
+            q: joint positions.
+            progress: how much of the program is done at each, 0 to 1, which tells the time; evenly by default.
+        """
+        conditions = self._reached(q, MILLED_FROM, MILLED_UNTIL)
+        if progress is not None:
+            conditions = replace(conditions, time=MILLED_FROM + progress * (MILLED_UNTIL - MILLED_FROM))
+        return self.model.poses(q, self.x, conditions)
 
     def touching(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
         """Poses of the tool in the base where it touches parts, one place after another, before the milling begins."""
