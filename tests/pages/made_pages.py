@@ -154,6 +154,13 @@ def performance(call: Call, folder: Path) -> str:
     return "performance.html"
 
 
+def placement(call: Call, folder: Path) -> str:
+    calibration = _calibration(call, folder, "abb-irb120", "one", _small(folder))
+    region = ["--region=-200:200,-200:200,0", "--steps", 3, "--touched-off"]
+    call("place", "--calibration", calibration, _small(folder), *region, "--report", "place.html", "--force")
+    return "place.html"
+
+
 PAGES: dict[str, Callable[[Call, Path], str]] = {
     "calibration of a loop": calibration_of_a_loop,
     "calibration of one target": calibration_of_one_target,
@@ -166,4 +173,5 @@ PAGES: dict[str, Callable[[Call, Path], str]] = {
     "sensitivity": sensitivity_of_poses,
     "flat program": flat_program,
     "performance": performance,
+    "placement": placement,
 }

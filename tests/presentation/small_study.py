@@ -10,7 +10,7 @@ GEOMETRY = np.array([0.01, 0.02, 0.03, 0.04])
 def study(accuracy: float | None) -> Study:
     rows = tuple(
         {
-            "robot": k, "plan": "grid", "count": 12, "model": "all", "rms_mm": e, "max_mm": 2 * e,
+            "robot": k, "observe": "tracker", "plan": "grid", "count": 12, "model": "all", "rms_mm": e, "max_mm": 2 * e,
             "rms_with_model_error_mm": float(np.hypot(e, 0.05)),
         }
         for k, e in enumerate(GEOMETRY)

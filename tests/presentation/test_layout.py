@@ -96,3 +96,21 @@ def test_folding_never_breaks_a_word(width):
     rng = np.random.default_rng(width)
     text = " ".join("x" * int(k) for k in rng.integers(1, 30, 40))
     assert " ".join(fold(text, width)) == text
+
+
+@settings(max_examples=30)
+@given(tables(), st.sampled_from([40, 60, 80]), st.data())
+def test_columns_that_a_table_can_do_without_go_in_their_order_and_are_named(table, width, data):
+    header, rows, left = table
+    header = [f"c{k}" for k in range(len(header))]
+    spare = data.draw(st.lists(st.integers(1, len(header) - 1), unique=True)) if len(header) > 1 else []
+    whole = lay_out_table(header, [("", rows)], left, width)
+    lines = lay_out_table(header, [("", rows)], left, width, spare)
+    if lines == whole:
+        return
+    said = " ".join(text_of(lines)).split("(not shown for want of width: ")[1].rstrip(")").split(", ")
+    gone = {header.index(name) for name in said}
+    assert gone == set(spare[: len(gone)])
+    assert all(len(line) <= width for line in lines)
+    for k in set(range(len(header))) - gone:
+        assert {word for row in rows for word in row[k].split()} <= set(text_of(lines))

@@ -5,7 +5,7 @@ import numpy as np
 from taskcal.analysis.elimination_table import tabulate_elimination
 from taskcal.analysis.measuring_noise import MeasuringNoise
 from taskcal.analysis.sensitivity import sensitivity
-from taskcal.presentation.sensitivity_report import sensitivity_html
+from taskcal.presentation.sensitivity_report import sensitivity_page
 from taskcal.presentation.told_apart_table import tabulate_told_apart
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -18,7 +18,9 @@ def test_the_page_says_what_the_noise_tells_apart_and_how_large_it_is():
     table = tabulate_elimination(model, {"poses": q})
     noise = MeasuringNoise(tracker=3e-5, model_error=ModelError(position=4e-4, source="a guess"))
     told_apart = table.eliminations["poses"].told_apart(noise=noise.total)
-    page = sensitivity_html(sensitivity(model, q), table, told_apart, noise, maps=None, poses="20 poses", version="0")
+    page = sensitivity_page(
+        sensitivity(model, q), table, told_apart, noise, maps=None, poses="20 poses", version="0"
+    ).html()
     assert 0 < told_apart.count < table.eliminations["poses"].rank
     assert f"{told_apart.count} of {table.eliminations['poses'].rank}: less than half" in page
     assert "0.401 mm per axis at every pose: tracker 0.03 mm, model error 0.4 mm (a guess)" in page

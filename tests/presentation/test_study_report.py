@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taskcal.presentation.study_report import study_html
+from taskcal.presentation.study_report import study_page
 from taskcal.presentation.study_table import tabulate_study
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -12,6 +12,6 @@ from tests.presentation.small_study import study
 
 def test_the_page_has_the_same_table():
     task = Task(name="milling", poses=np.eye(4)[None])
-    page = study_html(ErrorModel(load_robot("ur5")), task, study(5.5e-5), version="0")
+    page = study_page(ErrorModel(load_robot("ur5")), task, study(5.5e-5), version="0").html()
     table = tabulate_study(study(5.5e-5), "milling")
     assert all(cell in page for cell in (*table.header, *table.rows[0]))

@@ -1,9 +1,11 @@
 """The table of a study says what its rows hold, and judges the accuracy at single poses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from taskcal.presentation.study_table import tabulate_study
+from taskcal.presentation.study_table import describe_unlearnt, tabulate_study
 from tests.presentation.small_study import GEOMETRY, study
 
 
@@ -26,3 +28,10 @@ def test_the_accuracy_is_judged_with_the_model_error():
     assert table.rows[0][-1] == "50%"
     assert study(5.5e-5).geometry_allowance == pytest.approx(np.sqrt(0.055**2 - 0.05**2) * 1e-3)
     assert study(4e-5).geometry_allowance == 0.0
+
+
+def test_robots_of_which_nothing_was_learnt_are_counted():
+    made = study(None)
+    rows = tuple({**row, "learnt": row["robot"] > 0} for row in made.rows)
+    assert made.unlearnt == 0
+    assert describe_unlearnt(replace(made, rows=rows)).startswith("from 1 of 4 campaigns")

@@ -12,14 +12,14 @@ MOST = 10
 
 def describe_comparison(comparison: Comparison) -> str:
     """The verdict in a sentence."""
-    size = f"{comparison.rms * 1e3:.4f} mm rms in space"
-    expected = f"{comparison.expected * 1e3:.4f} mm"
+    size = f"{comparison.rms * 1e3:.3f} mm rms in space"
+    expected = f"{comparison.expected * 1e3:.3f} mm"
     if comparison.verdict == "unchanged":
         return f"nothing shows: they differ by {size}, their uncertainties alone would give {expected}"
     if comparison.verdict == "small":
         return (
             f"a little: they differ by {size}, more than their uncertainties explain ({expected}), but by less than the models "
-            f"leave unexplained ({comparison.unexplained * 1e3:.4f} mm); other poses or another temperature may do that"
+            f"leave unexplained ({comparison.unexplained * 1e3:.3f} mm); other poses or another temperature may do that"
         )
     return f"the robot has changed: {size}, where their uncertainties alone would give {expected}"
 
@@ -28,16 +28,16 @@ def describe_due(comparison: Comparison, accuracy: float) -> str:
     """Whether the robot is due again for an accuracy, metres."""
     limit = f"{accuracy * 1e3:.4g} mm"
     if comparison.is_due(accuracy):
-        return f"yes: what changed, {comparison.excess * 1e3:.4f} mm rms, is beyond {limit}; use the new calibration"
+        return f"yes: what changed, {comparison.excess * 1e3:.3f} mm rms, is beyond {limit}; use the new calibration"
     if comparison.verdict == "unchanged":
         return f"no: nothing has changed, and {limit} is not in question"
-    return f"no: what changed, {comparison.excess * 1e3:.4f} mm rms, is within {limit}"
+    return f"no: what changed, {comparison.excess * 1e3:.3f} mm rms, is within {limit}"
 
 
 def describe_resemblance(comparison: Comparison) -> str:
     """Which single parameters would look the most like it."""
     return "; ".join(
-        f"{r.name} by {r.amount * r.unit.factor:+.4f} {r.unit.name} would explain {100 * r.share:.0f} % of it"
+        f"{r.name} by {r.amount * r.unit.factor:+.3f} {r.unit.name} would explain {100 * r.share:.0f} % of it"
         for r in comparison.resembles
     )
 

@@ -11,7 +11,7 @@ from taskcal.correction.assessment import Deviations
 from taskcal.correction.correction import Correction
 from taskcal.presentation.content import Scene
 from taskcal.presentation.space import coloured_points, spread_rows, to_mm
-from taskcal.presentation.theme import BLUE, GREY, ORANGE, VERMILION, styled
+from taskcal.presentation.theme import BLUE, GREY, ORANGE, VERMILION, styled, with_decades
 from taskcal.programs.program import Program
 
 FLOOR = 1e-5
@@ -50,13 +50,6 @@ def draw_errors(program: Program, lines: Mapping[str, Deviations], title: str) -
         )
     figure.update_xaxes(title_text="motion, in the order of the program")
     return with_decades(styled(figure, height=420), title)
-
-
-def with_decades(figure: go.Figure, title: str) -> go.Figure:
-    """The figure with a logarithmic vertical axis in millimetres, labelled at 1, 2 and 5 of each decade over 0.01."""
-    ticks = [10.0**k for k in range(-6, -2)] + [m * 10.0**k for k in range(-2, 3) for m in (1, 2, 5)]
-    figure.update_yaxes(type="log", title_text=title, tickvals=ticks, ticktext=[f"{tick:.7g}" for tick in ticks])
-    return figure
 
 
 def draw_errors_per_axis(correction: Correction) -> go.Figure:
@@ -112,13 +105,8 @@ def draw_program(correction: Correction) -> Scene:
 
 
 def _positions(correction: Correction, deviations: Deviations) -> Float[np.ndarray, "k 3"]:
-    """Wanted tool points in the part; a target is known where the start of its way is not."""
-    wanted = correction.wanted
-    return np.where(
-        deviations.at_target[:, None],
-        wanted.end[deviations.move, :3, 3],
-        wanted.at(deviations.move, deviations.share)[:, :3, 3],
-    )
+    """Wanted tool points in the part."""
+    return correction.wanted.at(deviations.move, deviations.share)[:, :3, 3]
 
 
 def _thinned(count: int) -> np.ndarray:

@@ -12,10 +12,10 @@ from taskcal.presentation.correction_tables import (
     tabulate_targets,
 )
 from taskcal.presentation.grouped_remarks import group_remarks
-from taskcal.presentation.report import report_html
+from taskcal.presentation.report import Page
 
 
-def correction_html(correction: Correction, calibration: Calibration, *, version: str) -> str:
+def correction_page(correction: Correction, calibration: Calibration, *, version: str) -> Page:
     """The page of a correction.
 
     Args:
@@ -25,9 +25,9 @@ def correction_html(correction: Correction, calibration: Calibration, *, version
     """
     robot = calibration.model.robot
     names = ", ".join(source.path.name for source in correction.program.sources)
-    return report_html(
-        f"Correction of {names}",
-        [_summary(correction), _errors(correction), _left(correction), _targets(correction)],
+    return Page(
+        title=f"Correction of {names}",
+        sections=(_summary(correction), _errors(correction), _left(correction), _targets(correction)),
         lead=f"For the {robot.title or robot.name}, by the calibration of {calibration.provenance.campaign or 'a campaign'}.",
         footer=f"Page by Taskcal {version}; calibration of {calibration.provenance.created}.",
     )
@@ -35,7 +35,7 @@ def correction_html(correction: Correction, calibration: Calibration, *, version
 
 def _summary(correction: Correction) -> Section:
     summary, budget = correction.summary(), correction.budget
-    items = (
+    expected = (
         (f"{budget.before * 1e3:.3f}", "mm", "error to be expected before (rms in space at the targets)"),
         (f"{budget.after * 1e3:.3f}", "mm", "error to be expected after, uncertainty included"),
         (
@@ -43,6 +43,9 @@ def _summary(correction: Correction) -> Section:
             "mm",
             "of uncertainty: what the calibration must expect beyond its prediction",
         ),
+    )
+    items = (
+        *(expected if len(correction.before.error) else ()),
         (f"{summary['largest_shift_mm']:.3f}", "mm", "farthest that a target was moved"),
         (str(summary["refused"]), "", "motions refused, and left as they were"),
         (str(summary["unresolved"]), "", "remarks on motions and texts that were not read, and were left as they were"),

@@ -12,6 +12,8 @@ _COLUMNS = ("max_mm", "rms_mm", "mean_mm", "max_x_mm", "max_y_mm", "max_z_mm", "
 
 def state_expected(correction: Correction) -> list[tuple[str, str]]:
     """The error to be expected before and after, with the uncertainty and where it comes from; label and text."""
+    if not len(correction.before.error):
+        return [("to be expected", "not known: the robot reaches no target of the program; the reasons stand below")]
     budget = correction.budget
     shares = ", ".join(f"{name} {share:.0%}" for name, share in budget.shares.items())
     return [
@@ -49,8 +51,8 @@ def tabulate_errors(correction: Correction) -> Table:
         "Predicted error of the true tool, without its uncertainty",
         ("", "points", "max mm", "rms mm", "mean mm", "max x", "max y", "max z", "max turn °"),
         rows,
-        note="In the part's axes. Between targets, what lies along the way is left out; corners that a zone rounds are not "
-        "modelled.",
+        note="In the part's axes. Between targets, what lies along the way is left out. At a target that a zone rounds, the middle "
+        "of the corner counts.",
     )
 
 

@@ -22,24 +22,26 @@ def tabulate_points(examination: Examination, count: int | None) -> Table:
     everything = examination.points()
     numbers = range(len(everything)) if count is None else examination.worst_first[:count]
     poses, stated = examination.validation.rotations is not None, examination.studentised is not None
+    axes = ("x_mm", "y_mm", "z_mm") if examination.validation.has_axes else ()
     rows = [
         (
             str(point["row"]),
             "–" if point["line"] is None else str(point["line"]),
             point["id"],
             point["target"],
-            f"{point['error_mm']:.4f}",
-            *(f"{point[axis]:+.4f}" for axis in ("x_mm", "y_mm", "z_mm")),
-            *([f"{point['error_mrad']:.4f}"] if poses else []),
+            f"{point['signed_mm']:+.3f}" if "signed_mm" in point else f"{point['error_mm']:.3f}",
+            *(f"{point[axis]:+.3f}" if axis in point else "–" for axis in axes),
+            *([f"{point['error_mrad']:.3f}"] if poses else []),
             *([f"{point['studentised']:.1f}", "yes" if point["inside"] else "no"] if stated else []),
         )
         for point in (everything[k] for k in numbers)
     ]
-    header = ("row", "line", "id", "target", "error mm", "x mm", "y mm", "z mm")
+    header = ("row", "line", "id", "target", "error mm", *(axis.replace("_", " ") for axis in axes))
     header += ("error mrad",) if poses else ()
     header += ("over its 1σ", "in its region") if stated else ()
     title = "All points" if count is None else f"The {len(rows)} worst of {len(everything)} points"
-    note = "Rows of the campaign, counted from 0, and lines of its file, counted from 1; x, y and z along the robot's base."
+    note = "Rows of the campaign, counted from 0, and lines of its file, counted from 1"
+    note += "; x, y and z along the robot's base." if axes else "."
     return Table.of_rows(title, header, rows, text_columns=(2, 3), note=note)
 
 
@@ -54,7 +56,7 @@ def tabulate_examined_outliers(examination: Examination) -> Table:
                 "–" if outlier.line is None else str(outlier.line),
                 outlier.id,
                 outlier.target,
-                f"{outlier.residual * 1e3:.4f}",
+                f"{outlier.residual * 1e3:.3f}",
                 f"{outlier.studentised:.1f}",
             )
             for outlier in examination.outliers

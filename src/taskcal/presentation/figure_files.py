@@ -8,12 +8,14 @@ import tempfile
 import unicodedata
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 from taskcal.errors import TaskcalError
 from taskcal.presentation.browser import run_browser
 from taskcal.presentation.content import Chart, Scene, Section
-from taskcal.presentation.report import Page
+
+if TYPE_CHECKING:
+    from taskcal.presentation.report import Page
 
 FigureFormat = Literal["png", "svg", "pdf"]
 
@@ -22,13 +24,13 @@ FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
 _DRAWN = re.compile(r'<pre id="figure-files">(.*?)</pre>', re.DOTALL)
 
 
-def figures_of(page: Page) -> dict[str, str]:
+def figures_of(page: "Page") -> dict[str, str]:
     """Name of a file, without its ending, by the title of each figure, in order."""
     titles = [block.title for section in page.sections for block in section.blocks if isinstance(block, Chart | Scene)]
     return {title: f"{number:02d}-{_slug(title)}" for number, title in enumerate(titles, start=1)}
 
 
-def draw_figures(page: Page, kind: FigureFormat) -> dict[str, bytes]:
+def draw_figures(page: "Page", kind: FigureFormat) -> dict[str, bytes]:
     """Every figure of a page, by the title.
 
     Args:

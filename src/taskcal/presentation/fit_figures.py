@@ -19,7 +19,7 @@ from taskcal.robot.parameter import ShownUnit
 def draw_residuals(
     calibrations: Mapping[str, Mapping[str, Calibration]], start: str = "", unit: LengthUnit = MILLIMETRES
 ) -> go.Figure:
-    """Residuals of the first target, pose by pose, in the robot's base axes.
+    """Residuals of the first target, pose by pose: in the robot's base axes, the sensor's, or the one number that was read.
 
     Args:
         calibrations: a panel for each campaign, in it the models to choose from, in the same order in all.
@@ -38,20 +38,20 @@ def draw_residuals(
     owner: list[int] = []
     for row, (label, panel) in enumerate(calibrations.items(), start=1):
         for m, (name, calibration) in enumerate(panel.items()):
-            values = calibration.residuals[:, 0, :3] @ calibration.T_tracker_base[:3, :3] * unit.factor
-            for axis, letter in enumerate("XYZ"):
+            values = _residuals(calibration) * unit.factor
+            for axis, letter in enumerate("XYZ"[: values.shape[1]]):
                 owner.append(m)
                 figure.add_scatter(
                     x=np.arange(1, len(values) + 1),
                     y=values[:, axis],
                     name=letter,
                     legendgroup=letter,
-                    showlegend=row == 1,
+                    showlegend=row == 1 and values.shape[1] == 3,
                     visible=m == shown,
                     mode="markers",
                     marker={"color": AXIS_COLOURS[letter], "symbol": AXIS_SHAPES[letter], "size": 7},
                     hovertemplate=f"pose %{{x}}: %{{y:.{unit.digits}f}} {unit.name}<extra>"
-                    + f"{letter}, {name}, {label}</extra>",
+                    + f"{f'{letter}, ' if values.shape[1] > 1 else ''}{name}, {label}</extra>",
                     row=row,
                     col=1,
                 )
@@ -67,6 +67,14 @@ def draw_residuals(
         switch(figure, choices, y=1.06)
         figure.layout.updatemenus[0].active = shown  # pyright: ignore[reportAttributeAccessIssue]
     return label_panels(figure)
+
+
+def _residuals(calibration: Calibration) -> Float[np.ndarray, "n axes"]:
+    """Of the first target, metres."""
+    residual, kinds = calibration.residuals[:, 0, :3], calibration.layout.observed
+    if not kinds or kinds[0].along_axes:
+        return residual @ calibration.T_tracker_base[:3, :3]
+    return residual[:, : kinds[0].width]
 
 
 def _choice(names: tuple[str, ...]) -> str:

@@ -50,10 +50,10 @@ def held_out_section(calibration: Calibration) -> Section:
     blocks: list[Block] = [
         Text((f"{sentence[0].upper()}{sentence[1:]}.",)),
         tabulate_errors(
-            "Position error of rows that were not fitted",
+            "Error of rows that were not fitted",
             summaries,
             of="robot",
-            note="The largest errors along the robot's base axes, then in space. This is the number to believe.",
+            note="This is the number to believe. Any x, y and z are the axes of the robot's base.",
         ),
     ]
     if 1 < len(held_out.part_means) <= MOST_PARTS:

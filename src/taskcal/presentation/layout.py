@@ -1,7 +1,8 @@
 """Tables and labelled lines as text of a given width, in which no word and no number is ever broken.
 
 A table that is too wide first folds its header, then its columns of words, between words; then it is turned on its side, where it
-has few rows; else its rows stand one below the other, cell by cell. A single word that is wider than the line stays whole.
+has few rows; then it leaves out columns that it can do without, and names them; else its rows stand one below the other, cell by
+cell. A single word that is wider than the line stays whole.
 """
 
 import textwrap
@@ -24,6 +25,7 @@ def lay_out_table(
     groups: Sequence[tuple[str, Rows]],
     left: Collection[int],
     width: int,
+    spare: Sequence[int] = (),
 ) -> list[str]:
     """The lines of a table.
 
@@ -32,6 +34,7 @@ def lay_out_table(
         groups: of rows, each with a heading over them or none.
         left: columns of words, set flush left; the others are numbers.
         width: of the text, characters.
+        spare: columns that the table can do without where it is too wide, those that go first at the front.
     """
     rows = [row for _, group in groups for row in group]
     for gap in (GAP, GAP - 1):
@@ -45,7 +48,26 @@ def lay_out_table(
             widths = _fit(first, others, {0}, width - gap * len(rows) - 1)
             if widths:
                 return _columns(first, [("", others)], {0}, widths, gap)
-    return _stacked(header, groups, width)
+    return _without_spare(header, groups, left, width, spare) or _stacked(header, groups, width)
+
+
+def _without_spare(
+    header: Sequence[str], groups: Sequence[tuple[str, Rows]], left: Collection[int], width: int, spare: Sequence[int]
+) -> list[str]:
+    """The lines of a table without as many of the spare columns as have to go; none where that is not enough."""
+    for number in range(1, len(spare) + 1):
+        gone = set(spare[:number])
+        stay = [k for k in range(len(header)) if k not in gone]
+        names = [header[k] for k in stay]
+        narrower = [(heading, [[row[k] for k in stay] for row in rows]) for heading, rows in groups]
+        words = [place for place, k in enumerate(stay) if k in left]
+        for gap in (GAP, GAP - 1):
+            room = width - gap * (len(stay) - 1) - 1
+            widths = _fit(names, [row for _, rows in narrower for row in rows], words, room)
+            if widths:
+                said = f"(not shown for want of width: {', '.join(header[k] for k in sorted(gone))})"
+                return [*_columns(names, narrower, words, widths, gap), *(f" {line}" for line in fold(said, width - 1))]
+    return []
 
 
 def lay_out_facts(facts: Iterable[tuple[str, str]], width: int) -> list[str]:

@@ -4,8 +4,8 @@ import numpy as np
 import plotly.graph_objects as go
 from jaxtyping import Float
 
-from taskcal.adaptation.plan import Plan
-from taskcal.presentation.theme import BLUE, GREEN, GREY, INK, ORANGE, VERMILION, styled
+from taskcal.adaptation.planned import Plan
+from taskcal.presentation.theme import BLUE, GREEN, GREY, INK, ORANGE, VERMILION, styled, with_decades
 from taskcal.task.workspace import Workspace
 
 
@@ -48,7 +48,8 @@ def draw_by_count(plan: Plan) -> go.Figure:
             marker={"color": colour, "symbol": symbol, "size": 12},
             hovertemplate="%{y:.3f} mm<extra>" + name + "</extra>",
         )
-    start = "calibration as it is" if plan.extends else "nominal robot, frames found"
+    found = "frames" if plan.way is None else f"{plan.way.label}s"
+    start = "calibration as it is" if plan.extends else f"nominal robot, {found} found"
     levels = [(plan.before, start, GREY, "dot")]
     if plan.geometry_allowance:
         less = ", less the model error" if plan.model_error else ""
@@ -64,7 +65,7 @@ def draw_by_count(plan: Plan) -> go.Figure:
         )
     styled(figure, height=480, top=110)
     figure.update_xaxes(title_text="measured poses", range=[0, count * 1.03])
-    figure.update_yaxes(title_text="expected error (mm, rms)", type="log", dtick="D2")
+    with_decades(figure, "expected error (mm, rms)")
     return figure
 
 

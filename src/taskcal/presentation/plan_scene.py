@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from taskcal.adaptation.plan import Plan
+from taskcal.adaptation.planned import Plan
 from taskcal.presentation.content import Scene
 from taskcal.presentation.robot_scene import MAX_POSES, draw_robot, link_radius
 from taskcal.presentation.space import coloured_points, spread_rows, to_mm, workspace_layer
@@ -53,6 +53,12 @@ def plan_scene(model: ErrorModel, plan: Plan, space: Workspace | None) -> Scene:
             [f"pose {k}" for k in range(len(points))],
         ),
     ]
+    if plan.way is not None:
+        stands = plan.way.standing
+        numbers = np.arange(len(stands.names), dtype=float)
+        poses = [f"{name}, {plan.names.count(name)} poses" for name in stands.names]
+        label = f"{plan.way.label}s, dark first to bright last"
+        layers.append(coloured_points(label, stands.position, numbers, (0.0, float(max(len(numbers) - 1, 1))), poses))
     if space is not None:
         layers.append(workspace_layer(space))
     rows = spread_rows(len(points), MAX_POSES)

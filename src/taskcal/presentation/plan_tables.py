@@ -1,6 +1,6 @@
 """A plan's tables, for the terminal and for its page."""
 
-from taskcal.adaptation.plan import Plan
+from taskcal.adaptation.planned import Plan
 from taskcal.presentation.content import Table
 
 COUNTS = (5, 8, 10, 12, 15, 20, 25, 30, 40, 50, 60, 80, 100, 150, 200, 300, 500)
@@ -17,7 +17,8 @@ def tabulate_expected_errors(plan: Plan, task: str, *, measured_before: int = 0)
     """
     low, high = plan.random.min() * 1e3, plan.random.max() * 1e3
     added = f" added to {measured_before}" if measured_before else ""
-    before = "calibration as it is" if plan.extends else "nominal robot, frames found"
+    found = "frames" if plan.way is None else f"{plan.way.label}s"
+    before = "calibration as it is" if plan.extends else f"nominal robot, {found} found"
     rows = [
         ("this plan", f"{plan.expected * 1e3:.3f}", ""),
         ("random poses", f"{plan.random.mean() * 1e3:.3f}", f"{low:.3f} to {high:.3f}"),

@@ -24,8 +24,8 @@ def residuals_section(calibration: Calibration, errors: MeasuredErrors | None) -
         Chart(
             title=f"Measured less predicted, target {calibration.targets[0]}",
             figure=draw_residuals({calibration.provenance.campaign or "the campaign": {"fit": calibration}}),
-            note="A band about zero without steps, drifts or waves: what is left looks like chance. A step: something moved. Along "
-            "the robot's base axes, pose by pose.",
+            note="A band about zero without steps, drifts or waves: what is left looks like chance. A step: something moved. "
+            f"{_axes(calibration)}, pose by pose.",
         ),
     )
     blocks.append(_table(calibration))
@@ -61,10 +61,19 @@ def _figures(calibration: Calibration, errors: MeasuredErrors) -> list[Block]:
     ]
 
 
+def _axes(calibration: Calibration) -> str:
+    """What the residuals of the first target are along."""
+    kinds = calibration.layout.observed
+    if not kinds or kinds[0].along_axes:
+        return "Along the robot's base axes"
+    return "The one number that was read" if kinds[0].width == 1 else "Along the sensor's axes"
+
+
 def _table(calibration: Calibration) -> Table:
     base, residuals = calibration.T_tracker_base[:3, :3], calibration.residuals
+    observed = calibration.layout.observed
     summaries = {
-        name: Validation.of_residuals(residuals[:, [t]], base).summary()
+        name: Validation.of_residuals(residuals[:, [t]], base, observed[t : t + 1]).summary()
         for t, name in enumerate(calibration.targets)
         if not np.isnan(residuals[:, t]).all()
     }
@@ -72,6 +81,6 @@ def _table(calibration: Calibration) -> Table:
         "Residuals of the fitted rows",
         summaries,
         of="target",
-        note="Along the robot's base axes and in space; residuals of fitted rows are a little too small. Held-out rows are the "
-        "measure.",
+        note="Residuals of fitted rows are a little too small; held-out rows are the measure. Any x, y and z are the axes of the "
+        "robot's base.",
     )

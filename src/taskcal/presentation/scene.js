@@ -101,7 +101,8 @@
           out.push({ line: [at, to], head: true, ...style });
         });
       } else if (one.kind === "marker") {
-        out.push({ dot: one.at[0], size: 6, colour: one.colour, text: one.label, square: true });
+        out.push({ dot: one.at[0], size: 6, colour: one.colour, square: true });
+        out.push({ dot: one.at[0], size: 0, beside: 9, text: one.label, top: true });  // what stands before it would cut it
       } else {
         one.at.forEach((at, k) => out.push({
           dot: at, size: one.size || 3, square: one.square, tip: one.tips ? one.tips[k] : "",
@@ -138,7 +139,7 @@
       for (const part of parts) {
         const points = part.face || part.line || [part.dot];
         part.flat = points.map(project);
-        part.depth = part.flat.reduce((sum, p) => sum + p[2], 0) / points.length + (part.far ? 1e9 : 0) - (part.near ? 0.02 * distance : 0);
+        part.depth = part.flat.reduce((sum, p) => sum + p[2], 0) / points.length + (part.far ? 1e9 : 0) - (part.near ? 0.02 * distance : 0) - (part.top ? 1e9 : 0);
         if (part.face) {
           const normal = unit(cross(sub(points[1], points[0]), sub(points[2], points[0])));
           part.away = dot(normal, sub(eye, points[0])) <= 0;
@@ -173,7 +174,9 @@
           if (part.text) {
             pen.fillStyle = "#1f2933"; pen.font = "13px system-ui, sans-serif";
             const space = pen.measureText(part.text).width;
-            pen.fillText(part.text, first[0] + 9 + space > wide ? first[0] - 9 - space : first[0] + (part.size ? 9 : -4), first[1] + 4);
+            const left = first[0] + 9 + space > wide ? first[0] - 9 - space : first[0] + (part.beside || -4);
+            pen.lineWidth = 3; pen.strokeText(part.text, left, first[1] + 4);
+            pen.fillText(part.text, left, first[1] + 4);
           }
           if (part.tip) seen.push([first[0], first[1], part.tip]);
         }

@@ -4,7 +4,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from taskcal.adaptation.selection import Selection
-from taskcal.presentation.theme import BLUE, GREEN, GREY, INK, PURPLE, VERMILION, styled
+from taskcal.presentation.theme import BLUE, GREEN, GREY, INK, PURPLE, VERMILION, styled, with_decades
 
 REFERENCES = {"identifiable": ("identifiable set", GREEN, "square"), "published": ("published set", PURPLE, "diamond")}
 
@@ -44,7 +44,7 @@ def draw_ladder(selection: Selection, accuracy: float | None = None) -> go.Figur
         )
     styled(figure, height=520, top=110)
     figure.update_xaxes(title_text="parameters in the model", range=[size.min() - 1, size.max() + 1])
-    figure.update_yaxes(title_text="error in space (mm)", type="log", dtick="D2")
+    with_decades(figure, "error in space (mm)")
     return figure
 
 

@@ -7,7 +7,7 @@ from taskcal.presentation.content import Chart, Numbers, Points, Section, Text
 from taskcal.presentation.effect_figures import draw_effects
 from taskcal.presentation.effect_tables import tabulate_effects
 from taskcal.presentation.model_error_origin import state_model_error
-from taskcal.presentation.report import report_html
+from taskcal.presentation.report import Page
 from taskcal.presentation.selection_figures import REFERENCES, draw_ladder
 from taskcal.presentation.selection_tables import tabulate_dropped, tabulate_ladder
 from taskcal.presentation.task_section import task_section
@@ -15,7 +15,7 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
 
 
-def selection_html(
+def selection_page(
     model: ErrorModel,
     task: Task,
     selection: Selection,
@@ -25,7 +25,7 @@ def selection_html(
     accuracy: float | None,
     measured: str,
     version: str,
-) -> str:
+) -> Page:
     """The page of a choice of parameters.
 
     Args:
@@ -44,9 +44,9 @@ def selection_html(
         task_section(model, maps, f"the {len(selection.kept)} chosen parameters", measured),
     ]
     robot = model.robot.title or model.robot.name
-    return report_html(
-        f"The parameters that {task.name} needs",
-        sections,
+    return Page(
+        title=f"The parameters that {task.name} needs",
+        sections=tuple(sections),
         lead=f"A smaller model of the {robot}, chosen by the error to be expected over the task.",
         footer=f"Taskcal {version}; robot {model.robot.name}; measured: {measured}.",
     )
@@ -110,7 +110,10 @@ def _which(model: ErrorModel, selection: Selection, effects: Sensitivity) -> Sec
     )
 
 
-_LADDER = "From right to left the parameter goes that is missed least over the task. Logarithmic scale."
+_LADDER = (
+    "Where the line is flat, further parameters buy nothing for this task. From right to left the parameter "
+    "goes that is missed least over the task. Logarithmic scale."
+)
 
 _CROSSED = (
     " The cross-validated error is on measured points that were left out, their noise included, and a mean; the expected one "

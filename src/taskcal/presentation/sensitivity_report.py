@@ -9,12 +9,12 @@ from taskcal.presentation.content import Chart, Numbers, Section, Table, Text
 from taskcal.presentation.effect_figures import draw_effects
 from taskcal.presentation.effect_tables import tabulate_effects
 from taskcal.presentation.model_figures import draw_singular_values
-from taskcal.presentation.report import report_html
+from taskcal.presentation.report import Page
 from taskcal.presentation.task_section import task_section
 from taskcal.presentation.told_apart_table import count_told_apart, tabulate_told_apart
 
 
-def sensitivity_html(
+def sensitivity_page(
     sensitivity: Sensitivity,
     table: EliminationTable,
     told_apart: ToldApart,
@@ -23,7 +23,7 @@ def sensitivity_html(
     maps: TaskMaps | TaskCurves | None,
     poses: str,
     version: str,
-) -> str:
+) -> Page:
     """The page of a sensitivity analysis.
 
     Args:
@@ -41,9 +41,9 @@ def sensitivity_html(
         measured = "the task's own poses" if isinstance(maps, TaskCurves) else "60 poses spread over the task"
         sections.append(task_section(model, maps, f"all {len(model)} parameters", measured))
     robot = model.robot.title or model.robot.name
-    return report_html(
-        f"Sensitivity of the {robot}",
-        sections,
+    return Page(
+        title=f"Sensitivity of the {robot}",
+        sections=tuple(sections),
         lead=f"{len(model)} parameters over {poses}.",
         footer=f"Taskcal {version}; robot {model.robot.name}.",
     )
@@ -73,7 +73,9 @@ def _effects(sensitivity: Sensitivity, table: EliminationTable, told_apart: Told
                 title="Effect of every parameter on the tool point",
                 least_width=700,
                 figure=draw_effects(sensitivity),
-                note="Along the robot's base axes and in space, nominal robot. A tolerance is one standard deviation.",
+                note="A high bar: an ordinary defect moves the tool far. Without a bar: it does nothing at these "
+                "poses. Along the robot's "
+                "base axes and in space, nominal robot. A tolerance is one standard deviation.",
             ),
             tabulate_effects(sensitivity),
         ),
@@ -104,7 +106,12 @@ def _elimination(
                 )
             ),
             tabulate_told_apart(told_apart, symbols),
-            Chart(title="Singular values", figure=draw_singular_values(table.eliminations)),
+            Chart(
+                title="Singular values",
+                figure=draw_singular_values(table.eliminations),
+                note="Filled marks count: so many parameters are independent. A wide gap below them: the number is beyond doubt. "
+                "Filled marks far to the right and low: exactly independent, but the noise of a measurement drowns them.",
+            ),
             Table.of_rows(
                 f"Elimination of all {len(rows)} parameters",
                 tuple(columns),

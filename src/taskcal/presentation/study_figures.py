@@ -1,10 +1,13 @@
 """The figure of a study: how the task error spreads over virtual robots."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import plotly.graph_objects as go
 
 from taskcal.adaptation.study import Study
-from taskcal.presentation.theme import GREY, SERIES, styled
+from taskcal.presentation.theme import GREY, SERIES, styled, with_decades
 
 
 def draw_study(study: Study) -> go.Figure:
@@ -17,7 +20,7 @@ def draw_study(study: Study) -> go.Figure:
     for k, model in enumerate(models):
         of_model = [row for row in study.rows if row["model"] == model]
         figure.add_box(
-            x=[[f"{row['count']} poses" for row in of_model], [row["plan"] for row in of_model]],
+            x=[[f"{row['count']} poses" for row in of_model], [_label(study, row) for row in of_model]],
             y=[row["rms_mm"] for row in of_model],
             name=model,
             marker={"color": SERIES[(k + 1) % len(SERIES)], "size": 4},
@@ -29,7 +32,7 @@ def draw_study(study: Study) -> go.Figure:
     styled(figure, height=500, legend=len(models) > 1, top=90)
     figure.update_layout(boxmode="group")
     figure.update_xaxes(showgrid=False)
-    figure.update_yaxes(title_text="true task error (mm, rms)", type="log", dtick="D2")
+    with_decades(figure, "true task error (mm, rms)")
     if study.geometry_allowance:
         allowed = study.geometry_allowance * 1e3
         figure.add_hline(y=allowed, line={"color": GREY, "dash": "dash", "width": 1.5})
@@ -44,3 +47,8 @@ def draw_study(study: Study) -> go.Figure:
             font={"size": 13, "color": GREY},
         )
     return figure
+
+
+def _label(study: Study, row: Mapping[str, Any]) -> str:
+    """Of a box: the plan, or what was measured by."""
+    return f"{row['observe']}, {row['plan']}" if study.aligned else row["plan"]

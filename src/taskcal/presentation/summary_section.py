@@ -27,7 +27,8 @@ def summary_section(calibration: Calibration, errors: MeasuredErrors | None, ove
     if before is not None:
         robot = calibration.model.robot
         n = None if held_out is None else len(after)
-        blocks.append(Text((verdict(robot.title or robot.name, before.mean * 1e3, after.mean * 1e3, n),)))
+        name, means = robot.title or robot.name, (before.mean * 1e3, after.mean * 1e3)
+        blocks.append(Text((verdict(name, *means, n, in_space=after.in_space),)))
     blocks.append(Numbers(_numbers(calibration, before, after, over)))
     blocks.append(Points(_remarks(calibration)))
     return Section(title="In short", blocks=tuple(blocks))
@@ -49,7 +50,8 @@ def _errors(calibration: Calibration, errors: MeasuredErrors | None) -> tuple[Va
         return held_out.nominal_validation, held_out.validation
     if errors is not None:
         return Validation.of_residuals(errors.before, np.eye(3)), Validation.of_residuals(errors.after, np.eye(3))
-    return None, Validation.of_residuals(calibration.residuals, calibration.T_tracker_base[:3, :3])
+    base, kinds = calibration.T_tracker_base[:3, :3], calibration.layout.observed
+    return None, Validation.of_residuals(calibration.residuals, base, kinds)
 
 
 def _numbers(
@@ -57,7 +59,8 @@ def _numbers(
 ) -> tuple[tuple[str, str, str], ...]:
     """Four numbers: before, after, what 95 % stay below, and how far to trust a prediction."""
     rows = "rows that were not fitted" if calibration.held_out is not None else "the fitted rows"
-    items = [(f"{after.mean * 1e3:.3f}", "mm", f"mean error in space of the calibrated robot, on {rows}")]
+    what = "mean error in space" if after.in_space else "mean error"
+    items = [(f"{after.mean * 1e3:.3f}", "mm", f"{what} of the calibrated robot, on {rows}")]
     if before is not None:
         items.insert(0, (f"{before.mean * 1e3:.3f}", "mm", f"mean error of the nominal robot, on {rows}"))
     items.append((f"{after.p95 * 1e3:.3f}", "mm", "error that 95 % of these points stay below"))

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from plotly.subplots import make_subplots
 
 from taskcal.adaptation.task_map import Maps, Slice
-from taskcal.presentation.theme import AXIS_COLOURS, SERIES, label_panels, styled, switch
+from taskcal.presentation.theme import AXIS_COLOURS, SERIES, label_panels, styled, switch, with_decades
 
 COLOURS = "Viridis"
 
@@ -98,7 +98,7 @@ def draw_curves(curves: Mapping[str, Float[np.ndarray, " n"]]) -> go.Figure:
         )
     styled(figure, height=420, top=80)
     figure.update_xaxes(title_text="pose of the task")
-    figure.update_yaxes(title_text="error in space (mm)", type="log", dtick="D2")
+    with_decades(figure, "error in space (mm)")
     return figure
 
 

@@ -27,10 +27,15 @@ def task_section(model: ErrorModel, maps: TaskMaps | TaskCurves, identified: str
         curves = {"tolerances alone": maps.tolerance, "before": maps.before, "after": maps.after}
         blocks = (
             Text((frames,)),
-            Chart(title="Error to be expected, pose by pose", figure=draw_curves(curves), note="Logarithmic scale."),
+            Chart(
+                title="Error to be expected, pose by pose",
+                figure=draw_curves(curves),
+                note="The farther the lowest line lies below the others, the more identification is worth there. "
+                "Logarithmic scale.",
+            ),
         )
     else:
-        shown = "Drawn in one tool orientation, that of the task's middle. White: out of the robot's reach there."
+        shown = "Bright is worse. Drawn in one tool orientation, that of the task's middle. White: out of the robot's reach there."
         labels = {p.name: p.label for p in model.parameters}
         # the strongest first: it is what a reader sees before choosing
         strongest = sorted(
@@ -50,7 +55,9 @@ def task_section(model: ErrorModel, maps: TaskMaps | TaskCurves, identified: str
                 title="Effect of a single parameter's tolerance in space",
                 least_width=700,
                 figure=draw_maps(maps.coarse, {labels[name]: maps.effects[name] for name in strongest}, from_zero=True),
-                note="Choose the parameter in the list, which begins with the strongest. Each has its own scale of colours.",
+                note="One colour all over: the defect moves the whole task alike. Bright corners: it matters there "
+                "most. Choose the "
+                "parameter in the list, which begins with the strongest. Each has its own scale of colours.",
             ),
         )
     return Section(title="Where in the task", blocks=blocks)

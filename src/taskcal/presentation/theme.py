@@ -3,7 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import plotly.graph_objects as go
+from jaxtyping import Float
 
 BLUE, ORANGE, GREEN, VERMILION, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#AA4499", "#7A7A7A"
 INK, GRID = "#1f2933", "#e3e7eb"
@@ -39,6 +41,32 @@ def styled(figure: go.Figure, *, height: int, legend: bool = True, top: int = 60
     figure.update_xaxes(automargin=True, zeroline=False, **axis)
     figure.update_yaxes(automargin=True, **axis)
     return figure
+
+
+def with_decades(figure: go.Figure, title: str) -> go.Figure:
+    """The figure with a logarithmic vertical axis whose labels are whole numbers, for the digit alone would be misread.
+
+    Args:
+        figure: with all its traces, their values in millimetres or micrometres.
+        title: of the axis.
+    """
+    columns = [getattr(trace, "y", None) for trace in figure.data]
+    drawn = [np.asarray(column, dtype=float).ravel() for column in columns if column is not None]
+    values = np.concatenate([np.empty(0), *drawn])
+    ticks = _ticks(values[np.isfinite(values) & (values > 0.0)])
+    return figure.update_yaxes(type="log", title_text=title, tickvals=ticks, ticktext=[f"{tick:.7g}" for tick in ticks])
+
+
+def _ticks(values: Float[np.ndarray, " n"]) -> list[float]:
+    """1, 2 and 5 of each decade over 0.01 and 1 of those below, or even steps where fewer than two of them lie among the values."""
+    decades = [10.0**k for k in range(-6, -2)] + [m * 10.0**k for k in range(-2, 6) for m in (1, 2, 5)]
+    if len(values) == 0 or sum(values.min() <= tick <= values.max() for tick in decades) > 1:
+        return decades
+    least, most = float(values.min()), float(values.max())
+    size = max((most - least) / 3, 0.05 * most)
+    step = next(m * 10.0**k for k in range(-9, 7) for m in (1, 2, 5) if m * 10.0**k >= size)
+    first = int(0.7 * least / step)
+    return [number * step for number in range(max(first, 1), int(1.4 * most / step) + 2)]
 
 
 def switch(figure: go.Figure, choices: Mapping[str, Sequence[Any]], *, y: float, x: float = 1.0) -> go.Figure:

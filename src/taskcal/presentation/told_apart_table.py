@@ -20,8 +20,9 @@ def tabulate_told_apart(told_apart: ToldApart, symbols: Mapping[str, str]) -> Ta
     rows: list[tuple[str, ...]] = []
     for direction in told_apart.directions[:WEAKEST_SHOWN]:
         terms = list(direction.leading.items())
+        shown = {name: round(share, 2) for name, share in terms[:TERMS_SHOWN]}
         more = " …" if len(terms) > TERMS_SHOWN else ""
-        combination = describe_combination(dict(terms[:TERMS_SHOWN]), symbols) + more
+        combination = describe_combination(shown, symbols) + more
         rows.append((combination, f"{direction.left:.3f}", "yes" if direction.information > 1.0 else "no"))
     return Table.of_rows(
         "Directions that such a measurement says least of, in units of the tolerances",
