@@ -2,6 +2,7 @@
 
 import io
 import sys
+import time
 
 import pytest
 
@@ -53,3 +54,21 @@ def test_help_and_completion_have_none(monkeypatch: pytest.MonkeyPatch) -> None:
         assert not _takes_time(arguments)
     monkeypatch.setenv("_TASKCAL_COMPLETE", "complete_bash")
     assert not _takes_time(["identify"])
+
+
+def test_it_says_for_how_long_until_something_is_said(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys.modules["taskcal.cli.sign_of_life"], "TICK", 0.01)
+    terminal = as_terminal(monkeypatch)
+    with sign_of_life():
+        until = time.monotonic() + 20.0
+        while terminal.getvalue().count("\rworking … 0 s") < 2 and time.monotonic() < until:
+            time.sleep(0.01)
+        tell("result")
+        said = terminal.getvalue()
+        time.sleep(0.05)
+    assert said.startswith("working …\rworking … 0 s\rworking … 0 s")
+    assert terminal.getvalue() == said
+    assert said.endswith("\r\x1b[K")
+    assert capsys.readouterr().out == "result\n"

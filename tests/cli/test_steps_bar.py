@@ -5,7 +5,7 @@ import re
 import pytest
 
 from taskcal.cli.output import working
-from taskcal.cli.steps_bar import bar_over
+from taskcal.cli.steps_bar import bar_by_parts, bar_over
 
 
 @pytest.fixture
@@ -49,3 +49,13 @@ def test_more_steps_than_were_foreseen_do_not_pass_the_end(terminal, capsys):
         for step in "abcdef":
             begin(step)
     assert counted(capsys.readouterr().err) == ["0/2", "1/2", "2/2"]
+
+
+def test_a_bar_begins_anew_with_each_part_of_the_work(terminal, capsys):
+    with bar_by_parts("reading") as show:
+        for part, of in (("single ones", 3), ("pairs", 2)):
+            for done in range(of):
+                show(part, done, of)
+    error = capsys.readouterr().err
+    assert counted(error) == ["0/1", "0/3", "1/3", "2/3", "0/2", "1/2"]
+    assert "single ones" in error

@@ -10,16 +10,13 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from taskcal.cli.interrupts import prompt
+from taskcal.cli.interrupts import INTERRUPTED, leave, prompt
 from taskcal.cli.lazy_commands import SUMMARIES, LazyCommands
 from taskcal.cli.modules import import_modules
 from taskcal.cli.output import MESSAGE_CHARACTERS, error, for_terminal, info
 from taskcal.cli.outputs import begin_account, interrupted
 from taskcal.cli.sign_of_life import clear_sign, sign_of_life
 from taskcal.errors import TaskcalError, shortened
-
-INTERRUPTED = 130
-"""Exit status after Ctrl-C."""
 
 
 class OrderedGroup(TyperGroup):
@@ -122,12 +119,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             reconfigure(errors="replace")  # a terminal without σ or √ shows '?' instead of failing
     begin_account()
     begun = sign_of_life() if arguments is None and _takes_time(sys.argv[1:]) else nullcontext()
-    with prompt(INTERRUPTED, _say_interrupted) if arguments is None else nullcontext(Event()) as said:
+    with prompt(_say_interrupted) if arguments is None else nullcontext(Event()) as said:
         with begun:
             status = _run(arguments)
-        if status == INTERRUPTED:
-            said.set()
-            _say_interrupted()
+        said.set()
+    if status == INTERRUPTED:
+        _say_interrupted()
+        if arguments is None:
+            leave()
     try:
         sys.stdout.flush()
     except BrokenPipeError:
@@ -138,6 +137,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         error(f"standard output: {failure.strerror or failure}")
         return status or 1
     return status
+
+
+def _is_an_interrupt(failure: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind it: Python wraps what comes while a class is made into an error of its own."""
+    while failure is not None:
+        if isinstance(failure, KeyboardInterrupt):
+            return True
+        failure = failure.__cause__ or failure.__context__
+    return False
 
 
 def _takes_time(arguments: Sequence[str]) -> bool:
@@ -172,6 +180,8 @@ def _run(arguments: Sequence[str] | None) -> int:
         error(f"{f'{failure.filename}: ' if failure.filename else where}{failure.strerror or failure}")
         return 1
     except Exception as failure:
+        if _is_an_interrupt(failure):
+            return INTERRUPTED
         if os.environ.get("TASKCAL_TRACEBACK"):
             raise
         if isinstance(failure, ValueError) and "embedded null" in str(failure):

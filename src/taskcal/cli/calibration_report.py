@@ -85,9 +85,10 @@ def show_report(
     summaries = {"frames only": result["nominal"], "fitted": result["fitted"]}
     if result["held_out"] is not None:
         summaries["held out"] = result["held_out"]
-    say(verdict(result))
+    say(verdict(calibration, result))
     tell()
-    show_errors("Position error: largest along the axes of the robot's base, then in space", summaries)
+    title = "Position error: largest along the axes of the robot's base, then in space"
+    show_errors(title if "max_x_mm" in result["fitted"] else "Error: measured less predicted", summaries)
     steps = next_steps(calibration, result, tracker_mm)
     show_facts([("next" if number == 0 else "", step) for number, step in enumerate(steps)])
     tell()
@@ -130,10 +131,10 @@ def _unclear_effects(calibration: Calibration) -> set[str]:
 def _facts(result: Mapping[str, Any], *, parameters: bool) -> list[tuple[str, str]]:
     scale = result["prior_scale"]
     pairs = [f"{c['a']} and {c['b']} {c['correlation']:+.3f}" for c in result["correlations"]]
-    rotation = f" and {result['model_error_mrad']:.4f} mrad" if "model_error_mrad" in result else ""
+    rotation = f" and {result['model_error_mrad']:.3g} mrad" if "model_error_mrad" in result else ""
     held = f", {result['prior_scale_origin']}" if result["prior_scale_origin"] else ""
     facts = [
-        ("model error", f"{result['model_error_mm']:.4f} mm{rotation} per axis (1σ), {result['model_error_origin']}"),
+        ("model error", f"{result['model_error_mm']:.3g} mm{rotation} per axis (1σ), {result['model_error_origin']}"),
         ("prior scale", "no prior" if scale is None else f"{scale:.3g} times the tolerances{held}"),
         *([("largest correlations", "; ".join(pairs))] if parameters else []),
         ("tracker frame", _measuring_frame(result)),

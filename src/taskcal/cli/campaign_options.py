@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 
@@ -122,6 +122,9 @@ class MeasuredOptions(CampaignOptions):
         typer.BadParameter: how to read a campaign, and no campaign.
     """
 
+    of_others: ClassVar[tuple[str, ...]] = ()
+    """Options that speak of something else too, where a command has it."""
+
     campaign: Annotated[
         Path | None,
         typer.Option("--campaign", metavar="CAMPAIGN.csv", readable=False, help="Measurements to use."),
@@ -132,7 +135,7 @@ class MeasuredOptions(CampaignOptions):
         if self.campaign is not None:
             return
         for option in fields(CampaignOptions):
-            if getattr(self, option.name) != option.default:
+            if getattr(self, option.name) != option.default and option.name not in self.of_others:
                 raise typer.BadParameter(
                     "there is no campaign that it could speak of; give one with --campaign",
                     param_hint=f"--{option.name.replace('_', '-')}",
@@ -141,4 +144,4 @@ class MeasuredOptions(CampaignOptions):
     @property
     def inputs(self) -> tuple[str | Path | None, ...]:
         """Files that are read."""
-        return self.campaign, self.points, self.rows
+        return self.campaign, self.points, self.rows, self.distances

@@ -3,9 +3,11 @@
 from collections.abc import Iterable
 from typing import Any
 
+from typer import BadParameter
 from typer.core import TyperCommand
 
 from taskcal.cli.output import info, show_log
+from taskcal.cli.usage_words import in_users_words
 
 RENAMED = {
     "--accuracy": "--accuracy-mm",
@@ -22,7 +24,13 @@ class Command(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the options, those by a former name too."""
-        return super().parse_args(ctx, with_new_names(args, self._options()))
+        typed = with_new_names(args, self._options())
+        try:
+            return super().parse_args(ctx, list(typed))
+        except BadParameter as wrong:
+            names = [] if wrong.param is None else wrong.param.opts
+            wrong.message = in_users_words(wrong.message, names, typed)
+            raise
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""

@@ -1,9 +1,13 @@
-"""Compilation of every kernel, by using each once on a handful of poses."""
+"""Compilation of every kernel, by using each once on a handful of poses; two processes share the work where there are two cores."""
 
+from collections.abc import Callable
 from typing import get_args
 
 import numpy as np
+from jaxtyping import Float
 
+from taskcal.adaptation.workers import side_by_side
+from taskcal.estimation.loss import Huber
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
 from taskcal.kinematics.inverse import Spin, solve_near
@@ -14,18 +18,38 @@ from taskcal.robot.error_model import ErrorModel
 SPINS: tuple[Spin, ...] = get_args(Spin)
 
 
-def compile_kernels() -> None:
-    """Walk, close a four-bar, solve for joints, and identify from points and from poses."""
+def compile_kernels(workers: int) -> None:
+    """Use every kernel, in so many processes as there are workers; more than there are uses of kernels find nothing to do."""
+    for _ in side_by_side(_use, range(len(USES)), "loky", min(workers, len(USES))):
+        pass
+
+
+def _use(number: int) -> None:
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     rng = np.random.default_rng(0)
     q = rng.uniform(np.radians([-60, -20, 0, -90, -80, -90]), np.radians([60, 40, 40, 90, 80, 90]), (20, 6))
+    USES[number](model, q, rng)
+
+
+def _walk(model: ErrorModel, q: Float[np.ndarray, "n joints"], rng: np.random.Generator) -> None:
+    """Walk, close a four-bar, solve for joints."""
     model.jacobian(q)
     model.joint_jacobian(q)
     T = model.poses(q)
     for spin in SPINS:
         solve_near(model, T, q + 1e-3, spin=spin)
+
+
+def _fit(model: ErrorModel, q: Float[np.ndarray, "n joints"], rng: np.random.Generator) -> None:
+    """Identify from points and from poses, with rows that are kept and with rows that are streamed, as of large campaigns."""
     for pose in (False, True):
         campaign, _ = simulate(model, q, rng=rng, pose=pose)
         calibration = identify(model, campaign, prior_scale=1.0, model_error=(1e-4, 1e-4))
+        identify(model, campaign, prior_scale=1.0, model_error=(1e-4, 1e-4), loss=Huber())
         calibration.predict_covariance(q)
         validate(calibration, campaign, reregister=True)
+
+
+Use = Callable[[ErrorModel, np.ndarray, np.random.Generator], None]
+USES: tuple[Use, ...] = (_fit, _walk)
+"""Of the kernels, longest first."""

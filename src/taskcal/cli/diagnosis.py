@@ -3,7 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from taskcal.errors import TaskcalError
+from taskcal.cli.steps_bar import bar_by_parts
+from taskcal.errors import TaskcalError, UnitError
 
 if TYPE_CHECKING:
     from taskcal.diagnosis.diagnose import Diagnosis
@@ -11,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def diagnose_file(path: Path, robot: "Robot") -> "Diagnosis":
-    """The diagnosis of a file, which may lie outside the robot's limits.
+    """The diagnosis of a file, which may lie outside the robot's limits; how far it is is shown on a terminal.
 
     Raises:
         FileError: it cannot be read as a campaign of so many joints.
@@ -20,14 +21,17 @@ def diagnose_file(path: Path, robot: "Robot") -> "Diagnosis":
     from taskcal.measurement.reader import read_campaign
 
     campaign = read_campaign(path, open_limits(robot))
-    from taskcal.diagnosis.diagnose import diagnose  # only for what could be read: it takes a second to import
+    with bar_by_parts("looking for what is wrong") as show:
+        from taskcal.diagnosis.diagnose import diagnose  # only for what could be read: it takes a second to import
 
-    return diagnose(campaign, robot)
+        return diagnose(campaign, robot, progress=show)
 
 
 def with_first_finding(refusal: TaskcalError, path: Path, robot: "Robot") -> str:
     """A refusal's message, and what mends it if the doctor knows."""
     message = str(refusal)
+    if isinstance(refusal, UnitError):  # nothing else can be told before that is mended
+        return message
     try:
         findings = diagnose_file(path, robot).findings
     except TaskcalError:

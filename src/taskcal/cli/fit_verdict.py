@@ -17,15 +17,18 @@ MOST_NAMED = 5
 """Rows that are named."""
 
 
-def verdict(result: Mapping[str, Any]) -> str:
+def verdict(calibration: Calibration, result: Mapping[str, Any]) -> str:
     """The fit in a sentence.
 
     Args:
+        calibration: the fit.
         result: what `calibration_report.report` says.
     """
     held_out = result["held_out"]
     after = (held_out or result["fitted"])["mean_mm"]
-    return sentence(result["robot"], result["nominal"]["mean_mm"], after, held_out and held_out["n"])
+    in_space = all(kind.width >= 3 for kind in calibration.layout.observed)
+    before, number = result["nominal"]["mean_mm"], held_out and held_out["n"]
+    return sentence(result["robot"], before, after, number, in_space=in_space)
 
 
 def next_steps(calibration: Calibration, result: Mapping[str, Any], tracker_mm: float) -> list[str]:

@@ -66,18 +66,6 @@ class OutputOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PageOptions:
-    """How a command that can make a page gives its result."""
-
-    report: Annotated[
-        Path | None,
-        typer.Option("--report", metavar="REPORT.html", readable=False, help="Write a page with figures here."),
-    ] = None
-    force: ForceOption = False
-    as_json: JsonOption = False
-
-
-@dataclass(frozen=True, kw_only=True)
 class SpreadOptions:
     """How many poses are spread over a task, and how they are drawn."""
 

@@ -106,16 +106,9 @@ def working(step: str, steps: int | None = None) -> Generator[Callable[[str], No
     Yields:
         how to say which step begins.
     """
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from taskcal.cli.progress_bar import progress_bar
 
-    clear_sign()
-    out = Console(stderr=True)
-    described = TextColumn("{task.description} …", markup=False)
-    counted = (described, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    columns = (SpinnerColumn(), described, TimeElapsedColumn()) if steps is None else counted
-    with Progress(*columns, console=out, transient=True, disable=not out.is_terminal) as bar:
-        task = bar.add_task(for_terminal(step), total=steps)
+    with progress_bar(for_terminal(step), steps) as update:
         report_step(step, 0, steps)
         begun = 0
 
@@ -124,12 +117,12 @@ def working(step: str, steps: int | None = None) -> Generator[Callable[[str], No
             if begun == 0 and text == step:
                 return
             begun = begun + 1 if steps is None else min(begun + 1, steps - 1)
-            bar.update(task, completed=begun, description=for_terminal(text), refresh=True)
+            update(begun, for_terminal(text), steps)
             report_step(text, begun, steps)
 
         yield begin
         if steps is not None:
-            bar.update(task, completed=steps, refresh=True)
+            update(steps, for_terminal(step), steps)
 
 
 def write_json(result: Mapping[str, Any]) -> None:
@@ -175,8 +168,15 @@ def console() -> "Console":
     return Terminal(width=line_width(), markup=False, highlight=False, emoji=False, soft_wrap=False)
 
 
-def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]], *, left: Iterable[int] = (0,)) -> None:
-    """Print a table; columns are flush right but for those in `left`."""
+def show_table(
+    title: str,
+    header: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    left: Iterable[int] = (0,),
+    spare: Sequence[int] = (),
+) -> None:
+    """Print a table; columns are flush right but for those in `left`, and those in `spare` go first where it is too wide."""
     from taskcal.presentation.layout import fold, lay_out_table
 
     clear_sign()
@@ -184,7 +184,7 @@ def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]],
     for line in fold(for_terminal(title), width) if title else ():
         _print_bold(line)
     cells = [[_in_a_cell(cell) for cell in row] for row in rows]
-    for line in lay_out_table([_in_a_cell(name) for name in header], [("", cells)], set(left), width):
+    for line in lay_out_table([_in_a_cell(name) for name in header], [("", cells)], set(left), width, spare):
         print(line)
     print()
 

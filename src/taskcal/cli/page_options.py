@@ -1,11 +1,13 @@
 """What a command that makes a page writes beside it, and how."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from taskcal.cli.options import ForceOption, JsonOption
 
 if TYPE_CHECKING:
     from taskcal.presentation.figure_files import FigureFormat
@@ -105,6 +107,71 @@ class BesidePageOptions:
         if self.markdown is not None:
             out[self.markdown] = as_markdown(page, {} if kind == "pdf" else named)
         return out
+
+    def in_words(self, files: Collection[Path]) -> str:
+        """Files that were written, the figures as one."""
+        figures = [path for path in files if self.figures is not None and path.parent == self.figures]
+        texts = [str(path) for path in files if path not in figures]
+        return ", ".join([*texts, *([f"{len(figures)} figures in {self.figures}"] if figures else [])])
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageOptions(BesidePageOptions):
+    """How a command that can make a page gives its result.
+
+    Raises:
+        typer.BadParameter: there is a head, and no page to put it on.
+    """
+
+    report: Annotated[
+        Path | None,
+        typer.Option("--report", metavar="REPORT.html", readable=False, help="Write a page with figures here."),
+    ] = None
+    force: ForceOption = False
+    as_json: JsonOption = False
+
+    def __post_init__(self) -> None:
+        if self.header is not None and not self.asked:
+            raise typer.BadParameter(
+                "a head needs a page to stand on; add --report, --markdown or --figures", param_hint="--header"
+            )
+
+    @property
+    def asked(self) -> bool:
+        """Whether a page is to be made, in whatever form."""
+        return any(path is not None for path in (self.report, self.markdown, self.figures))
+
+    @property
+    def places(self) -> list[tuple[str, Path | None]]:
+        """Options and the files that they name."""
+        return [("--report", self.report), ("--markdown", self.markdown)]
+
+    def check(self) -> None:
+        """See, before anything is computed, that the page can be made.
+
+        Raises:
+            typer.BadParameter: there is no such format of figures.
+            FileError: the head is not as it should be, or figures cannot be put where they are asked for.
+            TaskcalError: figures are asked for, and there is no browser to draw them.
+        """
+        self.kind()
+        self.labelled()
+
+    def compose(self, page: "Page") -> dict[Path, str | bytes]:
+        """Every file that is asked for of a page.
+
+        Raises:
+            FileError: the head is not as it should be.
+            TaskcalError: the figures cannot be drawn.
+        """
+        headed = replace(page, header=tuple(self.labelled()))
+        out = dict[Path, str | bytes]() if self.report is None else {self.report: headed.html()}
+        return {**out, **self.files_of(headed)}
+
+    def summary(self) -> dict[str, Path]:
+        """Where the page is, as results in JSON say it."""
+        named = {"report": self.report, "markdown": self.markdown, "figures": self.figures}
+        return {name: path for name, path in named.items() if path is not None}
 
 
 def _seen_from(text: Path | None, file: Path) -> str:

@@ -34,6 +34,7 @@ def truth_text(truth: Truth, targets: tuple[str, ...]) -> str:
         "x": dict(zip(truth.model.names, truth.x.tolist(), strict=True)),
         "T_tracker_base": truth.T_tracker_base,
         "targets": dict(zip(targets, truth.T_tool_target, strict=True)),
+        "unknowns": dict(truth.unknowns),
     }
     return json.dumps(plain(content), indent=1, allow_nan=False) + "\n"
 
