@@ -1,7 +1,7 @@
 # The public names, each once: __init__.py reads this list and loads them as they are used.
 
-from taskcal.adaptation.plan import Plan as Plan
 from taskcal.adaptation.plan import plan as plan
+from taskcal.adaptation.planned import Plan as Plan
 from taskcal.adaptation.selection import Selection as Selection
 from taskcal.adaptation.selection import select as select
 from taskcal.adaptation.study import Study as Study

@@ -83,3 +83,13 @@ def test_names_and_the_decimal_mark_can_be_stated(run: Run, plain: Path, tmp_pat
     ended = run("convert", "-r", "ur5", path, "--columns", "id x_mm", "-o", tmp_path / "more.csv")
     assert ended.status == 1
     assert "has 10 columns, and 2 names were given for them" in ended.err
+
+
+def test_what_ends_in_parquet_is_written_as_such_and_read_back_the_same(run: Run, plain: Path, tmp_path: Path) -> None:
+    packed, direct, again = (tmp_path / name for name in ("out.parquet", "direct.csv", "again.csv"))
+    assert run("convert", "-r", "ur5", plain, "-o", direct).status == 0
+    ended = run("convert", "-r", "ur5", plain, "-o", packed)
+    assert ended.status == 0, ended.err
+    assert packed.read_bytes().startswith(b"PAR1")
+    assert run("convert", "-r", "ur5", packed, "-o", again).status == 0
+    assert again.read_text() == direct.read_text()

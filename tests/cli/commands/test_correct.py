@@ -1,5 +1,6 @@
 """``taskcal correct``: files, tables, and what happens to bad input."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,30 @@ def part(tmp_path, robot):
     path = tmp_path / "part.mod"
     path.write_bytes(module(robot, *GOOD).encode("latin-1"))
     return path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", ["", ".zip"])
+def test_a_backup_is_corrected_into_one_of_the_same_shape(run: Run, cell: Path, part: Path, tmp_path: Path, suffix):
+    folder = tmp_path / "backup"
+    (folder / "RAPID/TASK1/PROGMOD").mkdir(parents=True)
+    (folder / "RAPID/TASK1/PROGMOD/part.mod").write_bytes(part.read_bytes())
+    (folder / "system.xml").write_text("<Controller/>")
+    given = folder if not suffix else Path(shutil.make_archive(str(folder), "zip", folder))
+    out = tmp_path / f"out{suffix}"
+    command = ("correct", "--accept-uncertain", "--calibration", cell / "cal.json", given, "-o", out)
+    ended = run(*command, "--json")
+    assert ended.status == 0, ended.err
+    assert ended.json["written"] == [str(out)]
+    assert ended.json["skipped_files"] == 1
+    if suffix:
+        shutil.unpack_archive(out, tmp_path / "unpacked")
+    made = out if not suffix else tmp_path / "unpacked"
+    assert (made / "system.xml").read_text() == "<Controller/>"
+    assert (made / "RAPID/TASK1/PROGMOD/part.mod").read_bytes() != part.read_bytes()
+    again = run(*command)
+    assert again.status == 1
+    assert "exists already" in again.err
 
 
 @pytest.mark.slow
@@ -164,6 +189,17 @@ def test_what_cannot_be_reached_is_named_by_file_and_line(line, words, run: Run,
     assert line in (tmp_path / "out.mod").read_text()
 
 
+def test_where_no_target_is_reached_no_error_is_stated(run: Run, cell, robot, tmp_path):
+    path = tmp_path / "far.mod"
+    path.write_text(module(robot, "MoveL Offs(pB,9000,0,0),v50,fine,tSpindle\\WObj:=wPart;"), newline="")
+    ended = run("correct", "-c", cell / "cal.json", path, "--dry-run", "--report", tmp_path / "page.html")
+    assert ended.status == 1
+    assert "not known: the robot reaches no target of the program" in " ".join(ended.out.split())
+    assert "0.000 mm before" not in ended.out
+    assert "rms mm" not in ended.out
+    assert "error to be expected before" not in (tmp_path / "page.html").read_text()
+
+
 def test_an_unknown_frame_is_named_by_file_and_line_and_left(run: Run, cell, robot, tmp_path):
     path = tmp_path / "unknown.mod"
     line = "MoveL pB,v50,fine,tSpindle\\WObj:=wFixture;"
@@ -224,7 +260,7 @@ def test_several_files_go_into_a_folder(run: Run, cell, robot, tmp_path):
         (["{part}"], 2, "--dry-run"),
         (["{part}", "-o", "{out}", "--tolerance-mm", "0"], 2, "not above zero"),
         (["{part}", "-o", "{out}", "--tool", "cutter"], 2, "--cell"),
-        (["{part}", "-o", "{out}", "--cell", "{part}"], 1, "no TOML"),
+        (["{part}", "-o", "{out}", "--cell", "{part}"], 1, "not TOML"),
         (["{part}", "{part}", "-o", "{out}"], 1, "given twice"),
         (["missing.mod", "-o", "{out}"], 1, "missing.mod: cannot be read"),
         (["part.docx", "-o", "{out}"], 1, "no suffix of a robot program"),

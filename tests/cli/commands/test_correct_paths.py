@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from taskcal.programs.reading import read_program
 from taskcal.robot.catalogue import load_robot
@@ -92,7 +93,9 @@ def test_an_apt_path_becomes_a_rapid_or_krl_program_of_the_corrected_motions(
     for name in ("out.mod", "out.src", "out.csv"):
         ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / name, "--json")
         assert ended.status == 0, ended.err
-        assert ended.json["after"]["targets"]["max_mm"] < 1e-3
+        # the finest zone of a controller, 0.3 mm, cuts a right angle by 0.3·√2/4; a table of points has none
+        corner = 0.0 if name == "out.csv" else 0.3 * np.sqrt(2.0) / 4.0
+        assert ended.json["after"]["targets"]["max_mm"] == pytest.approx(corner, abs=1e-3)
         moves = read_program(tmp_path / name, robot=load_robot(IRB6660)).moves
         assert [move.kind for move in moves] == ["linear", "linear", "circular"]
         ends[name] = np.array([move.flange(move.end.T) for move in moves])

@@ -54,7 +54,9 @@ def test_one_orientation_is_good_inside_and_poor_outside(run: Run, folder: Path)
 
 
 @pytest.mark.slow
-def test_tables_and_the_way_on_are_printed(run: Run, folder: Path) -> None:
+def test_tables_and_the_way_on_are_printed_and_the_same_seed_gives_the_same_files(run: Run, tmp_path: Path) -> None:
+    folder = tmp_path / "b"
+    assert run("demo", "--count", "20", "-o", str(tmp_path / "a")).status == 0
     ended = run("demo", "--count", "20", "-o", str(folder))
     assert ended.status == 0
     for part in (
@@ -68,12 +70,6 @@ def test_tables_and_the_way_on_are_printed(run: Run, folder: Path) -> None:
         assert part in ended.out
     assert str(folder / "report.html") in ended.out
     assert "taskcal identify --robot" in ended.out
-
-
-@pytest.mark.slow
-def test_the_same_seed_gives_the_same_files(run: Run, tmp_path: Path) -> None:
-    for name in ("a", "b"):
-        run("demo", "--count", "20", "-o", str(tmp_path / name))
     for name in ("campaign-one-orientation.csv", "campaign-several-orientations.csv"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 

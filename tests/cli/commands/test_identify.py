@@ -336,7 +336,7 @@ def test_a_figure_that_was_given_is_not_said_to_be_found(run: Run, cell: Path, t
     assert "none shows beside the tracker's noise" in found
     assert "as given" not in found
     given = run(*fit, "-o", tmp_path / "given.json", "--model-error-mm", "0.05", "--prior-scale", "2").out
-    assert "0.0500 mm per axis (1σ), as given" in given
+    assert "0.05 mm per axis (1σ), as given" in given
     assert "2 times the tolerances, as given" in given
     nothing = run(*fit, "-o", tmp_path / "nothing.json", "--keep", "none", "--prior", "none").out
     assert "geometry leaves unexplained" in nothing

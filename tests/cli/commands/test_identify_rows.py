@@ -81,7 +81,10 @@ def test_a_row_that_cannot_be_right_is_named_as_the_file_has_it(
         ("# nothing\n", ": names no row"),
     ],
 )
-def test_a_file_of_rows_that_is_wrong(run: Run, cell: Path, tmp_path: Path, text: str, message: str) -> None:
+def test_a_file_of_rows_that_is_wrong_says_nothing_of_the_campaign(
+    run: Run, cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, message: str
+) -> None:
+    monkeypatch.delattr("taskcal.cli.diagnosis.diagnose_file")
     rows = tmp_path / "rows.txt"
     rows.write_text(text)
     ended = identify(run, cell / "one.csv", tmp_path / "a.json", "--rows", rows)

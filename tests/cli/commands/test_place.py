@@ -49,3 +49,16 @@ def test_nowhere_to_put_it(run: Run, cell: Path) -> None:
     ended = run("place", "--robot", IRB6660, cell / "list.toml", "--region", "9000,0,0")
     assert ended.status == 1
     assert "out of reach" in " ".join(ended.out.split())
+
+
+def test_the_page_of_a_region_has_a_figure_and_a_table(run: Run, cell: Path, tmp_path: Path) -> None:
+    page, words = tmp_path / "place.html", tmp_path / "place.md"
+    region = ["--region=0:30,0,0", "--steps", "2", "--touched-off"]
+    given = ["place", "--calibration", cell / "cal.json", cell / "list.toml", *region]
+    ended = run(*given, "--report", page, "--markdown", words, "--json")
+    assert ended.status == 0, ended.err
+    assert ended.json["report"] == str(page)
+    text = words.read_text(encoding="utf-8")
+    assert "Figure: What is to be expected over the region" in text
+    assert "**Best of 2 placements" in text
+    assert page.read_text(encoding="utf-8").count("<figure>") == 1

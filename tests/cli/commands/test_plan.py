@@ -102,11 +102,22 @@ def test_the_tables_for_people(run: Run, ask: list[object]) -> None:
         assert part in ended.out
 
 
-def test_a_station_says_which_reflectors_are_seen(run: Run, ask: list[object], tmp_path: Path) -> None:
-    (tmp_path / "station.toml").write_text(STATION)
+def test_a_station_says_which_reflectors_are_seen_and_how_near_links_come(
+    run: Run, ask: list[object], tmp_path: Path
+) -> None:
+    pillar = "[[keep_out]]\ncenter_mm = [0.0, 2500.0, 500.0]\nsize_mm = [600.0, 600.0, 1000.0]\n"
+    (tmp_path / "station.toml").write_text(STATION + pillar)
     result = run(*ask, "--station", tmp_path / "station.toml", "--json").json
     assert len(result["visible"]) == 12
     assert all("smr2" in names for names in result["visible"])
+    assert result["station"] == str(tmp_path / "station.toml")
+    for gaps in result["clearance_mm"].values():
+        assert len(gaps) == 12
+        assert min(gaps) > 0.0
+    assert (
+        f"{min(result['clearance_mm']['to_keep_out']):.0f} mm to keep-out boxes; links as capsules of 100 to 300 mm radius"
+        in " ".join(run(*ask, "--station", tmp_path / "station.toml").out.split())
+    )
 
 
 def test_a_campaign_is_extended(run: Run, ask: list[object], alone: Alone, cell: Path) -> None:
@@ -187,9 +198,9 @@ def test_plan_and_page_are_two_files(run: Run, ask: list[object], tmp_path: Path
         (("position_mm = 0.1", "position_mm = 0.00001"), "accuracy of 1e-05 mm is out of reach"),
         (
             ("quaternion", "quarternion"),
-            "bad.toml: workspace, orientation 1: 'quarternion' is not a known key; check its spelling\n",
+            "bad.toml: workspace, orientation 1: 'quarternion' is not a known key; did you mean 'quaternion'",
         ),
-        (("[workspace]", "[workspace"), "is no TOML"),
+        (("[workspace]", "[workspace"), "is not TOML"),
     ],
 )
 def test_tasks_that_cannot_be_planned_for(
@@ -209,7 +220,7 @@ def test_tasks_that_cannot_be_planned_for(
         (STATION + KEEP_OUT, "in a keep-out box"),
         (STATION.replace("60.0\n", "600.0\n"), "reflector 1, acceptance_deg"),
         ("position_mm = [1.0, 2.0, 3.0]", "reflector: is missing"),
-        ("position_mm = [1.0, ", "is no TOML"),
+        ("position_mm = [1.0, ", "is not TOML"),
         (STATION.replace("smr2", "smr1"), "two reflectors are named 'smr1'"),
     ],
 )

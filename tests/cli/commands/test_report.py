@@ -171,3 +171,26 @@ def test_what_cannot_be_reported(run: Run, cell: Path, tmp_path: Path) -> None:
         assert said in ended.err
     assert not page.exists()
     assert run("report").status == 2
+
+
+@pytest.mark.parametrize("command", ["sensitivity", "select", "plan", "study"])
+def test_every_page_has_a_head_and_a_summary_if_asked_for(run: Run, path: Path, tmp_path: Path, command: str) -> None:
+    (tmp_path / "head.toml").write_text('customer = "Example & Sons"\n')
+    beside = ["--header", tmp_path / "head.toml"]
+    most = {
+        "plan": ["-n", 30, "--candidates", 60, "-o", tmp_path / "p.csv"],
+        "study": ["--robots", 2, "--counts", 30, "--engine", "sequential"],
+    }
+    given = [command, "--robot", IRB6660, "--task", path, *most.get(command, []), *beside]
+    alone = run(*given)
+    assert alone.status == 2
+    assert "needs a page to stand on" in alone.err
+    summary = tmp_path / "s.md"
+    ended = run(*given, "--markdown", summary)
+    assert ended.status == 0, ended.err
+    assert str(summary) in ended.out
+    assert "- customer: Example & Sons" in summary.read_text(encoding="utf-8")
+    (tmp_path / "head.toml").write_text("customer = 3\n")
+    wrong = run(*given, "--markdown", summary)
+    assert wrong.status == 1
+    assert "head.toml" in wrong.err

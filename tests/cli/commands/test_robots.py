@@ -107,7 +107,7 @@ def test_a_table_given_as_a_robot_says_how_to_import_it(run: Run, tmp_path: Path
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("name = 'x'\n[[joint]\n", "is no TOML"),
+        ("name = 'x'\n[[joint]\n", "is not TOML"),
         ("name = 'x'\n", "joint: is missing"),
         (
             "name = 'x'\n[[joint]]\nname = 'J1'\nlimits_deg = [10, -10]\n",
@@ -119,7 +119,7 @@ def test_a_robot_file_that_is_wrong(run: Run, tmp_path: Path, text: str, message
     (tmp_path / "robot.toml").write_text(text)
     ended = run("robots", tmp_path / "robot.toml")
     assert ended.status == 1
-    assert f"{tmp_path / 'robot.toml'}: " in ended.err
+    assert f"{tmp_path / 'robot.toml'}:" in ended.err
     assert message in ended.err
 
 

@@ -65,7 +65,7 @@ def test_inconsistent_options(
         ('shape = "box"', 'shape = "ball"', "workspace, shape: must be 'box' or 'cylinder' (got 'ball')"),
         ("0.296]", "0.9]", "has length 1.3"),
         ("size_mm = [500.0, 700.0, 500.0]", "", "a box has size_mm"),
-        ("[workspace]", "[workspace", "is no TOML"),
+        ("[workspace]", "[workspace", "is not TOML"),
         ('frame = "base"', 'frame = "vice"', "the workspace's frame 'vice' is not defined; known: base"),
     ],
 )
@@ -74,7 +74,7 @@ def test_a_task_file_that_is_wrong(run: Run, cell: Path, tmp_path: Path, old: st
     path.write_text((cell / "task.toml").read_text().replace(old, new))
     ended = run("simulate", "--robot", IRB6660, "--task", path, "-o", tmp_path / "c.csv")
     assert (ended.status, ended.out) == (1, "")
-    assert f"error: {path}: " in ended.err
+    assert f"error: {path}:" in ended.err
     assert message in ended.err
 
 
@@ -117,3 +117,41 @@ def test_a_truth_that_is_none(run: Run, cell: Path, tmp_path: Path, change: tupl
     assert said in ended.err
     assert run(*task, "--truth-from", cell / "truth.json", "--targets", "3").status == 2
     assert not (tmp_path / "c.csv").exists()
+
+
+@pytest.mark.parametrize("way", ["socket", "wire", "camera", "board", "tracker+socket"])
+def test_a_robot_is_measured_without_a_tracker(run: Run, cell: Path, tmp_path: Path, way: str) -> None:
+    path, distances, truth = tmp_path / "c.csv", tmp_path / "d.csv", tmp_path / "truth.json"
+    stated = ["--distances", distances] if "socket" in way else []
+    cone = (cell / "task.toml").read_text().replace("cone_deg = 0.0", "cone_deg = 40.0")
+    (tmp_path / "task.toml").write_text(cone)
+    of = ["--robot", IRB6660, "--task", tmp_path / "task.toml", "--count", 24, "--observe", way, "--places", 1]
+    ended = run("simulate", *of, "-o", path, "--truth", truth, *stated, "--json")
+    assert ended.status == 0, ended.err
+    assert ended.json["observe"] == way
+    found = run("identify", "--robot", IRB6660, path, *stated, "-o", tmp_path / "cal.json", "--json")
+    assert found.status == 0, found.err
+    assert set(json.loads(truth.read_text())["unknowns"]) >= {"socket a.tx"} if stated else True
+    again = run("simulate", *of, "-o", tmp_path / "again.csv", "--truth-from", truth, "--seed", 5)
+    assert again.status == 0, again.err
+    assert (tmp_path / "again.csv").read_bytes() != path.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--observe", "sokcet"], "did you mean 'socket'"),
+        (["--observe", "wire", "--pose"], "they are a tracker's"),
+        (["--observe", "wire", "--distances", "d.csv"], "only sockets have stated distances"),
+        (["--places", "2"], "a tracker needs no places"),
+        (["--joint-error-deg", "-1"], "-1 is not zero or above"),
+    ],
+)
+def test_ways_to_measure_that_are_not_offered(
+    run: Run, cell: Path, tmp_path: Path, options: list[str], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    ended = run("simulate", "--robot", IRB6660, "--task", cell / "task.toml", "-o", "c.csv", *options)
+    assert ended.status == 2
+    assert message in ended.err
+    assert list(tmp_path.iterdir()) == []

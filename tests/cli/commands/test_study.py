@@ -6,6 +6,7 @@ import pytest
 
 from taskcal.tabular.csv_form import read_csv
 from tests.cli.conftest import IRB6660, Run
+from tests.laws.cluster import cluster
 
 
 @pytest.fixture
@@ -30,7 +31,17 @@ def test_more_poses_make_the_task_more_accurate(run: Run, ask: list[object], tmp
     assert all(0.0 <= line["share_accurate"] <= 1.0 for line in result["summary"])
     rows = read_csv(tmp_path / "rows.csv")
     assert len(rows) == 3 * 4
-    assert rows.header == ("robot", "plan", "count", "model", "rms_mm", "max_mm", "rms_with_model_error_mm")
+    assert rows.header == (
+        "robot",
+        "plan",
+        "count",
+        "model",
+        "rms_mm",
+        "max_mm",
+        "rms_with_model_error_mm",
+        "observe",
+        "learnt",
+    )
     assert (result["model_error_mm"], result["model_error_origin"]) == (0.0, "as given")
     page = (tmp_path / "study.html").read_text(encoding="utf-8")
     assert page.count("<figure>") == 1
@@ -67,7 +78,10 @@ def test_every_model_in_a_table_for_people(run: Run, ask: list[object]) -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--engine", "ray"], "--engine"),
+        (["--engine", "ray"], "'ray' is not an engine; choose loky, threading, sequential, or dask with --scheduler"),
+        (["--engine", "dask"], "such as tcp://HOST:8786"),
+        (["--scheduler", "tcp://a:1"], "only --engine dask has one, not sequential"),
+        (["--engine", "dask:tcp://a:1", "--scheduler", "tcp://a:1"], "only --engine dask has one"),
         (["--plans", "plannd"], "planned"),
         (["--models", "al"], "'all'"),
         (["--counts", "10,x"], "'x' is not a number"),
@@ -112,13 +126,11 @@ def test_a_robot_without_publication_has_no_published_model(
 
 @pytest.mark.slow
 def test_a_cluster_of_other_processes_gives_the_same_rows(run: Run, ask: list[object], tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed")
     small = [*ask, "--robots", "2", "--counts", "10", "--plans", "random"]
     assert run(*small, "-o", tmp_path / "serial.csv").status == 0
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, protocol="tcp"
-    ) as cluster:
-        ended = run(*small, "--engine", f"dask:{cluster.scheduler_address}", "-o", tmp_path / "cluster.csv")
+    with cluster(tmp_path) as started:
+        there = ["--engine", "dask", "--scheduler", started.address]
+        ended = run(*small, *there, "-o", tmp_path / "cluster.csv")
     assert ended.status == 0, ended.err
     assert (tmp_path / "cluster.csv").read_bytes() == (tmp_path / "serial.csv").read_bytes()
 
@@ -133,3 +145,32 @@ def test_a_calibration_stands_for_the_robot(run: Run, ask: list[object], cell: P
     both = run(*ask, "--calibration", cell / "cal.json")
     assert both.status == 2
     assert "give one of them" in both.err
+
+
+def test_ways_to_measure_stand_in_one_table(run: Run, ask: list[object], cell: Path, tmp_path: Path) -> None:
+    small = ["--robots", 2, "--counts", 36, "--engine", "sequential", "--observe", "tracker,socket,tracker+camera"]
+    of = ["study", "--robot", IRB6660, "--task", cell / "task.toml", *small, "--model-error-mm", "0.1"]
+    ended = run(*of, "--report", tmp_path / "study.html", "-o", tmp_path / "rows.csv", "--json")
+    assert ended.status == 0, ended.err
+    assert [line["observe"] for line in ended.json["summary"]] == ["tracker", "socket", "tracker+camera"]
+    assert {line["plan"] for line in ended.json["summary"]} == {"random"}
+    assert all(line["median_mm"] < ended.json["before_mm"]["median"] for line in ended.json["summary"])
+    page = (tmp_path / "study.html").read_text(encoding="utf-8")
+    assert "and the tool point were taught with the calibrated robot" in page
+    shown = run(*of)
+    assert shown.status == 0
+    assert "measured by" in shown.out
+    assert "without a calibration" in shown.out
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--observe", "sokcet"], "did you mean 'socket'"),
+        (["--observe", "socket", "--plans", "planned"], "a study plans for a tracker alone"),
+    ],
+)
+def test_ways_that_cannot_be_studied(run: Run, cell: Path, options: list[str], said: str) -> None:
+    ended = run("study", "--robot", IRB6660, "--task", cell / "task.toml", "--robots", 1, *options)
+    assert ended.status in (1, 2)
+    assert said in ended.err

@@ -116,7 +116,7 @@ def test_other_targets_are_left_out_with_a_note(run: Run, cell: Path, tmp_path: 
     [
         ("", "is not a whole JSON file"),
         ('{"format": "taskcal-calibration", "robot": {', "it may have been cut off"),
-        ("[1, 2]", "is JSON, but no calibration"),
+        ("[1, 2]", "is JSON, but not a calibration"),
         ('{"format": "taskcal-calibration", "format_version": 99}', "has format version 99"),
         ('{"format": "taskcal-calibration", "format_version": 1}', "provenance: is missing; robot: is missing"),
     ],

@@ -1,5 +1,6 @@
 """``taskcal compare``: what changed between calibrations of one robot."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -7,7 +8,9 @@ import typer
 
 from taskcal.cli.first_look import look_at_calibrations
 from taskcal.cli.options import CountOption, JsonOption, SeedOption, check_above_zero
-from taskcal.cli.output import info, say, show, show_facts, working, write_json
+from taskcal.cli.output import info, say, show, show_facts, write_json
+from taskcal.cli.steps_bar import bar_over
+from taskcal.cli.task_poses import REACHING, read_and_reach
 
 if TYPE_CHECKING:
     import numpy as np
@@ -63,12 +66,15 @@ def command(
 
     first, *others = [load_calibration(path) for path in calibrations]
     accuracy = None if accuracy_mm is None else accuracy_mm * 1e-3
-    with working("comparing"):
-        q = None
+    names = [f"comparing {path}" for path in calibrations[1:]]
+    with bar_over([*([] if task is None else [REACHING]), *names]) as begin:
+        q, compared = None, []
         if task is not None:
-            q, stated = _poses_of(first.model, task, count, seed)
+            q, stated = _poses_of(first.model, task, count, seed, begin)
             accuracy = stated if accuracy is None else accuracy
-        compared = [compare(first, other, q) for other in others]
+        for name, other in zip(names, others, strict=True):
+            begin(name)
+            compared.append(compare(first, other, q))
     if as_json:
         write_json({
             "first": calibrations[0],
@@ -83,11 +89,12 @@ def command(
         _show(f"{path} against {calibrations[0]}", comparison, accuracy, all_parameters=all_parameters)
 
 
-def _poses_of(model: "ErrorModel", path: Path, count: int, seed: int) -> "tuple[np.ndarray, float | None]":
-    from taskcal.cli.task_poses import read_and_reach
+def _poses_of(
+    model: "ErrorModel", path: Path, count: int, seed: int, begin: Callable[[str], None]
+) -> "tuple[np.ndarray, float | None]":
     from taskcal.task.task import load_task
 
-    return read_and_reach(model, path, count, seed).q, load_task(path).accuracy
+    return read_and_reach(model, path, count, seed, begin).q, load_task(path).accuracy
 
 
 def _summary(path: Path, comparison: "Comparison", accuracy: float | None) -> dict[str, Any]:
@@ -108,7 +115,7 @@ def _show(title: str, comparison: "Comparison", accuracy: float | None, *, all_p
     say(title)
     facts = [
         ("changed", describe_comparison(comparison)),
-        ("largest", f"{comparison.maximum * 1e3:.4f} mm at one of {len(comparison.q)} poses"),
+        ("largest", f"{comparison.maximum * 1e3:.3f} mm at one of {len(comparison.q)} poses"),
         ("by chance", f"a robot that has not changed differs as much with a probability of {comparison.chance:.2g}"),
     ]
     if comparison.verdict != "unchanged" and comparison.resembles:

@@ -1,4 +1,4 @@
-"""``taskcal convert``: what was understood of a file of measurements, as plain CSV."""
+"""``taskcal convert``: what was understood of a file of measurements, as plain CSV or as Parquet."""
 
 from pathlib import Path
 from typing import Annotated
@@ -24,7 +24,14 @@ def command(
     ],
     robot: RobotOption,
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="OUT.csv", readable=False, help="Write the CSV here.")
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="OUT.csv",
+            readable=False,
+            help="Write the CSV here; as Parquet where it ends in .parquet.",
+        ),
     ],
     *,
     table: TableOptions,
@@ -36,14 +43,14 @@ def command(
     """
     outputs = check_outputs("convert", [("--output", output)], [file, table.points, robot], force=force)
     from taskcal.measurement.reader import campaign_of, read_measurements
-    from taskcal.measurement.writer import campaign_text, readings_text
+    from taskcal.measurement.writer import as_parquet, campaign_text, readings_text
     from taskcal.robot.catalogue import load_robot
 
     of = load_robot(robot)
     readings = read_measurements(file, of, table.read_options)
     whole = readings.q is not None and readings.points and (readings.rotations is None or len(readings.points) == 1)
     text = campaign_text(campaign_of(readings, of), of) if whole else readings_text(readings, of)
-    outputs.write({output: text})
+    outputs.write({output: as_parquet(text) if output.suffix.lower() == ".parquet" else text})
     for note in readings.notes:
         info(note)
     holding = " and ".join(filter(None, ["joints" if readings.q is not None else "", ", ".join(readings.points)]))

@@ -1,21 +1,25 @@
 """``taskcal correct``: a robot program and a calibration in, a corrected program out."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskcal.cli.bounds_options import BoundsOptions
+from taskcal.cli.cell_options import CellOptions
 from taskcal.cli.first_look import look_at_calibration
 from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import PageOptions, check_above_zero
 from taskcal.cli.output import info, show_facts, show_table, tell, working, write_json
 from taskcal.cli.outputs import check_outputs
+from taskcal.cli.page_options import PageOptions
+from taskcal.programs.backup_path import is_backup
 
 if TYPE_CHECKING:
     from taskcal.correction.cell import Cell
-    from taskcal.correction.correction import Bounds, Correction
+    from taskcal.correction.correction import Correction
     from taskcal.identification.calibration import Calibration
+    from taskcal.presentation.report import Page
     from taskcal.programs.program import Frame, Program
 
 SHOWN = 12
@@ -55,7 +59,7 @@ class DestinationOptions:
 
     def files(self, programs: list[Path]) -> list[Path]:
         """Files to write: the one named, or those of the same names in a folder."""
-        if self.output is None or self.dry_run:
+        if self.output is None or self.dry_run or any(map(is_backup, programs)):
             return []
         if self.output.is_dir():
             return list(dict.fromkeys(self.output / path.name for path in programs))
@@ -63,101 +67,23 @@ class DestinationOptions:
 
     def contents(self, correction: "Correction") -> dict[Path, str | bytes]:
         """What to write; nothing where it is withheld."""
-        if self.output is None or self.dry_run or self.withholds(correction):
+        if self.output is None or self.dry_run or self.withholds(correction) or correction.program.backup:
             return {}
         return dict(correction.contents(self.output))
+
+    def write_backup(self, correction: "Correction") -> tuple[Path, ...]:
+        """Write the corrected folder or zip file, where one was read, and say where it is.
+
+        Raises:
+            FileError: it cannot be written.
+        """
+        if correction.program.backup is None or self.output is None or self.dry_run or self.withholds(correction):
+            return ()
+        return correction.write(self.output)
 
     def withholds(self, correction: "Correction") -> bool:
         """Whether the program is not written for its uncertainty."""
         return correction.uncertain and not self.accept_uncertain and not self.dry_run
-
-
-@dataclass(frozen=True, kw_only=True)
-class CellOptions:
-    """What was measured around the robot.
-
-    Raises:
-        typer.BadParameter: a name of the cell file, without the file.
-    """
-
-    cell: Annotated[
-        Path | None,
-        typer.Option(
-            "--cell",
-            metavar="CELL.toml",
-            readable=False,
-            help="What was measured of tools and parts; by default all are where the controller has them.",
-        ),
-    ] = None
-    tool: Annotated[
-        str | None,
-        typer.Option("--tool", metavar="NAME", help="Tool of the cell file, for APT and CSV, which name none."),
-    ] = None
-    part: Annotated[
-        str | None,
-        typer.Option("--part", metavar="NAME", help="Part of the cell file, for APT and CSV, which name none."),
-    ] = None
-
-    def __post_init__(self) -> None:
-        for name, option in ((self.tool, "--tool"), (self.part, "--part")):
-            if name is not None and self.cell is None:
-                raise typer.BadParameter(
-                    f"'{name}' is a name of the cell file; give that with --cell", param_hint=option
-                )
-
-
-@dataclass(frozen=True, kw_only=True)
-class BoundsOptions:
-    """How far the correction may go.
-
-    Raises:
-        typer.BadParameter: a bound is not above zero.
-    """
-
-    tolerance_mm: Annotated[
-        float | None,
-        typer.Option(
-            "--tolerance-mm",
-            metavar="MM",
-            help="The true tool keeps to lines and arcs within this; by default 0.02, or a fifth of the uncertainty where that "
-            "is more, up to all of it where the program would grow by more than half.",
-            show_default=False,
-        ),
-    ] = None
-    max_shift_mm: Annotated[
-        float,
-        typer.Option(
-            "--max-shift-mm", metavar="MM", help="Largest shift of a target; beyond it the target is rejected."
-        ),
-    ] = 5.0
-    max_turn_deg: Annotated[
-        float,
-        typer.Option(
-            "--max-turn-deg", metavar="DEG", help="Largest rotation of a target; beyond it the target is rejected."
-        ),
-    ] = 1.0
-    max_joint_deg: Annotated[
-        float, typer.Option("--max-joint-deg", metavar="DEG", help="No joint is moved farther at a target.")
-    ] = 5.0
-
-    def __post_init__(self) -> None:
-        for bound in fields(self):
-            value = getattr(self, bound.name)
-            if value is not None:
-                check_above_zero(value, f"--{bound.name.replace('_', '-')}")
-
-    def bounds(self) -> "Bounds":
-        """In metres and radians."""
-        from math import radians
-
-        from taskcal.correction.correction import Bounds
-
-        return Bounds(
-            tolerance=None if self.tolerance_mm is None else self.tolerance_mm * 1e-3,
-            shift=self.max_shift_mm * 1e-3,
-            turn=radians(self.max_turn_deg),
-            joint=radians(self.max_joint_deg),
-        )
 
 
 @grouped
@@ -165,7 +91,9 @@ def command(
     programs: Annotated[
         list[Path],
         typer.Argument(
-            metavar="PROGRAM [MORE …]", readable=False, help="Its files: RAPID, KRL, TP (FANUC), APT or CSV."
+            metavar="PROGRAM [MORE …]",
+            readable=False,
+            help="Its files: RAPID, KRL, TP (FANUC), APT or CSV; or a folder or zip file with them, such as a backup.",
         ),
     ],
     calibration: Annotated[
@@ -201,14 +129,18 @@ def command(
     Where the uncertainty is larger than the correction nothing is written, unless asked for with --accept-uncertain;
     the message says what to measure.
     """
-    inputs = [path for path in (calibration, around.cell, *programs) if path is not None]
-    named = [("--report", page.report), *(("--output", path) for path in destination.files(programs))]
+    inputs = [path for path in (calibration, around.cell, *programs, page.header) if path is not None]
+    named = [*page.places, *(("--output", path) for path in destination.files(programs))]
     outputs = check_outputs("correct", named, inputs, force=page.force)
+    page.check()
     from taskcal.correction.correct import correct
     from taskcal.identification.calibration_file import load_calibration
+    from taskcal.programs.backup import check_place
 
     calibrated = load_calibration(calibration)
     cell, program = _read(programs, around, calibrated)
+    if program.backup is not None and destination.output is not None and not destination.dry_run:
+        check_place(program.backup, destination.output)
     with working("reading the program", steps=4) as say:
         correction = correct(
             calibrated,
@@ -220,14 +152,13 @@ def command(
             progress=say,
         )
     contents = destination.contents(correction)
-    written = tuple(contents)
-    if page.report is not None:
-        contents[page.report] = _page(correction, calibrated)
-    outputs.write(contents)
+    written = (*contents, *destination.write_backup(correction))
+    made = page.compose(_page(correction, calibrated)) if page.asked else {}
+    outputs.write_beside({**contents, **made}, force=page.force)
     if page.as_json:
-        write_json(_as_json(correction, written, page.report))
+        write_json(_as_json(correction, written, page))
     else:
-        _show(correction, written, page.report)
+        _show(correction, written, page.in_words(made))
     withheld = destination.withholds(correction)
     _say_uncertain(correction, withheld=withheld)
     if withheld or correction.rejected or any(diagnostic.rejected for diagnostic in correction.diagnostics):
@@ -244,15 +175,16 @@ def _read(programs: list[Path], around: CellOptions, calibration: "Calibration")
     cell = Cell() if around.cell is None else load_cell(around.cell)
     tool, part = _frame(cell, around.tool, "tool"), _frame(cell, around.part, "part")
     told = {m.name: Frame(name=m.name, T=m.controller) for m in cell.tools.values() if m.controller is not None}
-    tools = {} if language_of(programs[0]).declares_frames else told
+    files = any(map(is_backup, programs))
+    tools = {} if files or language_of(programs[0]).declares_frames else told
     return cell, read_program(*programs, robot=calibration.model.robot, tool=tool, part=part, tools=tools)
 
 
-def _page(correction: "Correction", calibration: "Calibration") -> str:
+def _page(correction: "Correction", calibration: "Calibration") -> "Page":
     from taskcal.identification.provenance import package_version
-    from taskcal.presentation.correction_report import correction_html
+    from taskcal.presentation.correction_report import correction_page
 
-    return correction_html(correction, calibration, version=package_version())
+    return correction_page(correction, calibration, version=package_version())
 
 
 def _say_uncertain(correction: "Correction", *, withheld: bool) -> None:
@@ -271,7 +203,7 @@ def _new_program(program: Path, output: Path | None) -> Path | None:
     from taskcal.programs.languages import LANGUAGES, language_of
 
     suffixes = {suffix for language in LANGUAGES for suffix in language.suffixes}
-    if output is None or output.is_dir() or output.suffix.lower() not in suffixes:
+    if output is None or is_backup(output) or is_backup(program) or output.suffix.lower() not in suffixes:
         return None
     return None if language_of(output) == language_of(program) else output
 
@@ -299,12 +231,14 @@ def _frame(cell: "Cell", name: str | None, kind: str) -> "Frame | None":
     return Frame(name=measured.name, T=measured.controller)
 
 
-def _as_json(correction: "Correction", written: tuple[Path, ...], report: Path | None) -> dict[str, Any]:
+def _as_json(correction: "Correction", written: tuple[Path, ...], page: PageOptions) -> dict[str, Any]:
     program = correction.program
     return {
         "program": [source.path for source in program.sources],
+        "skipped_files": 0 if program.backup is None else program.backup.skipped,
         "written": list(written),
-        "report": report,
+        "report": page.report,
+        **page.summary(),
         **correction.summary(),
         "targets": correction.targets(),
         "refused": [
@@ -318,7 +252,7 @@ def _as_json(correction: "Correction", written: tuple[Path, ...], report: Path |
     }
 
 
-def _show(correction: "Correction", written: tuple[Path, ...], report: Path | None) -> None:
+def _show(correction: "Correction", written: tuple[Path, ...], pages: str) -> None:
     from taskcal.presentation.correction_tables import (
         state_expected,
         tabulate_correction,
@@ -328,11 +262,15 @@ def _show(correction: "Correction", written: tuple[Path, ...], report: Path | No
     from taskcal.presentation.grouped_remarks import group_remarks
 
     show_facts(state_expected(correction))
-    for table in (tabulate_errors(correction), tabulate_targets(correction, SHOWN)):
+    assessed = bool(len(correction.before.error))
+    for table in (tabulate_errors(correction), tabulate_targets(correction, SHOWN)) if assessed else ():
         show_table(table.title, table.header, table.groups[0][1], left=table.text_columns)
         if table.note:
             tell(f"{table.note}\n")
     show_facts(tabulate_correction(correction))
+    backup = correction.program.backup
+    if backup is not None:
+        info(f"{backup.path}: {len(correction.program.sources)} files of the program, {backup.skipped} others")
     moves = correction.program.moves
     problems = [(moves[i].place, f"left as it was: {why}") for i, why in sorted(correction.rejected.items())]
     problems += [(diagnostic.place, diagnostic.text) for diagnostic in correction.diagnostics]
@@ -340,5 +278,5 @@ def _show(correction: "Correction", written: tuple[Path, ...], report: Path | No
         info(problem)
     for path in written:
         info(f"written: {path}")
-    if report is not None:
-        info(f"written: {report}")
+    if pages:
+        info(f"written: {pages}")

@@ -62,7 +62,8 @@ def command(
     from taskcal.measurement.writer import campaign_text
     from taskcal.robot.catalogue import load_robot
 
-    found = diagnose_file(campaign, load_robot(robot))
+    described = load_robot(robot)
+    found = diagnose_file(campaign, described)
     if found.scope:
         info(f"{campaign.name}: {found.scope}")
     if fix is not None and len(found.findings) > len(found.unmended):
@@ -126,7 +127,7 @@ def _package(name: str) -> Callable[[], str]:
 
 
 def _kernels() -> str:
-    from taskcal.geometry.compiled import cache_folder, is_warm
+    from taskcal.geometry.kernel_cache import cache_folder, is_warm
 
     return f"{cache_folder()} ({'warm' if is_warm() else 'not compiled yet: taskcal warm'})"
 

@@ -10,8 +10,9 @@ import typer
 
 from taskcal.cli.option_groups import grouped
 from taskcal.cli.options import CalibrationArgument, CountOption, OutputOptions, SeedOption
-from taskcal.cli.output import info, plain, show_facts, show_table, tell, write_json
+from taskcal.cli.output import info, plain, show_facts, show_table, tell, working, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
+from taskcal.cli.task_poses import REACHING, read_and_reach
 
 if TYPE_CHECKING:
     import numpy as np
@@ -78,14 +79,14 @@ def command(
         raise typer.BadParameter(f"name the file to write as {form.value}", param_hint="--output")
     inputs = [calibration, *files_of_task(poses.task)]
     outputs = check_outputs("export", [("--output", output)], inputs, force=out.force)
-    from taskcal.cli.task_poses import read_and_reach
     from taskcal.identification.calibration_file import load_calibration
     from taskcal.robot.error_model import ErrorModel
 
     calibrated = load_calibration(calibration)
     robot, reached = calibrated.model.robot, None
     if poses.task is not None:
-        reached = read_and_reach(ErrorModel(robot), poses.task, poses.count, poses.seed)
+        with working(REACHING, steps=1) as begin:
+            reached = read_and_reach(ErrorModel(robot), poses.task, poses.count, poses.seed, begin)
     q = None if reached is None else reached.q
     if form is Form.offsets:
         from taskcal.export.controller_offsets import fit_offsets
@@ -123,7 +124,7 @@ def _say(export: "Export", calibration: "Calibration", form: Form, output: Path,
     for remark in export.remarks:
         info(remark)
     if export.loss.reasons:
-        info(f"lost by the form: {export.loss.rms * 1e3:.4f} mm (rms), {', '.join(export.loss.reasons)}")
+        info(f"lost by the form: {export.loss.rms * 1e3:.3f} mm (rms), {', '.join(export.loss.reasons)}")
     if as_json:
         frames = {name: placed(T) for name, T in export.frames.items()}
         name = calibration.model.robot.name
@@ -153,7 +154,7 @@ def _show_offsets(robot: str, offsets: "ControllerOffsets", task: Path | None) -
     tell(f"{robot}: what its controller may hold; add each joint's offset to what it reads")
     show_facts(facts)
     rows = [
-        (label, *(f"{result[key][column]:.4f}" for column in ("left_rms_mm", "left_max_mm", "expected_rms_mm")))
+        (label, *(f"{result[key][column]:.3f}" for column in ("left_rms_mm", "left_max_mm", "expected_rms_mm")))
         for label, key in (
             ("tool and base", "tool_and_base"),
             ("joint zeros, tool and base", "zeros_tool_and_base"),

@@ -9,10 +9,17 @@ import typer
 from taskcal.cli.campaign_options import CampaignOptions
 from taskcal.cli.fit_options import FitCommandOptions, PriorChoice
 from taskcal.cli.holdout_options import HoldoutOptions
+from taskcal.cli.identify_in_chunks import (
+    has_too_many_rows,
+    identify_parts,
+    refuse_what_needs_all_rows,
+    show_parts,
+)
 from taskcal.cli.option_groups import grouped
 from taskcal.cli.options import CampaignArgument, OutputOptions, RobotOption
-from taskcal.cli.output import info, working, write_json
+from taskcal.cli.output import info, write_json
 from taskcal.cli.outputs import check_outputs
+from taskcal.cli.steps_bar import bar_by_parts, bar_over
 from taskcal.errors import CampaignError, FileError, FitError, TaskcalError
 
 if TYPE_CHECKING:
@@ -109,12 +116,19 @@ def command(
         info(FIELD_IS_AN_EFFECT)
     inputs = [campaign, robot, reading.points, reading.rows, fitting.registration_file]
     outputs = check_outputs("identify", [("--output", output)], inputs, force=out.force)
+    if has_too_many_rows(campaign):
+        refuse_what_needs_all_rows([reading, holdout, fitting, search], but=["mpe_to_sigma"])
+        result, chunked = identify_parts(campaign, robot, output, outputs, fitting.noise())
+        show_parts(result, chunked, as_json=out.as_json, parameters=out.parameters)
+        return
     from taskcal.robot.catalogue import load_robot
 
     described = load_robot(robot)
     try:
         read = reading.read(campaign, described, noise=fitting.noise())
     except FileError as refusal:
+        if refusal.path != str(campaign):  # of another file, of rows or points, which no diagnosis explains
+            raise
         raise _explained_refusal(refusal, campaign, described) from refusal
     from taskcal.robot.error_model import ErrorModel  # after the file was read: the compiler takes a while to import
 
@@ -166,7 +180,9 @@ class _Fit:
         if not self.search.searching:
             from taskcal.identification.identify import identify
 
-            with working("identification" if self.done == 1 else f"fold {self.done - 1} of {self.fits - 1}"):
+            step = "identification" if self.done == 1 else f"fold {self.done - 1} of {self.fits - 1}"
+            with bar_by_parts(step) as show:
+                show(step, self.done - 1, self.fits)
                 return identify(self.model, measured, options=options)
         part = f"fold {self.done - 1} of {self.fits - 1}: " if self.done > 1 else ""
         explanation = _explain(
@@ -200,7 +216,6 @@ def _explain(
     part: str,
 ) -> "Explanation":
     from taskcal.cli.effects import refer_to
-    from taskcal.cli.steps_bar import bar_over
     from taskcal.identification.effect_selection import EffectSearch, select_effects
     from taskcal.identification.search_steps import search_steps
 

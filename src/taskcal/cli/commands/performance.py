@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import PageOptions, split_names
+from taskcal.cli.options import split_names
 from taskcal.cli.output import info, show_table, write_json
 from taskcal.cli.outputs import check_outputs
+from taskcal.cli.page_options import PageOptions
 
 if TYPE_CHECKING:
     from taskcal.cli.outputs import Outputs
@@ -54,13 +55,14 @@ def command(
     out: PageOptions,
 ) -> None:
     """Accuracy and repeatability of measured poses or paths (ISO 9283)."""
-    outputs = check_outputs("performance", [("--report", out.report)], [measured, commanded], force=out.force)
+    outputs = check_outputs("performance", out.places, [measured, commanded, out.header], force=out.force)
+    out.check()
     as_json = out.as_json
     if path or commanded is not None:
         if distance:
             raise typer.BadParameter("a path has no poses with distances; leave one out", param_hint="--distance")
         result, page = _of_path(measured, commanded)
-        _write(outputs, out.report, page)
+        _write(outputs, out, page)
         if as_json:
             write_json(_with_former_keys(result))
         else:
@@ -68,7 +70,7 @@ def command(
         return
     pairs = None if distance is None else [_pair(text) for text in distance]
     results, page = _of_poses(measured, pairs)
-    _write(outputs, out.report, page)
+    _write(outputs, out, page)
     if as_json:
         write_json({of: [_with_former_keys(line) for line in lines] for of, lines in results.items()})
         return
@@ -86,12 +88,13 @@ def _pair(text: str) -> tuple[str, str]:
 
 def _of_path(measured: Path, commanded: Path | None) -> "tuple[dict[str, Any], Page]":
     from taskcal.errors import CampaignError, FileError
-    from taskcal.identification.provenance import package_version
     from taskcal.measurement.cycles import read_path_cycles
+
+    cycles = read_path_cycles(measured, commanded)
+    from taskcal.identification.provenance import package_version  # after the file was read: figures take a while
     from taskcal.measurement.path_performance import assess_path
     from taskcal.presentation.performance_report import path_performance_page
 
-    cycles = read_path_cycles(measured, commanded)
     try:
         performance = assess_path(
             cycles.commanded,
@@ -113,12 +116,13 @@ def _of_poses(
     measured: Path, pairs: Sequence[tuple[str, str]] | None
 ) -> "tuple[dict[str, list[dict[str, Any]]], Page]":
     from taskcal.errors import CampaignError, FileError
-    from taskcal.identification.provenance import package_version
-    from taskcal.measurement.cycle_performance import assess_cycles
     from taskcal.measurement.cycles import read_pose_cycles
-    from taskcal.presentation.performance_report import pose_performance_page
 
     cycles = read_pose_cycles(measured)
+    from taskcal.identification.provenance import package_version  # after the file was read: figures take a while
+    from taskcal.measurement.cycle_performance import assess_cycles
+    from taskcal.presentation.performance_report import pose_performance_page
+
     try:
         performance = assess_cycles(cycles, pairs)
     except CampaignError as error:
@@ -127,11 +131,12 @@ def _of_poses(
     return performance.summary(), pose_performance_page(performance, str(measured), version=package_version())
 
 
-def _write(outputs: "Outputs", path: Path | None, page: "Page") -> None:
+def _write(outputs: "Outputs", out: PageOptions, page: "Page") -> None:
     """Write the page, where one was asked for."""
-    if path is not None:
-        outputs.write({path: page.html()})
-        info(f"wrote {path}")
+    if out.asked:
+        files = out.compose(page)
+        outputs.write_beside(files, force=out.force)
+        info(f"wrote {out.in_words(files)}")
 
 
 def _ask_for_cycles(what: str, cycles: int, wanted: int) -> None:
@@ -155,4 +160,4 @@ def _with_former_keys(result: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _text(value: float | int | str) -> str:
-    return f"{value:.4f}" if isinstance(value, float) else str(value)
+    return f"{value:.3f}" if isinstance(value, float) else str(value)

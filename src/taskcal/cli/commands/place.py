@@ -8,19 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import OutputOptions
-from taskcal.cli.output import info, show_facts, show_table, tell, working, write_json
+from taskcal.cli.output import info, show, show_facts, tell, working, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
+from taskcal.cli.page_options import PageOptions
 
 if TYPE_CHECKING:
-    from taskcal.correction.part_placement import PartPlacements, PlacedPart, Region
+    from taskcal.correction.part_placement import PartPlacements
+    from taskcal.correction.part_region import Region
     from taskcal.identification.calibration import Calibration
+    from taskcal.presentation.report import Page
     from taskcal.programs.program import Program
     from taskcal.robot.robot import Robot
     from taskcal.task.task import Task
-
-SHOWN = 8
-"""Placements of the table; the file and the JSON result have all of them."""
 
 _NUMBER = r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*"
 
@@ -66,7 +65,7 @@ class RegionOptions:
         """
         import numpy as np
 
-        from taskcal.correction.part_placement import Region
+        from taskcal.correction.part_region import Region
 
         axes = self.region.split(",")
         if len(axes) != 3:
@@ -133,6 +132,13 @@ def command(
             "--cell", metavar="CELL.toml", readable=False, help="What was measured of the program's tools and parts."
         ),
     ] = None,
+    touched_off: Annotated[
+        bool,
+        typer.Option(
+            "--touched-off",
+            help="The part is touched off or measured where it is put: what is common to all targets does not count.",
+        ),
+    ] = False,
     force_n: Annotated[
         str | None,
         typer.Option(
@@ -144,7 +150,7 @@ def command(
         typer.Option("--output", "-o", metavar="MAP.csv", readable=False, help="Write all placements here."),
     ] = None,
     *,
-    given: OutputOptions,
+    page: PageOptions,
 ) -> None:
     """Find where to put a part: the error to be expected of a program or a task over placements of its part.
 
@@ -154,24 +160,36 @@ def command(
     force = _force(force_n)
     is_task = len(what) == 1 and what[0].suffix.lower() == ".toml"
     files = files_of_task(what[0]) if is_task else what
-    inputs = [path for path in (*files, on.calibration, cell) if path is not None]
-    outputs = check_outputs("place", [("--output", output)], inputs, force=given.force)
+    inputs = [path for path in (*files, on.calibration, cell, page.header) if path is not None]
+    outputs = check_outputs("place", [("--output", output), *page.places], inputs, force=page.force)
+    page.check()
     from taskcal.correction.cell_file import load_cell
     from taskcal.correction.part_placement import place
 
     region = where.grid()
     loaded, robot = on.load()
     target = _read(what, robot, is_task=is_task)
-    with working(f"{len(region.grid())} placements"):
-        found = place(loaded, target, region, cell=None if cell is None else load_cell(cell), force=force)
-    if output is not None:
-        outputs.write({output: _csv(found)})
-    if given.as_json:
-        write_json(_as_json(found, output))
+    number = len(region.grid())
+    with working("placements", number) as say:
+        found = place(
+            loaded,
+            target,
+            region,
+            cell=None if cell is None else load_cell(cell),
+            force=force,
+            touched_off=touched_off,
+            progress=lambda done, of: say("placements"),
+        )
+    files_written: dict[Path, str | bytes] = {} if output is None else {output: _csv(found)}
+    if page.asked:
+        files_written |= page.compose(_page(found, robot, calibrated=on.calibration is not None))
+    outputs.write_beside(files_written, force=page.force)
+    if page.as_json:
+        write_json({**_as_json(found, output), **page.summary()})
     else:
         _show(found, calibrated=on.calibration is not None)
-        if output is not None:
-            info(f"written: {output}")
+        if files_written:
+            info(f"written: {page.in_words(files_written)}")
     if not found.ranked:
         raise typer.Exit(1)
 
@@ -198,7 +216,16 @@ def _csv(found: "PartPlacements") -> str:
     return pd.DataFrame([placed.summary() for placed in found.all]).to_csv(index=False)
 
 
+def _page(found: "PartPlacements", robot: "Robot", *, calibrated: bool) -> "Page":
+    from taskcal.identification.provenance import package_version
+    from taskcal.presentation.placement_report import placement_page
+
+    return placement_page(found, robot.title or robot.name, calibrated=calibrated, version=package_version())
+
+
 def _as_json(found: "PartPlacements", output: Path | None) -> dict[str, Any]:
+    from taskcal.presentation.placement_tables import SHOWN
+
     return {
         "name": found.name,
         "written": output,
@@ -209,65 +236,16 @@ def _as_json(found: "PartPlacements", output: Path | None) -> dict[str, Any]:
 
 
 def _show(found: "PartPlacements", *, calibrated: bool) -> None:
-    header = [
-        "x mm",
-        "y mm",
-        "z mm",
-        "turn °",
-        "before mm",
-        "after mm",
-        "force mm",
-        "expected mm",
-        "least joint margin °",
-        "singular",
-    ]
+    from taskcal.presentation.placement_tables import state_cost, state_placement, tabulate_placements
+
     ranked = found.ranked
-    title = f"Best of {len(found.all)} placements of {found.name}; {len(ranked)} can be executed whole, clear of singular postures"
-    show_table(title, header, [_row(placed) for placed in ranked[:SHOWN]])
-    now = found.now
-    facts = [("as it stands", _stated(now))]
+    show(tabulate_placements(found))
+    facts = [("as it stands", state_placement(found.now))]
     if ranked:
-        facts.append(("best", _stated(ranked[0])))
-        facts.append(("best costs", _cost(now, ranked[0])))
+        facts.append(("best", state_placement(ranked[0])))
+        facts.append(("best costs", state_cost(found.now, ranked[0])))
     else:
         facts.append(("none", next((p.obstacle for p in found.all if p.obstacle), "all come near singular postures")))
     show_facts(facts)
     if not calibrated:
         tell("before: of the robot's tolerances, in its own base; a calibration tells what is left after a correction")
-
-
-def _row(placed: "PlacedPart") -> list[str]:
-    values = placed.summary()
-    keys = (
-        "x_mm",
-        "y_mm",
-        "z_mm",
-        "turn_deg",
-        "before_mm",
-        "after_mm",
-        "compliance_mm",
-        "expected_mm",
-        "joint_margin_deg",
-    )
-    digits = (0, 0, 0, 1, 4, 4, 4, 4, 1)
-    cells = ["–" if values[key] is None else f"{values[key]:.{n}f}" for key, n in zip(keys, digits, strict=True)]
-    return [*cells, f"{placed.conditioning:.3f}"]
-
-
-def _stated(placed: "PlacedPart") -> str:
-    values = placed.summary()
-    if values["expected_mm"] is None:
-        return f"cannot be executed: {placed.obstacle}"
-    text = f"{values['expected_mm']:.4f} mm expected, {placed.reached:.0%} of the motions executed"
-    return f"{text}: {placed.obstacle}" if placed.obstacle else text
-
-
-def _cost(now: "PlacedPart", best: "PlacedPart") -> str:
-    """What the best placement costs, and what it gives."""
-    import numpy as np
-
-    way = float(np.linalg.norm(best.shift)) * 1e3
-    text = f"to move the part by {way:.0f} mm and turn it by {np.degrees(best.turn):.1f}°"
-    if np.isfinite(now.expected) and now.expected > 0.0:
-        text += f", for {1.0 - best.expected / now.expected:.0%} less error"
-    return text

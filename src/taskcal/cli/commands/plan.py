@@ -11,16 +11,21 @@ import typer
 from taskcal.cli.campaign_options import MeasuredOptions
 from taskcal.cli.measuring_program import MeasuringOptions
 from taskcal.cli.model_options import ModelOptions
+from taskcal.cli.observing_options import ObservingOptions, WayChoice
 from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import ModelErrorOption, PageOptions, SeedOption, TaskOption, check_model_error
+from taskcal.cli.options import ModelErrorOption, SeedOption, TaskOption, check_model_error
 from taskcal.cli.output import show, show_facts, working, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
+from taskcal.cli.page_options import PageOptions
+from taskcal.cli.what_stands import describe_standing, tell_how_to_measure
 
 if TYPE_CHECKING:
-    from taskcal.adaptation.plan import Plan
+    from taskcal.adaptation.measuring_way import MeasuringWay
+    from taskcal.adaptation.planned import Plan
     from taskcal.identification.calibration import Calibration
     from taskcal.measurement.campaign import Campaign
     from taskcal.measurement.station import Station
+    from taskcal.presentation.report import Page
     from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import Task
 
@@ -40,6 +45,13 @@ class CriterionChoice(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
+class ExtendedOptions(MeasuredOptions):
+    """A campaign to go on from, and how it is read; distances and a wire's scale are of a plan without a tracker too."""
+
+    of_others = ("distances", "wire_scale")
+
+
+@dataclass(frozen=True, kw_only=True)
 class PlanOptions:
     """How the poses are chosen.
 
@@ -55,7 +67,8 @@ class PlanOptions:
             "--station",
             metavar="STATION.toml",
             readable=False,
-            help="Tracker, reflectors and obstacles; without it one reflector at the tool point is always seen.",
+            help="Tracker, reflectors and obstacles; without it one reflector at the tool point is always seen. With --observe its "
+            "obstacles alone count.",
         ),
     ] = None
     criterion: Annotated[
@@ -78,6 +91,8 @@ class Setting:
     task: "Task"
     station: "Station | None"
     campaign: "Campaign | None"
+    way: "MeasuringWay | None" = None
+    """How to measure without a tracker."""
 
     @property
     def measured(self) -> int:
@@ -94,8 +109,9 @@ def command(
         Path, typer.Option("--output", "-o", metavar="PLAN.csv", readable=False, help="Joint positions to measure.")
     ],
     of: ModelOptions,
-    measured: MeasuredOptions,
+    measured: ExtendedOptions,
     choice: PlanOptions,
+    observing: ObservingOptions,
     programs: MeasuringOptions,
     page: PageOptions,
 ) -> None:
@@ -104,51 +120,93 @@ def command(
     They are reached, clear of the robot itself and of obstacles, seen by the tracker,
     and stand in the order in which to visit them.
 
+    With --observe they are those of a ball in sockets, a wire or a wrist camera, without a tracker.
+
     With --calibration they are chosen for what the calibration still leaves uncertain, with --campaign for what they
     add to those that were measured already.
     """
-    _check_sources(of, measured, choice)
+    _check_sources(of, measured, choice, observing)
+    observed = observing.observe is not WayChoice.tracker
+    setting = _read(task, of, measured, choice, observing) if observed else None
+    paths = programs.paths
+    if setting is not None and setting.way is not None:
+        paths = tuple(path for numbered in programs.paths_of(setting.way) for path in numbered)
     outputs = check_outputs(
         "plan",
-        [("--output", output), ("--report", page.report), *(("--program", path) for path in programs.paths)],
-        [of.robot, of.calibration, *files_of_task(task), choice.station, *measured.inputs],
+        [("--output", output), *page.places, *(("--program", path) for path in paths)],
+        [
+            of.robot,
+            of.calibration,
+            *files_of_task(task),
+            choice.station,
+            *measured.inputs,
+            page.header,
+            *observing.files,
+        ],
         force=page.force,
     )
-    from taskcal.measurement.writer import joints_text
-
-    setting = _read(task, of, measured, choice)
+    page.check()
+    setting = setting or _read(task, of, measured, choice, observing)
     robot = setting.model.robot
     programs.check(robot)
-    steps = 5 + (page.report is not None)  # candidates, choice, exchange, two rounds of refinement, page
+    steps = 5 + page.asked  # candidates, choice, exchange, two rounds of refinement, page
     with working("candidates", steps) as say:
         chosen = _plan(setting, choice, measured.campaign or of.calibration, say)
-        contents: dict[Path, str | bytes] = {output: joints_text(chosen.q, robot)}
-        for source in programs.compose(robot, chosen.q):
+        contents: dict[Path, str | bytes] = {output: _text(chosen, setting)}
+        for source in (
+            programs.compose_observed(setting.model, chosen) if chosen.way else programs.compose(robot, chosen.q)
+        ):
             contents[source.path] = source.encode()
-        if page.report is not None:
+        made: dict[Path, str | bytes] = {}
+        if page.asked:
             say("page")
-            contents[page.report] = _page(setting, chosen, choice.seed)
-        outputs.write(contents)
+            made = page.compose(_page(setting, chosen, choice.seed))
+        outputs.write_beside({**contents, **made}, force=page.force)
     result = {"plan": output, "robot": robot.name, **chosen.summary(), **_visible(chosen, setting.station)}
+    if choice.station is not None:
+        result["station"] = choice.station
+    if chosen.way is None:
+        result["clearance_mm"] = _clearance(chosen, setting)
     result["measured_before"] = setting.measured
     if of.calibration is not None:
         result["calibration"] = of.calibration
-    if programs.paths:
-        result["programs"] = [str(path) for path in programs.paths]
-    if page.report is not None:
-        result["report"] = page.report
+    if paths:
+        result["programs"] = [str(path) for path in paths]
+    if chosen.way is not None:
+        result["standing"] = describe_standing(chosen.way.standing)
+    result |= page.summary()
     if page.as_json:
         write_json(result)
     else:
-        _show(result, chosen, setting.task)
+        _show(result, chosen, setting, page.in_words(made))
+        if chosen.way is not None:
+            tell_how_to_measure(chosen, robot, stated=observing.stated is not None)
 
 
-def _check_sources(of: ModelOptions, measured: MeasuredOptions, choice: PlanOptions) -> None:
-    """See that what is known of the model error comes from one place.
+def _text(chosen: "Plan", setting: Setting) -> str:
+    """The table of joints, and without a tracker of what is to be filled in."""
+    from taskcal.measurement.writer import joints_text
+
+    if chosen.way is None or chosen.of is None:
+        return joints_text(chosen.q, setting.model.robot)
+    return joints_text(chosen.q, setting.model.robot, chosen.way.columns(chosen.of))
+
+
+def _check_sources(
+    of: ModelOptions, measured: ExtendedOptions, choice: PlanOptions, observing: ObservingOptions
+) -> None:
+    """See that what is known of the model error comes from one place, and that a plan without a tracker begins anew.
 
     Raises:
-        typer.BadParameter: it comes from two.
+        typer.BadParameter: it comes from two, or such a plan would go on.
     """
+    if observing.observe is not WayChoice.tracker and (measured.campaign or of.calibration):
+        given = "--campaign" if measured.campaign else "--calibration"
+        raise typer.BadParameter(
+            f"a plan for --observe {observing.observe.value} begins anew; give --robot alone", param_hint=given
+        )
+    if measured.campaign is None:
+        observing.check(measured)
     for source, option in ((measured.campaign, "campaign"), (of.calibration, "calibration")):
         if source is not None and choice.model_error_mm is not None:
             raise typer.BadParameter(f"the {option} says how large it is", param_hint=f"--{option} / --model-error-mm")
@@ -158,16 +216,22 @@ def _check_sources(of: ModelOptions, measured: MeasuredOptions, choice: PlanOpti
         )
 
 
-def _read(task: Path, of: ModelOptions, measured: MeasuredOptions, choice: PlanOptions) -> Setting:
+def _read(
+    path: Path, of: ModelOptions, measured: ExtendedOptions, choice: PlanOptions, observing: ObservingOptions
+) -> Setting:
     from taskcal.measurement.station import load_station
     from taskcal.task.task import load_task
 
     model, calibration = of.load()
+    task = load_task(path)
+    station = None if choice.station is None else load_station(choice.station)
+    way = observing.load(model, task, () if station is None else station.keep_out, measured)
     return Setting(
         model=model,
         calibration=calibration,
-        task=load_task(task),
-        station=None if choice.station is None else load_station(choice.station),
+        task=task,
+        station=None if way is not None else station,
+        way=way,
         campaign=None if measured.campaign is None else measured.read(measured.campaign, model.robot).campaign,
     )
 
@@ -196,6 +260,7 @@ def _plan(setting: Setting, choice: PlanOptions, source: Path | None, progress: 
             candidates=choice.candidates,
             model_error=check_model_error(choice.model_error_mm),
             progress=progress,
+            observe=setting.way,
         )
     except CampaignError as error:
         if source is None:
@@ -213,21 +278,45 @@ def _visible(chosen: "Plan", station: "Station | None") -> dict[str, Any]:
     return {"visible": [[name for name, seen in zip(names, row, strict=True) if seen] for row in chosen.visible]}
 
 
-def _page(setting: Setting, chosen: "Plan", seed: int) -> str:
+def _clearance(chosen: "Plan", setting: Setting) -> dict[str, list[float] | None]:
+    """Gaps at each pose, between links and from them to the station's boxes; None where there is nothing to keep clear of."""
+    import numpy as np
+
+    from taskcal.kinematics.clearance import gap_between_links, gap_to_boxes, place_links
+
+    links = place_links(setting.model, chosen.q)
+    boxes = () if setting.station is None else setting.station.keep_out
+    gaps = {"between_links": gap_between_links(links), "to_keep_out": gap_to_boxes(links, boxes)}
+    return {name: (gap * 1e3).tolist() if np.isfinite(gap).all() else None for name, gap in gaps.items()}
+
+
+def _in_words(clearance: Mapping[str, list[float] | None], model: "ErrorModel") -> str:
+    """The least gaps of all poses, and of what."""
+    radii = model.robot.link_radii
+    if radii is None:
+        return "not looked at: the robot file states no link_radii_mm"
+    said = {"between_links": "between links", "to_keep_out": "to keep-out boxes"}
+    gaps = [f"{min(gap):.0f} mm {said[name]}" for name, gap in clearance.items() if gap]
+    return f"at least {', '.join(gaps) or '–'}; links as capsules of {min(radii) * 1e3:g} to {max(radii) * 1e3:g} mm radius"
+
+
+def _page(setting: Setting, chosen: "Plan", seed: int) -> "Page":
     from taskcal.identification.provenance import package_version
-    from taskcal.presentation.plan_report import plan_html
+    from taskcal.presentation.plan_report import plan_page
 
-    return plan_html(setting.model, setting.task, chosen, seed=seed, version=package_version())
+    return plan_page(setting.model, setting.task, chosen, seed=seed, version=package_version())
 
 
-def _show(result: Mapping[str, Any], chosen: "Plan", task: "Task") -> None:
+def _show(result: Mapping[str, Any], chosen: "Plan", setting: Setting, pages: str) -> None:
+    import numpy as np
+
     from taskcal.adaptation.plan_demands import describe_accuracy, describe_lost
     from taskcal.presentation.model_error_origin import state_model_error
     from taskcal.presentation.plan_tables import tabulate_by_count, tabulate_expected_errors
 
-    show(tabulate_expected_errors(chosen, task.name, measured_before=result["measured_before"]))
+    show(tabulate_expected_errors(chosen, setting.task.name, measured_before=result["measured_before"]))
     show(tabulate_by_count(chosen))
-    single = f"a single pose is expected to be {result['expected_with_model_error_mm']:.4f} mm off (rms in space)"
+    single = f"a single pose is expected to be {result['expected_with_model_error_mm']:.3f} mm off (rms in space)"
     facts = [
         ("accuracy", describe_accuracy(chosen)),
         ("model error", state_model_error(result["model_error_mm"], result["model_error_origin"])),
@@ -240,7 +329,11 @@ def _show(result: Mapping[str, Any], chosen: "Plan", task: "Task") -> None:
         seen = [len(names) for names in result["visible"]]
         number = f"{min(seen)} to {max(seen)}" if min(seen) < max(seen) else str(max(seen))
         facts.insert(4, ("reflectors", f"{number} seen at each pose"))
-    facts += [("program", f"wrote {path}, {result['count']} poses") for path in result.get("programs", [])]
-    if "report" in result:
-        facts.append(("report", f"wrote {result['report']}"))
+    if "clearance_mm" in result:
+        facts.insert(-2, ("clearance", _in_words(result["clearance_mm"], setting.model)))
+    counts = [result["count"]] if chosen.way is None or chosen.of is None else np.bincount(chosen.way.stages[chosen.of])
+    programs = result.get("programs", [])
+    facts += [("program", f"wrote {path}, {counts[k % len(counts)]} poses") for k, path in enumerate(programs)]
+    if pages:
+        facts.append(("report", f"wrote {pages}"))
     show_facts(facts)

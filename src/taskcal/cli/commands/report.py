@@ -8,17 +8,23 @@ import typer
 from taskcal.cli.campaign_options import MeasuredOptions
 from taskcal.cli.option_groups import grouped
 from taskcal.cli.options import CalibrationArgument, OutputOptions, SeedOption
-from taskcal.cli.output import show_table, tell, working, write_json
+from taskcal.cli.output import show_table, tell, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
 from taskcal.cli.page_options import BesidePageOptions
+from taskcal.cli.steps_bar import bar_over
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from taskcal.adaptation.calibration_ladder import Rung
     from taskcal.adaptation.task_uncertainty import Uncertainty
     from taskcal.identification.calibration import Calibration
     from taskcal.identification.residual_analysis import ResidualAnalysis
+
+
+OVER_TASK, DEPENDING = "uncertainty over the task", "what the residuals depend on"
+CLIMBING = "what each part of the model is worth"
+PAGE, WRITING = "figures and tables", "writing them"
 
 
 @grouped
@@ -51,17 +57,23 @@ def command(
     outputs = check_outputs("report", places, inputs, force=out.force)
     beside.kind()
     header = beside.labelled()
-    from taskcal.adaptation.task_uncertainty import uncertainty_over
     from taskcal.identification.calibration_file import load_calibration
-    from taskcal.identification.provenance import package_version
-    from taskcal.presentation.calibration_report import Beside, calibration_page
     from taskcal.task.task import load_task
 
     calibrated = load_calibration(calibration)
     described = None if task is None else load_task(task)
-    with working("uncertainty, then the page"):
-        uncertainty = None if described is None else uncertainty_over(calibrated, described, seed)
-        remainder, rungs = _examine(calibrated, measured, seed)
+    from taskcal.adaptation.task_uncertainty import uncertainty_over  # after the files were read: figures take a while
+    from taskcal.identification.provenance import package_version
+    from taskcal.presentation.calibration_report import Beside, calibration_page
+
+    steps = [OVER_TASK] * (described is not None) + [DEPENDING, CLIMBING] * (measured.campaign is not None)
+    with bar_over([*steps, PAGE, WRITING]) as begin:
+        uncertainty = None
+        if described is not None:
+            begin(OVER_TASK)
+            uncertainty = uncertainty_over(calibrated, described, seed)
+        remainder, rungs = _examine(calibrated, measured, seed, begin)
+        begin(PAGE)
         shown = Beside(
             over=uncertainty,
             space=None if described is None else described.workspace,
@@ -70,27 +82,20 @@ def command(
             header=header,
         )
         page = calibration_page(calibrated, shown, version=package_version())
-        outputs.write({output: page.html()})
-        others = beside.files_of(page)
-        outputs.write_beside(others, force=out.force)
+        begin(WRITING)
+        files = {output: page.html(), **beside.files_of(page)}
+        outputs.write_beside(files, force=out.force)
     if out.as_json:
         write_json(_result(output, calibrated, uncertainty, remainder))
         return
     if uncertainty is not None:
         tell(
-            f"over '{uncertainty.task}', standard deviation in space, rms: target {uncertainty.target * 1e3:.4f} mm; tool "
-            f"{uncertainty.after * 1e3:.4f} mm, {uncertainty.before * 1e3:.4f} mm by the tolerances alone"
+            f"over '{uncertainty.task}', standard deviation in space, rms: target {uncertainty.target * 1e3:.3f} mm; tool "
+            f"{uncertainty.after * 1e3:.3f} mm, {uncertainty.before * 1e3:.3f} mm by the tolerances alone"
         )
     if remainder is not None:
         show_remainder(remainder)
-    tell(f"wrote {output}{''.join(f', {path}' for path in _few(list(others), beside))}")
-
-
-def _few(files: list[Path], beside: BesidePageOptions) -> list[str]:
-    """Files in words, the figures as one."""
-    figures = [path for path in files if beside.figures is not None and path.parent == beside.figures]
-    texts = [str(path) for path in files if path not in figures]
-    return [*texts, *([f"{len(figures)} figures in {beside.figures}"] if figures else [])]
+    tell(f"wrote {beside.in_words(files)}")
 
 
 def _result(
@@ -121,7 +126,7 @@ def show_remainder(remainder: "ResidualAnalysis") -> None:
         for e in remainder.explained
         if e.p_value is not None and e.p_value <= 0.05
     ]
-    size = f"{remainder.rms * 1e3:.4f} mm (rms in space; {remainder.tracker * 1e3:.4f} mm by the tracker alone)"
+    size = f"{remainder.rms * 1e3:.3f} mm (rms in space; {remainder.tracker * 1e3:.3f} mm by the tracker alone)"
     title = f"What the residuals, {size}, depend on"
     if rows:
         show_table(title, ("quantity", "moves", "share % of variance", "p"), rows, left=(0, 1))
@@ -130,7 +135,7 @@ def show_remainder(remainder: "ResidualAnalysis") -> None:
 
 
 def _examine(
-    calibration: "Calibration", measured: MeasuredOptions, seed: int
+    calibration: "Calibration", measured: MeasuredOptions, seed: int, begin: "Callable[[str], None]"
 ) -> tuple["ResidualAnalysis | None", "Sequence[Rung]"]:
     """What the residuals on the campaign go with, and what each part of the model is worth there; nothing without a campaign.
 
@@ -146,6 +151,9 @@ def _examine(
     targets = None if calibration.targets == ("tool",) else calibration.targets
     campaign = measured.read(measured.campaign, calibration.model.robot, targets=targets).campaign
     try:
-        return analyse_residuals(calibration, campaign, seed=seed), climb(calibration, campaign, seed=seed)
+        begin(DEPENDING)
+        remainder = analyse_residuals(calibration, campaign, seed=seed)
+        begin(CLIMBING)
+        return remainder, climb(calibration, campaign, seed=seed)
     except CampaignError as error:
         raise FileError(measured.campaign, str(error)) from error

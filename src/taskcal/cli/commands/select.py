@@ -1,6 +1,7 @@
 """``taskcal select``: which parameters are worth fitting for a task."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -10,20 +11,25 @@ from taskcal.cli.model_options import ModelOptions
 from taskcal.cli.option_groups import grouped
 from taskcal.cli.options import (
     ModelErrorOption,
-    PageOptions,
     SeedOption,
     TaskOption,
     check_above_zero,
     check_model_error,
 )
-from taskcal.cli.output import info, show, show_facts, working, write_json
+from taskcal.cli.output import info, show, show_facts, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
+from taskcal.cli.page_options import PageOptions
+from taskcal.cli.steps_bar import bar_over
 
 if TYPE_CHECKING:
     from taskcal.adaptation.selection import Selection
     from taskcal.measurement.campaign import Campaign
+    from taskcal.presentation.report import Page
     from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import Task
+
+
+MAPPING, PAGE = "maps over the task", "page"
 
 
 @grouped
@@ -55,11 +61,13 @@ def command(
     for source, option in ((measured.campaign, "campaign"), (of.calibration, "calibration")):
         if source is not None and stated is not None:
             raise typer.BadParameter(f"the {option} says how large it is", param_hint=f"--{option} / --model-error-mm")
-    inputs = [of.robot, of.calibration, *files_of_task(task), *measured.inputs]
-    outputs = check_outputs("select", [("--report", page.report)], inputs, force=page.force)
+    inputs = [of.robot, of.calibration, *files_of_task(task), *measured.inputs, page.header]
+    outputs = check_outputs("select", page.places, inputs, force=page.force)
+    page.check()
     from taskcal.adaptation.hyperparameters import known_hyperparameters
     from taskcal.adaptation.parameter_groups import parameter_groups
-    from taskcal.adaptation.selection import select
+    from taskcal.adaptation.selection import select, selection_steps
+    from taskcal.adaptation.selection_options import SelectionOptions
     from taskcal.task.task import load_task
 
     model, calibration = of.load()
@@ -69,16 +77,22 @@ def command(
     if campaign is not None:
         info(f"cross-validating {len(parameter_groups(model)) + 1} sizes of the model on {len(campaign)} rows")
     accuracy = None if accuracy_mm is None else accuracy_mm * 1e-3
-    selection = select(model, described, campaign, accuracy, seed=seed, hyperparameters=known, model_error=stated)
-    result = selection.summary()
-    if page.report is not None:
-        with working("maps over the task"):
-            outputs.write({page.report: _page(model, described, campaign, selection, accuracy, seed)})
-        result["report"] = page.report
+    made: dict[Path, str | bytes] = {}
+    options = SelectionOptions(seed=seed, hyperparameters=known, model_error=stated)
+    with bar_over([*selection_steps(campaign), *([MAPPING, PAGE] if page.asked else [])]) as begin:
+        selection = select(model, described, campaign, accuracy, options=options, progress=begin)
+        result = selection.summary()
+        if page.asked:
+            begin(MAPPING)
+            shown = _page(model, described, campaign, selection, accuracy, seed)
+            begin(PAGE)
+            made = page.compose(shown)
+            outputs.write_beside(made, force=page.force)
+            result |= page.summary()
     if page.as_json:
         write_json(result)
     else:
-        _show(model, selection, result)
+        _show(model, selection, result, page.in_words(made))
 
 
 def _page(
@@ -88,11 +102,11 @@ def _page(
     selection: "Selection",
     accuracy: float | None,
     seed: int,
-) -> str:
+) -> "Page":
     from taskcal.adaptation.task_errors import map_task
     from taskcal.analysis.sensitivity import sensitivity
     from taskcal.identification.provenance import package_version
-    from taskcal.presentation.selection_report import selection_html
+    from taskcal.presentation.selection_report import selection_page
     from taskcal.task.task import reach_task
 
     reached = reach_task(model, task, seed=seed)
@@ -102,10 +116,10 @@ def _page(
     poses = assumed if campaign is None else f"the {len(campaign)} rows of {campaign.source}"
     effects = sensitivity(model, reached.q)
     version = package_version()
-    return selection_html(model, task, selection, effects, maps, accuracy=accuracy, measured=poses, version=version)
+    return selection_page(model, task, selection, effects, maps, accuracy=accuracy, measured=poses, version=version)
 
 
-def _show(model: "ErrorModel", selection: "Selection", result: Mapping[str, Any]) -> None:
+def _show(model: "ErrorModel", selection: "Selection", result: Mapping[str, Any], pages: str) -> None:
     from taskcal.presentation.model_error_origin import state_model_error
     from taskcal.presentation.selection_tables import tabulate_dropped, tabulate_ladder
 
@@ -118,14 +132,14 @@ def _show(model: "ErrorModel", selection: "Selection", result: Mapping[str, Any]
             "model error",
             state_model_error(result["model_error_mm"], result["model_error_origin"], result.get("model_error_mrad")),
         ),
-        ("nominal robot", f"{result['before_mm']:.4f} mm expected, with the frames fitted"),
+        ("nominal robot", f"{result['before_mm']:.3f} mm expected, with the frames fitted"),
     ]
     facts += [
-        (name, f"{r['size']} parameters, {r['expected_mm']:.4f} mm expected")
+        (name, f"{r['size']} parameters, {r['expected_mm']:.3f} mm expected")
         for name, r in result["references"].items()
     ]
     if result["unreachable"]:
         facts.append(("out of reach", f"{result['unreachable']:.1%} of the task's poses"))
-    if "report" in result:
-        facts.append(("report", f"wrote {result['report']}"))
+    if pages:
+        facts.append(("report", f"wrote {pages}"))
     show_facts(facts)

@@ -1,6 +1,6 @@
 """``taskcal sensitivity``: what each parameter does to the tool, and which of them poses can tell apart."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,9 +9,12 @@ import typer
 
 from taskcal.cli.campaign_options import MeasuredOptions
 from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import ModelErrorOption, PageOptions, RobotOption, SpreadOptions, check_model_error
-from taskcal.cli.output import show_facts, show_table, tell, working, write_json
+from taskcal.cli.options import ModelErrorOption, RobotOption, SpreadOptions, check_model_error
+from taskcal.cli.output import show_facts, show_table, tell, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
+from taskcal.cli.page_options import PageOptions
+from taskcal.cli.steps_bar import bar_over
+from taskcal.cli.task_poses import REACHING, read_and_reach
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,7 +25,11 @@ if TYPE_CHECKING:
     from taskcal.analysis.sensitivity import Sensitivity
     from taskcal.analysis.told_apart import ToldApart
     from taskcal.measurement.campaign import Campaign
+    from taskcal.presentation.report import Page
     from taskcal.robot.error_model import ErrorModel
+
+
+TELLING, MAPPING, PAGE = "what the poses tell apart", "maps over the task", "page"
 
 
 class Order(StrEnum):
@@ -57,8 +64,9 @@ def command(
     if (task is None) == (measured.campaign is None):
         raise typer.BadParameter("give exactly one of them, to say at which poses", param_hint="--task / --campaign")
     stated = check_model_error(model_error_mm)
-    named, inputs = [("--output", output), ("--report", page.report)], [robot, *files_of_task(task), *measured.inputs]
+    named, inputs = [("--output", output), *page.places], [robot, *files_of_task(task), *measured.inputs, page.header]
     outputs = check_outputs("sensitivity", named, inputs, force=page.force)
+    page.check()
     from taskcal.analysis.elimination_table import tabulate_elimination
     from taskcal.analysis.measuring_noise import measuring_noise
     from taskcal.analysis.sensitivity import sensitivity
@@ -66,42 +74,49 @@ def command(
     from taskcal.robot.error_model import ErrorModel
 
     model = ErrorModel(load_robot(robot))
-    q, unreachable, campaign = _poses(model, task, measured, spread)
-    influence, elimination = sensitivity(model, q), tabulate_elimination(model, {"poses": q})
-    result = _result(influence, elimination, unreachable)
-    noise = measuring_noise(model, q, campaign, stated)
-    told_apart = elimination.eliminations["poses"].told_apart(noise=noise.total)
-    result["told_apart"] = {**told_apart.summary(), **noise.summary()}
-    if sort is Order.influence:
-        result["parameters"].sort(key=lambda p: -p["tolerance_scaled_um"]["space"])
     contents: dict[Path, str | bytes] = {}
-    if output is not None:
-        frame = influence.to_frame().set_index("parameter").loc[[p["name"] for p in result["parameters"]]].reset_index()
-        contents[output] = frame.to_csv(index=False)
-    if page.report is not None:
-        with working("maps over the task"):
-            contents[page.report] = _page(influence, elimination, (told_apart, noise), task, spread.seed)
-        result["report"] = page.report
-    outputs.write(contents)
+    with bar_over([*([REACHING] if task else []), TELLING, *([MAPPING, PAGE] if page.asked else [])]) as begin:
+        q, unreachable, campaign = _poses(model, task, measured, spread, begin)
+        begin(TELLING)
+        influence, elimination = sensitivity(model, q), tabulate_elimination(model, {"poses": q})
+        result = _result(influence, elimination, unreachable)
+        noise = measuring_noise(model, q, campaign, stated)
+        told_apart = elimination.eliminations["poses"].told_apart(noise=noise.total)
+        result["told_apart"] = {**told_apart.summary(), **noise.summary()}
+        if sort is Order.influence:
+            result["parameters"].sort(key=lambda p: -p["tolerance_scaled_um"]["space"])
+        if output is not None:
+            names = [p["name"] for p in result["parameters"]]
+            frame = influence.to_frame().set_index("parameter").loc[names].reset_index()
+            contents[output] = frame.to_csv(index=False)
+        if page.asked:
+            begin(MAPPING)
+            made = _page(influence, elimination, (told_apart, noise), task, spread.seed)
+            begin(PAGE)
+            contents |= page.compose(made)
+            result |= page.summary()
+    outputs.write_beside(contents, force=page.force)
     if page.as_json:
         write_json(result)
         return
     _show(result, told_apart, noise)
-    for written in contents:
-        tell(f"wrote {written}")
+    if contents:
+        tell(f"wrote {page.in_words(contents)}")
 
 
 def _poses(
-    model: "ErrorModel", task: Path | None, measured: MeasuredOptions, spread: SpreadOptions
+    model: "ErrorModel",
+    task: Path | None,
+    measured: MeasuredOptions,
+    spread: SpreadOptions,
+    begin: Callable[[str], None],
 ) -> "tuple[Float[np.ndarray, 'n joints'], float, Campaign | None]":
     """Joint positions, the share of a task that is out of reach, and the campaign where it is one's."""
     if measured.campaign is not None:
         campaign = measured.read(measured.campaign, model.robot).campaign
         return campaign.q, 0.0, campaign
-    from taskcal.cli.task_poses import read_and_reach
-
     assert task is not None
-    poses = read_and_reach(model, task, spread.count, spread.seed)
+    poses = read_and_reach(model, task, spread.count, spread.seed, begin)
     return poses.q, float(poses.unreachable.mean()), None
 
 
@@ -111,9 +126,9 @@ def _page(
     apart: "tuple[ToldApart, MeasuringNoise]",
     task: Path | None,
     seed: int,
-) -> str:
+) -> "Page":
     from taskcal.identification.provenance import package_version
-    from taskcal.presentation.sensitivity_report import sensitivity_html
+    from taskcal.presentation.sensitivity_report import sensitivity_page
 
     model, poses = found.model, f"{len(found.matrix)} poses of a campaign"
     maps = None
@@ -132,7 +147,7 @@ def _page(
         poses += f", model error {state_model_error(hyper.model_error[0] * 1e3, hyper.origin)}"
         maps = map_task(model, asked, made, seed=seed)
     told_apart, noise = apart
-    return sensitivity_html(found, elimination, told_apart, noise, maps=maps, poses=poses, version=package_version())
+    return sensitivity_page(found, elimination, told_apart, noise, maps=maps, poses=poses, version=package_version())
 
 
 def _result(found: "Sensitivity", table: "EliminationTable", unreachable: float) -> dict[str, Any]:
@@ -212,21 +227,24 @@ def _show(result: Mapping[str, Any], told_apart: "ToldApart", noise: "MeasuringN
         )
         for p in result["parameters"]
     ]
-    header = ("parameter", "symbol", "x", "y", "z", "space", "unit", "x µm", "y µm", "z µm", "space µm", "elimination")
+    header = ["parameter", "symbol", "x", "y", "z", "space", "unit", "x µm", "y µm", "z µm", "space µm", "elimination"]
+    named = any(p["symbol"] for p in result["parameters"])
     show_table(
         f"Largest influence over {result['poses']} poses: per unit, and of the tolerance (1σ) in µm",
-        header,
-        rows,
-        left=(0, 1, 6, 11),
+        header if named else header[:1] + header[2:],
+        rows if named else [row[:1] + row[2:] for row in rows],
+        left=(0, 1, 6, 11) if named else (0, 5, 10),
+        spare=(2, 3, 4, 7, 8, 9, 1) if named else (1, 2, 3, 6, 7, 8),
     )
     said = [row for row in result["elimination"] if row["eliminated"] != "kept" or row["published"] not in ("", "kept")]
     if said:
         columns = ["parameter", "symbol", "published", "repeats exactly", "full elimination"]
         cells = [[r["name"], r["symbol"], r["published"], r["repeats"], r["eliminated"]] for r in said]
-        if not result["published"]:
-            columns, cells = [c for c in columns if c != "published"], [row[:2] + row[3:] for row in cells]
-        show_table("What these poses cannot tell from other parameters", columns, cells, left=range(5))
-    indices = "  ".join(f"{name} {value:.4g}" for name, value in found["observability"].items())
+        stay = [k for k in range(5) if (named or k != 1) and (result["published"] or k != 2)]
+        shown = [[row[k] for k in stay] for row in cells]
+        title = "What these poses cannot tell from other parameters"
+        show_table(title, [columns[k] for k in stay], shown, left=range(5))
+    indices = "  ".join(f"{name} {value:.3g}" for name, value in found["observability"].items())
     eliminated = f"{len(found['zero'])} without effect, {len(found['dependent'])} dependent, {len(found['kept'])} kept"
     symbols = {p["name"]: p["symbol"] or p["name"] for p in result["parameters"]}
     weakest = tabulate_told_apart(told_apart, symbols)
@@ -235,7 +253,7 @@ def _show(result: Mapping[str, Any], told_apart: "ToldApart", noise: "MeasuringN
         ("rank", f"{found['rank']} of {len(result['parameters'])} ({eliminated}); gap {found['gap']:.2g}"),
         ("told apart", count_told_apart(told_apart)),
         ("noise", noise.describe()),
-        ("condition number", f"{found['condition_number']:.4g} (kept columns, unit length)"),
+        ("condition number", f"{found['condition_number']:.3g} (kept columns, unit length)"),
         ("observability", f"{indices} (kept, in units of tolerance)"),
     ]
     if result["published"]:

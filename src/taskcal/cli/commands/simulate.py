@@ -1,18 +1,25 @@
 """``taskcal simulate``: a campaign of the virtual cell."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from taskcal.cli.known_ways import known_ways
 from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import OutputOptions, RobotOption, SpreadOptions, TaskOption
+from taskcal.cli.options import OutputOptions, RobotOption, SpreadOptions, TaskOption, check_model_error
 from taskcal.cli.output import tell, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
+from taskcal.cli.steps_bar import bar_over
+from taskcal.cli.task_poses import REACHING, read_and_reach
 
 REFLECTORS_MM = {"smr1": (60.0, 10.0, -20.0), "smr2": (-45.0, 55.0, 15.0), "smr3": (-20.0, -70.0, 35.0)}
 """Three reflectors about the tool point, in the tool frame, not on a line and no two alike."""
+
+
+MEASURING = "measuring"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,6 +70,68 @@ class ReflectorOptions:
             )
 
 
+@dataclass(frozen=True, kw_only=True)
+class ObserveOptions:
+    """How the robot is measured, and what the fit will not know.
+
+    Raises:
+        typer.BadParameter: an error that is negative, or distances without sockets.
+    """
+
+    observe: Annotated[
+        str,
+        typer.Option(
+            "--observe",
+            metavar="WAY",
+            help="tracker; without one: socket, wire, camera (a landmark), board, plane or cube. Several, as socket+wire, share "
+            "the rows.",
+        ),
+    ] = "tracker"
+    places: Annotated[
+        int | None,
+        typer.Option(
+            "--places",
+            min=1,
+            metavar="N",
+            help="Blocks of sockets, anchors, planes (3 by default), landmarks, boards or cubes (1).",
+        ),
+    ] = None
+    distances: Annotated[
+        Path | None,
+        typer.Option(
+            "--distances", metavar="DISTANCES.csv", readable=False, help="Write the stated distances of sockets here."
+        ),
+    ] = None
+    model_error_mm: Annotated[
+        float, typer.Option("--model-error-mm", metavar="MM", help="What no parameter explains, 1σ per axis.")
+    ] = 0.0
+    joint_error_deg: Annotated[
+        float,
+        typer.Option("--joint-error-deg", metavar="DEG", help="Of the true joints about what the controller says, 1σ."),
+    ] = 0.0
+
+    def __post_init__(self) -> None:
+        check_model_error(self.model_error_mm)
+        if not 0.0 <= self.joint_error_deg < float("inf"):
+            raise typer.BadParameter(f"{self.joint_error_deg:g} is not zero or above", param_hint="--joint-error-deg")
+        ways = self.observe.split("+")
+        if self.distances is not None and "socket" not in ways:
+            raise typer.BadParameter(
+                "only sockets have stated distances; add --observe socket, or leave it out", param_hint="--distances"
+            )
+        if self.places is not None and ways == ["tracker"]:
+            raise typer.BadParameter(
+                "a tracker needs no places; add --observe socket, wire, camera …", param_hint="--places"
+            )
+
+
+def _check(truth: TruthOptions, reflectors: ReflectorOptions, how: ObserveOptions) -> None:
+    if (reflectors.pose or reflectors.targets is not None) and how.observe != "tracker":
+        raise typer.BadParameter("they are a tracker's; leave them out", param_hint="--targets / --pose / --observe")
+    if reflectors.targets is not None and truth.truth_from is not None:
+        raise typer.BadParameter("the truth has its own targets", param_hint="--targets / --truth-from")
+
+
 @grouped
 def command(
     robot: RobotOption,
@@ -73,54 +142,80 @@ def command(
     spread: SpreadOptions,
     truth: TruthOptions,
     reflectors: ReflectorOptions,
+    how: ObserveOptions,
     out: OutputOptions,
 ) -> None:
-    """Measure a virtual robot: defects drawn from its tolerances, a laser tracker with its noise."""
-    if reflectors.targets is not None and truth.truth_from is not None:
-        raise typer.BadParameter("the truth has its own targets", param_hint="--targets / --truth-from")
+    """Measure a virtual robot: defects drawn from its tolerances, a tracker or what --observe names with its noise."""
+    _check(truth, reflectors, how)
     outputs = check_outputs(
         "simulate",
-        [("--output", output), ("--truth", truth.truth)],
+        [("--output", output), ("--truth", truth.truth), ("--distances", how.distances)],
         [robot, *files_of_task(task), truth.truth_from],
         force=out.force,
     )
     import numpy as np
 
-    from taskcal.cli.task_poses import read_and_reach
     from taskcal.cli.truth_file import read_truth, truth_text
-    from taskcal.measurement.virtual_cell import simulate
+    from taskcal.measurement.observation.socket_distances import distances_text
+    from taskcal.measurement.virtual_cell import SimulationOptions, simulate
     from taskcal.measurement.writer import campaign_text
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
 
     model = ErrorModel(load_robot(robot))
     drawn = None if truth.truth_from is None else read_truth(truth.truth_from, model)
-    poses = read_and_reach(model, task, spread.count, spread.seed)
     targets = {name: np.array(p) * 1e-3 for name, p in REFLECTORS_MM.items()} if reflectors.targets == 3 else None
-    rng, pose = np.random.default_rng(spread.seed), reflectors.pose
-    if drawn is None:
-        campaign, true = simulate(model, poses.q, rng=rng, targets=targets, pose=pose)
-    else:
-        campaign, true = simulate(
-            model, poses.q, rng=rng, pose=pose, x=drawn.x, targets=drawn.targets, T_tracker_base=drawn.T_tracker_base
-        )
+    options = SimulationOptions(
+        targets=targets if drawn is None else drawn.targets,
+        pose=reflectors.pose,
+        observe=known_ways(how.observe),
+        places=how.places,
+        model_error=how.model_error_mm * 1e-3,
+        joint_error=float(np.radians(how.joint_error_deg)),
+        x=None if drawn is None else drawn.x,
+        T_tracker_base=None if drawn is None else drawn.T_tracker_base,
+    )
+    with bar_over([REACHING, MEASURING]) as begin:
+        poses = read_and_reach(model, task, spread.count, spread.seed, begin)
+        begin(MEASURING)
+        campaign, true = simulate(model, poses.q, rng=np.random.default_rng(spread.seed), options=options)
     contents: dict[Path, str | bytes] = {output: campaign_text(campaign, model.robot)}
     if truth.truth is not None:
         contents[truth.truth] = truth_text(true, campaign.targets)
+    if how.distances is not None:
+        contents[how.distances] = distances_text(campaign)
     outputs.write(contents)
-    share = float(poses.unreachable.mean())
+    result = {
+        "campaign": output,
+        "truth": truth.truth,
+        "truth_from": truth.truth_from,
+        "robot": model.robot.name,
+        "rows": len(campaign),
+        "seed": spread.seed,
+        "observe": how.observe,
+        "distances": how.distances,
+        "targets": campaign.targets,
+        "pose": reflectors.pose,
+        "unreachable_share": float(poses.unreachable.mean()),
+    }
     if out.as_json:
-        result = {
-            "campaign": output,
-            "truth": truth.truth,
-            "truth_from": truth.truth_from,
-            "robot": model.robot.name,
-            "rows": len(campaign),
-            "seed": spread.seed,
-        }
-        write_json({**result, "targets": campaign.targets, "pose": reflectors.pose, "unreachable_share": share})
-        return
-    tell(f"wrote {output}: {len(campaign)} rows of {model.robot.name}, targets {', '.join(campaign.targets)}")
-    tell(f"{share:.1%} of the task's poses are out of reach")
-    if truth.truth is not None:
-        tell(f"wrote {truth.truth}: the defects, tracker frame and targets it was made from")
+        write_json(result)
+    else:
+        _tell(result)
+
+
+def _tell(result: Mapping[str, Any]) -> None:
+    """What was written, in words."""
+    tell(
+        f"wrote {result['campaign']}: {result['rows']} rows of {result['robot']}, targets {', '.join(result['targets'])}"
+    )
+    if result["unreachable_share"]:
+        tell(f"{result['unreachable_share']:.1%} of the task's poses are out of reach")
+    if result["distances"] is not None:
+        tell(f"wrote {result['distances']}: the distances of its sockets")
+    elif "socket" in result["observe"].split("+"):
+        tell(
+            "the distances of its sockets, which tell how large the robot is, are not written; name a file with --distances"
+        )
+    if result["truth"] is not None:
+        tell(f"wrote {result['truth']}: the defects, tracker frame and targets it was made from")

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from taskcal.cli.engine_options import EngineOptions
+from taskcal.cli.known_ways import known_ways
 from taskcal.cli.model_options import ModelOptions
 from taskcal.cli.option_groups import grouped
 from taskcal.cli.options import (
     ModelErrorOption,
-    PageOptions,
     SeedOption,
     TaskOption,
     check_model_error,
@@ -20,6 +21,7 @@ from taskcal.cli.options import (
 )
 from taskcal.cli.output import info, show, show_facts, write_json
 from taskcal.cli.outputs import check_outputs, count_as_written, files_of_task
+from taskcal.cli.page_options import PageOptions
 from taskcal.cli.sign_of_life import clear_sign
 
 if TYPE_CHECKING:
@@ -28,8 +30,6 @@ if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
     from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import Task
-
-ENGINES = ("loky", "threading", "sequential")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,8 +43,21 @@ class StudyOptions:
     robots: Annotated[int, typer.Option("--robots", min=1, metavar="N", help="Virtual robots to draw.")] = 200
     counts: Annotated[str, typer.Option("--counts", metavar="N,…", help="Numbers of measured poses.")] = "30,60"
     plans: Annotated[
-        str, typer.Option("--plans", metavar="PLAN,…", help="How the poses are chosen: planned, random, grid.")
-    ] = "planned,random"
+        str | None,
+        typer.Option(
+            "--plans",
+            metavar="PLAN,…",
+            help="How the poses are chosen: planned, random, grid; by default planned and random, or random with --observe.",
+        ),
+    ] = None
+    observe: Annotated[
+        str,
+        typer.Option(
+            "--observe",
+            metavar="WAY,…",
+            help="What is measured by: tracker, socket, wire, camera, board, plane, cube, or several at once, as socket+wire.",
+        ),
+    ] = "tracker"
     models: Annotated[
         str,
         typer.Option(
@@ -57,25 +70,25 @@ class StudyOptions:
     model_error_mm: ModelErrorOption = None
     seed: SeedOption = 0
 
+    @property
+    def ways(self) -> list[str]:
+        """To measure."""
+        return split_names(self.observe, "--observe") or []
+
+    @property
+    def kinds(self) -> str:
+        """Of plans."""
+        return self.plans or ("planned,random" if self.ways == ["tracker"] else "random")
+
     def __post_init__(self) -> None:
         _numbers(self.counts)
         check_model_error(self.model_error_mm)
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunOptions:
-    """How the study is run.
+class RunOptions(EngineOptions):
+    """How the study is run."""
 
-    Raises:
-        typer.BadParameter: there is no such engine.
-    """
-
-    engine: Annotated[
-        str, typer.Option("--engine", metavar="ENGINE", help="loky, threading, sequential, or dask:ADDRESS.")
-    ] = "loky"
-    workers: Annotated[
-        int | None, typer.Option("--workers", min=1, metavar="N", help="Parallel workers; by default one per core.")
-    ] = None
     resume: Annotated[
         Path | None,
         typer.Option(
@@ -85,13 +98,6 @@ class RunOptions:
             help="Save progress to this file, and resume from it after an interruption.",
         ),
     ] = None
-
-    def __post_init__(self) -> None:
-        if self.engine not in ENGINES and not self.engine.startswith("dask:"):
-            raise typer.BadParameter(
-                f"'{self.engine}' is not an engine; choose {', '.join(ENGINES)}, or dask:ADDRESS of a scheduler",
-                param_hint="--engine",
-            )
 
 
 @grouped
@@ -114,11 +120,12 @@ def command(
     """
     outputs = check_outputs(
         "study",
-        [("--output", output), ("--report", page.report), ("--resume", running.resume)],
-        [of.robot, of.calibration, *files_of_task(task)],
+        [("--output", output), *page.places, ("--resume", running.resume)],
+        [of.robot, of.calibration, *files_of_task(task), page.header],
         force=page.force,
         updated=("--resume",),
     )
+    page.check()
     from taskcal.task.task import load_task
 
     model, calibration = of.load()
@@ -127,17 +134,18 @@ def command(
     contents: dict[Path, str | bytes] = {}
     if output is not None:
         contents[output] = study.to_frame().to_csv(index=False)
-    if page.report is not None:
+    made: dict[Path, str | bytes] = {}
+    if page.asked:
         from taskcal.identification.provenance import package_version
-        from taskcal.presentation.study_report import study_html
+        from taskcal.presentation.study_report import study_page
 
-        contents[page.report] = study_html(model, described, study, version=package_version())
-    outputs.write(contents)
-    result = _result(model.robot.name, study, output, page.report)
+        made = page.compose(study_page(model, described, study, version=package_version()))
+    outputs.write_beside({**contents, **made}, force=page.force)
+    result = _result(model.robot.name, study) | ({} if output is None else {"rows": output}) | page.summary()
     if page.as_json:
         write_json(result)
     else:
-        _show(study, result, described.name)
+        _show(study, result, described.name, page.in_words(made))
 
 
 def _run(
@@ -146,8 +154,9 @@ def _run(
     from taskcal.adaptation.study import study
     from taskcal.adaptation.study_options import MODELS, PLANS
 
-    kinds = cast("list[PlanKind]", _names(choice.plans, "--plans", PLANS))
+    kinds = cast("list[PlanKind]", _names(choice.kinds, "--plans", PLANS))
     models = _names(choice.models, "--models", MODELS)
+    ways = [known_ways(way) for way in choice.ways]
     with _progress(choice.robots) as show:
 
         def advance(done: int, total: int) -> None:
@@ -163,10 +172,11 @@ def _run(
             counts=_numbers(choice.counts),
             plans=kinds,
             models=models,
+            observe=ways,
             seed=choice.seed,
             model_error=check_model_error(choice.model_error_mm),
-            engine=running.engine,
-            workers=-1 if running.workers is None else running.workers,
+            engine=running.engine_name,
+            workers=running.most_workers,
             resume=running.resume,
             progress=advance,
         )
@@ -214,7 +224,7 @@ def _progress(total: int) -> Generator[Callable[[int, int], None], None, None]:
         return
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=out, transient=True) as bar:
-        robots = bar.add_task("plans", total=total)
+        robots = bar.add_task("poses to measure", total=total)
 
         def advance(done: int, of: int) -> None:
             bar.update(robots, completed=done, total=of, description="robots")
@@ -222,8 +232,7 @@ def _progress(total: int) -> Generator[Callable[[int, int], None], None, None]:
         yield advance
 
 
-def _result(robot: str, study: "Study", output: Path | None, report: Path | None) -> dict[str, Any]:
-    files = {name: path for name, path in (("rows", output), ("report", report)) if path is not None}
+def _result(robot: str, study: "Study") -> dict[str, Any]:
     return {
         "robot": robot,
         "robots": study.robots,
@@ -231,14 +240,15 @@ def _result(robot: str, study: "Study", output: Path | None, report: Path | None
         "accuracy_mm": None if study.accuracy is None else study.accuracy * 1e3,
         "model_error_mm": study.model_error * 1e3,
         "model_error_origin": study.model_error_origin,
+        "before_mm": {name: 1e3 * value for name, value in study.spread_before().items()},
+        "unlearnt": study.unlearnt,
         "summary": study.summary(),
-        **files,
     }
 
 
-def _show(study: "Study", result: Mapping[str, Any], task: str) -> None:
+def _show(study: "Study", result: Mapping[str, Any], task: str, pages: str) -> None:
     from taskcal.presentation.model_error_origin import state_model_error
-    from taskcal.presentation.study_table import tabulate_study
+    from taskcal.presentation.study_table import describe_unlearnt, tabulate_study
 
     show(tabulate_study(study, task))
     facts = [("robots", f"{result['robots']} {result['robot']} {study.origin}, seed {result['seed']}")]
@@ -246,5 +256,17 @@ def _show(study: "Study", result: Mapping[str, Any], task: str) -> None:
     facts.append(
         ("at a pose", "rms with the model error beside what identification leaves; the accuracy is judged by it")
     )
-    facts += [(name, f"wrote {result[name]}") for name in ("rows", "report") if name in result]
+    if study.unlearnt:
+        facts.append(("nothing learnt", describe_unlearnt(study)))
+    if study.aligned:
+        before = {name: 1e3 * value for name, value in study.spread_before().items()}
+        facts.append(
+            (
+                "before",
+                f"{before['median']:.2f} mm without a calibration ({before['p05']:.2f} to {before['p95']:.2f}), the frames taught",
+            )
+        )
+        facts.append(("errors", "that are left once the work's frame and the tool point were taught with the robot"))
+    facts += [("rows", f"wrote {result['rows']}")] if "rows" in result else []
+    facts += [("report", f"wrote {pages}")] if pages else []
     show_facts(facts)

@@ -97,7 +97,8 @@ def command(
         frames = "tracker frame and targets refitted" if reregister else "frames of the calibration"
         if measured.observations:
             frames = "from where the calibrated robot finds what stands, in these rows themselves"
-        title = f"Position error of {calibrated.model.robot.name} on {campaign} ({frames})"
+        what = "Position error" if examination.validation.has_axes else "Error"
+        title = f"{what} of {calibrated.model.robot.name} on {campaign} ({frames})"
         _show(title, examination, decision, all_rows=all_rows)
     if decision is not None and not decision.accepted:
         raise typer.Exit(1)

@@ -6,13 +6,18 @@ from taskcal.cli.output import tell, write_json
 
 def command(as_json: JsonOption = False) -> None:
     """Compile all kernels now, so that no later command has to."""
+    import os
     from time import perf_counter
 
     from taskcal.cli.compile_kernels import compile_kernels
-    from taskcal.geometry.compiled import cache_folder
+    from taskcal.geometry.kernel_cache import announce_compilation, cache_folder, is_warm
 
     before, start = _kept_kernels(), perf_counter()
-    compile_kernels()
+    if is_warm():
+        compile_kernels(workers=1)  # which takes less than it takes to start more
+    else:
+        announce_compilation()
+        compile_kernels(workers=os.cpu_count() or 1)
     seconds, compiled = perf_counter() - start, len(_kept_kernels() - before)
     if as_json:
         write_json({"seconds": seconds, "compiled": compiled, "cache": cache_folder()})
@@ -22,6 +27,6 @@ def command(as_json: JsonOption = False) -> None:
 
 
 def _kept_kernels() -> set[str]:
-    from taskcal.geometry.compiled import cache_folder
+    from taskcal.geometry.kernel_cache import cache_folder
 
     return {path.name for path in cache_folder().rglob("*.nbc")}
