@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 PICTURES = Path(os.environ.get("TASKCAL_PICTURES", "/tmp/taskcal-pictures"))
@@ -32,6 +33,14 @@ def served(folder: Path, *options: str) -> Iterator[str]:
                 process.wait(10)
             except subprocess.TimeoutExpired:
                 process.kill()
+
+
+def server_of(folder: Path) -> psutil.Process:
+    """The process of a studio."""
+    for process in psutil.Process().children(recursive=True):
+        if "studio" in process.cmdline() and str(folder) in process.cmdline():
+            return process
+    raise AssertionError(f"no studio serves {folder}")
 
 
 @pytest.fixture(scope="session")
@@ -73,7 +82,11 @@ class Tab:
         for size, (width, height) in SIZES.items():
             self.page.set_viewport_size({"width": width, "height": height})
             self.page.wait_for_timeout(300)
-            self.page.screenshot(path=PICTURES / f"{name}-{size}.png", full_page=True, timeout=60_000)
+            # a scene is empty from when the page changes its size until it is drawn again: not in the midst of the picture
+            whole = max(height, self.page.evaluate("document.documentElement.scrollHeight"))
+            self.page.set_viewport_size({"width": width, "height": whole})
+            self.page.wait_for_timeout(1000)
+            self.page.screenshot(path=PICTURES / f"{name}-{size}.png", timeout=60_000)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from taskcal.studio.pages import identify_page, program_page, report_page
+from taskcal.studio.program_task import read_together
 from taskcal.studio.project import Choices, Project
 
 
@@ -11,9 +12,9 @@ def test_files_of_one_program_are_read_together(tmp_path: Path) -> None:
     for name in ("part.src", "part.dat", "other.dat", "part.mod", "BASE.sys", "path.csv", "path.mod"):
         (tmp_path / "programs" / name).write_text("")
     project = Project(tmp_path)
-    assert program_page.read_together(project, "programs/part.src") == ["programs/part.src", "programs/part.dat"]
-    assert program_page.read_together(project, "programs/part.mod") == ["programs/part.mod", "programs/BASE.sys"]
-    assert program_page.read_together(project, "programs/path.csv") == ["programs/path.csv"]
+    assert read_together(project, "programs/part.src") == ["programs/part.src", "programs/part.dat"]
+    assert read_together(project, "programs/part.mod") == ["programs/part.mod", "programs/BASE.sys"]
+    assert read_together(project, "programs/path.csv") == ["programs/path.csv"]
 
 
 def test_values_from_the_project_s_file_are_no_options(tmp_path: Path) -> None:

@@ -67,7 +67,9 @@ def test_mistakes_are_found_and_mended_with_a_click(chromium: Any, example: tupl
         page = tab.open("measurements")
         page.locator("input[type=file]").set_input_files({"name": "wrong.csv", "mimeType": "", "buffer": wrong})
         page.get_by_role("button", name="Look for mistakes").click()
-        page.get_by_role("cell", name="joint-sign", exact=True).wait_for(timeout=60_000)
+        page.get_by_role("cell", name="A joint is counted the other way round (joint-sign)", exact=True).wait_for(
+            timeout=60_000
+        )
         said = command_line(tmp_path, "doctor", "campaigns/wrong.csv", "--robot", ROBOT)["findings"][0]
         assert f"{said['error_before_mm']:.2f}" in text_of(page)
         assert said["fix"] in text_of(page)
@@ -80,6 +82,23 @@ def test_mistakes_are_found_and_mended_with_a_click(chromium: Any, example: tupl
     mended = (tmp_path / "campaigns" / "wrong-mended.csv").read_text().splitlines()
     assert float(mended[1].split(",")[3]) == pytest.approx(float(lines[1].split(",")[3]))
     assert (tmp_path / "campaigns" / "wrong.csv").read_bytes() == wrong
+
+
+def test_rows_of_a_finding_are_listed(chromium: Any, example: tuple[str, Path], tmp_path: Path) -> None:
+    rows = [line.split(",") for line in (example[1] / "campaigns" / "measured.csv").read_text().splitlines()]
+    column = rows[0].index("x_mm")
+    rows[8][column] = f"{float(rows[8][column]) + 25.0:.4f}"  # a slip of the pen
+    (tmp_path / "campaigns").mkdir()
+    (tmp_path / "campaigns" / "slip.csv").write_text("\n".join(",".join(row) for row in rows))
+    (tmp_path / "project.toml").write_text(f'name = "slip"\nrobot = "{ROBOT}"\ncampaign = "campaigns/slip.csv"\n')
+    with served(tmp_path) as address, open_tab(chromium, address) as tab:
+        page = tab.open("measurements")
+        page.get_by_role("button", name="Look for mistakes").click()
+        page.get_by_role("cell", name="row 7 (id 7, line 9)", exact=True).wait_for(timeout=60_000)
+        page.get_by_text("Dark red: rows that a finding concerns.").wait_for()
+        assert serious(page) == []
+        tab.picture("concerned")
+        assert tab.complaints == []
 
 
 def test_a_fit_says_what_the_command_line_says_to_the_digit(tab: Tab, example: tuple[str, Path]) -> None:

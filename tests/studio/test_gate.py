@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from taskcal.studio.gate import COOKIE, Gate
+from taskcal.studio.gate import Gate, cookie_name
 
 HERE = {"host": "127.0.0.1:8421"}
-WITH_COOKIE = {"host": "lab:1", "cookie": f"{COOKIE}=secret"}
+WITH_COOKIE = {"host": "lab:1", "cookie": f"{cookie_name('secret')}=secret"}
 LOOPBACK = {"hosts": frozenset({"127.0.0.1:8421", "localhost:8421"})}
 HTTP, SOCKET = {"type": "http"}, {"type": "websocket"}
 
@@ -101,7 +101,7 @@ def test_where_others_reach_it_a_token_is_asked_for_once() -> None:
     assert status(gate, {**HTTP, "query_string": b"token=guess"}, {"host": "lab:1"}) == 401
     assert status(gate, SOCKET, {"host": "lab:1", "origin": "http://lab:1"}) == 1008
     assert status(gate, HTTP, WITH_COOKIE) == 200
-    assert status(gate, HTTP, {"host": "lab:1", "cookie": f"{COOKIE}=guess"}) == 401
+    assert status(gate, HTTP, {"host": "lab:1", "cookie": f"{cookie_name('secret')}=guess"}) == 401
     assert status(gate, SOCKET, {**WITH_COOKIE, "origin": "http://lab:1"}) == 101
     assert status(gate, SOCKET, {**WITH_COOKIE, "origin": "http://evil.example"}) == 1008
     sent = answer(gate, {**HTTP, "query_string": b"token=secret&a=b"}, {"host": "lab:1"})[0]
@@ -114,3 +114,11 @@ def test_the_way_back_after_the_token_stays_here() -> None:
     scope = {**HTTP, "query_string": b"token=secret", "raw_path": b"//evil.example/x"}
     sent = answer({"hosts": None, "token": "secret"}, scope, {"host": "lab:1"})[0]
     assert dict(sent["headers"])[b"location"] == b"/evil.example/x"
+
+
+def test_two_studios_of_one_host_keep_their_tokens_apart() -> None:
+    names = [cookie_name(token) for token in ("secret", "other")]
+    both = {"host": "lab:1", "cookie": f"{names[0]}=secret; {names[1]}=other"}
+    for token in ("secret", "other"):
+        assert status({"hosts": None, "token": token}, HTTP, both) == 200
+    assert status({"hosts": None, "token": "secret"}, HTTP, {"host": "lab:1", "cookie": f"{names[1]}=secret"}) == 401

@@ -7,6 +7,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from taskcal.correction.cell_file import load_cell
 from taskcal.studio.example_project import begin_example
 from taskcal.studio.gate import MAX_BODY_BYTES
 from tests.laws.calibrations import calibrated
@@ -62,6 +63,38 @@ def test_a_program_is_corrected_as_on_the_command_line_and_reported(chromium: An
         page.get_by_role("button", name="Make the report").click()
         page.get_by_role("link", name="c.html", exact=True).wait_for(timeout=90_000)
         tab.picture("report")
+        assert serious(page) == []
+        assert tab.complaints == []
+
+
+def test_an_external_axis_is_asked_for_and_stated_on_the_page(chromium: Any, tmp_path: Path) -> None:
+    project = begin_example(tmp_path)
+    (tmp_path / "calibrations").mkdir()
+    calibrated(ROBOT).save(tmp_path / "calibrations" / "c.json")
+    project.choose(calibration="calibrations/c.json", program="programs/Milling.mod", cell="")
+    program = tmp_path / "programs" / "Milling.mod"
+    moved = program.read_text().replace("[9E9,9E9,9E9,9E9,9E9,9E9]", "[0.5,9E9,9E9,9E9,9E9,9E9]")
+    assert "[0.5,9E9" in moved
+    program.write_text(moved)
+    with served(tmp_path) as address, open_tab(chromium, address) as tab:
+        page = tab.open("program")
+        assert not page.get_by_role("combobox", name="State another axis").is_visible()
+        page.get_by_role("button", name="Correct the program").click()
+        asked = page.get_by_role("group", name="external axis 1 (eax_a, E1)")
+        asked.wait_for(timeout=60_000)
+        tab.ready()
+        asked.get_by_label("It carries").select_option("robot")
+        asked.get_by_text("Not saved yet").wait_for()
+        assert not list((tmp_path / "cells").glob("*"))
+        asked.get_by_label("It moves").select_option("slides x")
+        page.get_by_text("cells/cell.toml").first.wait_for(state="attached")
+        tab.ready()
+        (axis,) = load_cell(tmp_path / "cells" / "cell.toml").axes
+        assert (axis.carries, axis.turns) == ("robot", False)
+        page.get_by_role("button", name="Correct the program").click()
+        page.get_by_role("heading", name="What changed in Milling.mod").wait_for(timeout=60_000)
+        tab.ready()
+        assert "is away from zero" not in page.inner_text("main")
         assert serious(page) == []
         assert tab.complaints == []
 

@@ -1,6 +1,5 @@
 """A project is what its files say: saved as it goes, opened again as it was, and closed to what lies outside."""
 
-import os
 import tomllib
 from pathlib import Path
 
@@ -37,13 +36,15 @@ def test_no_path_leaves_the_folder(tmp_path: Path, outside: str) -> None:
         _ = project.choices
 
 
-@pytest.mark.skipif(os.name != "posix", reason="links need rights elsewhere")
 def test_links_out_of_the_folder_are_not_followed(tmp_path: Path) -> None:
     inside, secret = tmp_path / "p", tmp_path / "secret.csv"
     (inside / "campaigns").mkdir(parents=True)
     secret.write_text("secret")
-    (inside / "campaigns" / "a.csv").symlink_to(secret)
-    (inside / "robots").symlink_to(tmp_path)
+    try:
+        (inside / "campaigns" / "a.csv").symlink_to(secret)
+        (inside / "robots").symlink_to(tmp_path, target_is_directory=True)
+    except OSError as error:  # Windows lets administrators alone make links, or those who develop
+        pytest.skip(f"no right to make links here: {error}")
     project = Project(inside)
     assert project.files(LAYOUT.campaigns) == []
     with pytest.raises(FileError, match="outside"):

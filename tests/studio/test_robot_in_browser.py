@@ -58,6 +58,42 @@ def test_sliders_and_numbers_move_the_tool_to_where_the_library_has_it(tab: Tab)
     tab.picture("robot")
 
 
+def test_keys_pressed_faster_than_the_server_answers_all_count(tab: Tab) -> None:
+    page = tab.open("robot")
+    slider, number = page.get_by_label("J1", exact=True), page.get_by_label("J1 (°)")
+    slider.focus()
+    slider.press("ArrowRight")
+    page.wait_for_function("label => document.querySelector(label).value > 0", arg='input[aria-label="J1 (°)"]')
+    step = float(number.input_value())
+    for _ in range(29):
+        page.keyboard.press("ArrowRight")
+    page.get_by_text(tool_text([30 * step, 0.0, 0.0, 0.0, 0.0, 0.0])).wait_for()
+    assert float(slider.input_value()) == pytest.approx(30 * step, abs=1e-3)
+    assert float(number.input_value()) == pytest.approx(30 * step, abs=1e-3)
+
+
+def test_what_is_being_typed_stays_while_the_page_goes_on(tab: Tab) -> None:
+    page = tab.open("robot")
+    number = page.get_by_label("J2 (°)")
+    number.press_sequentially("7")
+    typed = number.input_value()
+    page.evaluate(
+        """label => {
+      const slider = document.querySelector(label);
+      slider.value = 10;
+      slider.dispatchEvent(new Event("input"));
+    }""",
+        'input[aria-label="J1"]',
+    )
+    page.get_by_text(tool_text([10.0, 0.0, 0.0, 0.0, 0.0, 0.0])).wait_for()
+    assert number.input_value() == typed
+    number.fill("0")
+    number.press("Tab")
+    page.get_by_role("button", name="All joints to zero").click()
+    page.get_by_text(tool_text([0.0] * 6)).wait_for()
+    assert number.input_value() == "0.0000"
+
+
 def test_another_robot_is_chosen_and_kept(chromium: Any, tmp_path: Path) -> None:
     with served(tmp_path) as address, open_tab(chromium, address) as tab:
         page = tab.open("robot")
@@ -93,6 +129,23 @@ def test_the_page_is_worked_by_keyboard_alone(tab: Tab) -> None:
             page.evaluate("document.activeElement.getAttribute('aria-label') || document.activeElement.innerText")
         )
     assert {"J1", "J6 (°)", "All joints to zero", "From above"} <= set(reached)
+
+
+def test_keys_change_the_view_while_the_scene_has_the_focus(tab: Tab) -> None:
+    page = tab.open("robot")
+    place = "() => getElement(document.querySelector('.view').id.slice(1)).camera.position.toArray()"
+    page.locator(".view").focus()
+    page.keyboard.press("2")
+    page.wait_for_function(f"() => Math.abs(({place})()[1]) < 1e-6")
+    page.keyboard.press("3")
+    page.wait_for_function(f"() => Math.abs(({place})()[0]) < 1e-6")
+    page.keyboard.press("9")
+    before = page.evaluate(place)
+    page.get_by_label("J1 (°)").focus()
+    page.keyboard.press("2")
+    page.wait_for_timeout(500)
+    assert page.evaluate(place) == pytest.approx(before)  # what is typed into a field is no view
+    assert serious(page) == []
 
 
 def test_a_dropped_robot_is_taken_and_a_wrong_file_is_refused_where_it_was_dropped(

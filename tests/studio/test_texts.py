@@ -4,8 +4,17 @@ import re
 from pathlib import Path
 from string import Formatter
 
+import numpy as np
+
 import taskcal.studio
+from taskcal.adaptation.candidates import find_measurable
+from taskcal.diagnosis.finding import IDS
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from taskcal.studio.pages.measurements_page import mend
+from taskcal.studio.task_box import first_task
 from taskcal.studio.texts import LANGUAGES, Texts, catalogue, preferred
+from taskcal.task.task import load_task
 
 SOURCES = "\n".join(path.read_text() for path in Path(taskcal.studio.__file__).parent.rglob("*.py"))
 
@@ -32,3 +41,25 @@ def test_a_text_is_filled_in_and_the_browser_s_first_language_of_ours_is_taken()
     assert preferred("fr;q=0.9, de-CH;q=0.8, en;q=0.7") == "de"
     assert preferred("en-GB,de;q=0.5") == "en"
     assert preferred("tlh, *;q=nonsense") == "en"
+
+
+def test_what_the_library_names_has_its_texts() -> None:
+    texts = Texts("de")
+    for finding in IDS:
+        assert texts.named("doctor", finding) != finding
+        assert texts.named("mend", finding, subject="J1") != finding
+    assert texts.named("doctor", "a finding of tomorrow") == "a finding of tomorrow"
+
+
+def test_why_poses_fall_away_is_said_in_the_page_s_language(tmp_path: Path) -> None:
+    model = ErrorModel(load_robot("ur5"))
+    (tmp_path / "task.toml").write_text(first_task(model, np.array([0.0, -1.2, 1.5, -0.3, 1.5, 0.0])))
+    lost = find_measurable(model, load_task(tmp_path / "task.toml"), None, 20, 0).lost
+    assert lost
+    assert [reason for reason in lost if Texts("de").named("lost", reason) == reason] == []
+
+
+def test_a_finding_s_line_stands_beside_its_translation() -> None:
+    finding = {"id": "joint-sign", "subject": ["J3"], "fix": "reverse the sign of J3"}
+    assert mend(finding, Texts("en")) == "reverse the sign of J3"
+    assert mend(finding, Texts("de")) == "Das Vorzeichen von J3 umkehren (reverse the sign of J3)"

@@ -1,24 +1,26 @@
-"""A robot and the box of its task, moved and stretched by sliders and numbers, and dragged in the scene."""
+"""A robot and the box of its task, moved, stretched and turned by sliders and numbers, and dragged in the scene."""
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Literal
 
 import numpy as np
 from nicegui import ui
-from nicegui.element import Element
-from nicegui.events import SceneDragEventArguments
 
 from taskcal.robot.robot import Robot
-from taskcal.studio.controls import MOVED, RELEASED, VALUE, button, set_attribute, text
-from taskcal.studio.robot_view import VIEWS, RobotView
-from taskcal.studio.task_box import TaskBox
+from taskcal.studio.box_view import UPDATES_S, BoxView, Part
+from taskcal.studio.controls import text
+from taskcal.studio.robot_view import RobotView
+from taskcal.studio.task_box import TENTHS, THOUSANDTHS, TaskBox
 from taskcal.studio.texts import Texts
+from taskcal.studio.value_input import ValueInput
+from taskcal.studio.view_buttons import add_views
 
-UPDATES_S = 0.05
-"""Between two places of a box that is dragged."""
+SMALLEST_MM, STEP_MM, STEP_DEG = 1.0, 5.0, 1.0
 
-SMALLEST_MM, STEP_MM = 1.0, 5.0
+Property = Literal["center", "size", "turn"]
+
+UNITS: dict[Property, str] = {"center": "mm", "size": "mm", "turn": "°"}
 
 
 class BoxEditor:
@@ -32,7 +34,7 @@ class BoxEditor:
         texts: Texts,
         *,
         on_move: Callable[[TaskBox], None],
-        on_release: Callable[[TaskBox], None],
+        on_release: Callable[[TaskBox], TaskBox],
     ) -> None:
         """Show a box.
 
@@ -42,61 +44,93 @@ class BoxEditor:
             box: to begin with.
             texts: of the page.
             on_move: called with every place of the box while it is dragged.
-            on_release: called with the place where it is left.
+            on_release: called with the place where it is left; gives the box as it was saved.
         """
-        self._box, self._on_move, self._on_release = box, on_move, on_release
-        self._controls: dict[tuple[str, int], tuple[Element, Element]] = {}
+        self.box = box
+        self._on_move, self._on_release = on_move, on_release
+        self._controls: dict[tuple[Property, int], tuple[ValueInput, ValueInput]] = {}
         reach = float(np.ceil(robot.reach * 10.0) * 100.0)
         with ui.element("div").classes("side-by-side"):
             with ui.element("div"):
-                self._view = RobotView(robot, q, on_drag=self._drop)
-                set_attribute(self._view.scene, "aria-label", texts("task.space_of", robot=robot.title))
-                self._view.scene.props("role=img")
+                view = RobotView(robot, q)
+                self._view = BoxView(view.scene, view.size, len(box.rooms), self._drag)
                 with ui.element("div").classes("row"):
-                    for name in VIEWS:
-                        button(texts(f"robot.view_{name}"), lambda name=name: self._view.look(name), plain=True)
+                    add_views(view.scene, view.look, texts("task.space_of", robot=robot.title), texts)
                 text("p", texts("task.drag")).classes("quiet")
             with ui.element("div"):
-                for of, low, high in (("center", -reach, reach), ("size", SMALLEST_MM, reach)):
+                ranges: dict[Property, tuple[float, float, float]] = {
+                    "center": (-reach, reach, STEP_MM),
+                    "size": (SMALLEST_MM, reach, STEP_MM),
+                    "turn": (-180.0, 180.0, STEP_DEG),
+                }
+                for of, limits in ranges.items():
                     text("h2", texts(f"task.{of}"))
                     for axis, letter in enumerate("xyz"):
-                        self._add_controls(of, axis, f"{texts(f'task.{of}')} {letter}", letter, low, high)
+                        self._add_controls(of, axis, f"{texts(f'task.{of}')} {letter}", letter, limits)
         self._show()
 
-    def _add_controls(self, of: str, axis: int, label: str, letter: str, low: float, high: float) -> None:
+    def change(self, box: TaskBox, *, release: bool = True, held: Part | None = None) -> None:
+        """Show another box, and hand it on.
+
+        Args:
+            box: the box.
+            release: whether it stays, and is saved.
+            held: what of it the mouse has in the scene.
+        """
+        self.box = box
+        if release:
+            self.box = self._on_release(box)
+        self._show(held)
+        if not release:
+            self._on_move(box)
+
+    def save(self, box: TaskBox) -> None:
+        """Save a box whose orientations are others in number; the page has to be shown anew."""
+        self.box = self._on_release(box)
+
+    def _add_controls(
+        self, of: Property, axis: int, label: str, letter: str, limits: tuple[float, float, float]
+    ) -> None:
+        low, high, step = limits
         with ui.element("div").classes("joint"):
             text("span", letter)
-            slider = ui.element("input").props(f"type=range min={low:g} max={high:g} step={STEP_MM}")
-            slider.on("input", lambda e: self._take(of, axis, e.args), js_handler=MOVED, throttle=UPDATES_S)
-            slider.on("change", lambda e: self._take(of, axis, e.args, release=True), js_handler=RELEASED)
-            number = ui.element("input").props("type=number step=any").classes("value")
-            number.on("change", lambda e: self._take(of, axis, e.args, release=True), js_handler=VALUE)
-        set_attribute(slider, "aria-label", label)
-        set_attribute(number, "aria-label", f"{label} (mm)")
+            slider = ValueInput("range", label, "", min=f"{low:g}", max=f"{high:g}", step=f"{step:g}")
+            slider.on_moved(lambda given: self._take(of, axis, given), UPDATES_S)
+            slider.on_left(lambda given: self._take(of, axis, given, release=True))
+            number = ValueInput("number", f"{label} ({UNITS[of]})", "", step="any").classes("value")
+            number.on_left(lambda given: self._take(of, axis, given, release=True))
         self._controls[of, axis] = (slider, number)
 
-    def _take(self, of: str, axis: int, given: Any, *, release: bool = False) -> None:
-        """A length from the browser, millimetres."""
+    def _take(self, of: Property, axis: int, given: str, *, release: bool = False) -> None:
+        """A length from the browser, millimetres, or an angle, degrees."""
         try:
             value = float(given)
-        except (TypeError, ValueError):
+        except ValueError:
             value = np.nan
-        if np.isfinite(value) and abs(value) < 1e6 and (of == "center" or value >= SMALLEST_MM):
-            changed = getattr(self._box, of).copy()
-            changed[axis] = value
-            self._box = replace(self._box, **{of: changed})
-        self._show()
-        (self._on_release if release else self._on_move)(self._box)
+        box = self.box
+        most = {"center": 1e6, "size": 1e6, "turn": 360.0}[of]
+        if np.isfinite(value) and abs(value) < most and (of != "size" or value >= SMALLEST_MM):
+            changed = getattr(box, of).copy()
+            changed[axis] = round(value, THOUSANDTHS if of == "turn" else TENTHS)
+            box = replace(box, **{of: changed})
+        self.change(box, release=release)
 
-    def _drop(self, event: SceneDragEventArguments) -> None:
-        """The box was dragged in the scene."""
-        self._box = replace(self._box, center=np.array([event.x, event.y, event.z]) * 1e3)
-        self._show()
-        self._on_release(self._box)
+    def _drag(self, part: Part, place: np.ndarray, done: bool) -> None:
+        """The box, or a ball of one of its axes, is dragged in the scene."""
+        box = self.box.moved_to(place) if part == "box" else self.box.turned_to("xyz".index(part), place)
+        self.change(box, release=done, held=None if done else part)
 
-    def _show(self) -> None:
-        for (of, axis), (slider, number) in self._controls.items():
-            value = f"{getattr(self._box, of)[axis]:.1f}"
-            set_attribute(slider, "value", value)
-            set_attribute(number, "value", value)
-        self._view.place_box(self._box.center * 1e-3, self._box.size * 1e-3)
+    def _show(self, held: Part | None = None) -> None:
+        """The box as it is now.
+
+        Args:
+            held: what of it the mouse has in the scene.
+        """
+        for (of, axis), controls in self._controls.items():
+            value = f"{getattr(self.box, of)[axis]:.{2 if of == 'turn' else 1}f}"
+            for control in controls:
+                control.show(value)
+        workspace = self.box.workspace
+        R = workspace.T_base_frame[:3, :3]
+        tools = [(R @ room.rotation, room) for room in workspace.orientations]
+        self._view.place(self.box.T_base_box, workspace.size, tools, held)

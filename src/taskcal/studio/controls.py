@@ -10,18 +10,40 @@ from nicegui.elements.mixins.text_element import TextElement
 
 from taskcal.presentation.content import Table
 from taskcal.studio.texts import Texts
+from taskcal.studio.value_input import ValueInput
 
-VALUE = "(event) => emit(event.target.value)"
+MOST_COLUMNS = 9
+"""Beyond which a table is set smaller."""
+
 LONG_CELL = 40
 """Characters beyond which a cell of words is folded."""
 
-MOVED = "(event) => { event.target.lastMoved = event.target.value; emit(event.target.value); }"
-RELEASED = """(event) => {
-  const value = event.target.lastMoved ?? event.target.value;
-  delete event.target.lastMoved;
-  emit(value);
-}"""
-"""Of a slider: where the user left it, whatever the server's answer to an earlier place has set it to meanwhile."""
+CHOSEN: Mapping[str, str] = {
+    "pointerdown": "(event) => { event.target.byKey = false; }",
+    "keydown": """(event) => {
+  const list = event.target;
+  if (event.key !== "Enter") { list.byKey = event.key !== "Tab" || list.byKey; return; }
+  list.byKey = false;
+  if (list.value === (list.taken ?? list.dataset.was)) return;
+  event.preventDefault();
+  list.taken = list.value;
+  emit(list.value);
+}""",
+    "change": """(event) => {
+  const list = event.target;
+  if (list.byKey) return;
+  list.taken = list.value;
+  emit(list.value);
+}""",
+    "blur": """(event) => {
+  const list = event.target;
+  if (!list.byKey || list.value === (list.taken ?? list.dataset.was)) return;
+  list.byKey = false;
+  list.taken = list.value;
+  emit(list.value);
+}""",
+}
+"""Of a list: by keys one goes through it, and takes what is there by Enter or by going on; browsers tell of every key's change."""
 
 CHECKED = "(event) => emit(event.target.checked)"
 
@@ -58,7 +80,10 @@ def choice(
 
     with ui.element("label").classes("row") as whole:
         text("span", label)
-        select = ui.element("select").classes("value").on("change", handle, js_handler=VALUE)
+        select = ui.element("select").classes("value")
+        for event, script in CHOSEN.items():
+            select.on(event, handle, js_handler=script)
+        set_attribute(select, "data-was", value if value in options else "")
         set_attribute(select, "aria-label", label)
         set_attribute(select, "data-name", group or label)
     with select:
@@ -94,7 +119,7 @@ def table(caption: str, header: Sequence[str], rows: Iterable[Sequence[str]], wo
 
     with ui.element("div").classes("scroll").props("tabindex=0 role=region") as around:
         set_attribute(around, "aria-label", caption)
-        with ui.element("table").classes("plain"):
+        with ui.element("table").classes("plain dense" if len(header) > MOST_COLUMNS else "plain"):
             text("caption", caption)
             with ui.element("thead"), ui.element("tr"):
                 for column, name in enumerate(header):
@@ -128,18 +153,20 @@ def number(
         high: the largest.
         step: of the arrows beside it.
     """
+    accepted = value
 
-    def handle(event: Any) -> None:
+    def handle(given: str) -> None:
+        nonlocal accepted
         with suppress(ValueError):
-            if low <= float(event.args) <= high:
-                on_change(float(event.args))
+            if low <= float(given) <= high:
+                accepted = float(given)
+                on_change(accepted)
+        field.show(f"{accepted:.10g}")
 
     with ui.element("label").classes("row") as whole:
         text("span", label)
-        field = ui.element("input").classes("value").props(f"type=number min={low:g} max={high:g} step={step}")
-        set_attribute(field, "value", f"{value:g}")
-        set_attribute(field, "aria-label", label)
-        field.on("change", handle, js_handler=VALUE)
+        field = ValueInput("number", label, f"{value:.10g}", min=f"{low:g}", max=f"{high:g}", step=step)
+        field.on_left(handle).classes("value")
     return whole
 
 
@@ -160,10 +187,13 @@ def line_of_text(label: str, value: str, on_change: Callable[[str], Any]) -> Ele
     """A line to type."""
     with ui.element("label").classes("row") as whole:
         text("span", label)
-        field = ui.element("input").classes("value").props("type=text size=50 maxlength=2000")
-        set_attribute(field, "value", value)
-        set_attribute(field, "aria-label", label)
-        field.on("change", lambda e: on_change(str(e.args).strip()), js_handler=VALUE)
+        field = ValueInput("text", label, value, size="50", maxlength="2000")
+
+        def handle(given: str) -> None:
+            field.show(given)
+            on_change(given)
+
+        field.on_left(handle).classes("value")
     return whole
 
 

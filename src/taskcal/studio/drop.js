@@ -2,12 +2,15 @@
 async function taskcalSend(input, files) {
   const said = input.parentElement.querySelector(".said");
   said.textContent = input.dataset.working;
-  for (const file of files) {
+  // meshes are kept beside the robot that they were dropped with, which goes first
+  const first = (file) => (/\.(stl|obj|dae|glb)$/i.test(file.name) ? 1 : 0);
+  let beside = "";
+  for (const file of [...files].sort((a, b) => first(a) - first(b))) {
     try {
       const answer = await fetch("/drop/" + encodeURIComponent(input.dataset.kind), {
         method: "POST",
         body: file,
-        headers: { "content-type": "application/octet-stream", "x-file-name": encodeURIComponent(file.name) },
+        headers: { "content-type": "application/octet-stream", "x-file-name": encodeURIComponent(file.name), "x-beside": encodeURIComponent(beside) },
       });
       if (!answer.ok) {
         const text = await answer.text();
@@ -16,6 +19,7 @@ async function taskcalSend(input, files) {
         said.textContent = message;
         return;
       }
+      beside = beside || (await answer.json()).path;
     } catch (failure) {
       said.textContent = String(failure.message || failure);
       return;

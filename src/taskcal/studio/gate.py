@@ -2,6 +2,7 @@
 
 from collections.abc import Awaitable, Callable, MutableMapping
 from dataclasses import dataclass
+from hashlib import sha256
 from hmac import compare_digest
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
@@ -16,6 +17,7 @@ MAX_BODY_BYTES = 52_000_000
 """A little more than Taskcal reads of one file, for what surrounds an upload."""
 
 COOKIE = "taskcal-studio"
+"""Beginning of a cookie's name; browsers keep cookies by host and not by port, so that two studios need two names."""
 
 HEADERS = (
     (b"x-content-type-options", b"nosniff"),
@@ -58,7 +60,7 @@ class Gate:
         refusal = self._refusal(scope, headers)
         if refusal is not None:
             await _refuse(scope, receive, send, *refusal)
-        elif self.token and not _has_cookie(headers, self.token):
+        elif self.token and not _has_cookie(headers, cookie_name(self.token), self.token):
             await self._ask_for_token(scope, receive, send)
         else:
             await self._let_through(scope, receive, send)
@@ -90,7 +92,7 @@ class Gate:
             return
         rest = urlencode([(name, value) for name, value in query if name != "token"])
         path = "/" + scope.get("raw_path", b"/").decode("latin-1").split("?")[0].lstrip("/\\")
-        cookie = f"{COOKIE}={self.token}; Path=/; HttpOnly; SameSite=Strict"
+        cookie = f"{cookie_name(self.token)}={self.token}; Path=/; HttpOnly; SameSite=Strict"
         answer = [(b"location", (path + (f"?{rest}" if rest else "")).encode()), (b"set-cookie", cookie.encode())]
         await send({"type": "http.response.start", "status": 303, "headers": [*answer, *HEADERS]})
         await send({"type": "http.response.body", "body": b""})
@@ -122,9 +124,14 @@ class Gate:
                 await _refuse(scope, receive, send, 413, f"Larger than {self.max_body // 1_000_000} MB.")
 
 
-def _has_cookie(headers: dict[str, str], token: str) -> bool:
+def cookie_name(token: str) -> str:
+    """Of the cookie that holds a token: another one for every token."""
+    return f"{COOKIE}-{sha256(token.encode()).hexdigest()[:12]}"
+
+
+def _has_cookie(headers: dict[str, str], name: str, token: str) -> bool:
     try:
-        cookie = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+        cookie = SimpleCookie(headers.get("cookie", "")).get(name)
     except CookieError:
         return False
     return cookie is not None and compare_digest(cookie.value.encode(), token.encode())

@@ -10,10 +10,11 @@ from nicegui.elements.mixins.text_element import TextElement
 
 from taskcal.studio.controls import text
 from taskcal.studio.studio import Studio
-from taskcal.studio.texts import LANGUAGES, Texts, preferred
+from taskcal.studio.texts import LANGUAGES, LIBRARY_LANGUAGE, Texts, preferred
 
 LANGUAGE_COOKIE = "taskcal-language"
 THEME_COOKIE = "taskcal-theme"
+
 THEMES: Mapping[str, bool | None] = {"auto": None, "light": False, "dark": True}
 
 
@@ -80,6 +81,8 @@ def _surroundings(
             text("h1", texts(f"{page.key}.title"))
             text("p", texts(f"{page.key}.purpose")).classes("quiet")
             yield
+            if texts.language != LIBRARY_LANGUAGE:
+                text("p", texts("frame.library_language")).classes("quiet")
 
 
 def _setting(page: Page, name: str, value: str, shown: str, *, on: bool) -> TextElement:

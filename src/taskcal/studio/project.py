@@ -22,6 +22,7 @@ class Layout:
     robots: str = "robots"
     campaigns: str = "campaigns"
     tasks: str = "tasks"
+    stations: str = "stations"
     plans: str = "plans"
     calibrations: str = "calibrations"
     programs: str = "programs"
@@ -33,9 +34,13 @@ class Layout:
 LAYOUT = Layout()
 
 CAMPAIGN_ENDINGS = (".csv", ".txt", ".dat", ".tsv", ".log", ".xlsx")
-ROBOT_ENDINGS = (".toml", ".urdf", ".xacro")
+URDF_ENDINGS = (".urdf", ".xacro")
+ROBOT_ENDINGS = (".toml", *URDF_ENDINGS)
+TABLE_ENDINGS = (".csv", ".txt")
+"""Of tables of Denavit–Hartenberg parameters."""
 CELL_ENDINGS = (".toml",)
 TASK_ENDINGS = (".toml",)
+STATION_ENDINGS = (".toml",)
 RESULT = ".result.json"
 """Ending of what the command line said of a calibration, beside it."""
 
@@ -62,6 +67,8 @@ class Choices(Section):
     """A name of the catalogue, or a file in ``robots``."""
     campaign: ProjectFile = ""
     task: ProjectFile = ""
+    station: ProjectFile = ""
+    """Where the tracker stands, what the tool carries and what is in the way."""
     calibration: ProjectFile = ""
     program: ProjectFile = ""
     cell: ProjectFile = ""

@@ -19,7 +19,7 @@ from taskcal.errors import TaskcalError
 from taskcal.studio.controls import text
 from taskcal.studio.dropped_files import receiver
 from taskcal.studio.gate import Gate
-from taskcal.studio.given_files import giver
+from taskcal.studio.given_files import giver, mesh_giver
 from taskcal.studio.page_frame import LANGUAGE_COOKIE, THEME_COOKIE, THEMES, add_page
 from taskcal.studio.pages.robot_page import warm_up
 from taskcal.studio.road import ROAD
@@ -92,6 +92,7 @@ def application(studio: Studio, address: Address, port: int) -> Gate:
     outer.get("/alive")(_alive)
     outer.post("/drop/{kind}")(receiver(studio))
     outer.get("/file/{folder}/{name}")(giver(studio))
+    outer.get("/mesh/{robot}/{number}")(mesh_giver(studio))
     ui.page("/")(_begin)
     for page in ROAD:
         add_page(page, ROAD, studio)

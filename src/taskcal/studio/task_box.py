@@ -1,4 +1,4 @@
-"""A task's box as a person moves it: read from a task file, and written back with everything else that the file says."""
+"""A task's box as a person moves and turns it: read from a task file, and written back with everything else that it says."""
 
 import tomllib
 from collections.abc import Mapping
@@ -11,66 +11,204 @@ import tomli_w
 from jaxtyping import Float
 
 from taskcal.files import write_whole
+from taskcal.geometry import se3
+from taskcal.geometry.euler import from_angles, to_angles
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, load_task
-from taskcal.task.workspace import Workspace
+from taskcal.task.turn_section import WAYS
+from taskcal.task.workspace import Orientation, Workspace
 
 TENTHS = 1
 """Decimals of millimetres that a box is written with."""
 
+THOUSANDTHS = 3
+"""Decimals of degrees that turns are shown and written with."""
+
+FREE = 180.0
+"""Degrees to either side: a turn about the tool's z that is free."""
+
+
+TRIED, AROUND = 500, np.radians(90.0)
+"""Postures among which one is chosen to begin with, and how far from zero joints turn in them."""
+
+ENOUGH_ROOM = 0.15
+"""Of a joint's range, to either of its limits."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToolRoom:
+    """An orientation of the tool and the room around it, in degrees."""
+
+    angles: tuple[float, float, float]
+    """Roll, pitch and yaw about fixed x, y, z of the task's frame."""
+    cone: float
+    """Largest tilt of the tool's z."""
+    spin: float
+    """Largest turn about it; `FREE` where it is free."""
+
+    @property
+    def orientation(self) -> Orientation:
+        """As tasks have it."""
+        cone, spin = np.radians([self.cone, self.spin])
+        return Orientation(rotation=_rotation(self.angles), cone=float(cone), spin=float(spin))
+
+    @property
+    def section(self) -> dict[str, Any]:
+        """As task files have it."""
+        section: dict[str, Any] = {"rpy_deg": list(self.angles), "cone_deg": self.cone}
+        return section | ({"spin": "free"} if self.spin >= FREE else {"spin_deg": self.spin})
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TaskBox:
-    """A box in the robot's base, with the orientations that the tool takes in it."""
+    """A box in the task's frame, with the orientations that the tool takes in it; numbers are as they are written."""
 
     center: Float[np.ndarray, " 3"]
     """Millimetres."""
     size: Float[np.ndarray, " 3"]
     """Edges, millimetres."""
+    turn: Float[np.ndarray, " 3"]
+    """Roll, pitch and yaw about fixed x, y, z, degrees."""
+    rooms: tuple[ToolRoom, ...]
     task: Task
     """The task that the file describes, whose workspace it is."""
 
     @property
+    def workspace(self) -> Workspace:
+        """The workspace as it is now; what was not changed is exactly the file's."""
+        before = self.task.workspace
+        assert before is not None
+        known = {_room(o): o for o in before.orientations}
+        same = np.array_equal(self.turn, _angles(before.turned))
+        return replace(
+            before,
+            center=self.center * 1e-3,
+            size=self.size * 1e-3,
+            turned=before.turned if same else _rotation(self.turn),
+            orientations=tuple(known.get(room, room.orientation) for room in self.rooms),
+        )
+
+    @property
     def moved(self) -> Task:
-        """The task with the box where it is now."""
-        workspace = self.task.workspace
-        assert workspace is not None
-        placed = replace(workspace, center=self.center * 1e-3, size=self.size * 1e-3)
-        return replace(self.task, workspace=placed)
+        """The task with the box as it is now."""
+        return replace(self.task, workspace=self.workspace)
+
+    @property
+    def T_base_box(self) -> Float[np.ndarray, "4 4"]:
+        """Pose of the box in the robot's base, metres."""
+        workspace = self.workspace
+        return workspace.T_base_frame @ se3.pose(workspace.turned, workspace.center)
+
+    def moved_to(self, place: Float[np.ndarray, " 3"]) -> "TaskBox":
+        """With its middle at a place in the robot's base, metres."""
+        return replace(self, center=np.round(self._in_frame(place) * 1e3, TENTHS))
+
+    def turned_to(self, axis: int, place: Float[np.ndarray, " 3"]) -> "TaskBox":
+        """Turned by the shortest way until one of its axes points to a place in the robot's base, metres."""
+        wanted = self._in_frame(place) - self.center * 1e-3
+        length = np.linalg.norm(wanted)
+        if length < 1e-6:
+            return self
+        turned = self.workspace.turned
+        now, wanted = turned[:, axis], wanted / length
+        about = np.cross(now, wanted)
+        if np.linalg.norm(about) < 1e-9:  # there already, or opposite: any axis across does
+            about = turned[:, (axis + 1) % 3]
+        angle = np.arctan2(np.linalg.norm(np.cross(now, wanted)), now @ wanted)
+        return replace(self, turn=_angles(se3.exp(angle * about / np.linalg.norm(about)) @ turned))
+
+    def _in_frame(self, place: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
+        return se3.apply(se3.inverse(self.workspace.T_base_frame), np.asarray(place, dtype=float))
 
 
 def box_of(task: Task) -> TaskBox | None:
-    """The box of a task; None where its workspace is something else, or counted in another frame than the base."""
+    """The box of a task; None where its workspace is something else."""
     workspace: Workspace | None = task.workspace
-    if workspace is None or workspace.shape != "box" or not np.array_equal(workspace.T_base_frame, np.eye(4)):
+    if workspace is None or workspace.shape != "box":
         return None
-    return TaskBox(center=workspace.center * 1e3, size=workspace.size * 1e3, task=task)
+    return TaskBox(
+        center=workspace.center * 1e3,
+        size=workspace.size * 1e3,
+        turn=_angles(workspace.turned),
+        rooms=tuple(map(_room, workspace.orientations)),
+        task=task,
+    )
 
 
-def save_box(path: Path, box: TaskBox) -> None:
+def save_box(path: Path, box: TaskBox) -> TaskBox:
     """Write a box into its task file; comments are lost, all else stays.
 
+    Returns:
+        the box as the file has it now.
+
     Raises:
-        FileError: the file cannot be read as a task, or not be written.
+        FileError: the file cannot be read as a task with a box, or not be written.
     """
-    load_task(path)
+    before = box_of(load_task(path))
     content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-    content["workspace"]["center_mm"] = np.round(box.center, TENTHS).tolist()
-    content["workspace"]["size_mm"] = np.round(box.size, TENTHS).tolist()
+    section = content["workspace"]
+    section["center_mm"] = np.round(box.center, TENTHS).tolist()
+    section["size_mm"] = np.round(box.size, TENTHS).tolist()
+    if before is None or not np.array_equal(before.turn, box.turn):
+        for way in WAYS:
+            section.pop(way, None)
+        section["rpy_deg"] = box.turn.tolist()
+    as_written = {} if before is None else dict(zip(before.rooms, section["orientation"], strict=True))
+    section["orientation"] = [as_written.get(room, room.section) for room in box.rooms]
     write_whole(path, tomli_w.dumps(content))
+    after = box_of(load_task(path))
+    assert after is not None
+    return after
+
+
+def handy_posture(model: ErrorModel, ranges: Float[np.ndarray, "joints 2"]) -> Float[np.ndarray, " joints"]:
+    """Joint positions from which the tool moves and turns about as well as the robot lets it, above the floor.
+
+    Of some that are tried, those of the largest manipulability (Yoshikawa 1985) with lengths counted in reaches, times the least
+    room of a joint to its limits as far as more of it helps.
+
+    Args:
+        model: of the robot.
+        ranges: of its joints, radians or metres.
+    """
+    middle = np.clip(np.zeros(len(ranges)), *ranges.T)
+    around = np.where(model.robot.prismatic, np.inf, AROUND)
+    low, high = np.maximum(ranges[:, 0], middle - around), np.minimum(ranges[:, 1], middle + around)
+    q = np.random.default_rng(0).uniform(low, high, (TRIED, len(ranges)))
+    drive = model.robot.four_bar
+    q = q if drive is None else q[drive.closes(q, np.zeros(3))]
+    above = model.nominal.poses(q)[:, 2, 3] > 0.0
+    q = q[above] if above.any() else q
+    J = model.nominal.joint_jacobian(q) / np.array([model.robot.reach] * 3 + [1.0] * 3)[:, None]
+    room = (np.minimum(q - ranges[:, 0], ranges[:, 1] - q) / np.ptp(ranges, axis=1)).min(axis=1)
+    return q[np.argmax(np.linalg.svd(J, compute_uv=False).prod(axis=1) * np.minimum(room, ENOUGH_ROOM))]
 
 
 def first_task(model: ErrorModel, q: Float[np.ndarray, " joints"]) -> str:
     """A task file to begin with: a box of a tenth of the reach around the tool, as it is turned at some joint positions."""
-    from taskcal.geometry import se3
-
     T = model.nominal.poses(q[None])[0]
     edge = round(100.0 * model.robot.reach, TENTHS)
+    cone = 20.0 if len(model.robot.joints) >= 6 else 0.0  # others cannot tilt the tool wherever it is
     section: Mapping[str, Any] = {
         "frame": "base",
         "shape": "box",
         "center_mm": np.round(T[:3, 3] * 1e3, TENTHS).tolist(),
         "size_mm": [edge, edge, edge],
-        "orientation": [{"quaternion": se3.to_quaternion(T[None, :3, :3])[0].tolist(), "cone_deg": 20.0}],
+        "orientation": [{"quaternion": se3.to_quaternion(T[None, :3, :3])[0].tolist(), "cone_deg": cone}],
     }
     return tomli_w.dumps({"name": "task", "workspace": section, "accuracy": {"position_mm": 0.1}})
+
+
+def _rotation(angles: tuple[float, float, float] | Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
+    return from_angles("rpy", np.radians(np.asarray(angles)))
+
+
+def _angles(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 3"]:
+    """Degrees, as they are shown."""
+    return np.round(np.degrees(to_angles("rpy", R)), THOUSANDTHS) + 0.0  # without a minus before zero
+
+
+def _room(orientation: Orientation) -> ToolRoom:
+    roll, pitch, yaw = _angles(orientation.rotation).tolist()
+    cone, spin = np.round(np.degrees([orientation.cone, orientation.spin]), THOUSANDTHS).tolist()
+    return ToolRoom(angles=(roll, pitch, yaw), cone=cone, spin=spin)

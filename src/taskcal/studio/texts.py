@@ -1,5 +1,6 @@
 """What the pages say, in each language; all of it stands in ``texts.toml``."""
 
+import re
 import tomllib
 from collections.abc import Mapping
 from functools import cache
@@ -7,6 +8,9 @@ from pathlib import Path
 
 LANGUAGES = {"en": "English", "de": "Deutsch"}
 """By the code that browsers use."""
+
+LIBRARY_LANGUAGE = "en"
+"""Of what the library and its commands say."""
 
 
 @cache
@@ -26,6 +30,11 @@ class Texts:
     def __call__(self, key: str, **values: object) -> str:
         """The text of a key, with values in its places."""
         return catalogue()[key][self.language].format(**values)
+
+    def named(self, group: str, name: str, **values: object) -> str:
+        """The text of what the library names, such as a finding of the doctor; its own name where the catalogue has none."""
+        key = f"{group}.{re.sub('[^a-z]+', '_', name)}"
+        return self(key, **values) if key in catalogue() else name
 
 
 def preferred(accepted: str) -> str:

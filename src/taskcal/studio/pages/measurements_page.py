@@ -2,8 +2,9 @@
 
 import asyncio
 import csv
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from nicegui import ui
@@ -14,17 +15,24 @@ from taskcal.measurement.reader import read_campaign
 from taskcal.measurement.writer import campaign_text
 from taskcal.robot.robot import Robot
 from taskcal.studio.command_run import CommandRun, Status
-from taskcal.studio.controls import button, choice, drop_zone, facts, line_of_text, message, set_attribute, table, text
+from taskcal.studio.controls import button, choice, drop_zone, facts, line_of_text, message, table, text
 from taskcal.studio.file_names import free_name
+from taskcal.studio.measured_course import show_course
 from taskcal.studio.pages.robot_page import robot_of
-from taskcal.studio.point_view import MOST_PICKED, PointView
+from taskcal.studio.point_view import CONCERNED, INK, MOST_PICKED, PointView
 from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT, Project
-from taskcal.studio.robot_view import VIEWS
 from taskcal.studio.run_panel import show_run
 from taskcal.studio.studio import Studio
-from taskcal.studio.texts import Texts
+from taskcal.studio.texts import LIBRARY_LANGUAGE, Texts
+from taskcal.studio.view_buttons import add_views
 
 ROWS_SHOWN = 12
+
+OF_ROWS = ("gross-rows", "duplicate-poses", "rows-shuffled")
+"""Findings whose subjects are rows, by their ids."""
+
+CONCERNED_SHOWN = 30
+"""Of the rows that findings concern."""
 
 
 async def build(studio: Studio, texts: Texts) -> None:
@@ -60,8 +68,11 @@ async def build(studio: Studio, texts: Texts) -> None:
         return
     _understood(campaign, robot, texts)
     _Correction(studio, texts)
-    _mistakes(studio, texts)
-    _in_space(campaign, texts)
+    concerned = concerned_rows(_mistakes(studio, texts), campaign)
+    _list_concerned(concerned, campaign, robot, texts)
+    _in_space(campaign, concerned, texts)
+    if not campaign.observations:
+        show_course(campaign, texts)
 
 
 def in_project(said: str, project: Project) -> str:
@@ -89,8 +100,9 @@ def _understood(campaign: Campaign, robot: Robot, texts: Texts) -> None:
         message(note, fine=True)
     if campaign.observations:
         return
-    lines = list(csv.reader(campaign_text(campaign, robot).splitlines()))
-    table(texts("measurements.first_rows", count=min(ROWS_SHOWN, len(campaign))), lines[0], lines[1 : ROWS_SHOWN + 1])
+    first = campaign.take(slice(ROWS_SHOWN))
+    header, *rows = csv.reader(campaign_text(first, robot).splitlines())
+    table(texts("measurements.first_rows", count=len(rows)), header, rows)
 
 
 class _Correction:
@@ -142,8 +154,8 @@ def begin_rewriting(studio: Studio, command: str, ending: str, options: list[str
     ui.navigate.reload()
 
 
-def _mistakes(studio: Studio, texts: Texts) -> None:
-    """The doctor's findings, and what mends them."""
+def _mistakes(studio: Studio, texts: Texts) -> Sequence[Mapping[str, Any]]:
+    """Show the doctor's findings, and what mends them."""
     choices = studio.project.choices
     text("h2", texts("measurements.mistakes"))
     asked = ["doctor", choices.campaign, f"--robot={choices.robot}", "--json"]
@@ -161,19 +173,19 @@ def _mistakes(studio: Studio, texts: Texts) -> None:
     if run is None or run.status is not Status.running:
         button(texts("measurements.look"), look)
     if run is None or run.status is not Status.done or run.result is None:
-        return
-    findings = run.result["findings"]
+        return ()
+    findings: Sequence[Mapping[str, Any]] = run.result["findings"]
     if not findings:
         message(texts("measurements.sound"), fine=True)
-        return
+        return ()
     rows = [
         (
-            finding["id"],
+            f"{texts.named('doctor', finding['id'])} ({finding['id']})",
             ", ".join(finding["subject"]),
             f"{finding['error_before_mm']:.2f}",
             f"{finding['error_after_mm']:.2f}",
             f"{finding['confidence']:.0%}",
-            finding["fix"],
+            mend(finding, texts),
         )
         for finding in findings
     ]
@@ -182,10 +194,43 @@ def _mistakes(studio: Studio, texts: Texts) -> None:
     if mending is None or mending.status is not Status.running:
         options = [f"--robot={choices.robot}", "--json"]
         button(texts("measurements.mend"), lambda: begin_rewriting(studio, "doctor", "mended", options))
+    return findings
 
 
-def _in_space(campaign: Campaign, texts: Texts) -> None:
-    """The points, to be turned and picked."""
+def mend(finding: Mapping[str, Any], texts: Texts) -> str:
+    """What mends a finding: the doctor's line, and what it comes to where that line is in another language."""
+    if texts.language == LIBRARY_LANGUAGE:
+        return finding["fix"]
+    return f"{texts.named('mend', finding['id'], subject=', '.join(finding['subject']))} ({finding['fix']})"
+
+
+def concerned_rows(findings: Sequence[Mapping[str, Any]], campaign: Campaign) -> Mapping[int, str]:
+    """Rows that findings concern, by their numbers, and the finding of each."""
+    numbers = {name: number for number, name in enumerate(campaign.ids)}
+    return {
+        numbers[name]: finding["id"]
+        for finding in findings
+        if finding["id"] in OF_ROWS
+        for name in finding["subject"]
+        if name in numbers
+    }
+
+
+def _list_concerned(concerned: Mapping[int, str], campaign: Campaign, robot: Robot, texts: Texts) -> None:
+    if not concerned or campaign.observations:
+        return
+    listed = sorted(concerned)[:CONCERNED_SHOWN]
+    header, *rows = csv.reader(campaign_text(campaign.take(listed), robot).splitlines())
+    told = [
+        (texts.named("doctor", concerned[number]), campaign.row(number), *row[1:])
+        for number, row in zip(listed, rows, strict=True)
+    ]
+    names = [texts("measurements.finding"), texts("measurements.row"), *header[1:]]
+    table(texts("measurements.concerned", count=len(concerned)), names, told, words=(0, 1))
+
+
+def _in_space(campaign: Campaign, concerned: Mapping[int, str], texts: Texts) -> None:
+    """The points, to be turned and picked; those of rows that a finding concerns stand out."""
     rows, targets = np.nonzero(campaign.valid & np.isfinite(campaign.points).all(axis=2))
     if not len(rows):
         return
@@ -198,12 +243,12 @@ def _in_space(campaign: Campaign, texts: Texts) -> None:
         x, y, z = points[number] * 1e3
         picked.set_text(f"{campaign.row(row)}, {campaign.targets[target]}: {x:.4f} {y:.4f} {z:.4f} mm")
 
-    view = PointView(points, pick)
-    set_attribute(view.scene, "aria-label", texts("measurements.space_of", count=len(points)))
-    view.scene.props("role=img")
+    colours = np.where(np.isin(rows, list(concerned))[:, None], CONCERNED, INK)
+    view = PointView(points, pick, colours)
     with ui.element("div").classes("row"):
-        for name in VIEWS:
-            button(texts(f"robot.view_{name}"), lambda name=name: view.look(name), plain=True)
+        add_views(view.scene, view.look, texts("measurements.space_of", count=len(points)), texts)
     size = np.ptp(points, axis=0) * 1e3
     hint = texts("measurements.pick") if len(points) <= MOST_PICKED else texts("measurements.too_many")
+    if concerned:
+        text("p", texts("measurements.concerned_dark")).classes("quiet")
     picked = text("p", f"{size[0]:.0f} × {size[1]:.0f} × {size[2]:.0f} mm. {hint}").props("role=status")

@@ -3,7 +3,7 @@
 import asyncio
 import difflib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,8 @@ from nicegui import ui
 
 from taskcal.errors import TaskcalError
 from taskcal.files import write_whole
-from taskcal.programs.languages import language_of
 from taskcal.programs.reading import read_program
+from taskcal.studio.axis_editor import AxisEditor, asked_axes
 from taskcal.studio.command_run import CommandRun, Status
 from taskcal.studio.controls import (
     button,
@@ -31,11 +31,12 @@ from taskcal.studio.controls import (
 )
 from taskcal.studio.pages.robot_page import robot_of
 from taskcal.studio.point_view import PointView
+from taskcal.studio.program_task import read_together
 from taskcal.studio.project import CELL_ENDINGS, LAYOUT, PROGRAM_ENDINGS, RESULT, Choices, Project
-from taskcal.studio.robot_view import VIEWS
 from taskcal.studio.run_panel import show_run
 from taskcal.studio.studio import Studio
 from taskcal.studio.texts import Texts
+from taskcal.studio.view_buttons import add_views
 
 LONGEST_COMPARED = 20_000
 """Lines; a comparison takes a time that grows with their square at worst."""
@@ -43,8 +44,8 @@ LONGEST_COMPARED = 20_000
 MOST_LINES = 400
 """Of a comparison that are shown; the corrected file has them all."""
 
-LOW, HIGH = np.array([0.0, 0.45, 0.7]), np.array([0.9, 0.4, 0.0])
-"""Colours of no error and of the largest, which differ in lightness too."""
+LOW, HIGH = np.array([0.2, 0.5, 0.8]), np.array([0.45, 0.1, 0.0])
+"""Colours of no error and of the largest: light blue and dark red, which differ in grey and to those who see no red, too."""
 
 
 async def build(studio: Studio, texts: Texts) -> None:
@@ -69,45 +70,37 @@ async def build(studio: Studio, texts: Texts) -> None:
         text("a", texts("identify.title")).props("href=/identify")
         return
     choice(texts("result.choose"), found, choices.calibration, lambda path: take(calibration=path))
-    _around(project, texts)
+    result = _read_result(project, choices.program)
+    reasons = [] if result is None else [item.get("reason", "") for item in result["refused"]]
+    _around(project, texts, asked_axes(reasons))
     facts([(texts("program.read"), ", ".join(read_together(project, choices.program)))])
     text("h2", texts("program.correction"))
     run = show_run(studio, "correct", texts, about=choices.program)
     if choices.calibration in found and (run is None or run.status is not Status.running):
         button(texts("program.correct"), lambda: _begin(studio))
-    result = _read_result(project, choices.program)
     if result is not None:
         await _show(result, project, texts)
 
 
-def _around(project: Project, texts: Texts) -> None:
-    """What was measured of tool and part: the cell file."""
+def _around(project: Project, texts: Texts, asked: Sequence[int]) -> None:
+    """What was measured of tool and part, and what external axes carry: the cell file; open where axes are asked for."""
     choices = project.choices
     cells = {path: path for path in project.files(LAYOUT.cells, CELL_ENDINGS)}
 
     def take(value: str) -> None:
         project.choose(cell="" if value == "-" else value)
 
-    with ui.element("details"):
+    with ui.element("details") as around:
+        set_attribute(around, "open", bool(asked))
         text("summary", texts("program.around"))
         text("p", texts("program.around_how")).classes("quiet")
         choice(texts("program.cell"), {"-": texts("program.no_cell"), **cells}, choices.cell or "-", take)
         drop_zone(texts, "cell", texts("program.drop_cell"), CELL_ENDINGS)
         line_of_text(texts("program.tool"), choices.tool, lambda value: project.choose(tool=value))
         line_of_text(texts("program.part"), choices.part, lambda value: project.choose(part=value))
+        AxisEditor(project, asked, texts)
         accept = texts("program.accept_uncertain")
         tick(accept, choices.accept_uncertain, lambda value: project.choose(accept_uncertain=value))
-
-
-def read_together(project: Project, program: str) -> list[str]:
-    """The files of a program: those of its name in the same language, and RAPID's system modules."""
-    language, stem = language_of(Path(program)), Path(program).stem.casefold()
-    others = [
-        path
-        for path in project.files(LAYOUT.programs, language.suffixes)
-        if path != program and (Path(path).stem.casefold() == stem or path.lower().endswith(".sys"))
-    ]
-    return [program, *others]
 
 
 def arguments_of(project: Project, choices: Choices) -> list[str]:
@@ -214,13 +207,10 @@ def _along(points: np.ndarray, errors: np.ndarray, places: list[str], texts: Tex
         picked.set_text(f"{places[number]}: {before:.4f} mm → {after:.4f} mm")
 
     view = PointView(points, pick, colours[:, 0])
-    set_attribute(view.scene, "aria-label", texts("program.along_of", count=len(points)))
-    view.scene.props("role=img")
     with ui.element("div").classes("row"):
         button(texts("program.show_before"), lambda: view.colour(colours[:, 0]), plain=True)
         button(texts("program.show_after"), lambda: view.colour(colours[:, 1]), plain=True)
-        for name in VIEWS:
-            button(texts(f"robot.view_{name}"), lambda name=name: view.look(name), plain=True)
+        add_views(view.scene, view.look, texts("program.along_of", count=len(points)), texts)
     picked = text("p", texts("program.colours", largest=f"{errors.max():.4f}")).props("role=status")
 
 

@@ -13,21 +13,34 @@ from nicegui import ui
 from taskcal.errors import TaskcalError
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.calibration_file import load_calibration
+from taskcal.identification.measured_errors import measured_errors
 from taskcal.presentation.calibration_tables import tabulate_left_out, tabulate_outliers, tabulate_parameters
+from taskcal.presentation.error_figures import draw_over_joints
 from taskcal.presentation.errors_table import tabulate_errors
 from taskcal.presentation.held_out_section import describe_held_out
-from taskcal.studio.controls import VALUE, button, choice, facts, message, set_attribute, table, tabulated, text
+from taskcal.studio.controls import choice, facts, message, table, tabulated, text
+from taskcal.studio.figure_view import figure
 from taskcal.studio.pages.identify_page import read_result
 from taskcal.studio.pages.measurements_page import in_project
 from taskcal.studio.point_view import PointView
 from taskcal.studio.project import Project
-from taskcal.studio.robot_view import VIEWS
 from taskcal.studio.studio import Studio
 from taskcal.studio.texts import Texts
+from taskcal.studio.value_input import ValueInput
+from taskcal.studio.view_buttons import add_views
 from taskcal.task.task import load_task
 
 WORST = 20
 """Rows that are listed."""
+
+STRETCH_S = 0.1
+"""Between two lengths of the lines."""
+
+STRETCH_STEP = 0.25
+"""Of the slider of their scale, which is logarithmic."""
+
+LONGEST_ARROW = 0.25
+"""Of the size of the cloud, of the longest line to begin with."""
 
 MOST_ARROWS = 400
 """Residuals that are drawn as lines, the largest; of the others the points alone."""
@@ -70,6 +83,9 @@ async def build(studio: Studio, texts: Texts) -> None:
     placed = await asyncio.to_thread(_place, calibration)
     if placed is not None:
         _in_space(placed, calibration, texts)
+    errors = await asyncio.to_thread(measured_errors, calibration)
+    if errors is not None:
+        figure(texts("result.by_joint"), draw_over_joints(calibration, errors), texts("result.by_joint_note"))
     with ui.element("details"):
         text("summary", texts("result.parameters"))
         tabulated(tabulate_parameters(calibration))
@@ -157,25 +173,24 @@ def _in_space(found: _Left, calibration: Calibration, texts: Texts) -> None:
         picked.set_text(f"{name}: {x:+.4f} {y:+.4f} {z:+.4f} mm")
 
     view = PointView(points, pick)
-    set_attribute(view.scene, "aria-label", texts("result.space_of", count=len(points)))
-    view.scene.props("role=img")
-    power = int(np.clip(np.round(np.log10(0.25 * view.size / max(sizes.max(), 1e-9))), 0, 5))
+    fitting = LONGEST_ARROW * view.size / max(sizes.max(), 1e-9)
+    power = float(np.clip(np.floor(np.log10(fitting) / STRETCH_STEP) * STRETCH_STEP, 0.0, 5.0))
     view.draw_arrows(largest.tolist(), left[largest], 10.0**power)
     with ui.element("div").classes("row"):
-        for name in VIEWS:
-            button(texts(f"robot.view_{name}"), lambda name=name: view.look(name), plain=True)
+        add_views(view.scene, view.look, texts("result.space_of", count=len(points)), texts)
         with ui.element("label").classes("row"):
             text("span", texts("result.scale"))
-            slider = ui.element("input").props(f"type=range min=0 max=5 step=0.25 value={power}")
-            set_attribute(slider, "aria-label", texts("result.scale"))
-            shown = text("span", f"× {10**power:g}")
+            slider = ValueInput(
+                "range", texts("result.scale"), f"{power:g}", min="0", max="5", step=f"{STRETCH_STEP:g}"
+            )
+            shown = text("span", f"× {10**power:.0f}")
 
-    def stretch(event: Any) -> None:
-        scale = 10.0 ** float(np.clip(float(event.args), 0.0, 5.0))
-        set_attribute(slider, "value", f"{np.log10(scale):g}")  # else it springs back as the page is drawn anew
+    def stretch(given: str) -> None:
+        scale = 10.0 ** float(np.clip(float(given), 0.0, 5.0))
+        slider.show(f"{np.log10(scale):g}")
         shown.set_text(f"× {scale:.0f}")
         view.stretch_arrows(scale)
 
-    slider.on("input", stretch, js_handler=VALUE, throttle=0.1)
+    slider.on_moved(stretch, STRETCH_S)
     picked = text("p", texts("measurements.pick")).props("role=status")
     facts([(texts("result.drawn"), f"{len(largest)} / {len(points)}")])

@@ -5,26 +5,32 @@ import re
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import cache
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from nicegui import ui
-from nicegui.element import Element
 
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
-from taskcal.studio.controls import VALUE, button, choice, drop_zone, facts, message, set_attribute, table, text
-from taskcal.studio.project import LAYOUT, ROBOT_ENDINGS, Project
-from taskcal.studio.robot_view import VIEWS, RobotView
+from taskcal.studio.controls import button, choice, drop_zone, facts, message, table, text
+from taskcal.studio.dropped_files import ROBOT_DROPS
+from taskcal.studio.project import LAYOUT, ROBOT_ENDINGS, TABLE_ENDINGS, Project
+from taskcal.studio.robot_meshes import RobotMeshes, meshes_of
+from taskcal.studio.robot_table import RobotTable
+from taskcal.studio.robot_view import RobotView
 from taskcal.studio.studio import Studio
 from taskcal.studio.texts import Texts
+from taskcal.studio.value_input import ValueInput
+from taskcal.studio.view_buttons import add_views
 
 UPDATES_S = 0.04
 """Between two positions of a slider that is dragged."""
+
+MISSING = 3
+"""Meshes of which it is said why they are not drawn."""
 
 WIDEST = np.pi
 """Radians to either side of zero that a slider offers of a joint without limits; half as many metres of a sliding one."""
@@ -47,7 +53,7 @@ async def build(studio: Studio, texts: Texts) -> None:
     project = studio.project
     named = project.choices.robot
     titles = await asyncio.to_thread(_titles)
-    own = {path: path for path in project.files(LAYOUT.robots, ROBOT_ENDINGS)}
+    own = {path: path for path in project.files(LAYOUT.robots, (*ROBOT_ENDINGS, *TABLE_ENDINGS))}
 
     def take(name: str) -> None:
         project.choose(robot=name)
@@ -57,9 +63,12 @@ async def build(studio: Studio, texts: Texts) -> None:
         choice(texts("robot.choose"), own | titles, named, take, group="robot")
     with ui.element("details"):
         text("summary", texts("robot.own"))
-        drop_zone(texts, "robot", texts("robot.drop"), ROBOT_ENDINGS)
+        drop_zone(texts, "robot", texts("robot.drop"), ROBOT_DROPS, several=True)
     if not named:
         text("p", texts("robot.none"))
+        return
+    if named.endswith(TABLE_ENDINGS) and named in own:
+        RobotTable(studio, named, texts)
         return
     try:
         robot = await asyncio.to_thread(robot_of, project)
@@ -67,7 +76,12 @@ async def build(studio: Studio, texts: Texts) -> None:
     except TaskcalError as error:
         message(str(error))
         return
-    _show(robot, model, texts)
+    meshes = None
+    try:
+        meshes = await asyncio.to_thread(meshes_of, project, named)
+    except TaskcalError as error:
+        message(str(error))
+    _show(robot, model, texts, meshes, named)
 
 
 def warm_up(project: Project) -> None:
@@ -83,19 +97,18 @@ def _titles() -> dict[str, str]:
     return {name: f"{load_robot(name).title} ({name})" for name in catalogue_names()}
 
 
-def _show(robot: Robot, model: ErrorModel, texts: Texts) -> None:
+def _show(robot: Robot, model: ErrorModel, texts: Texts, meshes: RobotMeshes | None, named: str) -> None:
     ranges = slider_ranges(robot)
     q = np.clip(np.zeros(len(ranges)), ranges[:, 0], ranges[:, 1])
     with ui.element("div").classes("side-by-side"):
         with ui.element("div"):
             text("h2", texts("robot.drawing"))
-            view = RobotView(robot, q)
-            set_attribute(view.scene, "aria-label", texts("robot.drawing_of", robot=robot.title))
-            view.scene.props("role=img")
+            view = RobotView(robot, q, meshes, named)
             with ui.element("div").classes("row"):
-                for name in VIEWS:
-                    button(texts(f"robot.view_{name}"), lambda name=name: view.look(name), plain=True)
+                add_views(view.scene, view.look, texts("robot.drawing_of", robot=robot.title), texts)
             text("p", texts("robot.axes")).classes("quiet")
+            for missing in () if meshes is None else meshes.missing[:MISSING]:
+                text("p", missing).classes("quiet")
         with ui.element("div"):
             text("h2", texts("robot.jog"))
             _Jog(robot, model, view, q, texts)
@@ -118,45 +131,38 @@ class _Jog:
         self._robot, self._model, self._view, self._texts = robot, model, view, texts
         self._q = q.copy()
         self._scale = np.where(robot.prismatic, 1e3, 180.0 / np.pi)
-        self._controls: list[tuple[Element, Element]] = []
+        self._controls: list[tuple[ValueInput, ValueInput]] = []
         ranges = slider_ranges(robot) * self._scale[:, None]
         for i, name in enumerate(robot.joint_names):
             low, high = ranges[i]
             with ui.element("div").classes("joint"):
                 text("span", name)
-                slider = self._control(i, f"type=range min={low:.6g} max={high:.6g} step=any", VALUE, UPDATES_S)
-                number = self._control(i, "type=number step=any", VALUE, 0.0).classes("value")
-                set_attribute(slider, "aria-label", name)
-                set_attribute(number, "aria-label", f"{name} ({self._unit(i)})")
+                slider = ValueInput("range", name, "", min=f"{low:.6g}", max=f"{high:.6g}", step="any")
+                slider.on_moved(lambda given, i=i: self._take(i, given), UPDATES_S)
+                number = ValueInput("number", f"{name} ({self._unit(i)})", "", step="any").classes("value")
+                number.on_left(lambda given, i=i: self._take(i, given))
                 self._controls.append((slider, number))
         button(texts("robot.home"), self._home, plain=True)
-        self._where = ui.element("div").props("role=status")
+        self._where = ui.element("div").classes("stacked").props("role=status")
         self._show()
 
     def _unit(self, i: int) -> str:
         return "mm" if self._robot.prismatic[i] else "°"
 
-    def _control(self, i: int, props: str, emit: str, throttle: float) -> Element:
-        made = ui.element("input").props(props)
-        event = "input" if throttle else "change"
-        made.on(event, lambda e: self._take(i, e.args), js_handler=emit, throttle=throttle, leading_events=True)
-        return made
-
     def _home(self) -> None:
         self._q[:] = np.clip(0.0, *slider_ranges(self._robot).T)
         self._show()
 
-    def _take(self, i: int, given: Any) -> None:
+    def _take(self, i: int, given: str) -> None:
         """A value from the browser, in degrees or millimetres."""
-        said = str(given).strip()
-        if re.fullmatch(r"[-+]?\d{0,9}(\.\d*)?(e-?\d{1,2})?", said) and any(c.isdigit() for c in said):
-            self._q[i] = float(said) / self._scale[i]
+        if re.fullmatch(r"[-+]?\d{0,9}(\.\d*)?(e-?\d{1,2})?", given) and any(c.isdigit() for c in given):
+            self._q[i] = float(given) / self._scale[i]
         self._show()
 
     def _show(self) -> None:
         for (slider, number), value in zip(self._controls, self._q * self._scale, strict=True):
-            set_attribute(slider, "value", f"{value:.4f}")
-            set_attribute(number, "value", f"{value:.4f}")
+            slider.show(f"{value:.4f}")
+            number.show(f"{value:.4f}")
         self._where.clear()
         with self._where:
             try:

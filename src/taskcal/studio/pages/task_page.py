@@ -1,21 +1,29 @@
 """The task: a box that the tool works in, or a list or path of poses from a file."""
 
 import asyncio
+from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 from nicegui import ui
 
 from taskcal.errors import TaskcalError
+from taskcal.programs.reading import read_program
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.studio.box_editor import BoxEditor
 from taskcal.studio.controls import button, choice, drop_zone, facts, message, text
+from taskcal.studio.file_names import free_name
+from taskcal.studio.orientation_editor import OrientationEditor
 from taskcal.studio.pages.measurements_page import in_project
 from taskcal.studio.pages.robot_page import robot_of, slider_ranges
-from taskcal.studio.project import LAYOUT, TASK_ENDINGS, Project
+from taskcal.studio.point_view import PointView
+from taskcal.studio.program_task import program_poses, read_together, task_files
+from taskcal.studio.project import LAYOUT, PROGRAM_ENDINGS, TASK_ENDINGS, Project
 from taskcal.studio.studio import Studio
-from taskcal.studio.task_box import TaskBox, box_of, first_task, save_box
+from taskcal.studio.task_box import TaskBox, box_of, first_task, handy_posture, save_box
 from taskcal.studio.texts import Texts
+from taskcal.studio.view_buttons import add_views
 from taskcal.task.task import Task, load_task, reach_task
 
 TRIED = 60
@@ -41,6 +49,7 @@ async def build(studio: Studio, texts: Texts) -> None:
         if not choices.task:
             text("p", texts("task.none"))
             button(texts("task.begin"), lambda: _begin(project, model))
+            _offer_programs(project, model, texts)
             return
         task = await asyncio.to_thread(load_task, project.path(choices.task))
     except TaskcalError as error:
@@ -54,13 +63,59 @@ async def build(studio: Studio, texts: Texts) -> None:
     reached = _Reached(model, texts)
     if box is not None:
 
-        def save(moved: TaskBox) -> None:
-            save_box(project.path(choices.task), moved)
-            reached.look(moved.moved)
+        def save(moved: TaskBox) -> TaskBox:
+            saved = save_box(project.path(choices.task), moved)
+            reached.look(saved.task)
+            return saved
 
-        BoxEditor(robot, posture(robot), box, texts, on_move=lambda _: None, on_release=save)
+        if not np.array_equal(box.workspace.T_base_frame, np.eye(4)):
+            text("p", texts("task.in_frame")).classes("quiet")
+        editor = BoxEditor(robot, posture(robot), box, texts, on_move=lambda _: None, on_release=save)
+        OrientationEditor(editor, texts)
+    elif task.poses is not None:
+        _draw_poses(task.poses[:, :3, 3], texts)
     reached.show()
     reached.look(task)
+    _offer_programs(project, model, texts)
+
+
+def _draw_poses(points: Float[np.ndarray, "n 3"], texts: Texts) -> None:
+    view = PointView(points, lambda _: None)
+    with ui.element("div").classes("row"):
+        add_views(view.scene, view.look, texts("task.poses_of", count=len(points)), texts)
+    text("p", texts("task.poses_of", count=len(points))).classes("quiet")
+
+
+def _offer_programs(project: Project, model: ErrorModel, texts: Texts) -> None:
+    """Tasks that are the poses of a program."""
+    programs = project.files(LAYOUT.programs, PROGRAM_ENDINGS)
+    if not programs:
+        return
+    with ui.element("details"):
+        text("summary", texts("task.of_program"))
+        text("p", texts("task.of_program_how")).classes("quiet")
+        said = ui.element("div")
+        with ui.element("div").classes("row"):
+            for path in programs:
+                label = texts("task.take_program", name=Path(path).name)
+                button(label, lambda path=path: _take_program(project, model, path, said), plain=True)
+
+
+def _take_program(project: Project, model: ErrorModel, path: str, said: ui.element) -> None:
+    said.clear()
+    try:
+        sources = [project.path(file) for file in read_together(project, path)]
+        poses = program_poses(read_program(*sources, robot=model.robot), model.robot)
+        taken = [Path(file).with_suffix(".toml").name for file in project.files(LAYOUT.tasks)]
+        name = Path(free_name(f"{Path(path).stem}-targets.toml", taken)).stem
+        task, listed = task_files(poses, name)
+        project.put(LAYOUT.tasks, f"{name}.csv", listed.encode(), (".csv",))
+        project.choose(task=project.put(LAYOUT.tasks, f"{name}.toml", task.encode(), TASK_ENDINGS))
+    except TaskcalError as error:
+        with said:
+            message(in_project(str(error), project))
+        return
+    ui.navigate.reload()
 
 
 def posture(robot: Robot) -> np.ndarray:
@@ -68,11 +123,11 @@ def posture(robot: Robot) -> np.ndarray:
     return np.clip(np.zeros(len(robot.joints)), *slider_ranges(robot).T)
 
 
-def _begin(project: Project, model: ErrorModel) -> None:
+async def _begin(project: Project, model: ErrorModel) -> None:
     """Begin with a box around the tool."""
-    robot = model.robot
-    middle = 0.5 * (posture(robot) + slider_ranges(robot).mean(axis=1))
-    path = project.put(LAYOUT.tasks, "task.toml", first_task(model, middle).encode(), TASK_ENDINGS)
+    q = await asyncio.to_thread(handy_posture, model, slider_ranges(model.robot))
+    content = first_task(model, q).encode()
+    path = project.put(LAYOUT.tasks, "task.toml", content, TASK_ENDINGS)
     project.choose(task=path)
     ui.navigate.reload()
 

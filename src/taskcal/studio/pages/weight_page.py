@@ -2,9 +2,11 @@
 
 import asyncio
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from nicegui import ui
+from nicegui.elements.mixins.text_element import TextElement
 
 from taskcal.analysis.identifiability import identifiability
 from taskcal.analysis.sensitivity import sensitivity
@@ -84,9 +86,10 @@ async def build(studio: Studio, texts: Texts) -> None:
     box = box_of(task)
     if box is not None:
 
-        def release(moved: TaskBox) -> None:
-            save_box(project.path(choices.task), moved)
-            shown.want(moved.moved)
+        def release(moved: TaskBox) -> TaskBox:
+            saved = save_box(project.path(choices.task), moved)
+            shown.want(saved.task)
+            return saved
 
         def move(moved: TaskBox) -> None:
             shown.want(moved.moved)
@@ -105,6 +108,7 @@ class _Shown:
         self._wanted: Task | None = None
         self._busy = False
         self._place: ui.element | None = None
+        self._cells: list[TextElement] = []
 
     def make_room(self) -> None:
         """Where it is shown."""
@@ -130,21 +134,30 @@ class _Shown:
     async def show(self, task: Task) -> None:
         """Compute and show it."""
         assert self._place is not None
-        texts = self._texts
         try:
             weight = await asyncio.to_thread(weigh, self._model, task)
         except TaskcalError as error:
             self._place.clear()
+            self._cells = []
             with self._place:
                 message(str(error))
             return
-        self._place.clear()
+        contents = [f"{weight.reached:.0%}", f"{weight.rank} / {weight.parameters}", *chain.from_iterable(weight.rows)]
+        if len(self._cells) != len(contents):
+            self._build(weight)
+        for cell, content in zip(self._cells, contents, strict=True):
+            if cell.text != content:  # elements made anew would cost ten times as much, here and in the browser
+                cell.set_text(content)
         self._place.props["data-updates"] = str(int(self._place.props["data-updates"]) + 1)
+
+    def _build(self, weight: Weight) -> None:
+        """The elements, and which of them hold what changes."""
+        assert self._place is not None
+        texts = self._texts
+        self._place.clear()
         with self._place:
-            told = [
-                (texts("weight.reached"), f"{weight.reached:.0%}"),
-                (texts("weight.apart"), f"{weight.rank} / {weight.parameters}"),
-            ]
-            facts(told)
+            told = facts([(texts("weight.reached"), "–"), (texts("weight.apart"), "–")])
             header = [texts(f"weight.{key}") for key in ("parameter", "symbol", "tolerance", "largest", "rms")]
-            table(texts("weight.most", count=len(weight.rows)), header, weight.rows, words=(0, 1))
+            rows = table(texts("weight.most", count=len(weight.rows)), header, weight.rows, words=(0, 1))
+        within = [*told.descendants(), *rows.descendants()]
+        self._cells = [e for e in within if isinstance(e, TextElement) and e.tag in ("dd", "td")]

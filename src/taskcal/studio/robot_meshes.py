@@ -1,0 +1,166 @@
+"""Meshes beside a robot's file: kept in a folder of its own, and turned into triangles that a page can draw."""
+
+import io
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.errors import FileError, TaskcalError, shown
+from taskcal.files import write_whole
+from taskcal.robot.urdf_visuals import Looks, Visual, read_looks
+from taskcal.studio.file_names import plain_name
+from taskcal.studio.project import LAYOUT, URDF_ENDINGS, Project
+from taskcal.xml_file import parse_xml
+
+MESH_ENDINGS = (".stl", ".obj", ".dae", ".glb")
+
+MESHES = ".meshes"
+"""Ending of the folder beside a robot's file, after its name, that holds its meshes."""
+
+MOST_BYTES = 20_000_000
+"""Of one mesh."""
+
+MOST_TRIANGLES = 400_000
+"""Of one robot: as many as a browser without a graphics card still turns."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RobotMeshes:
+    """Meshes of a robot's links."""
+
+    looks: Looks
+    drawn: tuple[tuple[int, Visual], ...]
+    """Those that are there, with their numbers among the visuals."""
+    missing: tuple[str, ...]
+    """Why others are not drawn."""
+
+    def poses(self, names: Iterable[str], q: Float[np.ndarray, " joints"]) -> list[Float[np.ndarray, "4 4"]]:
+        """Of the meshes in the robot's base at joint positions, radians or metres."""
+        links = self.looks.link_poses(dict(zip(names, map(float, q), strict=True)))
+        return [links[visual.link] @ visual.origin for _, visual in self.drawn]
+
+
+def meshes_of(project: Project, robot: str) -> RobotMeshes | None:
+    """The meshes of a project's robot; None where it is no URDF or names none.
+
+    Raises:
+        FileError: its file cannot be read.
+    """
+    if not robot.lower().endswith(URDF_ENDINGS) or "/" not in robot:
+        return None
+    looks = read_looks(project.path(robot))
+    drawn: list[tuple[int, Visual]] = []
+    missing: dict[str, None] = {}
+    triangles = 0
+    for number, visual in enumerate(looks.visuals):
+        try:
+            _, count = triangles_of(project, robot, visual)
+        except TaskcalError as error:
+            missing[str(error)] = None
+            continue
+        triangles += count
+        if triangles > MOST_TRIANGLES:
+            raise FileError(project.path(robot), f"has meshes of more than {MOST_TRIANGLES} triangles; simplify them")
+        drawn.append((number, visual))
+    return RobotMeshes(looks=looks, drawn=tuple(drawn), missing=tuple(missing)) if looks.visuals else None
+
+
+def triangles_of(project: Project, robot: str, visual: Visual) -> tuple[bytes, int]:
+    """A mesh as a binary STL in metres before its scale, and how many triangles it has.
+
+    Raises:
+        TaskcalError: it is not there, or cannot be read.
+    """
+    path = _found(project, robot, visual.file)
+    status = path.stat()
+    return _converted(path, status.st_mtime_ns, status.st_size)
+
+
+def folder_of(robot: str) -> str:
+    """The folder of a project that holds the meshes of a robot's file."""
+    return f"{LAYOUT.robots}/{Path(robot).stem}{MESHES}"
+
+
+def put_mesh(project: Project, robot: str, given: str, content: bytes) -> str:
+    """Keep a mesh that was dropped together with a robot's file, or for it.
+
+    Returns:
+        the robot's path.
+
+    Raises:
+        TaskcalError: there is no such robot, or the mesh is not of a kind that is drawn or too large.
+    """
+    name = plain_name(given, MESH_ENDINGS)
+    if robot not in project.files(LAYOUT.robots, URDF_ENDINGS):
+        raise TaskcalError(f"'{shown(name)}' is a mesh; drop it together with its URDF, or choose that robot first")
+    if len(content) > MOST_BYTES:
+        raise TaskcalError(f"'{shown(name)}' has more than {MOST_BYTES // 1_000_000} MB; simplify it")
+    place = project.path(folder_of(robot))
+    place.mkdir(parents=True, exist_ok=True)
+    write_whole(project.path(f"{folder_of(robot)}/{name}"), content)
+    return robot
+
+
+def mesh_name(file: str) -> str:
+    """The plain name of a mesh that a URDF names with folders before it.
+
+    Raises:
+        TaskcalError: it is of a kind that is not drawn.
+    """
+    return plain_name(file, MESH_ENDINGS)
+
+
+def _found(project: Project, robot: str, file: str) -> Path:
+    """Under its plain name in the robot's folder of meshes, or where the URDF names it, from its own folder on."""
+    places = [f"{folder_of(robot)}/{mesh_name(file)}"]
+    scheme, apart, rest = file.partition("://")
+    named = PurePosixPath(rest.partition("/")[2] if scheme == "package" and apart else file)
+    if not named.is_absolute() and ".." not in named.parts and ":" not in str(named):
+        places.append(f"{LAYOUT.robots}/{named}")
+    for place in places:
+        path = project.path(place)
+        if path.is_file():
+            return path
+    raise TaskcalError(
+        f"its mesh '{shown(file, 80)}' is not there; drop it here, or drop the URDF with its meshes as a zip"
+    )
+
+
+@lru_cache(maxsize=64)
+def _converted(path: Path, changed: int, size: int) -> tuple[bytes, int]:
+    """As `triangles_of`; of a file that did not change, once."""
+    # half a second to import, for those alone who have meshes
+    import trimesh
+
+    if size > MOST_BYTES:
+        raise FileError(path, f"has more than {MOST_BYTES // 1_000_000} MB; simplify it")
+    content, ending = path.read_bytes(), path.suffix.lower()
+    unit = _collada_unit(path, content) if ending == ".dae" else 1.0
+    try:
+        mesh = trimesh.load_scene(io.BytesIO(content), file_type=ending[1:]).to_mesh()
+        mesh.apply_scale(unit)
+        count = len(mesh.faces)
+        written: bytes = mesh.export(file_type="stl")
+    except Exception as error:  # whatever a reader of foreign formats trips over
+        raise FileError(path, f"cannot be read as a {ending[1:].upper()} mesh") from error
+    if not count or not np.isfinite(mesh.vertices).all():
+        raise FileError(path, "has no triangles")
+    return written, count
+
+
+def _collada_unit(path: Path, content: bytes) -> float:
+    """Metres of the unit that a COLLADA file counts in; its document types and what is nested too deeply are refused."""
+    asset = parse_xml(path, content).first("asset")
+    unit = None if asset is None else asset.first("unit")
+    stated = "1" if unit is None else unit.attributes.get("meter", "1")
+    try:
+        meters = float(stated)
+    except ValueError:
+        meters = np.nan
+    if not 1e-9 < meters < 1e9:
+        raise FileError(path, f"has a unit of '{shown(stated, 20)}' metres, which is not a length")
+    return meters

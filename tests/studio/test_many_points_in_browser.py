@@ -1,0 +1,62 @@
+"""A hundred thousand points in a real browser: one drawing, in which the server has no part once it is there."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taskcal.measurement.virtual_cell import simulate
+from taskcal.measurement.writer import campaign_text
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from tests.studio.conftest import open_tab, served, server_of
+
+pytestmark = [pytest.mark.browser, pytest.mark.long]
+
+POINTS = 100_000
+
+DRAWN = "(most) => getElement(document.querySelector('.view').id.slice(1))?.renderer?.info.render.points >= most"
+CALLS = "() => getElement(document.querySelector('.view').id.slice(1)).renderer.info.render.calls"
+FRAME_MS = """() => {
+  const {renderer, scene, camera} = getElement(document.querySelector(".view").id.slice(1));
+  const frames = 20, begun = performance.now();
+  for (let k = 0; k < frames; k++) renderer.render(scene, camera);
+  return (performance.now() - begun) / frames;
+}"""
+
+MOST_CALLS = 2
+"""The points and the axes."""
+
+MOST_MS = 16.0
+"""Of the page's own work for a frame, for sixty a second; what the graphics processor does comes beside that."""
+
+
+def test_a_hundred_thousand_points_are_one_drawing(chromium: Any, tmp_path: Path) -> None:
+    model, rng = ErrorModel(load_robot("ur5")), np.random.default_rng(0)
+    campaign, _ = simulate(model, rng.uniform(-1.2, 1.2, (POINTS, 6)), rng=rng)
+    (tmp_path / "campaigns").mkdir()
+    (tmp_path / "campaigns" / "many.csv").write_text(campaign_text(campaign, model.robot))
+    (tmp_path / "project.toml").write_text('name = "many"\nrobot = "ur5"\ncampaign = "campaigns/many.csv"\n')
+    with served(tmp_path) as address, open_tab(chromium, address) as tab:
+        page = tab.page
+        page.goto(f"{tab.address}measurements")
+        page.wait_for_selector("[data-ready]", timeout=120_000)
+        page.wait_for_function(DRAWN, arg=POINTS, timeout=60_000)
+        assert page.evaluate(CALLS) <= MOST_CALLS
+        cost = page.evaluate(FRAME_MS)
+        view, server = page.locator("canvas"), server_of(tmp_path)
+        view.scroll_into_view_if_needed()
+        corner = view.bounding_box()
+        used = sum(server.cpu_times()[:2])
+        page.mouse.move(corner["x"] + 300, corner["y"] + 200)
+        page.mouse.down()
+        for step in range(20):
+            page.mouse.move(corner["x"] + 300 + 10 * step, corner["y"] + 200)
+            page.wait_for_timeout(50)
+        page.mouse.up()
+        print(f"{cost:.2f} ms a frame, {sum(server.cpu_times()[:2]) - used:.2f} s of the server's while it is turned")
+        assert cost < MOST_MS
+        assert sum(server.cpu_times()[:2]) - used < 0.5
+        tab.picture("many-points")
+        assert tab.complaints == []

@@ -1,0 +1,89 @@
+"""A box that is moved and turned by hand is written as it is shown, and nothing else of its file changes."""
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taskcal.geometry import se3
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from taskcal.studio.pages.robot_page import slider_ranges
+from taskcal.studio.task_box import ToolRoom, box_of, first_task, handy_posture, save_box
+from taskcal.task.task import load_task, reach_task
+from tests.laws.campaigns import random_pose
+from tests.laws.robots import generators
+from tests.task.task_files import BOX, CYLINDER, written
+
+
+def test_a_box_that_was_not_touched_is_written_as_it_was(tmp_path: Path) -> None:
+    path = written(tmp_path, BOX)
+    box = box_of(load_task(path))
+    assert box is not None
+    assert (
+        save_box(path, box).workspace.orientations[0].rotation.tolist()
+        == box.workspace.orientations[0].rotation.tolist()
+    )
+    assert tomllib.loads(path.read_text()) == tomllib.loads(BOX)
+    assert box_of(load_task(written(tmp_path, CYLINDER))) is None
+
+
+@given(generators)
+def test_what_is_shown_of_a_changed_box_is_what_its_file_says(tmp_path_factory, rng) -> None:
+    path = written(tmp_path_factory.mktemp("box"), BOX)
+    box = box_of(load_task(path))
+    assert box is not None
+    room = ToolRoom(angles=tuple(np.round(rng.uniform(-180, 180, 3), 3).tolist()), cone=12.5, spin=40.0)
+    changed = replace(
+        box,
+        turn=np.round(rng.uniform(-80, 80, 3), 2),
+        center=np.round(rng.uniform(-900, 900, 3), 1),
+        rooms=(box.rooms[1], room),
+    )
+    saved = save_box(path, changed)
+    at, shown = saved.workspace, changed.workspace
+    np.testing.assert_allclose(at.sample(20), shown.sample(20), atol=1e-9)
+    np.testing.assert_array_equal(saved.turn, changed.turn)
+    assert saved.rooms[0] == box.rooms[1]
+    assert at.orientations[0].rotation.tolist() == box.workspace.orientations[1].rotation.tolist()  # the file's own
+    content, before = tomllib.loads(path.read_text()), tomllib.loads(BOX)
+    assert content["workspace"]["orientation"][0] == before["workspace"]["orientation"][1]
+    assert {key: content[key] for key in ("name", "frames", "accuracy")} == {
+        key: before[key] for key in ("name", "frames", "accuracy")
+    }
+
+
+@given(generators, st.integers(0, 2))
+def test_a_ball_turns_its_axis_to_where_it_is_dragged_and_the_box_goes_where_it_is_dragged(
+    tmp_path_factory, rng, axis
+) -> None:
+    box = box_of(load_task(written(tmp_path_factory.mktemp("box"), BOX)))
+    assert box is not None
+    place = rng.uniform(-2, 2, 3)
+    moved = box.moved_to(place)
+    np.testing.assert_allclose(moved.T_base_box[:3, 3], place, atol=1e-4)
+    target = place + random_pose(rng, 1)[:3, :3] @ np.array([0.3, 0.0, 0.0])
+    turned = moved.turned_to(axis, target)
+    T = turned.T_base_box
+    direction = (target - T[:3, 3]) / np.linalg.norm(target - T[:3, 3])
+    np.testing.assert_allclose(T[:3, axis], direction, atol=1e-3)
+    shortest = np.arccos(np.clip(moved.T_base_box[:3, axis] @ direction, -1, 1))
+    angle = np.linalg.norm(se3.log(moved.T_base_box[:3, :3].T @ T[:3, :3]))
+    assert abs(angle - shortest) < 1e-3
+    opposite = moved.turned_to(axis, 2.0 * place - target)
+    np.testing.assert_allclose(opposite.T_base_box[:3, axis], -direction, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["ur5", "denso-hsr065a1", "kuka-kr6-r900-sixx", "franka-panda"])
+def test_a_box_to_begin_with_is_reached(tmp_path: Path, name: str) -> None:
+    model = ErrorModel(load_robot(name))
+    ranges = slider_ranges(model.robot)
+    q = handy_posture(model, ranges)
+    assert np.all((q >= ranges[:, 0]) & (q <= ranges[:, 1]))
+    (tmp_path / "task.toml").write_text(first_task(model, q))
+    reached = reach_task(model, load_task(tmp_path / "task.toml"), 60).unreachable.mean()
+    assert reached == 0.0, name
