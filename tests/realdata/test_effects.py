@@ -135,7 +135,7 @@ TEN = (pytest.mark.long,)
         pytest.param("abb-irb120", 60, 2, 0.305, id="irb120, 60 rows"),
         pytest.param("abb-irb120", 60, 10, 0.29, id="irb120, 60 rows, ten splits", marks=TEN),
         pytest.param("abb-irb120", 430, 1, 0.26, id="irb120, 430 rows", marks=TEN),
-        pytest.param("barrett-wam", 0.7, 3, 1.43, id="wam, 70 %"),
+        pytest.param("barrett-wam", 0.7, 3, 1.43, id="wam, 70 %", marks=TEN),
         pytest.param("barrett-wam", 0.7, 10, 1.28, id="wam, 70 %, ten splits", marks=TEN),
         pytest.param("ur10", 0.7, 1, 0.09, id="ur10, 70 %", marks=TEN),
     ],

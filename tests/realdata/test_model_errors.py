@@ -1,0 +1,17 @@
+"""The model error that is assumed before anything is measured, against measured robots."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taskcal.robot.model_error import TYPICAL
+from tests.realdata.model_errors import model_errors
+
+pytestmark = pytest.mark.realdata
+
+
+def test_the_assumed_model_error_is_the_median_of_measured_robots(data_folder: Path) -> None:
+    found = list(model_errors(data_folder).values())
+    assert np.median(found) == pytest.approx(TYPICAL.position, abs=0.01e-3)
+    assert f"{1e3 * min(found):.2f} to {1e3 * max(found):.2f} mm" in TYPICAL.source
