@@ -7,6 +7,9 @@ from pathlib import Path
 TOLERANCE = 2.0
 """Factor allowed above a ratio that is new to the baseline."""
 
+GUARDED = 1.6
+"""The same for ratios of processor times: a doubling fails, also where the ratio had fallen a little since."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
@@ -27,13 +30,15 @@ class Baseline:
     known: dict[str, dict[str, float]]
     renewed: bool
     """Whether this run replaces the ratios instead of being checked against them."""
+    tolerance: float = TOLERANCE
+    """Factor allowed above a ratio that is new to it."""
     measured: dict[str, Measured] = field(default_factory=dict[str, Measured])
 
     @classmethod
-    def read(cls, path: Path, *, renewed: bool) -> "Baseline":
+    def read(cls, path: Path, *, renewed: bool, tolerance: float = TOLERANCE) -> "Baseline":
         """Read the file; without one, nothing is known."""
         known = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-        return cls(path=path, known=known, renewed=renewed)
+        return cls(path=path, known=known, renewed=renewed, tolerance=tolerance)
 
     def record(self, key: str, measured: Measured) -> None:
         """Remember a ratio of this run."""
@@ -49,8 +54,8 @@ class Baseline:
         if ratio <= before * tolerance:
             return None
         return (
-            f"{key} is {ratio:.3g}, more than {tolerance:g} times the {before:.3g} of the baseline; "
-            "if it should be, renew it: pytest benchmarks --benchmark-only --renew-baseline"
+            f"{key} is {ratio:.3g}, more than {tolerance:g} times the {before:.3g} of {self.path.name}; "
+            "if it should be, renew it with --renew-baseline, as benchmarks/README.md says"
         )
 
     def report(self) -> list[str]:
@@ -74,7 +79,7 @@ class Baseline:
         for key, now in self.measured.items():
             if self.complaint(key, now.ratio, now.below):
                 continue
-            tolerance = self.known.get(key, {}).get("tolerance", TOLERANCE)
+            tolerance = self.known.get(key, {}).get("tolerance", self.tolerance)
             self.known[key] = {"ratio": float(f"{now.ratio:.3g}"), "tolerance": tolerance}
         text = json.dumps(dict(sorted(self.known.items())), indent=2, ensure_ascii=False)
         self.path.write_text(text + "\n", encoding="utf-8")

@@ -13,7 +13,7 @@ START = [sys.executable, "-c", "import numpy"]
 
 
 def command(*arguments: str) -> list[str]:
-    return [sys.executable, "-c", "from taskcal.cli import main; raise SystemExit(main())", *arguments]
+    return [sys.executable, "-m", "taskcal", *arguments]
 
 
 def runs(line: list[str]) -> Callable[[], str]:
@@ -39,10 +39,12 @@ def _command_line() -> None:
         pytest.skip("there is no command line yet: taskcal.cli has no main")
 
 
+@pytest.mark.guard
 def test_help_against_start(race):
     race("taskcal --help", runs(command("--help")), {"python -c 'import numpy'": runs(START)})
 
 
+@pytest.mark.guard
 def test_identify_against_start(race, model, campaign, tmp_path):
     if "identify" not in runs(command("--help"))():
         pytest.skip("taskcal has no subcommand identify yet")

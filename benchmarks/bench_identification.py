@@ -12,8 +12,13 @@ from taskcal.geometry import walk
 from taskcal.identification.belief import BASE_PRIOR, TARGET_PRIOR
 from taskcal.identification.effect_selection import explain
 from taskcal.identification.identify import identify
-from taskcal.identification.problem import FrameLayout, Problem, observe, whitener
+from taskcal.identification.observation_layout import layout_of, problem_of
+from taskcal.identification.problem import Problem, whitener
+from taskcal.identification.validation import validate
 from taskcal.measurement.registration import register
+from taskcal.measurement.virtual_cell import simulate
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -28,14 +33,8 @@ class Fixed:
 
     @classmethod
     def of(cls, model, campaign) -> "Fixed":
-        layout = FrameLayout(
-            model=model,
-            kept=np.arange(len(model)),
-            registration=register(model, campaign),
-            targets=campaign.targets,
-            pose=False,
-        )
-        problem = Problem(frames=layout, q=campaign.q, seen=observe(campaign), noise=campaign.covariances())
+        layout = layout_of(model, np.arange(len(model)), register(model, campaign), campaign, fixed=False)
+        problem = problem_of(layout, campaign, None)
         frames = np.concatenate([np.full(6, BASE_PRIOR), np.full(3, TARGET_PRIOR)])
         return cls(
             problem=problem,
@@ -78,6 +77,7 @@ def fixed(model, campaign) -> Fixed:
     return Fixed.of(model, campaign)
 
 
+@pytest.mark.guard
 def test_bare_fit_against_scipy(race, fixed):
     ours, theirs = fixed.ours(), fixed.scipys(fixed.jacobian)
     assert ours.converged
@@ -94,6 +94,7 @@ def test_bare_fit_against_scipy(race, fixed):
     )
 
 
+@pytest.mark.guard
 def test_identification_against_scipy(race, model, campaign, fixed):
     """Registration, marginal likelihood and report, against one of SciPy's fits with all that given."""
     race(
@@ -104,6 +105,37 @@ def test_identification_against_scipy(race, model, campaign, fixed):
             "SciPy, 2-point Jacobian": lambda: fixed.scipys("2-point"),
             "fit": fixed.ours,
         },
+        rounds=7,
+    )
+
+
+def test_a_large_campaign_against_a_small_one(race, smoke, model, campaign, joints):
+    """Passes over the rows are few: most of what is sought is sought among some of them."""
+    count = 6000 if smoke else 100_000
+    large = simulate(model, joints(count), rng=np.random.default_rng(3), model_error=3e-5)[0]
+    found = identify(model, large)
+    assert found.model_error[0] == pytest.approx(3e-5, rel=0.05)
+    race(
+        "identify, 100 000",
+        lambda: identify(model, large),
+        {"60 poses": lambda: identify(model, campaign)},
+        below=250.0,
+        rounds=3,
+    )
+
+
+def test_sockets_against_points(race):
+    """200 postures of a ball in sockets with stated distances, against a tracker's points of the same postures."""
+    model, rng = ErrorModel(load_robot("abb-irb120")), np.random.default_rng(2)
+    sockets, truth = simulate(model, rng.uniform(-1.0, 1.0, (200, 6)), rng=rng, observe="socket")
+    points, _ = simulate(model, sockets.q, rng=rng, x=truth.x)
+    for campaign in (sockets, points):
+        assert validate(identify(model, campaign), campaign).mean < 1e-4
+    race(
+        "identify, 200 of sockets",
+        lambda: identify(model, sockets),
+        {"of points": lambda: identify(model, points)},
+        below=1.5,
         rounds=7,
     )
 

@@ -71,6 +71,7 @@ def test_few_poses_against_solvers_one_pose_at_a_time(race, model, joints, calib
     )
 
 
+@pytest.mark.guard
 def test_many_poses_against_numpy_on_all_at_once(race, model, joints, calibrated, smoke):
     """Both walk compiled; the reference does errors, solutions and bookkeeping in NumPy and SciPy, 2048 poses at a time."""
     q = inside(joints(300 if smoke else 100_000))

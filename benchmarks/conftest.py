@@ -2,13 +2,14 @@
 
 import os
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from benchmarks.baseline import Baseline
-from benchmarks.race import Race
+from benchmarks.baseline import GUARDED, TOLERANCE, Baseline
+from benchmarks.race import Race, processor_time
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
@@ -25,12 +26,23 @@ MIDDLE_DEG = np.array([0.0, 10.0, 40.0, 10.0, 45.0, 20.0])
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--renew-baseline", action="store_true", help="write the measured ratios into baseline.json")
+    parser.addoption("--renew-baseline", action="store_true", help="write the measured ratios into the baseline")
+    parser.addoption(
+        "--guard", action="store_true", help="race what is marked guard, by processor time, against guard.json"
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    path = Path(__file__).with_name("baseline.json")
-    config.stash[BASELINE] = Baseline.read(path, renewed=config.getoption("--renew-baseline"))
+    path = Path(__file__).with_name("guard.json" if config.getoption("--guard") else "baseline.json")
+    tolerance = GUARDED if config.getoption("--guard") else TOLERANCE
+    config.stash[BASELINE] = Baseline.read(path, renewed=config.getoption("--renew-baseline"), tolerance=tolerance)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if config.getoption("--guard"):
+        left_out = [item for item in items if not item.get_closest_marker("guard")]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item.get_closest_marker("guard")]
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
@@ -54,7 +66,9 @@ def smoke(request: pytest.FixtureRequest) -> bool:
 @pytest.fixture
 def race(request: pytest.FixtureRequest, benchmark) -> Race:
     """Times two or more calls against each other; in a smoke run it calls each of them once."""
-    return Race(benchmark=benchmark, baseline=request.config.stash[BASELINE])
+    guard = request.config.getoption("--guard")
+    clock = processor_time if guard else perf_counter
+    return Race(benchmark=benchmark, baseline=request.config.stash[BASELINE], clock=clock, tabled=not guard)
 
 
 @pytest.fixture(scope="session")
