@@ -22,8 +22,24 @@ def run(*arguments: str, folder: Path) -> str:
     return done.stdout
 
 
-def taskcal(line: str, folder: Path) -> str:
-    return run("-c", "import sys; from taskcal.cli import main; sys.exit(main())", *line.split(), folder=folder)
+COMMANDS = """
+import io, json, sys
+from contextlib import redirect_stdout
+from taskcal.cli import main
+printed = []
+for line in sys.argv[1:]:
+    with redirect_stdout(io.StringIO()) as out:
+        status = main(line.split())
+    if status:
+        sys.exit(status)
+    printed.append(out.getvalue())
+print(json.dumps(printed))
+"""
+
+
+def taskcal(*lines: str, folder: Path) -> list[str]:
+    """What commands print, one after the other in one process, since every process imports a second's worth."""
+    return json.loads(run("-c", COMMANDS, *lines, folder=folder))
 
 
 def test_the_readme_s_example_prints_what_it_says(tmp_path):
@@ -43,20 +59,23 @@ def test_the_tutorial_s_road_leads_where_it_says(tmp_path):
     (tmp_path / "table.csv").write_text(next(b for b in blocks(page, "text") if b.startswith("joint,")))
     (tmp_path / "task.toml").write_text(task)
     (tmp_path / "other.toml").write_text(re.sub(r"(cone|spin)_deg.*\n", "", task))
-    taskcal("robots import table.csv --convention dh --name my-robot -o my-robot.toml", tmp_path)
+    taskcal("robots import table.csv --convention dh --name my-robot -o my-robot.toml", folder=tmp_path)
     with (tmp_path / "my-robot.toml").open("a") as robot:
         robot.write("\n" + tolerances)
-    simulate = "simulate --robot my-robot.toml"
-    taskcal(f"{simulate} --task task.toml --count 100 -o campaign.csv --truth truth.json", tmp_path)
-    taskcal(f"{simulate} --task other.toml --count 40 -o other.csv", tmp_path)
-    identify = "identify --robot my-robot.toml --json"
-    found = json.loads(taskcal(f"{identify} campaign.csv -o cal.json --holdout 0.4", tmp_path))
-    one = json.loads(taskcal(f"{identify} other.csv -o one.json", tmp_path))
+    simulate, identify = "simulate --robot my-robot.toml", "identify --robot my-robot.toml --json"
+    printed = taskcal(
+        f"{simulate} --task task.toml --count 100 -o campaign.csv --truth truth.json",
+        f"{simulate} --task other.toml --count 40 -o other.csv",
+        f"{identify} campaign.csv -o cal.json --holdout 0.4",
+        f"{identify} other.csv -o one.json",
+        "validate cal.json other.csv --json",
+        "validate one.json campaign.csv --json",
+        folder=tmp_path,
+    )
+    found, one, predicted, astray = map(json.loads, printed[2:])
     assert found["held_out"]["mean_mm"] == pytest.approx(0.0300, abs=0.001)
     assert not one["targets"]["tool"]["located"]
-    predicted = json.loads(taskcal("validate cal.json other.csv --json", tmp_path))
     assert predicted["mean_mm"] == pytest.approx(0.0259, abs=0.001)
-    astray = json.loads(taskcal("validate one.json campaign.csv --json", tmp_path))
     assert astray["mean_mm"] == pytest.approx(0.558, abs=0.02)
     (use,) = blocks(page, "python")
     assert "target in the tracker's frame" in run("-c", use, folder=tmp_path)
@@ -68,10 +87,10 @@ def test_the_plan_of_the_guide_is_worth_what_it_says(tmp_path):
     table = next(b for b in blocks("docs/tutorial/index.md", "text") if b.startswith("joint,"))
     (tmp_path / "table.csv").write_text(table)
     (tmp_path / "task.toml").write_text(task)
-    taskcal("robots import table.csv --convention dh --name my-robot -o my-robot.toml", tmp_path)
+    taskcal("robots import table.csv --convention dh --name my-robot -o my-robot.toml", folder=tmp_path)
     with (tmp_path / "my-robot.toml").open("a") as robot:
         robot.write("\n" + tolerances)
-    printed = taskcal("plan --robot my-robot.toml --task task.toml --count 40 -o plan.csv", tmp_path)
+    (printed,) = taskcal("plan --robot my-robot.toml --task task.toml --count 40 -o plan.csv", folder=tmp_path)
     shown = blocks("docs/how-to/choose-measuring-poses.md", "text")[0]
     for line in ("this plan", "random poses", "poses spread evenly", "nominal robot, frames found"):
         (said,), (found,) = (re.findall(rf"^ *{line} +([\d.]+)", text, re.MULTILINE) for text in (shown, printed))

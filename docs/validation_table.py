@@ -1,0 +1,59 @@
+"""The directive ``validation``: what is claimed with a measured figure, from ``claims.toml``, when the pages are built."""
+
+from itertools import groupby
+from typing import Any
+
+from claims import Claim, claims
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+
+class Validation(SphinxDirective):
+    """A section for each page, with a list of its claims."""
+
+    def run(self) -> list[nodes.Node]:
+        """The sections."""
+        return [_section(page, list(some)) for page, some in groupby(claims(), key=lambda claim: claim.page)]
+
+
+def _section(page: str, some: list[Claim]) -> nodes.section:
+    title = page.removeprefix("docs/")
+    section = nodes.section("", nodes.title("", title), ids=[nodes.make_id(f"claims-{title}")])
+    for claim in some:
+        said = nodes.line_block("", *(nodes.line("", "", nodes.Text(text)) for text in map(_cells, claim.says)))
+        section += nodes.block_quote("", said)
+        section += nodes.bullet_list("", *(_item(*line) for line in _lines(claim)))
+    return section
+
+
+def _lines(claim: Claim) -> list[tuple[str, list[nodes.Node]]]:
+    """What is said of a claim: the first word of each line, and the rest."""
+    command = [nodes.literal(text=claim.command), nodes.Text(f" ({claim.takes})")]
+    held_by = nodes.literal(text=claim.held_by) if claim.held_by else nodes.Text("no test; the command alone tells")
+    return [
+        ("Measured", [nodes.Text(_plain(claim.experiment))]),
+        ("On", [nodes.Text(claim.on)]),
+        ("Again", command),
+        ("Held by", [held_by]),
+    ]
+
+
+def _item(name: str, content: list[nodes.Node]) -> nodes.list_item:
+    return nodes.list_item("", nodes.paragraph("", "", nodes.emphasis(text=f"{name}:"), nodes.Text(" "), *content))
+
+
+def _cells(text: str) -> str:
+    """A row of a table with dots between its cells, and other text as it is."""
+    return _plain(" · ".join(cell.strip() for cell in text.split("|") if cell.strip()))
+
+
+def _plain(text: str) -> str:
+    """Without the marks of Markdown."""
+    return text.replace("**", "").replace("`", "").replace("$", "")
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register the directive."""
+    app.add_directive("validation", Validation)
+    return {"parallel_read_safe": True}
