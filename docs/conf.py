@@ -17,6 +17,7 @@ extensions = [
     "command_table",
     "effect_table",
     "layer_picture",
+    "validation_table",
 ]
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 myst_heading_anchors = 3

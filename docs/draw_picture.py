@@ -1,8 +1,9 @@
-"""Draw the pictures of README and documentation anew: ``python docs/draw_picture.py [error-over-angle|closed-loop]``.
+"""Draw the pictures of README and documentation anew: ``python docs/draw_picture.py [error-over-angle|closed-loop|peers|scaling]``.
 
 Needs Chromium or Chrome, which photographs the figures.
 """
 
+import json
 import os
 import shutil
 import subprocess
@@ -26,7 +27,8 @@ from taskcal.demo import (
     tabulate_closed_loop,
 )
 
-STATIC = Path(__file__).parent / "_static"
+ROOT = Path(__file__).parents[1]
+STATIC = ROOT / "docs" / "_static"
 WIDTH, HEIGHT = 1000, 440
 BROWSERS = "chromium", "chromium-browser", "google-chrome", "chrome"
 
@@ -55,7 +57,25 @@ def closed_loop() -> go.Figure:
     return draw_closed_loop(largest_errors(runs))
 
 
-PICTURES = {"error-over-angle": error_over_angle, "closed-loop": closed_loop}
+def peers() -> go.Figure:
+    """Cost of Taskcal and of its peers against poses and parameters, as `python -m benchmarks.peers` measured it last."""
+    sys.path.insert(0, str(ROOT))
+    from benchmarks.peers.figure import draw
+    from benchmarks.peers.page import RESULT
+
+    return draw(json.loads(RESULT.read_text(encoding="utf-8")))
+
+
+def scaling() -> go.Figure:
+    """Cost of Taskcal's passes against poses and parameters, and of its studies against robots, as measured last."""
+    sys.path.insert(0, str(ROOT))
+    from benchmarks.peers.figure import draw_scaling
+    from benchmarks.peers.page import RESULT
+
+    return draw_scaling(json.loads(RESULT.read_text(encoding="utf-8")))
+
+
+PICTURES = {"error-over-angle": error_over_angle, "closed-loop": closed_loop, "peers": peers, "scaling": scaling}
 
 
 def photograph(figure: go.Figure, picture: Path) -> None:
