@@ -2,15 +2,17 @@
 
 A check takes longer than most functions do: an experiment over a hundred robots would spend three quarters of its time on
 checks that say no more than the first ones did. A function within another is new at every call of the outer one, and preparing
-its check takes longer still; as it has the same code each time, its calls are counted together.
+its check takes longer still; as it has the same code each time, its calls are counted together, and its check is prepared once.
 """
 
-from collections import Counter
+import threading
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, is_dataclass
 from functools import wraps
-from inspect import isclass
+from inspect import CO_NESTED, isclass, isgeneratorfunction
 from types import CodeType
-from typing import Any
+from typing import Any, ForwardRef, Literal, get_args, get_origin
 
 import jaxtyping
 from beartype import BeartypeConf, beartype
@@ -18,9 +20,35 @@ from beartype import BeartypeConf, beartype
 CALLS = 50
 """Of one function that are checked in one test; more than the examples that Hypothesis draws."""
 
-_counted: Counter[CodeType] = Counter()
-_check_each_call: Any = jaxtyping.jaxtyped
-_check_types = beartype(conf=BeartypeConf(is_pep484_tower=True))  # a whole number does for any number
+_jaxtyped: Any = jaxtyping.jaxtyped
+_shapes: AbstractContextManager[None] = _jaxtyped("context")  # lengths that names in annotations stand for, of one call
+_check_types = beartype(
+    conf=BeartypeConf(
+        is_pep484_tower=True, violation_type=jaxtyping.TypeCheckError
+    )  # a whole number does for any number
+)
+
+
+@dataclass(slots=True)
+class _Calls:
+    """Of all functions of one code."""
+
+    test: int = 0
+    number: int = 0
+    """Of those in this test."""
+    checked: Callable[..., Any] | None = None
+
+
+class _Running(threading.local):
+    """Functions within others whose calls are being checked, the innermost last."""
+
+    def __init__(self) -> None:
+        self.functions: list[Callable[..., Any]] = []
+
+
+_test = 0
+_calls: dict[CodeType, _Calls] = {}
+_running = _Running()
 
 
 def install_checks(modules: Sequence[str]) -> None:
@@ -31,7 +59,8 @@ def install_checks(modules: Sequence[str]) -> None:
 
 def count_anew() -> None:
     """Begin a test."""
-    _counted.clear()
+    global _test
+    _test += 1
 
 
 def _decorator(*, typechecker: Any) -> Callable[[Any], Any]:
@@ -42,21 +71,66 @@ def _decorator(*, typechecker: Any) -> Callable[[Any], Any]:
 def check_first_calls(function: Any) -> Any:
     """Check the first calls of a function, or every construction of a dataclass."""
     if isclass(function):
-        return _check_each_call(function, typechecker=_check_types)
-    code = function.__code__
-    if _counted[code] >= CALLS:
+        if is_dataclass(function) and "__init__" in vars(function):
+            function.__init__ = _check_each_call(function.__init__)
         return function
-    checked: Callable[..., Any] | None = None
+    calls = _calls.setdefault(function.__code__, _Calls())
+    if calls.test == _test and calls.number >= CALLS:
+        return function
+    nested = bool(function.__code__.co_flags & CO_NESTED)
 
     @wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
-        nonlocal checked
         __tracebackhide__ = True
-        if _counted[code] >= CALLS:
+        if calls.test != _test:
+            calls.test, calls.number = _test, 0
+        if calls.number >= CALLS:
             return function(*args, **kwargs)
-        _counted[code] += 1
-        if checked is None:  # not sooner, for most functions of the package are not called in a few tests
-            checked = _check_each_call(function, typechecker=_check_types)
-        return checked(*args, **kwargs)
+        calls.number += 1
+        if calls.checked is None:  # not sooner, for most functions of the package are not called in a few tests
+            calls.checked = _check_each_call(_innermost_running(function) if nested else function)
+        if not nested:
+            return calls.checked(*args, **kwargs)
+        _running.functions.append(function)
+        try:
+            return calls.checked(*args, **kwargs)
+        finally:
+            _running.functions.pop()
 
     return call
+
+
+def _innermost_running(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of the same arguments, which calls that one of its code that is running."""
+
+    @wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        __tracebackhide__ = True
+        return _running.functions[-1](*args, **kwargs)
+
+    return call
+
+
+def _check_each_call(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The types are checked as they come, the shapes of arguments and result by the same names."""
+    if isgeneratorfunction(function) or any(map(_is_quoted, function.__annotations__.values())):
+        return _jaxtyped(function, typechecker=_check_types)  # slower, but not of what is yielded or not yet defined
+    checked = _check_types(function)
+    if checked is function:  # it has no annotations
+        return function
+
+    @wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        __tracebackhide__ = True
+        with _shapes:
+            return checked(*args, **kwargs)
+
+    return call
+
+
+def _is_quoted(annotation: Any) -> bool:
+    """Whether an annotation names in quotes a type that may be defined later, or for the type checker alone."""
+    if get_origin(annotation) is Literal:
+        return False
+    parts = annotation if isinstance(annotation, list) else get_args(annotation)
+    return isinstance(annotation, str | ForwardRef) or any(map(_is_quoted, parts))

@@ -5,6 +5,7 @@ import os
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
     os.environ[_variable] = "1"  # for the libraries and processes that are yet to start
 
+import gc
 import shutil
 import tempfile
 from collections import defaultdict
@@ -26,9 +27,10 @@ threadpool_limits(1)  # a pytest plugin may have loaded NumPy, and its BLAS, bef
 # Shapes and types in annotations are checked, but for these modules and all that is in these folders.
 _UNCHECKED = {
     "compiled kernels, whose source Numba has to read, and what describes their arguments": """
-        geometry.compiled geometry.covariance_propagation geometry.described_arrays geometry.four_bar_closure
+        geometry.columns geometry.compiled geometry.coordinates geometry.covariance_propagation geometry.described_arrays
+        geometry.four_bar_closure geometry.kernel_cache geometry.lane_functions geometry.lane_numbers geometry.lanes
         geometry.linearised_observation geometry.normal_equations geometry.observations geometry.point_observation
-        geometry.pose_observation geometry.pose_step geometry.walk
+        geometry.point_pass geometry.pose_observation geometry.pose_step geometry.products geometry.walk
     """,
     "files that pydantic checks, by annotations that it has to read": """
         correction.cell_file robot.file robot.joint_section robot.statics_section toml_file
@@ -40,7 +42,8 @@ _UNCHECKED = {
     """,
     "values of RAPID, whose type refers to itself, which this check does not follow": """
         programs.rapid.frames programs.rapid.names programs.rapid.predefined programs.rapid.resolve
-        programs.rapid.target_argument programs.rapid.values
+        programs.rapid.target_argument programs.rapid.values programs.rapid.held programs.rapid.calls
+        programs.rapid.computed programs.rapid.functions programs.rapid.assigning programs.rapid.flow programs.rapid.roots
     """,
     "not arrays: names, texts, messages, options and loads, which refuse wrong ones themselves": """
         __main__ adaptation.study_options arguments effects errors performance public_names robot.load short_repr text_file
@@ -95,6 +98,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if function not in chosen[item.path] and len(chosen[item.path]) < FEW:
             chosen[item.path].add(function)
             item.add_marker("quick")
+
+
+def pytest_collection_finish() -> None:
+    """What was imported and collected stays: no later search for garbage needs to walk through it."""
+    gc.collect()
+    gc.freeze()
 
 
 DATA = Path(os.environ.get("TASKCAL_DATA") or Path(__file__).parents[1] / "../shared/data").resolve()

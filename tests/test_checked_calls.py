@@ -1,6 +1,7 @@
 """Wrong shapes are found in every test, whatever earlier ones called, and later calls cost nothing."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -53,5 +54,44 @@ def test_results_are_checked_too() -> None:
     def column(length: int) -> Float[np.ndarray, " length"]:
         return np.zeros((length, 1))
 
-    with pytest.raises(TypeCheckError, match="return value"):
+    with pytest.raises(TypeCheckError, match="return"):
         check_first_calls(column)(3)
+
+
+def test_of_functions_within_a_function_each_runs_itself_though_their_check_is_one() -> None:
+    def adding(number: int) -> Callable[[int, int], int]:
+        def add(times: int, value: int) -> int:
+            return number + (adding(10 * number)(times - 1, value) if times else value)
+
+        return check_first_calls(add)
+
+    one, two = adding(1), adding(2)
+    assert [one(0, 5), two(0, 5), one(0, 5)] == [6, 7, 6]
+    assert one(2, 5) == 1 + 10 + 100 + 5
+    assert refused(lambda value: one(0, value))
+
+
+def test_a_length_is_the_same_in_all_arguments_and_in_the_result() -> None:
+    def joined(a: Float[np.ndarray, " n"], b: Float[np.ndarray, " n"]) -> Float[np.ndarray, "2 n"]:
+        return np.stack([a, b[: len(a)]])[:, : len(b) - 1 if b[0] else None]
+
+    checked = check_first_calls(joined)
+    assert checked(np.zeros(3), np.zeros(3)).shape == (2, 3)
+    assert checked(np.zeros(4), np.zeros(4)).shape == (2, 4)
+    with pytest.raises(TypeCheckError, match="parameter b"):
+        checked(np.zeros(3), np.zeros(4))
+    with pytest.raises(TypeCheckError, match="return"):
+        checked(np.ones(3), np.ones(3))
+
+
+def test_every_construction_of_a_dataclass_is_checked() -> None:
+    @check_first_calls
+    @dataclass(frozen=True)
+    class Pair:
+        a: Float[np.ndarray, " n"]
+        b: Float[np.ndarray, " n"]
+
+    for _ in range(CALLS + 2):
+        Pair(np.zeros(2), np.zeros(2))
+        with pytest.raises(TypeCheckError, match="parameter b"):
+            Pair(np.zeros(2), np.zeros(3))

@@ -6,13 +6,14 @@ import numpy as np
 
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.observation import Boards, Landmarks, Lengths, Point, Sockets
-from taskcal.measurement.observation.socket import SocketDistance
+from taskcal.measurement.observation import Boards, Cubes, Landmarks, Lengths, Planes, Point, Sockets
+from taskcal.measurement.observation.cube_size import CubeSize
+from taskcal.measurement.observation.socket_distance import SocketDistance
 from taskcal.measurement.virtual_cell import Truth
 from taskcal.robot.error_model import ErrorModel
 from tests.identification.arms import arm, defects
 
-KINDS_WITHOUT_TRACKER = ("socket", "distance", "landmark", "board")
+KINDS_WITHOUT_TRACKER = ("socket", "distance", "landmark", "board", "plane", "cube")
 
 
 def reach(
@@ -96,6 +97,40 @@ def board_campaign(
     return replace(seen, observations=(kind,), rotations=turned), truth
 
 
+def touch_campaign(rng, model, x, rows, goals, of, kind, *, noise=0.0) -> tuple[Campaign, Truth]:
+    """The tip of a probe brought to goals (n, 3), in random postures; noise of each axis of the goals, metres."""
+    offset = np.array([0.03, -0.02, 0.12])
+    truth = Truth(model=model, x=x, T_tracker_base=np.eye(4), T_tool_target=se3.pose(np.eye(3), offset)[None])
+    q = reach(model, x, offset, goals + noise * rng.normal(size=goals.shape), rng.uniform(-2.0, 2.0, (len(goals), 6)))
+    good = np.flatnonzero(np.isfinite(q).all(axis=1))[:rows]
+    return campaign_of(q[good], "tip", replace(kind, of=of[good])), truth
+
+
+def middle_of_reach(model, x, rng, count):
+    """Places that the tool reaches."""
+    return model.poses(rng.uniform(-1.5, 1.5, (count, 6)), x)[:, :3, 3]
+
+
+def plane_campaign(rng, model, x, rows, *, noise=0.0) -> tuple[Campaign, Truth]:
+    """Three planes, 0.3 m wide."""
+    of = np.arange(4 * rows) % 3
+    frames = se3.pose(se3.exp(np.array([[0, 0, 0], [1.5, 0, 0.2], [0, 1.4, 0]])), middle_of_reach(model, x, rng, 3))
+    flat = np.concatenate([rng.uniform(-0.15, 0.15, (4 * rows, 2)), np.zeros((4 * rows, 1))], axis=1)
+    goals = se3.apply(frames[of], flat)
+    return touch_campaign(rng, model, x, rows, goals, of, Planes(planes=("a", "b", "c")), noise=noise)
+
+
+def cube_campaign(rng, model, x, rows, *, noise=0.0) -> tuple[Campaign, Truth]:
+    """Five faces of a cube of 100 mm, touched by a ball of 2 mm."""
+    faces, of = ("+x", "-x", "+y", "-y", "+z"), np.arange(4 * rows) % 5
+    sign, axis = np.array([1, -1, 1, -1, 1])[of], np.array([0, 0, 1, 1, 2])[of]
+    at = rng.uniform(-0.045, 0.045, (4 * rows, 3))
+    at[np.arange(4 * rows), axis] = sign * 0.052
+    frame = se3.pose(se3.exp(np.array([0.2, -0.1, 0.8])), middle_of_reach(model, x, rng, 1)[0])
+    kind = Cubes(faces=tuple(f"1/{face}" for face in faces), sizes=(CubeSize(name="1", edge=0.1, tip=0.002),))
+    return touch_campaign(rng, model, x, rows, se3.apply(frame, at), of, kind, noise=noise)
+
+
 def campaign_of(q, target, kind, points=None) -> Campaign:
     """A campaign of one target."""
     return Campaign(
@@ -116,6 +151,8 @@ def observed(kind: str, seed: int, rows: int = 40, factor: float = 1.0, noise: f
         "distance": wire_campaign,
         "landmark": sighted_campaign,
         "board": board_campaign,
+        "plane": plane_campaign,
+        "cube": cube_campaign,
     }[kind]
     campaign, truth = measure(rng, model, x, rows, noise=noise)
     return model, campaign, truth

@@ -40,7 +40,16 @@ def reports(results: dict[str, Any]) -> dict[str, Any]:  # noqa: F811
     calibration, campaign = results["calibration"], results["campaign"]
     told_apart = results["identifiability"].told_apart(noise=1e-4)
     study = tc.Study(
-        rows=({"plan": "random", "count": 30, "model": "all", "rms_mm": 0.1, "rms_with_model_error_mm": 0.2},),
+        rows=(
+            {
+                "observe": "tracker",
+                "plan": "random",
+                "count": 30,
+                "model": "all",
+                "rms_mm": 0.1,
+                "rms_with_model_error_mm": 0.2,
+            },
+        ),
         robots=1,
         seed=0,
     )
