@@ -14,7 +14,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help demo studio test test-quick test-long browser lint format types layers docs bench bench-smoke clean
+.PHONY: help demo studio test test-quick test-long browser lint format types layers docs bench bench-guard bench-smoke peers clean
 
 help:  ## list these targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
@@ -59,9 +59,15 @@ docs: $(VENV)/.dev  ## build the documentation into docs/_build/html
 bench: $(VENV)/.test  ## time the benchmarks
 	$(BIN)/python -m pytest benchmarks --benchmark-only
 
+bench-guard: $(VENV)/.test  ## race a few ratios by processor time, which other work hardly changes; a doubling fails
+	$(BIN)/python -m pytest benchmarks --benchmark-only --benchmark-quiet --guard
+
 bench-smoke: $(VENV)/.test  ## run every benchmark once, untimed
 	@if [ -d benchmarks ]; then $(BIN)/python -m pytest benchmarks --benchmark-disable; \
 	else echo "no benchmarks yet"; fi
+
+peers: $(VENV)/.test  ## install other calibration packages, run them on the same rows, renew docs/benchmarks.md; half an hour
+	$(BIN)/python -m benchmarks.peers
 
 clean:  ## remove .venv and everything built
 	rm -rf $(VENV) build dist docs/_build taskcal-demo taskcal-studio
