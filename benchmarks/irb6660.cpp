@@ -208,7 +208,7 @@ void transpose(const V *in, double *out, long stride) {
 
 void stream(const double *from, double *to, long count) {
 #ifdef __AVX512F__
-    if (reinterpret_cast<size_t>(to) % 64 == 0) {
+    if (reinterpret_cast<size_t>(to) % 64 == 0 && count % LANES == 0) {  // the last poses may be fewer than the lanes
         for (long k = 0; k < count; k += LANES) _mm512_stream_pd(to + k, _mm512_load_pd(from + k));
         return;
     }

@@ -138,7 +138,7 @@ def test_a_corrected_corner_follows_the_programmed_one(rounded):
     before = found.before.length[found.wanted.inside(found.before.move, found.before.share)]
     assert len(corners) > 10
     assert before.min() > 3e-4
-    assert corners.max() < 6e-6
+    assert corners.max() < 0.03 * before.min()
 
 
 def test_targets_that_are_put_in_leave_the_zones_as_they_are(robot, pocket, calibration):
@@ -150,7 +150,9 @@ def test_targets_that_are_put_in_leave_the_zones_as_they_are(robot, pocket, cali
         trajectory = simulate_controller(robot, correction.moves)
         ends = [k for k, (_, _, end) in enumerate(correction.origin) if end == 1.0]
         sizes.append(trajectory.corners.exit[ends] * trajectory.segments.length[ends][:, None])
-    np.testing.assert_allclose(sizes[0], sizes[1], atol=3e-6)
+    np.testing.assert_allclose(
+        sizes[0], sizes[1], rtol=1e-3
+    )  # cuts are laid on the programmed path, which is a little shorter
     said = [str(diagnostic) for diagnostic in fine.diagnostics if "leaves its path" in str(diagnostic)]
     assert said
     assert all("its rounded corners stay clear of further targets" in text for text in said)

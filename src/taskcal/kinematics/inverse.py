@@ -208,8 +208,8 @@ def _best_first(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Float[np
 
     A wrist and the same wrist turned over are often alike in their margin; what rounding does must not choose between them.
     """
-    middle = model.robot.limits.mean(axis=1)
-    away = np.abs(q - np.where(np.isfinite(middle), middle, 0.0)).max(axis=1)
+    middle = _bounded(model.robot.limits).mean(axis=1)
+    away = np.abs(q - middle).max(axis=1)
     return q[np.lexsort((np.round(away, ALIKE), -np.round(posture_margin(model, q), ALIKE)))]
 
 
@@ -223,10 +223,14 @@ def _out_of_reach(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> ReachError:
 
 def posture_margin(model: ErrorModel, q: np.ndarray) -> np.ndarray:
     """How far inside the limits and away from singular postures, 0 to 1."""
-    low, high = np.clip(model.robot.limits, -2 * np.pi, 2 * np.pi).T
+    low, high = _bounded(model.robot.limits).T
     room = (np.minimum(q - low, high - q) / (high - low) * 2.0).min(axis=1)
     s = np.linalg.svd(model.joint_jacobian(q), compute_uv=False)
     return np.minimum(room, 4.0 * s[:, -1] / s[:, 0])
+
+
+def _bounded(limits: Float[np.ndarray, "joints 2"]) -> Float[np.ndarray, "joints 2"]:
+    return np.clip(limits, -2 * np.pi, 2 * np.pi)
 
 
 def follow(

@@ -105,7 +105,8 @@ class Move:
     divisible: bool = True
     """It may be written as several motions in a row; not one that does something once along its way."""
     texts_motions: int = 1
-    """How many motions its text stands for: those of a routine that is given several targets, or of the turns of a loop."""
+    """How many motions its text stands for, understood or not: those of a routine that is given several targets, or of the turns
+    of a loop."""
     external: tuple[float, ...] = ()
     """Positions of the external axes at its end as they are written, millimetres or degrees; NaN where none is stated."""
     waits: bool = True

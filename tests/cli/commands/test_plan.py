@@ -165,8 +165,8 @@ def test_either_a_robot_or_a_calibration(run: Run, ask: list[object], cell: Path
 
 
 def test_another_criterion_and_a_model_error_in_millimetres(run: Run, ask: list[object], alone: Alone) -> None:
-    result = run(*ask, "--criterion", "D", "--model-error-mm", "0.05", "--json").json
-    assert result["criterion"] == "D"
+    result = run(*ask, "--criterion", "D", "--model-error-mm", "0.1", "--json").json
+    assert (result["criterion"], result["model_error_mm"]) == ("D", pytest.approx(0.1))
     assert alone[0]["expected_error_mm"] < result["expected_error_mm"] < result["before_mm"]
 
 

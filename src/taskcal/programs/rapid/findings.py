@@ -88,7 +88,10 @@ class Findings:
             found = self.found[i]
             (first, *others) = found.before or ANY
             follows = None if others or first is None else number.get(first)
-            texts_motions = many[found.motion.instruction]
+            instruction = found.motion.instruction
+            texts_motions = many[instruction] + (
+                instruction in self.reasons
+            )  # those of calls that nobody could follow, too
             out.append(following(found.motion, follows, self.settings, texts_motions))
         return out
 
