@@ -103,7 +103,6 @@ def test_identification_against_scipy(race, model, campaign, fixed):
         {
             "SciPy, analytic Jacobian": lambda: fixed.scipys(fixed.jacobian),
             "SciPy, 2-point Jacobian": lambda: fixed.scipys("2-point"),
-            "fit": fixed.ours,
         },
         rounds=7,
     )
