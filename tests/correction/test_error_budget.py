@@ -39,3 +39,13 @@ def test_targets_that_are_not_known_do_not_count():
     some[1] = np.nan
     assert budget_of(np.ones(1), np.ones(1), some).uncertainty == pytest.approx(3e-4)
     assert budget_of(np.zeros(0), np.zeros(0), np.full((2, 4), np.nan)).after == 0.0
+
+
+@pytest.mark.parametrize("model_error", ["A", "B"])
+def test_the_uncertainty_of_targets_is_what_is_expected_after_the_correction(model_error):
+    found = budget_of(np.full(2, 1e-3), np.full(2, 4e-5), variances(100, 200, 0, 50))
+    budget = found.of_targets(model_error)
+    assert budget.combined == pytest.approx(found.after)
+    assert [(one.evaluation, round(one.deviation * 1e6)) for one in budget.contributions] == [
+        ("A", 100), (model_error, 200), ("B", 50), ("B", 40),
+    ]  # fmt: skip

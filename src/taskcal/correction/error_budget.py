@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.identification.uncertainty_budget import UNEXPLAINED, Evaluation, UncertaintyBudget, budget_of_parts
+
 SOURCES = ("geometry", "model error", "tool", "part")
 
 _REMEDIES = {
@@ -58,6 +60,26 @@ class ErrorBudget:
     def remedy(self) -> str:
         """What would lower the largest share."""
         return _REMEDIES[max(self.variances, key=lambda name: self.variances[name])]
+
+    def of_targets(self, model_error: Evaluation) -> UncertaintyBudget:
+        """How far the tool may be from a corrected target, one line for each source (JCGM 100:2008, GUM).
+
+        Args:
+            model_error: whether what the model cannot explain was estimated (A) or given (B).
+        """
+        return budget_of_parts(
+            [
+                ("parameters and tracker frame, as the data tell them", "A", self.variances["geometry"]),
+                (UNEXPLAINED, model_error, self.variances["model error"]),
+                ("where the tool is on the flange", "B", self.variances["tool"]),
+                ("where the part is", "B", self.variances["part"]),
+                (
+                    "what is left of the predicted error: digits of the numbers, motions that stay as they are",
+                    "B",
+                    self.left,
+                ),
+            ]
+        )
 
     def summary(self) -> dict[str, object]:
         """In millimetres."""

@@ -1,5 +1,6 @@
 """What the uncertainty of a predicted point is made of (JCGM 100:2008, GUM): one line for each source that is independent."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,14 +12,18 @@ from taskcal.identification.calibration import Calibration
 COVERAGE_FACTOR = 2.0
 """k of the expanded uncertainty: 95 % along one direction, of a normal distribution."""
 
+UNEXPLAINED = "what the model cannot explain, of a single pose"
+
+Evaluation = Literal["A", "B"]
+"""A: from the residuals of this campaign; B: from what is known beforehand."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Contribution:
     """One source."""
 
     source: str
-    evaluation: Literal["A", "B"]
-    """A: from the residuals of this campaign; B: from what is known beforehand."""
+    evaluation: Evaluation
     deviation: float
     """Standard uncertainty in space, root mean square over the poses, metres."""
 
@@ -53,17 +58,21 @@ def budget_at(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> Unc
     fitted = _mean_square(calibration.predict_covariance(q, model_error=False))
     all_in_all = _mean_square(calibration.predict_covariance(q))
     own_error = 0.0 if calibration.field is not None else 3.0 * calibration.model_error[0] ** 2
-    given = calibration.provenance.options.get("model_error", "estimate") != "estimate"
     rest = max(all_in_all - fitted - own_error, 0.0)
-    parts: list[tuple[str, Literal["A", "B"], float]] = [
+    parts: list[tuple[str, Evaluation, float]] = [
         ("parameters, tracker frame and target, as the data tell them", "A", fitted),
-        ("what the model cannot explain, of a single pose", "B" if given else "A", own_error),
+        (UNEXPLAINED, evaluation_of_model_error(calibration), own_error),
         (
             "the residual field" if calibration.field is not None else "joints that stand off at a single pose",
             "A",
             rest,
         ),
     ]
+    return budget_of_parts(parts)
+
+
+def budget_of_parts(parts: Iterable[tuple[str, Evaluation, float]]) -> UncertaintyBudget:
+    """Of mean squares in space, metres²; those of next to nothing are left out."""
     return UncertaintyBudget(
         contributions=tuple(
             Contribution(source=source, evaluation=kind, deviation=float(np.sqrt(square)))
@@ -71,6 +80,11 @@ def budget_at(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> Unc
             if square > 1e-18
         )
     )
+
+
+def evaluation_of_model_error(calibration: Calibration) -> Evaluation:
+    """A where the fit estimated it, B where it was given."""
+    return "A" if calibration.provenance.options.get("model_error", "estimate") == "estimate" else "B"
 
 
 def _mean_square(covariance: Float[np.ndarray, "n targets b b"]) -> float:

@@ -20,7 +20,7 @@ from taskcal.presentation.residuals_section import residuals_section
 from taskcal.presentation.robot_scene import robot_scene
 from taskcal.presentation.summary_section import outliers_section, summary_section
 from taskcal.presentation.task_figures import draw_bands, draw_maps
-from taskcal.presentation.uncertainty_section import uncertainty_section
+from taskcal.presentation.uncertainty_section import predicted_uncertainty_section
 from taskcal.task.workspace import Workspace
 
 
@@ -58,7 +58,7 @@ def calibration_page(calibration: Calibration, beside: Beside, *, version: str) 
     if beside.remainder is not None:
         sections.append(residual_analysis_section(beside.remainder, f"{len(beside.remainder.residual)} poses"))
     if calibration.q is not None and errors is not None:
-        sections.append(uncertainty_section(budget_at(calibration, calibration.q), "the measured poses"))
+        sections.append(predicted_uncertainty_section(budget_at(calibration, calibration.q), "the measured poses"))
     if beside.over is not None:
         sections.append(_task(beside.over))
     sections.append(parameters_section(calibration))

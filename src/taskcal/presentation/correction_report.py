@@ -2,6 +2,7 @@
 
 from taskcal.correction.correction import Correction
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.uncertainty_budget import evaluation_of_model_error
 from taskcal.presentation.content import Block, Chart, Numbers, Points, Section, Table, Text
 from taskcal.presentation.correction_figures import draw_errors_along, draw_errors_per_axis, draw_program
 from taskcal.presentation.correction_tables import (
@@ -13,6 +14,7 @@ from taskcal.presentation.correction_tables import (
 )
 from taskcal.presentation.grouped_remarks import group_remarks
 from taskcal.presentation.report import Page
+from taskcal.presentation.uncertainty_section import corrected_uncertainty_section
 
 
 def correction_page(correction: Correction, calibration: Calibration, *, version: str) -> Page:
@@ -27,7 +29,13 @@ def correction_page(correction: Correction, calibration: Calibration, *, version
     names = ", ".join(source.path.name for source in correction.program.sources)
     return Page(
         title=f"Correction of {names}",
-        sections=(_summary(correction), _errors(correction), _left(correction), _targets(correction)),
+        sections=(
+            _summary(correction),
+            _errors(correction),
+            *_uncertainty(correction, calibration),
+            _left(correction),
+            _targets(correction),
+        ),
         lead=f"For the {robot.title or robot.name}, by the calibration of {calibration.provenance.campaign or 'a campaign'}.",
         footer=f"Page by Taskcal {version}; calibration of {calibration.provenance.created}.",
     )
@@ -76,6 +84,13 @@ def _errors(correction: Correction) -> Section:
             draw_program(correction),
         ]
     return Section(title="Errors", blocks=tuple(blocks))
+
+
+def _uncertainty(correction: Correction, calibration: Calibration) -> tuple[Section, ...]:
+    if not len(correction.before.error):
+        return ()
+    budget = correction.budget.of_targets(evaluation_of_model_error(calibration))
+    return (corrected_uncertainty_section(budget),)
 
 
 def _left(correction: Correction) -> Section:
