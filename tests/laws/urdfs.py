@@ -1,10 +1,12 @@
-"""Random URDF files, and where Pinocchio finds their links."""
+"""Random URDF files, and where Pinocchio and pytransform3d find their links."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pinocchio
+from pytransform3d.urdf import UrdfTransformManager
 
 from taskcal.robot.urdf_file import UrdfJoint, UrdfTree, read_urdf_tree
 
@@ -37,18 +39,49 @@ def random_urdf(rng: np.random.Generator, joints: int) -> str:
 
 
 class Referee:
-    """Poses of a URDF's links by Pinocchio, from the values of joints that do not mimic others."""
+    """Poses of a URDF's links and their derivatives, from the values of joints that do not mimic others."""
 
     def __init__(self, path: Path):
         self.tree: UrdfTree = read_urdf_tree(path)
         self.model = pinocchio.buildModelFromUrdf(str(path))
         self.data = self.model.createData()
+        self.other = UrdfTransformManager()
+        # it would cut what is beyond a limit
+        self.other.load_urdf(re.sub(r"<limit[^>]*/>", "", path.read_text(encoding="utf-8")))
 
     @property
     def motors(self) -> list[str]:
         return [joint.name for joint in self.tree.joints.values() if joint.moves and joint.mimic is None]
 
     def pose(self, values: Mapping[str, float], link: str) -> np.ndarray:
+        """By Pinocchio."""
+        pinocchio.framesForwardKinematics(self.model, self.data, self._configuration(values))
+        return self.data.oMf[self._frame(link)].homogeneous.copy()
+
+    def jacobian(self, values: Mapping[str, float], link: str, motors: Sequence[str]) -> np.ndarray:
+        """Twists about a link's origin by the values of some joints, in base axes, by Pinocchio (6, motors)."""
+        q = self._configuration(values)
+        frame = self._frame(link)
+        J = pinocchio.computeFrameJacobian(self.model, self.data, q, frame, pinocchio.LOCAL_WORLD_ALIGNED).reshape(
+            6, -1
+        )
+        moving = [joint for joint in self.tree.joints.values() if joint.moves]
+        columns = {joint.name: J[:, self.model.joints[self.model.getJointId(joint.name)].idx_v] for joint in moving}
+        return np.stack(
+            [sum(self._share(joint, motor) * columns[joint.name] for joint in moving) for motor in motors], 1
+        )
+
+    def pose_by_pytransform3d(self, values: Mapping[str, float], link: str) -> np.ndarray:
+        """The same pose by the other library."""
+        for joint in self.tree.joints.values():
+            if joint.moves:
+                self.other.set_joint(joint.name, self._value(values, joint))
+        return self.other.get_transform(link, self.tree.root)
+
+    def _frame(self, link: str) -> int:
+        return self.model.getFrameId(link, pinocchio.FrameType.BODY)
+
+    def _configuration(self, values: Mapping[str, float]) -> np.ndarray:
         q = pinocchio.neutral(self.model)
         for joint in self.tree.joints.values():
             if not joint.moves:
@@ -58,10 +91,15 @@ class Referee:
                 q[known.idx_q : known.idx_q + 2] = np.cos(value), np.sin(value)
             else:
                 q[known.idx_q] = value
-        pinocchio.framesForwardKinematics(self.model, self.data, q)
-        return self.data.oMf[self.model.getFrameId(link, pinocchio.FrameType.BODY)].homogeneous.copy()
+        return q
 
     def _value(self, values: Mapping[str, float], joint: UrdfJoint) -> float:
         if joint.mimic is None:
             return values[joint.name]
         return joint.mimic.multiplier * self._value(values, self.tree.joints[joint.mimic.joint]) + joint.mimic.offset
+
+    def _share(self, joint: UrdfJoint, motor: str) -> float:
+        """How far a joint moves with a motor."""
+        if joint.mimic is None:
+            return float(joint.name == motor)
+        return joint.mimic.multiplier * self._share(self.tree.joints[joint.mimic.joint], motor)

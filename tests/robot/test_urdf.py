@@ -38,7 +38,7 @@ def write(folder, text, name="arm.urdf"):
 
 
 def assert_agrees(referee, tip, rng, count=2):
-    """With Pinocchio, at some poses of a tip."""
+    """With Pinocchio, at some poses of a tip, and pytransform3d."""
     robot = robot_from(describe_tree(referee.tree, tip=tip))
     link = tip or choose_tip(referee.tree)
     model = ErrorModel(robot)
@@ -46,6 +46,9 @@ def assert_agrees(referee, tip, rng, count=2):
         values = dict(zip(referee.motors, rng.uniform(-1.5, 1.5, len(referee.motors)), strict=True))
         q = np.array([[values[name] for name in robot.joint_names]])
         np.testing.assert_allclose(model.poses(q)[0], referee.pose(values, link), rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(model.poses(q)[0], referee.pose_by_pytransform3d(values, link), rtol=0.0, atol=1e-12)
+        by_joint = referee.jacobian(values, link, robot.joint_names)
+        np.testing.assert_allclose(model.joint_jacobian(q)[0], by_joint, rtol=0.0, atol=1e-11)
 
 
 @pytest.mark.parametrize("joints", [3, 7])
