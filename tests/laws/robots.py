@@ -72,7 +72,7 @@ def _expression(rng: np.random.Generator, i: int, names: list[str]) -> str:
 
 
 @st.composite
-def descriptions(draw: st.DrawFn, min_joints: int = 1, max_joints: int = 7, prismatic: bool = True) -> dict[str, Any]:
+def descriptions(draw: st.DrawFn, min_joints: int = 1, max_joints: int = 9, prismatic: bool = True) -> dict[str, Any]:
     """Robot files of any structure: steps, DH and modified DH, sliding joints, couplings, offsets."""
     kinds = st.sampled_from(["revolute", "revolute", "prismatic"] if prismatic else ["revolute"])
     types = draw(st.lists(kinds, min_size=min_joints, max_size=max_joints))
