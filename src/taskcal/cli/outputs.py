@@ -14,6 +14,7 @@ from typing import Any
 
 import typer
 
+from taskcal.cli.state_folder import state_folder
 from taskcal.errors import FileError
 from taskcal.files import write_all, write_whole
 
@@ -185,11 +186,8 @@ def _record_of(path: Path) -> Path:
     """Where the digests of a file are kept."""
     import hashlib
 
-    import platformdirs
-
-    state = os.environ.get("TASKCAL_STATE_DIR") or platformdirs.user_state_path("taskcal")
     name = hashlib.sha256(os.fsencode(path.resolve())).hexdigest()[:32]
-    return Path(state) / "written" / f"{name}.json"
+    return state_folder() / "written" / f"{name}.json"
 
 
 def _is_own(path: Path, command: str) -> bool:

@@ -116,6 +116,9 @@ def command(
             "--keep-joints", help="Leave motions to joint positions as they are, such as those to a home position."
         ),
     ] = False,
+    again: Annotated[
+        bool, typer.Option("--again", help="Correct a program even though taskcal correct wrote it.")
+    ] = False,
     *,
     page: PageOptions,
 ) -> None:
@@ -133,12 +136,15 @@ def command(
     named = [*page.places, *(("--output", path) for path in destination.files(programs))]
     outputs = check_outputs("correct", named, inputs, force=page.force)
     page.check()
+    from taskcal.cli.corrected_programs import check_not_corrected, remember_corrected
     from taskcal.correction.correct import correct
     from taskcal.identification.calibration_file import load_calibration
     from taskcal.programs.backup import check_place
 
     calibrated = load_calibration(calibration)
     cell, program = _read(programs, around, calibrated)
+    if not again:
+        check_not_corrected(program.sources)
     if program.backup is not None and destination.output is not None and not destination.dry_run:
         check_place(program.backup, destination.output)
     with working("reading the program", steps=4) as say:
@@ -155,6 +161,8 @@ def command(
     written = (*contents, *destination.write_backup(correction))
     made = page.compose(_page(correction, calibrated)) if page.asked else {}
     outputs.write_beside({**contents, **made}, force=page.force)
+    if written:
+        remember_corrected(correction)
     if page.as_json:
         write_json(_as_json(correction, written, page))
     else:
