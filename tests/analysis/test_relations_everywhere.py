@@ -18,6 +18,7 @@ def test_relations_hold_at_poses_at_which_they_were_not_found(structure, compone
     elsewhere = identifiability(model, unseen(some, 60), x, components=components, frames=True)
     # the same columns but for a rotation, so that they have the same relations
     J, kept = elsewhere.matrix, [found.names.index(name) for name in found.kept]
+    # coefficients under 10⁻⁸ of a relation's largest are left out of it
     off = np.linalg.norm(J[:, kept] @ found.relations() - J, axis=0)
-    assert (off < 1e-8 * np.linalg.norm(J, axis=0).max()).all()
+    assert (off < 1e-7 * np.linalg.norm(J, axis=0).max()).all()
     assert found.rank == elsewhere.rank

@@ -1,6 +1,7 @@
 """BLAS on one thread, and the caller's setting afterwards."""
 
 import pytest
+import scipy.linalg  # noqa: F401 - brings a BLAS of its own, which the first call would load
 from threadpoolctl import ThreadpoolController
 
 from taskcal.estimation.blas import single_threaded

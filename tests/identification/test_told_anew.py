@@ -19,11 +19,13 @@ def identified(structure):
 
 
 def assert_the_same(structure, *ways):
+    """To a two-hundredth of the noise: a target that few axes do not locate entirely stays at the tool point, which another
+    tool frame has elsewhere."""
     some, q, points, covariance = identified(structure)
     for way in ways:
         some, q = way(some, q)
     again = identify(some.model, some.campaign)
-    np.testing.assert_allclose(again.predict(q), se3.apply(some.T_moved, points), rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(again.predict(q), se3.apply(some.T_moved, points), rtol=0.0, atol=1e-7)
     R = some.T_moved[:3, :3]
     expected = R @ covariance @ R.T
     np.testing.assert_allclose(again.predict_covariance(q), expected, rtol=0.0, atol=1e-3 * np.abs(expected).max())

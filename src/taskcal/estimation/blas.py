@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import cache, wraps
+from importlib import import_module
 from typing import ParamSpec, TypeVar
 
 from threadpoolctl import ThreadpoolController
@@ -12,6 +13,8 @@ R = TypeVar("R")
 
 @cache
 def _controller() -> ThreadpoolController:
+    """Of the libraries that are loaded; SciPy brings a BLAS of its own, which would be loaded later and keep its threads."""
+    import_module("scipy.linalg")
     return ThreadpoolController()
 
 
