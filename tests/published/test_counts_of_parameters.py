@@ -61,7 +61,7 @@ def generic(rng: np.random.Generator, kinds: str) -> dict:
     return {"name": kinds, "joint": joints, "tool": [{"tx_mm": 120.0}, {"tz_mm": 200.0}]}
 
 
-@settings(max_examples=8)
+@settings(max_examples=5)
 @given(st.lists(st.sampled_from("RRP"), min_size=3, max_size=9).filter(lambda kinds: kinds.count("P") <= 3), generators)
 def test_an_arm_of_any_joints_has_as_many_as_its_formula_says(kinds, rng):
     description = generic(rng, "".join(kinds))

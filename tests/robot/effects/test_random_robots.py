@@ -21,7 +21,7 @@ def slopes(poses, count):
     return np.stack(out, axis=-1)
 
 
-@settings(max_examples=12)
+@settings(max_examples=4)
 @given(cases(poses=2), generators)
 def test_both_jacobians_are_the_derivatives_with_effects_beside_large_defects(case: Case, rng: np.random.Generator):
     model = case.model + EncoderGain() + Harmonics(orders=(1, 3)) + JointField(features=2)
