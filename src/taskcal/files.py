@@ -3,6 +3,7 @@
 import os
 import platform
 import re
+import shutil
 import stat
 import tempfile
 import time
@@ -14,6 +15,9 @@ from taskcal.errors import FileError
 
 PART = ".part"
 """Ending of a file that lies beside its place."""
+NAME_BYTES = 120
+"""Of a file's name that its name beside begins with: file systems take 255, its process and machine come behind."""
+
 HOUR = 3600.0
 """Seconds after which a file laid beside by another machine is taken for a stray."""
 
@@ -38,7 +42,7 @@ def write_all(contents: Mapping[str | Path, str | bytes] | Mapping[Path, str | b
     try:
         for named, content in contents.items():
             path = Path(named).resolve()
-            _remove_strays(path)
+            remove_strays(path)
             ready.append((named, _lay_beside(named, path, content), path))
         begun = True
         _put_in_place(ready)
@@ -47,8 +51,8 @@ def write_all(contents: Mapping[str | Path, str | bytes] | Mapping[Path, str | b
             _put_in_place(ready)
         raise
     finally:
-        for _, beside, _ in ready:
-            beside.unlink(missing_ok=True)
+        for _, part, _ in ready:
+            part.unlink(missing_ok=True)
 
 
 def _put_in_place(ready: list[tuple[str | Path, Path, Path]]) -> None:
@@ -58,26 +62,38 @@ def _put_in_place(ready: list[tuple[str | Path, Path, Path]]) -> None:
         FileError: a file is held by another program, or the like.
     """
     while ready:
-        named, beside, path = ready[0]
-        if beside.exists():  # else it was renamed as the interrupt came
+        named, part, path = ready[0]
+        if part.exists():  # else it was renamed as the interrupt came
             try:
-                os.replace(beside, path)
+                os.replace(part, path)
             except OSError as error:
                 raise FileError(named, f"cannot be written: {error.strerror or error}") from error
         ready.pop(0)
 
 
-def _remove_strays(path: Path) -> None:
-    """Remove what processes that were killed left beside a file; those that still run keep theirs."""
-    pattern = re.compile(rf"\.{re.escape(path.name)}\.(\d+)-(.*)\.[^.]*\{PART}")
+def beside(path: Path) -> str:
+    """How the name begins of what this process lays beside a file or a folder; it ends in `PART`."""
+    return f".{_short(path)}.{os.getpid()}-{_machine()}."
+
+
+def remove_strays(path: Path) -> None:
+    """Remove what processes that were killed left beside a file or a folder; those that still run keep theirs."""
+    pattern = re.compile(rf"\.{re.escape(_short(path))}\.(\d+)-(.*)\.[^.]*\{PART}")
     with suppress(OSError):
-        for beside in path.parent.iterdir():
-            match = pattern.fullmatch(beside.name)
-            if match and not _may_run(int(match[1]), match[2], beside):
-                beside.unlink(missing_ok=True)
+        for stray in path.parent.iterdir():
+            match = pattern.fullmatch(stray.name)
+            if match and not _may_run(int(match[1]), match[2], stray):
+                if stray.is_dir():
+                    shutil.rmtree(stray, ignore_errors=True)
+                else:
+                    stray.unlink(missing_ok=True)
 
 
-def _may_run(process: int, machine: str, beside: Path) -> bool:
+def _short(path: Path) -> str:
+    return os.fsencode(path.name)[:NAME_BYTES].decode("utf-8", "ignore")
+
+
+def _may_run(process: int, machine: str, stray: Path) -> bool:
     """Whether the process that laid a file beside may still be at it."""
     if machine == _machine() and os.name == "posix":
         try:
@@ -87,7 +103,7 @@ def _may_run(process: int, machine: str, beside: Path) -> bool:
         except OSError:
             return True
         return True
-    return time.time() - beside.stat().st_mtime < HOUR
+    return time.time() - stray.stat().st_mtime < HOUR
 
 
 def _machine() -> str:
@@ -97,27 +113,26 @@ def _machine() -> str:
 def _lay_beside(named: str | Path, path: Path, content: str | bytes) -> Path:
     """Write what a file is to hold beside it; returns where."""
     data = content.encode("utf-8") if isinstance(content, str) else content
-    if path.exists() and not path.is_file():
-        raise FileError(named, "cannot be written: it is a folder or a device; name a file")
-    if path.exists() and not path.stat().st_mode & stat.S_IWUSR:
-        raise FileError(named, "is write-protected; name another file, or allow writing to it")
     try:
-        handle, beside = tempfile.mkstemp(
-            prefix=f".{path.name}.{os.getpid()}-{_machine()}.", suffix=PART, dir=path.parent
-        )
+        mode = path.stat().st_mode if path.exists() else None
+        if mode is not None and not stat.S_ISREG(mode):
+            raise FileError(named, "cannot be written: it is a folder or a device; name a file")
+        if mode is not None and not mode & stat.S_IWUSR:
+            raise FileError(named, "is write-protected; name another file, or allow writing to it")
+        handle, part = tempfile.mkstemp(prefix=beside(path), suffix=PART, dir=path.parent)
     except OSError as error:
         raise FileError(named, f"cannot be written: {error.strerror or error}; name a folder that exists") from error
     try:
         with os.fdopen(handle, "wb") as stream:
             stream.write(data)
-        os.chmod(beside, path.stat().st_mode if path.exists() else 0o666 & ~_umask())
+        os.chmod(part, 0o666 & ~_umask() if mode is None else mode)
     except OSError as error:
-        Path(beside).unlink(missing_ok=True)
+        Path(part).unlink(missing_ok=True)
         raise FileError(named, f"cannot be written: {error.strerror or error}") from error
     except BaseException:
-        Path(beside).unlink(missing_ok=True)
+        Path(part).unlink(missing_ok=True)
         raise
-    return Path(beside)
+    return Path(part)
 
 
 def _umask() -> int:

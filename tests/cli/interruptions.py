@@ -45,6 +45,13 @@ COMMANDS = {
     "doctor": f"doctor {ROBOT} wrong.csv --fix fixed.csv",
     "report": "report cal.json --task task.toml -o new.html --campaign c.csv",
     "validate": "validate cal.json c.csv",
+    "import": "robots import table.csv --convention dh -o new.toml",
+    "convert": f"convert {ROBOT} c.csv -o new.csv",
+    "parquet": f"convert {ROBOT} c.csv -o new.parquet",
+    "export": "export cal.json --form urdf -o new.urdf",
+    "register": f"register {ROBOT} c.csv -o new.json",
+    "poses": f"poses {ROBOT} joints.csv -o new.csv",
+    "fleet": f"fleet fleet --identify {ROBOT} --folds 2 -o table.csv",
     "demo": "demo -o demo",
     "demo full": "demo --full -o demo",
 }
@@ -75,7 +82,17 @@ def prepare(folder: Path) -> None:
         row[3] = f"{-float(row[3]):.6f}"  # the third joint turns the other way round
     (folder / "wrong.csv").write_text("\n".join(map(",".join, cells)) + "\n")
     rows = [f"{300 + 5 * k},{-40 + 4 * k},350,0,0.955,0,0.296" for k in range(20)]
+    (folder / "fleet" / "one").mkdir(parents=True)
+    (folder / "fleet" / "one" / "c.csv").write_text((folder / "c.csv").read_text())
+    (folder / "joints.csv").write_text("\n".join(",".join(row[:6]) for row in _joints(cells)) + "\n")
+    (folder / "table.csv").write_text("joint,alpha_deg,a_mm,d_mm,theta_offset_deg\nJ1,0,500,0,0\n")
     (folder / "path.csv").write_text("\n".join(["x_mm,y_mm,z_mm,qx,qy,qz,qw", *rows]) + "\n")
+
+
+def _joints(cells: list[list[str]]) -> list[list[str]]:
+    """Columns of the joints, of a campaign that begins with them or with names of rows."""
+    first = next(k for k, name in enumerate(cells[0]) if name.upper().startswith("J1"))
+    return [row[first : first + 6] for row in cells]
 
 
 def run(folder: Path, line: str) -> None:

@@ -58,6 +58,37 @@ def test_more_than_fits_is_refused_before_it_is_unpacked(monkeypatch):
         read_parquet(PATH, parquet_of(["id", "x_mm"], [[str(k), "1.5"] for k in range(25)]))
 
 
+def written(columns):
+    out = io.BytesIO()
+    pyarrow.parquet.write_table(pyarrow.table(columns), out, compression="zstd")
+    return out.getvalue()
+
+
+def test_one_long_text_in_every_row_is_refused_before_each_has_its_own():
+    content = written({"id": pyarrow.array(["x" * 1_000_000] * 400).dictionary_encode()})
+    assert len(content) < 10_000
+    with pytest.raises(FileError, match=r"column 'id': has texts of up to 1000000 characters in 400 rows"):
+        read_parquet(PATH, content)
+
+
+def test_rows_that_are_all_the_same_cost_no_more_than_rows_that_are_not():
+    content = written({name: pyarrow.array(np.full(300_000, 1.5)) for name in ("x_mm", "y_mm")})
+    with pytest.raises(FileError, match=r"300000 rows of 2 columns, more than 50\d\d\d\d cells"):
+        read_parquet(PATH, content)
+
+
+def test_lists_and_records_are_refused_by_the_column_s_name():
+    for values in ([[1.0, 2.0]], [{"x": 1.0}]):
+        with pytest.raises(FileError, match="column 'xyz': holds lists or records"):
+            read_parquet(PATH, written({"xyz": pyarrow.array(values)}))
+
+
+def test_a_day_that_no_calendar_has_is_refused():
+    days = pyarrow.array([2**62]).cast(pyarrow.date64(), safe=False)
+    with pytest.raises(FileError, match=r"a\.parquet: is a damaged Parquet file"):
+        read_parquet(PATH, written({"when": days}))
+
+
 def test_without_pyarrow_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
     with pytest.raises(TaskcalError, match="install Taskcal with its extra: parquet"):

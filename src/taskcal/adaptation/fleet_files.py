@@ -97,13 +97,21 @@ def read_file(folder: Path, name: str) -> SentFile:
 
 @contextmanager
 def laid_out(files: Iterable[SentFile]) -> Generator[Path, None, None]:
-    """A folder in which files that were sent lie as they did, for as long as they are read."""
+    """A folder in which files that were sent lie as they did, for as long as they are read.
+
+    Raises:
+        FileError: there is no room for them.
+    """
     with TemporaryDirectory(prefix="taskcal-fleet-") as name:
         folder = Path(name)
         for file in files:
             path = folder / file.name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(file.content)
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(file.content)
+            except OSError as error:
+                message = f"cannot be copied to {folder}: {error.strerror or error}; name a folder with room in TMPDIR"
+                raise FileError(file.name, message) from error
         yield folder
 
 

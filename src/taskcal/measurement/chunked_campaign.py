@@ -1,5 +1,6 @@
 """A campaign of more rows than are held at once: read in parts, which lie on the disk as they were understood."""
 
+import os
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -71,6 +72,7 @@ def campaign_in_chunks(path: str | Path, robot: Robot) -> Generator[ChunkedCampa
         CampaignError: something was observed that only all rows tell.
     """
     path = Path(path)
+    before = _stamp(path)
     rows = count_rows(path)
     if rows is None:
         raise FileError(path, "is not a Parquet file; taskcal convert writes one")
@@ -85,9 +87,33 @@ def campaign_in_chunks(path: str | Path, robot: Robot) -> Generator[ChunkedCampa
             place = folder / f"{first}.npz"
             part = _read(path, folder, content, robot, first)
             arrays = {name: getattr(part, name) for name in KEPT}
-            np.savez(place, **{name: array for name, array in arrays.items() if array is not None})
+            _keep(place, {name: array for name, array in arrays.items() if array is not None})
             parts.append((first, place))
+        if _stamp(path) != before:
+            raise FileError(path, "was changed while it was read in parts; run it again")
         yield ChunkedCampaign(path=path, rows=rows, step=step, sample=sample, parts=tuple(parts))
+
+
+def _stamp(path: Path) -> tuple[int, int, int] | None:
+    """What tells whether a file is the one that it was; None where it cannot be asked, of which its reader says why."""
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return status.st_ino, status.st_size, status.st_mtime_ns
+
+
+def _keep(place: Path, arrays: dict[str, np.ndarray]) -> None:
+    try:
+        np.savez(place, **arrays)  # pyright: ignore[reportArgumentType] - names of arrays, none of an option
+    except OSError as error:
+        raise _full(place, error) from error
+
+
+def _full(place: Path, error: OSError) -> FileError:
+    return FileError(
+        place, f"cannot be written: {error.strerror or error}; name a folder with room for the parts in TMPDIR"
+    )
 
 
 def _read(path: Path, folder: Path, content: bytes, robot: Robot, first: int) -> Campaign:
@@ -97,7 +123,10 @@ def _read(path: Path, folder: Path, content: bytes, robot: Robot, first: int) ->
         FileError: it cannot be read, or has something that only all rows tell.
     """
     place = folder / path.name
-    place.write_bytes(content)
+    try:
+        place.write_bytes(content)
+    except OSError as error:
+        raise _full(place, error) from error
     count = count_rows(place)
     try:
         campaign = read_campaign(place, robot)

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 
 from taskcal.errors import FileError, shown
+from taskcal.files import PART, beside, remove_strays
 from taskcal.programs.backup_path import ZIP
 from taskcal.programs.languages import LANGUAGES, Language
 from taskcal.programs.source import Backup, Source
@@ -59,6 +60,7 @@ def write_backup(backup: Backup, out: str | Path, sources: Sequence[Source]) -> 
     check_place(backup, out)
     contents = {source.path.relative_to(backup.path).as_posix(): source.encode() for source in sources}
     write = _write_folder if backup.path.is_dir() else _write_zip
+    remove_strays(out.resolve())
     try:
         write(backup.path, out, contents)
     except OSError as error:
@@ -87,26 +89,30 @@ def check_place(backup: Backup, out: Path) -> None:
 
 
 def _write_folder(path: Path, out: Path, contents: Mapping[str, bytes]) -> None:
-    with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.resolve().parent) as beside:
-        made = Path(beside) / "out"
+    place, left = out.resolve(), set(contents)
+    with tempfile.TemporaryDirectory(prefix=beside(place), suffix=PART, dir=place.parent) as part:
+        made = Path(part) / "out"
         made.mkdir()
         for name, own in _files_of(path):
             target = made / name
             target.parent.mkdir(parents=True, exist_ok=True)
             if name in contents:
                 target.write_bytes(contents[name])
+                left.discard(name)
             else:
                 shutil.copyfile(own, target)
+        _refuse_changed(path, left)
         if out.is_dir():
             out.rmdir()
         os.replace(made, out)
 
 
 def _write_zip(path: Path, out: Path, contents: Mapping[str, bytes]) -> None:
-    handle, beside = tempfile.mkstemp(prefix=f".{out.name}.", dir=out.resolve().parent)
+    place, left = out.resolve(), set(contents)
+    handle, part = tempfile.mkstemp(prefix=beside(place), suffix=PART, dir=place.parent)
     os.close(handle)
     try:
-        with open_zip(path, ZIPPED) as packed, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as made:
+        with open_zip(path, ZIPPED) as packed, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as made:
             for entry in packed.entries:
                 again = zipfile.ZipInfo(entry.name, entry.info.date_time)
                 again.compress_type = zipfile.ZIP_DEFLATED
@@ -114,12 +120,24 @@ def _write_zip(path: Path, out: Path, contents: Mapping[str, bytes]) -> None:
                 with made.open(again, "w", force_zip64=True) as target:
                     if entry.name in contents:
                         target.write(contents[entry.name])
+                        left.discard(entry.name)
                     elif not entry.is_folder:
                         for piece in packed.pieces(entry):
                             target.write(piece)
-        os.replace(beside, out)
+        _refuse_changed(path, left)
+        os.replace(part, out)
     finally:
-        Path(beside).unlink(missing_ok=True)
+        Path(part).unlink(missing_ok=True)
+
+
+def _refuse_changed(path: Path, left: set[str]) -> None:
+    """See that every file of the program was still there.
+
+    Raises:
+        FileError: it was not, and what is written would lack it.
+    """
+    if left:
+        raise FileError(path, f"was replaced while it was read: {shown(min(left))} is not in it any more; run it again")
 
 
 def open_backup(path: str | Path) -> tuple[Backup, tuple[Source, ...]]:

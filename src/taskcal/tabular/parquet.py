@@ -17,6 +17,13 @@ MARK = b"PAR1"
 MAX_CELLS = 20_000_000
 """Of a file that is read whole: a million poses of six joints, a point and some more; each cell becomes text on the way."""
 
+FEW_CELLS, CELLS_A_BYTE = 500_000, 0.5
+"""That any file may have, and beyond them for each byte: measured numbers pack to two bytes and more, and what packs to less costs
+the same time."""
+
+MAX_TEXT_MB = 200.0
+"""Of all columns as they are unpacked, and of the texts of one, 10⁶ bytes."""
+
 GROUP_ROWS = 65_536
 """Rows that are packed together."""
 
@@ -40,25 +47,44 @@ def read_parquet(path: Path, content: bytes) -> Sheet:
         FileError: it is damaged, or holds too much.
         TaskcalError: pyarrow is not installed.
     """
-    pyarrow, parquet = _pyarrow()
-    try:
-        file: Any = parquet.ParquetFile(io.BytesIO(content))
-        rows, names = file.metadata.num_rows, list(file.schema_arrow.names)
-        if rows * len(names) > MAX_CELLS:
-            raise FileError(
-                path,
-                f"has {rows} rows of {len(names)} columns, more than {MAX_CELLS} cells; divide it, or thin out its rows",
-            )
-        table = file.read()
-    except (pyarrow.ArrowException, OSError, ValueError) as error:
-        raise FileError(path, f"is a damaged Parquet file ({shown(error)}); save it again, or as CSV") from error
-    cells = zip(*(_texts(column.to_pylist()) for column in table.columns), strict=True)
+    with _opened(path, content) as file:
+        names = _checked_names(path, file, len(content))
+        columns = [_texts(path, name, column) for name, column in zip(names, file.read().columns, strict=True)]
+        rows = tuple(zip(*columns, strict=True))
     header = tuple(str(name).strip() for name in names)
-    return Sheet(path=path, rows=(header, *cells), lines=tuple(range(1, rows + 2)))
+    return Sheet(path=path, rows=(header, *rows), lines=tuple(range(1, len(rows) + 2)))
 
 
-def _texts(values: list[Any]) -> list[str]:
-    """Empty for what is lacking; NaN, which other programs write for that, too."""
+def _checked_names(path: Path, file: Any, size: int) -> list[str]:
+    """Names of the columns of a file that can be read whole.
+
+    Raises:
+        FileError: it has too many cells, or unpacks to too much.
+    """
+    groups = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
+    rows, names = max(file.metadata.num_rows, sum(group.num_rows for group in groups)), list(file.schema_arrow.names)
+    most = int(min(MAX_CELLS, FEW_CELLS + CELLS_A_BYTE * size))
+    if rows * len(names) > most:
+        raise FileError(
+            path, f"has {rows} rows of {len(names)} columns, more than {most} cells; divide it, or thin out its rows"
+        )
+    unpacked = sum(group.total_byte_size for group in groups) / 1e6
+    if unpacked > MAX_TEXT_MB:
+        raise FileError(path, f"unpacks to {unpacked:.0f} MB, more than {MAX_TEXT_MB:.0f} MB; divide it")
+    return names
+
+
+def _texts(path: Path, name: str, column: Any) -> list[str]:
+    """Cells of a column: empty for what is lacking; NaN, which other programs write for that, too.
+
+    Raises:
+        FileError: they are long texts again and again, each of which the file holds once.
+    """
+    kept = [chunk.dictionary for chunk in column.chunks if hasattr(chunk, "dictionary")]
+    longest = max((len(str(text)) for texts in kept for text in texts.to_pylist()), default=0)
+    if longest * len(column) > MAX_TEXT_MB * 1e6:
+        raise FileError(path, f"has texts of up to {longest} characters in {len(column)} rows", column=shown(name))
+    values: list[Any] = column.to_pylist()
     return ["" if value is None or value != value else str(value).strip() for value in values]
 
 
@@ -105,14 +131,30 @@ def every_row(path: Path, step: int, rows: int) -> bytes:
 
 
 @contextmanager
-def _opened(path: Path) -> Generator[Any, None, None]:
+def _opened(path: Path, content: bytes | None = None) -> Generator[Any, None, None]:
+    """A file whose columns are numbers, texts and the like, not lists; of texts each is held once.
+
+    Raises:
+        FileError: it is damaged, or has columns of lists or records, of which a few bytes may become any number.
+    """
     pyarrow, parquet = _pyarrow()
     try:
+        with parquet.ParquetFile(path if content is None else io.BytesIO(content)) as file:
+            metadata, schema = file.metadata, file.schema_arrow
+        for field in schema:
+            if pyarrow.types.is_nested(field.type):
+                message = "holds lists or records; write each number to a column of its own"
+                raise FileError(path, message, column=shown(field.name))
+        texts = [field.name for field in schema if field.type in (pyarrow.string(), pyarrow.binary())]
         # read ahead, it would come to hold the whole file
-        with parquet.ParquetFile(path, pre_buffer=False) as file:
+        source = path if content is None else io.BytesIO(content)
+        with parquet.ParquetFile(source, metadata=metadata, pre_buffer=False, read_dictionary=texts) as file:
             yield file
-    except (pyarrow.ArrowException, OSError) as error:
-        raise FileError(path, f"is a damaged Parquet file ({shown(error)}); save it again") from error
+    except TaskcalError:
+        raise
+    except Exception as error:
+        # pyarrow raises what damage happens to lead to: its own errors, an OSError, an OverflowError, a UnicodeDecodeError …
+        raise FileError(path, f"is a damaged Parquet file ({shown(error)}); save it again, or as CSV") from error
 
 
 def _packed(table: Any) -> bytes:

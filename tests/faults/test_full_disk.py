@@ -1,0 +1,121 @@
+"""No room and no right to write: no half file, no lost one, and a line that names the place."""
+
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taskcal.errors import FileError
+from taskcal.measurement import chunked_campaign
+from taskcal.measurement.chunked_campaign import campaign_in_chunks
+from taskcal.tabular.parquet import parquet_of
+from tests.cli.interruptions import COMMANDS, prepare
+from tests.faults.kills import digests
+from tests.measurement.known_campaign import ROBOT
+
+ROOM = 50
+"""Bytes that a file may get; none that a command writes has fewer."""
+
+
+def _bounded() -> None:
+    """As on a full disk, writing fails at some byte; a cache of compiled code that cannot be written costs time alone."""
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM, ROOM))
+
+
+def without_room(folder, line: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "taskcal", *line.split()], cwd=folder, capture_output=True, text=True, check=False,
+        preexec_fn=_bounded, stdin=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
+def refused(ended: subprocess.CompletedProcess[str], reason: str) -> bool:
+    """Whether it ended with a line that says why, and with nothing of Python's."""
+    last = ended.stderr.strip().splitlines()[-1]
+    return ended.returncode == 1 and reason in last and "Traceback" not in ended.stderr and "itself failed" not in last
+
+
+def test_a_robot_is_not_written_half_where_there_is_no_room(tmp_path):
+    (tmp_path / "table.csv").write_text("joint,alpha_deg,a_mm,d_mm,theta_offset_deg\nJ1,0,500,0,0\n")
+    (tmp_path / "new.toml").write_text("old")
+    before = digests(tmp_path)
+    ended = without_room(tmp_path, COMMANDS["import"] + " --force")
+    assert refused(ended, "new.toml: cannot be written: File too large"), ended.stderr
+    assert digests(tmp_path) == before
+    assert not list(tmp_path.glob("*.part"))
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("inputs")
+    prepare(folder)
+    return folder
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "command", [name for name, line in COMMANDS.items() if "-o" in line.split() and name != "demo full"]
+)
+def test_no_command_leaves_half_a_file_where_there_is_no_room(command, inputs, tmp_path):
+    folder = tmp_path / "folder"
+    shutil.copytree(inputs, folder)
+    before = digests(folder)
+    ended = without_room(folder, COMMANDS[command])
+    assert refused(ended, "File too large"), ended.stderr
+    assert digests(folder) == before
+    assert not list(folder.rglob("*.part"))
+
+
+@pytest.fixture
+def closed():
+    """A folder in which a table lies and nothing may be written, and who has to try: root may write anywhere."""
+    with tempfile.TemporaryDirectory(prefix="taskcal-closed-") as name:
+        folder = Path(name)
+        (folder / "table.csv").write_text("joint,alpha_deg,a_mm,d_mm,theta_offset_deg\nJ1,0,500,0,0\n")
+        folder.chmod(0o555)
+        nobody = {"user": 65534, "group": 65534, "extra_groups": []} if os.geteuid() == 0 else {}
+        try:
+            tried = subprocess.run([sys.executable, "-c", "import taskcal"], capture_output=True, check=False, **nobody)
+            can = tried.returncode == 0
+        except PermissionError:
+            can = False
+        if not can:
+            pytest.skip("Taskcal lies where only root can read it")
+        yield folder, nobody
+        folder.chmod(0o755)
+
+
+def test_a_folder_that_may_only_be_read_is_named(closed):
+    folder, nobody = closed
+    ended = subprocess.run(
+        [sys.executable, "-m", "taskcal", *COMMANDS["import"].split()],
+        cwd=folder, capture_output=True, text=True, check=False, **nobody,
+    )  # fmt: skip
+    assert refused(ended, "new.toml: cannot be written: folder '.' is not yours to write in"), ended.stderr
+    assert [path.name for path in folder.iterdir()] == ["table.csv"]
+
+
+def test_parts_of_a_large_campaign_that_find_no_room_say_where(tmp_path, monkeypatch):
+    header = ["id", *(f"q{k}_deg" for k in range(1, 7)), "x_mm", "y_mm", "z_mm"]
+    path = tmp_path / "large.parquet"
+    rng = np.random.default_rng(0)
+    rows = [[str(k), *map(repr, rng.uniform(-90, 90, 6).tolist()), "500.5", "1.5", repr(300.0 + k)] for k in range(40)]
+    path.write_bytes(parquet_of(header, rows))
+
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(chunked_campaign.np, "savez", full)
+    with (
+        pytest.raises(FileError, match=r"No space left on device; name a folder with room for the parts in TMPDIR"),
+        campaign_in_chunks(path, ROBOT),
+    ):
+        pass
