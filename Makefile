@@ -14,7 +14,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help demo studio test test-quick test-long browser lint format types layers docs bench bench-guard bench-smoke peers clean
+.PHONY: help demo studio test test-quick test-long fuzz browser lint format types layers docs bench bench-guard bench-smoke peers clean
 
 help:  ## list these targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
@@ -33,6 +33,9 @@ test-quick: $(VENV)/.test  ## run some tests of every file on few examples, for 
 
 test-long: $(VENV)/.test  ## run the experiments that take minutes each
 	$(BIN)/python -m pytest --numprocesses auto -m "long and not browser"
+
+fuzz: $(VENV)/.test  ## damage some files of every kind at random, other ones than the tests do
+	$(BIN)/python -m tests.readers.fuzz
 
 browser: $(VENV)/.dev  ## open reports, documents and studio in a real browser (Debian's chromium); screenshots in build/pictures
 	TASKCAL_PICTURES="$${TASKCAL_PICTURES:-build/pictures}" timeout 1500 $(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m browser

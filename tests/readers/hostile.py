@@ -23,7 +23,7 @@ from pathlib import Path
 from taskcal.errors import TaskcalError
 from taskcal.measurement.reader import read_campaign
 from tests.measurement.known_campaign import ROBOT
-from tests.readers.fuzz import READERS
+from tests.readers.readers import READERS
 from tests.tabular.test_spreadsheet import book
 
 MEGABYTE = 1_000_000

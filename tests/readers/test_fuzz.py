@@ -3,7 +3,8 @@
 import pytest
 
 from taskcal.errors import TaskcalError
-from tests.readers.fuzz import READERS, check_case
+from tests.readers.fuzz import check_case
+from tests.readers.readers import READERS
 
 
 @pytest.mark.parametrize("kind", READERS)
