@@ -43,7 +43,7 @@ def answer(gate: dict[str, Any], scope: dict[str, Any], headers: dict[str, str],
 
     raw = [(name.encode(), value.encode()) for name, value in headers.items()]
     whole = {"method": "GET", "raw_path": b"/robot", "query_string": b"", **scope, "headers": raw}
-    asyncio.run(Gate(app=count_bytes, **gate)(whole, receive, send))
+    asyncio.run(Gate(**{"app": count_bytes, **gate})(whole, receive, send))
     return sent
 
 
@@ -93,6 +93,43 @@ def test_bodies_are_bounded_by_what_they_say_and_by_what_they_are() -> None:
     assert status(gate, HTTP, {**HERE, "content-length": "-1"}) == 400
     assert status(gate, HTTP, HERE, body=b"x" * 101) == 413
     assert answer(gate, HTTP, HERE, body=b"x" * 100)[1]["body"] == b"100"
+
+
+async def fail_as_libraries_do(scope: Any, receive: Any, send: Any) -> None:
+    """An application that answers every failure of its own by itself, and then raises it."""
+    try:
+        await count_bytes(scope, receive, send)
+    except Exception:
+        await send({"type": "http.response.start", "status": 500, "headers": []})
+        await send({"type": "http.response.body", "body": b"Internal Server Error"})
+        raise
+
+
+def test_a_refused_body_is_said_to_be_one_whatever_the_application_makes_of_it() -> None:
+    gate = {**LOOPBACK, "app": fail_as_libraries_do, "max_body": 100}
+    sent = answer(gate, HTTP, HERE, body=b"x" * 101)
+    assert [message.get("status") for message in sent] == [413, None]
+
+
+def test_a_body_that_comes_too_slowly_is_refused() -> None:
+    async def ask(*pauses: float) -> list[Any]:
+        sent: list[Any] = []
+        left = list(pauses)
+
+        async def receive() -> Any:
+            await asyncio.sleep(left.pop(0))
+            return {"type": "http.request", "body": b"x", "more_body": bool(left)}
+
+        async def send(message: Any) -> None:
+            sent.append(message)
+
+        scope = {**HTTP, "method": "POST", "raw_path": b"/", "headers": [(b"host", b"127.0.0.1:8421")]}
+        await Gate(app=count_bytes, body_s=0.2, **LOOPBACK)(scope, receive, send)
+        return sent
+
+    assert asyncio.run(ask(0.0, 5.0))[0]["status"] == 408
+    assert asyncio.run(ask(0.0, 0.15, 0.15))[0]["status"] == 408
+    assert asyncio.run(ask(0.0, 0.01))[0]["status"] == 200
 
 
 def test_where_others_reach_it_a_token_is_asked_for_once() -> None:

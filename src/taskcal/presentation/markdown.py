@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 
+from taskcal.errors import printable
 from taskcal.presentation.content import Chart, Commands, Numbers, Points, Scene, Section, Table, Text
 from taskcal.presentation.report import Page
 
@@ -39,7 +40,7 @@ def _blocks(section: Section, figures: Mapping[str, str]) -> list[str]:
                     )
                 )
             case Commands(lines):
-                out.append(f"```\n{lines}\n```")
+                out.append(_fenced(lines))
             case Table():
                 out += _table(block)
             case Chart() | Scene():
@@ -69,6 +70,13 @@ def _row(cells: tuple[str, ...]) -> str:
     return f"| {' | '.join(_plain(cell) for cell in cells)} |"
 
 
+def _fenced(lines: str) -> str:
+    """Lines as they are, between fences longer than any that a name in them could be."""
+    fence = "`" * (1 + max([2, *map(len, re.findall("`+", lines))]))
+    shown = printable(lines, keep="\n")
+    return f"{fence}\n{shown}\n{fence}"
+
+
 def _plain(text: str) -> str:
-    """Text on one line in which nothing of a file's names acts as Markdown or HTML."""
-    return re.sub(r"([\\`*_\[\]<>|#])", r"\\\1", " ".join(text.split()))
+    """Text on one line in which nothing of a file's names acts as Markdown or HTML, or commands a terminal that shows it."""
+    return re.sub(r"([\\`*_~\[\]<>&|#])", r"\\\1", printable(" ".join(text.split())))

@@ -11,6 +11,7 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from taskcal.presentation.content import Chart, Scene, Section
+from taskcal.presentation.figure_json import figure_json
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -53,7 +54,7 @@ def report_html(title: str, sections: Sequence[Section], *, lead: str = "", foot
 
 
 def _chart_json(chart: Chart) -> Markup:
-    return _for_script(str(chart.figure.to_json()))
+    return _for_script(figure_json(chart.figure))
 
 
 def _scene_json(scene: Scene) -> Markup:

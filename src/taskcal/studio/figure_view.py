@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 from nicegui.element import Element
 
+from taskcal.presentation.figure_json import figure_json
 from taskcal.studio.controls import set_attribute, text
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ def figure(caption: str, drawn: "go.Figure", note: str = "") -> Element:
         drawn: the figure.
         note: how to read it.
     """
-    content = json.loads(drawn.to_json() or "{}")
+    content = json.loads(figure_json(drawn))
     with ui.element("figure").classes("chart") as whole:
         text("figcaption", caption)
         shown = ui.plotly({**content, "config": {"displayModeBar": False, "responsive": True}})

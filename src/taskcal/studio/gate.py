@@ -1,6 +1,8 @@
 """What is let through to the studio: its own pages' requests, to its own address, of bounded size."""
 
+import asyncio
 from collections.abc import Awaitable, Callable, MutableMapping
+from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from hmac import compare_digest
@@ -15,6 +17,9 @@ Application = Callable[[Message, Receive, Send], Awaitable[None]]
 
 MAX_BODY_BYTES = 52_000_000
 """A little more than Taskcal reads of one file, for what surrounds an upload."""
+
+BODY_S = 300.0
+"""Seconds in which a body has to be here; 52 MB in 300 s is a slow wireless network."""
 
 COOKIE = "taskcal-studio"
 """Beginning of a cookie's name; browsers keep cookies by host and not by port, so that two studios need two names."""
@@ -35,8 +40,8 @@ HEADERS = (
 )
 
 
-class _TooLarge(Exception):
-    """A body of more bytes than are taken."""
+class _Refused(Exception):
+    """A body that is too large or too slow: its answer is given, and the application has nothing more to say."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +55,8 @@ class Gate:
     token: str = ""
     """Asked for once, in the address, and then kept in a cookie; none is asked for where it is empty."""
     max_body: int = MAX_BODY_BYTES
+    body_s: float = BODY_S
+    """In which a body has to arrive, seconds."""
 
     async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
         """Let a request through, or refuse it in a line of text."""
@@ -98,18 +105,36 @@ class Gate:
         await send({"type": "http.response.body", "body": b""})
 
     async def _let_through(self, scope: Message, receive: Receive, send: Send) -> None:
-        taken, begun = 0, False
+        taken, whole, begun, refused = 0, False, False, False
+        latest = asyncio.get_running_loop().time() + self.body_s
 
-        async def counted() -> Message:
-            nonlocal taken
-            message = await receive()
+        async def refuse(status: int, why: str) -> None:
+            nonlocal refused
+            refused = True
+            if not begun:
+                await _refuse(scope, receive, send, status, why)
+            raise _Refused
+
+        async def bounded() -> Message:
+            nonlocal taken, whole
+            if whole:  # what comes now is the end of the connection, whenever that is
+                return await receive()
+            try:
+                async with asyncio.timeout_at(latest):
+                    message = await receive()
+            except TimeoutError:
+                await refuse(408, f"The request was not here after {self.body_s:.0f} seconds.")
+                raise
+            whole = message["type"] != "http.request" or not message.get("more_body", False)
             taken += len(message.get("body", b"")) if message["type"] == "http.request" else 0
             if taken > self.max_body:
-                raise _TooLarge
+                await refuse(413, f"Larger than {self.max_body // 1_000_000} MB.")
             return message
 
         async def with_headers(message: Message) -> None:
             nonlocal begun
+            if refused:  # the application takes its refused request for a failure of its own, and would say so
+                return
             if message["type"] == "http.response.start":
                 begun = True
                 own = [(name.lower(), value) for name, value in message.get("headers", [])]
@@ -117,11 +142,8 @@ class Gate:
                 message = {**message, "headers": [*own, *(header for header in HEADERS if header[0] not in stated)]}
             await send(message)
 
-        try:
-            await self.app(scope, counted, with_headers)
-        except _TooLarge:
-            if not begun:
-                await _refuse(scope, receive, send, 413, f"Larger than {self.max_body // 1_000_000} MB.")
+        with suppress(_Refused):
+            await self.app(scope, bounded, with_headers)
 
 
 def cookie_name(token: str) -> str:

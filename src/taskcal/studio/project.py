@@ -1,5 +1,6 @@
 """A project: a folder of plain files, and which of them are being worked with."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -59,12 +60,24 @@ ProjectFile = Annotated[str, AfterValidator(_inside)]
 """A path from the project's folder, or nothing."""
 
 
+def _robot(named: str) -> str:
+    """A robot of the catalogue or of the project: whoever opens a project of others reads no other file by it."""
+    folder, apart, name = named.partition("/")
+    own = folder == LAYOUT.robots and name not in ("", ".", "..") and not set(name) & set("/\\:")
+    if own if apart else re.fullmatch(r"[\w.+-]*", named):
+        return named
+    raise ValueError("must be a name of the catalogue, or a file in robots, such as robots/mine.toml")
+
+
+RobotName = Annotated[str, AfterValidator(_robot)]
+"""A name of the catalogue, or a file in ``robots``; or nothing."""
+
+
 class Choices(Section):
     """What is being worked with, as ``project.toml`` says it."""
 
     name: str = Field(min_length=1, max_length=200)
-    robot: str = ""
-    """A name of the catalogue, or a file in ``robots``."""
+    robot: RobotName = ""
     campaign: ProjectFile = ""
     task: ProjectFile = ""
     station: ProjectFile = ""

@@ -15,7 +15,7 @@ from nicegui import ui
 from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 
-from taskcal.errors import TaskcalError
+from taskcal.errors import TaskcalError, printable
 from taskcal.studio.controls import text
 from taskcal.studio.dropped_files import receiver
 from taskcal.studio.gate import Gate
@@ -115,9 +115,11 @@ def application(studio: Studio, address: Address, port: int) -> Gate:
 
 def serve(studio: Studio, address: Address, bound: socket.socket) -> None:
     """Serve until the process is told to end."""
+    show_log()
     port = bound.getsockname()[1]
     config = uvicorn.Config(
         application(studio, address, port),
+        log_config=None,
         log_level="error",
         access_log=False,
         server_header=False,
@@ -125,6 +127,20 @@ def serve(studio: Studio, address: Address, bound: socket.socket) -> None:
         timeout_graceful_shutdown=2,
     )
     asyncio.run(uvicorn.Server(config).serve(sockets=[bound]))
+
+
+class _Plain(logging.Formatter):
+    """What is logged, with names from files that are no commands to a terminal."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return printable(super().format(record), keep="\n\t")
+
+
+def show_log() -> None:
+    """What goes wrong is said on standard error, where whoever started the studio sees it."""
+    shown = logging.StreamHandler()
+    shown.setFormatter(_Plain())
+    logging.basicConfig(handlers=[shown], level=logging.WARNING)
 
 
 def _begin() -> RedirectResponse:

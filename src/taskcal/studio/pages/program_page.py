@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 from jaxtyping import Float
@@ -164,9 +165,8 @@ async def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> No
     with ui.element("div").classes("row"):
         for path in (*result["written"], *([result["report"]] if result["report"] else [])):
             keep = "?keep=1" if path.endswith(".html") else ""
-            text("a", texts("program.download", name=Path(path).name)).props(f'href="/file/{path}{keep}"').classes(
-                "act plain"
-            )
+            link = text("a", texts("program.download", name=Path(path).name)).classes("act plain")
+            set_attribute(link, "href", f"/file/{quote(path)}{keep}")
     placed = await asyncio.to_thread(_place, result, project)
     if placed is not None:
         _along(*placed, texts)

@@ -1,0 +1,62 @@
+"""Names that an attacker chose: in files that commands read, nothing of them commands a terminal or a page."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from taskcal.presentation.figure_json import figure_json
+from tests.studio.hostile_project import MARKUP, write_campaign, write_robot
+
+COMMANDS = set("\x1b\x07\x9b")
+
+
+@pytest.fixture(scope="module")
+def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("hostile")
+    write_robot(folder / "robot.toml")
+    write_campaign(folder / "measured.csv")
+    (folder / "broken.csv").write_text((folder / "measured.csv").read_text(encoding="utf-8").replace(",", ",x", 40))
+    return folder
+
+
+@pytest.mark.slow
+def test_no_command_passes_on_what_names_tell_the_terminal_or_the_page(run, hostile: Path) -> None:
+    robot, campaign, saved = (hostile / name for name in ("robot.toml", "measured.csv", "c.json"))
+    page, text = hostile / "page.html", hostile / "page.md"
+    commands = [
+        ["robots", robot],
+        ["convert", campaign, "--robot", robot, "-o", hostile / "plain.csv"],
+        ["identify", "--robot", robot, campaign, "-o", saved, "--parameters"],
+        ["validate", saved, campaign],
+        ["doctor", campaign, "--robot", robot],
+        ["doctor", hostile / "broken.csv", "--robot", robot],
+        ["report", saved, "--output", page, "--markdown", text],
+    ]
+    for command in commands:
+        for form in ([], ["--json"]) if command[0] in ("identify", "validate", "doctor") else ([],):
+            ended = run(*command, *form, *(["--force"] if form and command[0] == "identify" else []))
+            assert ended.out + ended.err
+            assert not COMMANDS & set(ended.out + ended.err), command[0]
+            assert "Taskcal itself failed" not in ended.err, ended.err
+    assert "\\x1b" in run("robots", robot).out
+    shown = page.read_text(encoding="utf-8")
+    assert "window.attacked" in shown
+    assert "<img src=x" not in re.sub(r"<script type=.application/json.*?</script>", "", shown, flags=re.DOTALL)
+    assert "<script>window.attacked" not in shown
+    written = text.read_text(encoding="utf-8")
+    assert not COMMANDS & set(written)
+    assert not re.search(r"(?<!\\)<", written)
+
+
+@pytest.mark.parametrize(
+    "name", [MARKUP, "<a href='http://evil.example'>here</a>", "\\<A href=x>", "\\\\u003ca>", "a<ab>c<b>d"]
+)
+def test_a_name_in_a_figure_is_no_link_and_stays_what_it_is(name: str) -> None:
+    import plotly.graph_objects as go
+
+    figure = go.Figure(go.Scatter(x=[1.0], y=[2.0], name=name, text=[name]))
+    drawn = json.loads(figure_json(figure))["data"][0]
+    assert not re.search(r"</?[aA]\b", drawn["name"] + drawn["text"][0])
+    assert drawn["name"].replace("&lt;", "<") == name
