@@ -49,3 +49,14 @@ def test_poses_along_a_line_are_visited_along_it():
     shuffled = q[rng.permutation(20)]
     found = shuffled[order_visits(robot, shuffled)]
     assert cost(found) <= 2.0 + 1e-9  # from end to end, without turning back
+
+
+@given(generators, st.integers(3, 25))
+@settings(max_examples=15)
+def test_no_part_visited_the_other_way_round_shortens_the_way(rng, n):
+    robot = robot_from(industrial(rng))
+    q = rng.uniform(-2, 2, (n, 6))
+    found = q[order_visits(robot, q)]
+    for i in range(n - 1):
+        for j in range(i + 2, n + 1):
+            assert cost(np.concatenate([found[:i], found[i:j][::-1], found[j:]])) >= cost(found) - 2e-9

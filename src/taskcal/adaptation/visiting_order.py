@@ -29,20 +29,37 @@ def order_visits(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Int[np.ndarr
         tour.append(int(rest[np.argmin(np.abs(q[rest] - q[tour[-1]]).max(axis=1))]))
         left.remove(tour[-1])
     best = min(np.array(tour), np.arange(n), key=lambda order: _cost(q[order]))
-    cost = _cost(q[best])
     improved = True
     while improved:
         improved = False
         for i in range(n - 1):
-            for j in range(i + 2, n + 1):
-                trial = np.concatenate([best[:i], best[i:j][::-1], best[j:]])
-                length = _cost(q[trial])
-                if length < cost - 1e-9:
-                    best, cost, improved = trial, length, True
+            j = i + 2
+            while j <= n:
+                shorter = np.flatnonzero(_changes(q[best], i, np.arange(j, n + 1)) < -1e-9)
+                if not len(shorter):
+                    break
+                j += int(shorter[0])
+                best[i:j] = best[i:j][::-1].copy()
+                improved, j = True, j + 1
     return best
 
 
-def _cost(q: Float[np.ndarray, "n joints"]) -> float:
-    step = np.diff(q, axis=0)
-    turns = np.count_nonzero(step[1:] * step[:-1] < 0.0)
-    return float(np.abs(step).max(axis=1).sum()) + REVERSAL * turns
+def _changes(q: Float[np.ndarray, "n joints"], i: int, ends: Int[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+    """By how much the cost changes where the poses from i up to each of some ends are visited the other way round.
+
+    Only the steps into that part and out of it change, and the turns beside them.
+    """
+    nowhere = np.full((2, q.shape[1]), np.nan)
+    around = np.concatenate([nowhere, q, nowhere])
+    j, k = ends + 2, np.full(len(ends), i + 2)
+    before = np.stack([[k - 2, k - 1, k, k + 1], [j - 2, j - 1, j, j + 1]])
+    after = np.stack([[k - 2, k - 1, j - 1, j - 2], [k + 1, k, j, j + 1]])
+    first, then = (_cost(around[part.transpose(0, 2, 1)]).sum(axis=0) for part in (before, after))
+    return then - first
+
+
+def _cost(q: Float[np.ndarray, "*ways n joints"]) -> Float[np.ndarray, "*ways"]:
+    """Of every way through n poses; steps from or to a pose that is not a number cost nothing."""
+    step = np.diff(q, axis=-2)
+    turns = np.count_nonzero(step[..., 1:, :] * step[..., :-1, :] < 0.0, axis=(-2, -1))
+    return np.asarray(np.nan_to_num(np.abs(step).max(axis=-1)).sum(axis=-1) + REVERSAL * turns)
