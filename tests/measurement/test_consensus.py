@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from taskcal.demo.reference import reference_task
+from taskcal.errors import CampaignError
 from taskcal.measurement import consensus
 from taskcal.measurement.consensus import find_consensus
 from taskcal.measurement.registration import nominal_poses, register
@@ -86,17 +87,34 @@ def test_of_very_many_rows_a_sample_finds_what_agrees(monkeypatch):
     np.testing.assert_allclose(found.registration.T_tracker_base, truth.T_tracker_base, atol=2e-4)
 
 
-def test_where_rows_agree_the_registration_is_that_of_the_nearer_three_quarters():
+@pytest.mark.parametrize("kind", KINDS)
+def test_where_all_rows_agree_the_registration_of_points_is_that_of_all_and_of_poses_that_of_the_nearer_three_quarters(
+    kind,
+):
     rng = np.random.default_rng(7)
     model = arm(rng)
     x = rng.normal(size=len(model)) * model.tolerances
-    campaign, _ = measure(rng, model, industrial_positions(rng, 40), x, sigma=1e-5)
+    campaign, _ = measure(rng, model, industrial_positions(rng, 40), x, sigma=1e-5, **KINDS[kind])
     poses = nominal_poses(model, campaign)
     found = find_consensus(model, campaign, poses)
-    nearer = np.sort(np.argsort(found.distance)[:30])
-    again = register(model, campaign.take(nearer), poses[nearer])
-    np.testing.assert_allclose(found.registration.T_tracker_base, again.T_tracker_base, atol=1e-7)
-    assert found.rows.all()
+    assert found.rows[campaign.seen].all()
+    assert found.of_all == (kind != "poses")
+    if found.of_all:
+        again, atol = register(model, campaign, poses), 0.0
+    else:
+        nearer = np.sort(np.argsort(found.distance)[:30])
+        again, atol = register(model, campaign.take(nearer), poses[nearer]), 1e-6
+    for one in ("T_tracker_base", "T_tool_target", "unobservable"):
+        np.testing.assert_allclose(getattr(found.registration, one), getattr(again, one), rtol=0, atol=atol)
+
+
+def test_points_along_a_line_are_refused_though_they_agree():
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    q = np.zeros((12, 6))
+    q[:, 0] = np.linspace(0.0, 1e-4, 12)
+    campaign, _ = simulate(model, q, rng=np.random.default_rng(0), x=np.zeros(len(model)))
+    with pytest.raises(CampaignError, match="of one line, which does not fix the tracker frame"):
+        find_consensus(model, campaign, nominal_poses(model, campaign))
 
 
 @pytest.mark.parametrize("joint", [3, 4, 5])

@@ -16,7 +16,7 @@ from taskcal.estimation.blas import single_threaded
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.enough_rows import named_file
-from taskcal.measurement.registration import Registration, register_cloud, register_observations
+from taskcal.measurement.registration import Registration, register_cloud, register_observations, serves
 from taskcal.measurement.registration_cloud import Cloud
 from taskcal.robot.error_model import ErrorModel
 
@@ -49,11 +49,14 @@ class Consensus:
     rows: Bool[np.ndarray, " n"]
     """Those seen that agree; all of them where more than a quarter would not."""
     registration: Registration
-    """Of the best three quarters of the rows; where a tracker did not measure all, of those that its points leave."""
+    """Of all rows where `of_all`; else of the best three quarters; where a tracker did not measure all, of those that its points
+    leave."""
     distance: Float[np.ndarray, " n"]
     """How far each row is from where the registered nominal robot has it, metres; zero where nothing was seen."""
     of_all: bool = False
     """Whether the registration is that of all rows that were seen."""
+    first: Registration | None = None
+    """Of the rows that the search began with."""
 
     @property
     def trimmed(self) -> float:
@@ -83,6 +86,9 @@ def find_consensus(
     best: Consensus | None = None
     if len(seen) <= MANY:
         best = _settle(model, campaign, cloud, seen)
+        whole = None if best is None or not best.rows[seen].all() else best.first
+        if best is not None and whole is not None and serves(whole, cloud, campaign, model.robot.reach):
+            return replace(best, registration=whole, of_all=True)
     if best is None or not best.rows[seen].all():
         for start in _starts(model, campaign, poses, cloud, np.random.default_rng(seed)):
             trial = _settle(model, campaign, cloud, start)
@@ -138,6 +144,7 @@ def _by_kind(model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 
 def _settle(model: ErrorModel, campaign: Campaign, cloud: Cloud, rows: Int[np.ndarray, " k"]) -> Consensus | None:
     """Register on some rows, then on those that agree best, until these stay the same; None where that cannot be done."""
     reached: Consensus | None = None
+    first: Registration | None = None
     Z: np.ndarray | None = None
     seen = campaign.seen
     for _ in range(MAX_STEPS if len(rows) <= MANY else MANY_STEPS):
@@ -147,13 +154,13 @@ def _settle(model: ErrorModel, campaign: Campaign, cloud: Cloud, rows: Int[np.nd
         if not part.shows_all:
             return reached
         registration = register_cloud(part, Z)
-        Z = registration.T_tracker_base[:3, :3]
+        first, Z = first or registration, registration.T_tracker_base[:3, :3]
         distance = _distances(registration, cloud, len(campaign), model)
         agreed = seen
         near = distance <= max(FAR_SIGMAS * float(np.median(distance[seen])), TRACKER_NOISE)
         if near[seen].mean() >= TRUSTED_SHARE:
             agreed = np.asarray(agreed & near)
-        reached = Consensus(rows=agreed, registration=registration, distance=distance)
+        reached = Consensus(rows=agreed, registration=registration, distance=distance, first=first)
         following = _nearest(distance, np.flatnonzero(seen))
         if np.array_equal(following, rows):
             break

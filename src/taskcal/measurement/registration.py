@@ -164,6 +164,24 @@ def distances(
 
 def _register_points(T: np.ndarray, campaign: Campaign, reach: float) -> Registration:
     cloud = Cloud.of(T, campaign)
+    _check_extent(cloud, campaign, reach)
+    return _placed(_search(cloud, reach), np.broadcast_to(np.eye(3), (cloud.count, 3, 3)), cloud)
+
+
+def serves(found: Registration, cloud: Cloud, campaign: Campaign, reach: float) -> bool:
+    """Whether `register` would find the same of a campaign of points as `register_cloud` found of all of them.
+
+    Raises:
+        CampaignError: rows that do not determine the frames.
+    """
+    if cloud.Y is not None or found.rms > PLAUSIBLE_SHARE * reach:
+        return False
+    _check_extent(cloud, campaign, reach)
+    return True
+
+
+def _check_extent(cloud: Cloud, campaign: Campaign, reach: float) -> None:
+    """See that the points do not lie along one line."""
     p, y = cloud.p, cloud.y
     extent = np.sqrt(np.linalg.eigvalsh(cloud.moments.yy)[::-1].clip(min=0.0) / len(y))
     if extent[1] < 1e-3 * reach:
@@ -175,7 +193,6 @@ def _register_points(T: np.ndarray, campaign: Campaign, reach: float) -> Registr
             f"{named_file(campaign)}the measured points lie within {extent[1] * 1e3:.2f} mm of one line, which does not fix the "
             f"tracker frame; measure poses spread over a plane at least{hint}"
         )
-    return _placed(_search(cloud, reach), np.broadcast_to(np.eye(3), (cloud.count, 3, 3)), cloud)
 
 
 def _placed(Z: Float[np.ndarray, "3 3"], X: Float[np.ndarray, "targets 3 3"], cloud: Cloud) -> Registration:
@@ -271,7 +288,9 @@ def _unobservable(cloud: Cloud, rms: float) -> Float[np.ndarray, "offsets offset
 
 def _confirmed(R: Float[np.ndarray, "n 3 3"]) -> Bool[np.ndarray, " n"]:
     """Points but for the few that are turned farthest away from the middle of all."""
-    middle = se3.nearest_rotation(np.median(R, axis=0))
+    low, high = (len(R) - 1) // 2, len(R) // 2
+    ordered = np.partition(R, (low, high), axis=0)
+    middle = se3.nearest_rotation(0.5 * (ordered[low] + ordered[high]))
     turned = 3.0 - np.einsum("ij,nij->n", middle, R)
     few = max(int(MINORITY_SHARE * len(R)), 1)
     return turned <= np.partition(turned, len(R) - few - 1)[max(len(R) - few - 1, 0)] + 1e-12
