@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 
 from taskcal.adaptation.candidates import enlarge, measuring_task
+from taskcal.adaptation.chosen_poses import PoseChoice
 from taskcal.adaptation.geometry_allowance import allow_geometry
-from taskcal.adaptation.plan import plan
+from taskcal.adaptation.plan_options import PlanOptions
 from taskcal.adaptation.selection import select
 from taskcal.adaptation.studied_robot import StudySetting, errors_before, try_robot
 from taskcal.adaptation.study_options import StudyChoices, StudyOptions
@@ -227,10 +228,11 @@ def _prepare(model: ErrorModel, task: Task, options: StudyOptions) -> StudySetti
     goal = reach_task(model, task, 200, seed)
     room = enlarge(task, model) if options.aligned else measuring_task(model, task)
     fixed: dict[str, np.ndarray] = {}
+    asked = PlanOptions(seed=seed, noise=noise, model_error=model_error.position)
+    planning = PoseChoice.among(model, task, asked) if "planned" in options.plans else None
     for count in options.counts:
-        if "planned" in options.plans:
-            planned = plan(model, task, count, seed=seed, noise=noise, model_error=model_error.position)
-            fixed[f"planned {count}"] = planned.q
+        if planning is not None:
+            fixed[f"planned {count}"] = planning.choose(count).q
         if "grid" in options.plans:
             fixed[f"grid {count}"] = reach_task(model, room, count, 0).q
     fits = {name: replace(_fit_of(robots, task, name), noise=noise) for name in options.models}
