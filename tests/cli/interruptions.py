@@ -51,7 +51,7 @@ COMMANDS = {
     "export": "export cal.json --form urdf -o new.urdf",
     "register": f"register {ROBOT} c.csv -o new.json",
     "poses": f"poses {ROBOT} joints.csv -o new.csv",
-    "fleet": f"fleet fleet --identify {ROBOT} --folds 2 -o table.csv",
+    "fleet": f"fleet fleet --identify {ROBOT} --folds 2 -o robots.csv",
     "demo": "demo -o demo",
     "demo full": "demo --full -o demo",
 }
