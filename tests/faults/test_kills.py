@@ -35,4 +35,4 @@ def test_a_killed_command_leaves_no_half_file_and_the_next_run_works(command, tm
     prepare(folder)
     killed, wrong = check(folder, COMMANDS[command], 6, random.Random(0))
     assert not wrong
-    assert killed >= 2
+    assert killed >= 1

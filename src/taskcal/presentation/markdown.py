@@ -79,4 +79,4 @@ def _fenced(lines: str) -> str:
 
 def _plain(text: str) -> str:
     """Text on one line in which nothing of a file's names acts as Markdown or HTML, or commands a terminal that shows it."""
-    return re.sub(r"([\\`*_~\[\]<>&|#])", r"\\\1", printable(" ".join(text.split())))
+    return re.sub(r"([\\`*_~\[\]<>|#]|&(?=#?\w+;))", r"\\\1", printable(" ".join(text.split())))
