@@ -74,12 +74,11 @@ def test_no_command_leaves_half_a_file_where_there_is_no_room(command, inputs, t
 
 
 def _like_others() -> None:
-    """Root may write anywhere, until it gives up the right to (CAP_DAC_OVERRIDE, by PR_CAPBSET_DROP)."""
+    """Root may write anywhere, until it gives up the right to: on Linux, CAP_DAC_OVERRIDE by PR_CAPBSET_DROP."""
     if os.geteuid() == 0:
         assert ctypes.CDLL(None).prctl(24, 1, 0, 0, 0) == 0
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="root gives up its rights as on Linux")
 def test_a_folder_that_may_only_be_read_is_named(tmp_path):
     (tmp_path / "table.csv").write_text("joint,alpha_deg,a_mm,d_mm,theta_offset_deg\nJ1,0,500,0,0\n")
     tmp_path.chmod(0o555)
