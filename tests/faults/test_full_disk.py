@@ -30,9 +30,11 @@ def _bounded() -> None:
 
 
 def without_room(folder, line: str) -> subprocess.CompletedProcess[str]:
+    """Bytecode is not written: Python would leave it cut off beside the sources, for all tests that run at the same time."""
     return subprocess.run(
         [sys.executable, "-m", "taskcal", *line.split()], cwd=folder, capture_output=True, text=True, check=False,
         preexec_fn=_bounded, stdin=subprocess.DEVNULL,
+        env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"},
     )  # fmt: skip
 
 
@@ -50,6 +52,25 @@ def test_a_robot_is_not_written_half_where_there_is_no_room(tmp_path):
     assert refused(ended, "new.toml: cannot be written: File too large"), ended.stderr
     assert digests(tmp_path) == before
     assert not list(tmp_path.glob("*.part"))
+
+
+def test_bytecode_that_was_cut_off_is_named(tmp_path):
+    """Python keeps what it could write of it, and an end of file too soon looks to Typer like a question without an answer."""
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+
+    def run():
+        return subprocess.run(
+            [sys.executable, "-m", "taskcal", "robots"], cwd=tmp_path, capture_output=True, text=True, check=False,
+            env=environment | {"PYTHONPYCACHEPREFIX": str(tmp_path)}, stdin=subprocess.DEVNULL,
+        )  # fmt: skip
+
+    assert run().returncode == 0
+    (path,) = tmp_path.rglob("commands/robots*.pyc")
+    path.write_bytes(path.read_bytes()[:ROOM])
+    ended = run()
+    assert refused(ended, f"{path}: what Python compiled is cut off"), ended.stderr
+    path.unlink()
+    assert run().returncode == 0
 
 
 @pytest.fixture(scope="module")

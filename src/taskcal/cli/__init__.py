@@ -5,6 +5,7 @@ import sys
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from threading import Event
+from traceback import walk_tb
 from typing import Annotated, Any
 
 import typer
@@ -51,11 +52,25 @@ def _fit_to_show() -> Generator[None, None, None]:
     """What is said of wrong usage repeats the argument, which may be long or command the terminal."""
     try:
         yield
+    except EOFError as failure:
+        clear_sign()
+        raise _cut_off(failure) from failure  # else Typer takes it for a question that got no answer: "Aborted!"
     except Exception as error:
         clear_sign()
         if isinstance(message := getattr(error, "message", None), str):
             error.message = for_terminal(shortened(message, MESSAGE_CHARACTERS))  # pyright: ignore
         raise
+
+
+def _cut_off(failure: EOFError) -> Exception:
+    """What a file that ends too soon is: bytecode, which Python writes without looking whether the disk had room for all of it."""
+    frames = [frame for frame, _ in walk_tb(failure.__traceback__)]
+    paths = [path for frame in frames if isinstance(path := frame.f_locals.get("bytecode_path"), str)]
+    if not paths:
+        return RuntimeError(f"EOFError: {failure}")
+    return TaskcalError(
+        f"{paths[-1]}: what Python compiled is cut off, as where a disk was full; remove it, it is made anew"
+    )
 
 
 app = typer.Typer(
