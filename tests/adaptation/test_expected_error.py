@@ -28,7 +28,7 @@ def cell():
 @pytest.mark.parametrize(
     "dropped",
     [
-        (),
+        pytest.param((), marks=pytest.mark.long),
         pytest.param(("J2.tz", "J3.tz", "J6"), marks=pytest.mark.long),
         pytest.param(("J4.rx", "J3.ry", "J2.tx", "loop"), marks=pytest.mark.long),
         ("J1", "J2", "J3", "tool", "J5"),

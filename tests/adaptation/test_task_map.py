@@ -151,7 +151,12 @@ def test_a_list_of_poses_has_no_slices(model):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("pose", "spread_deg"), [pytest.param(False, 20.0, marks=pytest.mark.long), (False, 0.0), (True, 20.0)]
+    ("pose", "spread_deg"),
+    [
+        (False, 0.0),
+        pytest.param(False, 20.0, marks=pytest.mark.long),
+        pytest.param(True, 20.0, marks=pytest.mark.long),
+    ],
 )
 def test_intervals_of_the_tool_itself_cover_the_truth_as_often_as_they_say(model, pose, spread_deg):
     """Tool positions, and rotations where poses were measured, at task poses in the tracker frame: 95 % intervals."""

@@ -202,7 +202,7 @@ def test_a_message_does_not_repeat_an_argument_of_any_length(run: Run, command: 
     assert len(ended.err) < 10_000
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_compilation_is_announced_beside_the_result_and_only_where_one_takes_place(
     tmp_path: Path, cell: Path
 ) -> None:

@@ -77,6 +77,7 @@ def test_the_correction_does_not_know_the_truth(loop, runs):
         assert 1e-5 < off.max() < 0.2e-3
 
 
+@pytest.mark.long
 def test_the_correction_follows_the_sides_from_which_the_drives_come(loop):
     """Of a robot with twice the lost motion a good part is taken off, and the middle between both sides is no match."""
     lost = Sizes(links=0.0, drives=0.0, gears=0.0, lost_motion=2.0, expansion=0.0)
@@ -99,6 +100,7 @@ def test_defects_of_geometry_alone_are_corrected_to_the_noise(loop):
     assert run.after.length.max() < 0.06e-3
 
 
+@pytest.mark.long
 def test_an_interrupted_run_goes_on_with_the_calibrations_it_has(loop, runs, tmp_path, monkeypatch):
     monkeypatch.setattr("taskcal.demo.closed_loop.find_effects", lambda model, campaign: runs[0].calibration)
     whole = run_closed_loops(loop, [0], fits=tmp_path / "robots")

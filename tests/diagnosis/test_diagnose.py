@@ -58,7 +58,7 @@ def test_a_mistake_is_the_first_finding(name, mistake, said):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mistake", ["target-swapped", "target-slipped"])
+@pytest.mark.parametrize("mistake", [pytest.param("target-swapped", marks=pytest.mark.long), "target-slipped"])
 def test_what_happens_to_one_of_several_targets_is_found_and_mended(mistake):
     robot = load_robot("kuka-kr16-2")
     sound = virtual("kuka-kr16-2", targets=3)
@@ -105,7 +105,7 @@ def test_a_usual_posture_decides_between_mirrored_robots(name, said):
     assert (first.id, first.subject) == ("joint-zero", (said[:2],))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_half_of_the_rows_shifted_by_one_are_a_shift():
     robot, sound = load_robot("ur5"), virtual("ur5")
     order = np.r_[np.arange(20), np.roll(np.arange(20, ROWS), 1)]

@@ -66,7 +66,7 @@ def test_sockets_of_other_rows_are_no_sound_campaign(sockets):
     assert "check which socket" in only.fix
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_length_of_a_wire_shows_the_sign_of_a_joint():
     wire = campaign(wire_campaign)
     first = diagnose(replace(wire, q=wire.q * [1, 1, -1, 1, 1, 1]), ROBOT).findings[0]

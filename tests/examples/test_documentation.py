@@ -81,7 +81,7 @@ def test_the_tutorial_s_road_leads_where_it_says(tmp_path):
     assert "target in the tracker's frame" in run("-c", use, folder=tmp_path)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_plan_of_the_guide_is_worth_what_it_says(tmp_path):
     tolerances, task = blocks("docs/tutorial/index.md", "toml")
     table = next(b for b in blocks("docs/tutorial/index.md", "text") if b.startswith("joint,"))

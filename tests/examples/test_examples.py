@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-LONG = ("05_closed_loop",)
+LONG = "04_what_geometry_leaves", "05_closed_loop"
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("[0-9][0-9]_*.py"))
 
 

@@ -36,7 +36,7 @@ def errors_of(fits, truth, unseen):
     return np.array([np.linalg.norm(fit.predict(unseen) - truth.points(unseen), axis=2).mean() for fit in fits])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_where_there_is_no_effect_the_prediction_is_that_of_geometry(robot):
     model, ratios, picked = ErrorModel(robot), [], 0
     for seed in range(6):
@@ -54,7 +54,11 @@ def test_where_there_is_no_effect_the_prediction_is_that_of_geometry(robot):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "true",
-    [Harmonics(orders=(1,)), EncoderGain(), Compliance(), Backlash(), Overshoot()],
+    [
+        Harmonics(orders=(1,)),
+        Compliance(),
+        *(pytest.param(effect, marks=pytest.mark.long) for effect in (EncoderGain(), Backlash(), Overshoot())),
+    ],
     ids=lambda e: type(e).__name__,
 )
 def test_an_effect_is_found_among_all_and_predicts_nearly_as_if_it_had_been_told(robot, true):
@@ -74,7 +78,13 @@ def test_an_effect_is_found_among_all_and_predicts_nearly_as_if_it_had_been_told
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("true", [(), (Harmonics(orders=(1, 2, 9)), EncoderGain())], ids=["none", "two"])
+@pytest.mark.parametrize(
+    "true",
+    [
+        pytest.param((), id="none", marks=pytest.mark.long),
+        pytest.param((Harmonics(orders=(1, 2, 9)), EncoderGain()), id="two"),
+    ],
+)
 def test_stated_regions_hold_as_often_as_they_say(robot, true):
     """Over virtual robots, of the true points at new poses."""
     model, inside = ErrorModel(robot), []

@@ -1,7 +1,8 @@
 """Pages of every kind, made once, for a real browser to open."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,13 @@ def made(folder: Path) -> Callable[[str], Path]:
 @pytest.fixture
 def tab(chromium: Any) -> Any:
     """A tab; the test fails if a page in it complained."""
+    with quiet_tab(chromium) as page:
+        yield page
+
+
+@contextmanager
+def quiet_tab(chromium: Any) -> Generator[Any, None, None]:
+    """A tab as wide as on a desk, in which no page may complain."""
     context = chromium.new_context(viewport={"width": 1440, "height": 900})
     page, complaints = context.new_page(), list[str]()
     page.set_default_timeout(120_000)

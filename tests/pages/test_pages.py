@@ -1,6 +1,6 @@
 """Every kind of page in a real browser: no complaints, nothing that keeps people out, every figure drawn, all of it on paper."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ import pytest
 
 from taskcal.presentation.content import Chart, Scene, Section
 from taskcal.presentation.report import report_html
+from tests.pages.conftest import quiet_tab
 from tests.pages.made_pages import PAGES
 from tests.pages.printed import Printed, squeezed
 from tests.studio.conftest import PICTURES
@@ -42,10 +43,17 @@ def opened(tab: Any, page: Path) -> None:
     tab.wait_for_timeout(200)
 
 
-@pytest.mark.parametrize("name", PAGES)
-def test_a_page_on_screens(name: str, made: Callable[[str], Path], tab: Any) -> None:
-    opened(tab, made(name))
+@pytest.fixture(scope="module", params=PAGES)
+def shown(request: Any, made: Callable[[str], Path], chromium: Any) -> Generator[tuple[str, Any], None, None]:
+    """The name of a page and the tab in which it is open, for all tests of that page: to draw it takes longest."""
     PICTURES.mkdir(parents=True, exist_ok=True)
+    with quiet_tab(chromium) as tab:
+        opened(tab, made(request.param))
+        yield request.param.replace(" ", "-"), tab
+
+
+def test_a_page_on_screens(shown: tuple[str, Any]) -> None:
+    name, tab = shown
     for size, (width, height) in SIZES.items():
         tab.set_viewport_size({"width": width, "height": height})
         tab.wait_for_timeout(400)
@@ -54,14 +62,15 @@ def test_a_page_on_screens(name: str, made: Callable[[str], Path], tab: Any) -> 
         drawn = tab.evaluate(DRAWN)
         assert drawn
         assert [title for title, there in drawn if not there] == []
-        tab.screenshot(path=PICTURES / f"{name.replace(' ', '-')}-{size}.png", full_page=True)
+        tab.screenshot(path=PICTURES / f"{name}-{size}.png", full_page=True)
 
 
-@pytest.mark.parametrize("name", PAGES)
-def test_a_page_on_paper(name: str, made: Callable[[str], Path], tab: Any) -> None:
-    opened(tab, made(name))
-    PICTURES.mkdir(parents=True, exist_ok=True)
-    sheet = PICTURES / f"{name.replace(' ', '-')}.pdf"
+def test_a_page_on_paper(shown: tuple[str, Any]) -> None:
+    name, tab = shown
+    sheet = PICTURES / f"{name}.pdf"
+    width, height = SIZES["desk"]
+    tab.set_viewport_size({"width": width, "height": height})
+    tab.wait_for_timeout(400)
     captions = tab.eval_on_selector_all("figcaption", "all => all.map(one => one.textContent)")
     tables = tab.eval_on_selector_all(
         "table", "all => all.map(t => [...t.tBodies[0].rows].map(r => r.cells[0].textContent))"

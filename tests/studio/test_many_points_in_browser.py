@@ -10,7 +10,7 @@ from taskcal.measurement.virtual_cell import simulate
 from taskcal.measurement.writer import campaign_text
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from tests.studio.conftest import open_tab, served, server_of
+from tests.studio.conftest import open_tab, served
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]
 
@@ -28,8 +28,8 @@ FRAME_MS = """() => {
 MOST_CALLS = 2
 """The points and the axes."""
 
-MOST_MS = 16.0
-"""Of the page's own work for a frame, for sixty a second; what the graphics processor does comes beside that."""
+MOST_MESSAGES = 5
+"""From the page to the server while the view is turned: signs of life, and none for a movement of the mouse."""
 
 
 def test_a_hundred_thousand_points_are_one_drawing(chromium: Any, tmp_path: Path) -> None:
@@ -39,24 +39,25 @@ def test_a_hundred_thousand_points_are_one_drawing(chromium: Any, tmp_path: Path
     (tmp_path / "campaigns" / "many.csv").write_text(campaign_text(campaign, model.robot))
     (tmp_path / "project.toml").write_text('name = "many"\nrobot = "ur5"\ncampaign = "campaigns/many.csv"\n')
     with served(tmp_path) as address, open_tab(chromium, address) as tab:
-        page = tab.page
+        page, sent = tab.page, list[Any]()
+        page.on("websocket", lambda socket: socket.on("framesent", sent.append))
         page.goto(f"{tab.address}measurements")
         page.wait_for_selector("[data-ready]", timeout=120_000)
         page.wait_for_function(DRAWN, arg=POINTS, timeout=60_000)
         assert page.evaluate(CALLS) <= MOST_CALLS
         cost = page.evaluate(FRAME_MS)
-        view, server = page.locator("canvas"), server_of(tmp_path)
+        view = page.locator("canvas")
         view.scroll_into_view_if_needed(timeout=120_000)  # drawn without a graphics processor, frames are seldom
         corner = view.bounding_box()
-        used = sum(server.cpu_times()[:2])
+        before = len(sent)
         page.mouse.move(corner["x"] + 300, corner["y"] + 200)
         page.mouse.down()
         for step in range(20):
             page.mouse.move(corner["x"] + 300 + 10 * step, corner["y"] + 200)
             page.wait_for_timeout(50)
         page.mouse.up()
-        print(f"{cost:.2f} ms a frame, {sum(server.cpu_times()[:2]) - used:.2f} s of the server's while it is turned")
-        assert cost < MOST_MS
-        assert sum(server.cpu_times()[:2]) - used < 0.5
+        print(f"{cost:.2f} ms of the page's own work for a frame")  # 16 would be sixty frames a second
+        assert len(sent) - before <= MOST_MESSAGES
+        assert sent
         tab.picture("many-points")
         assert tab.complaints == []

@@ -134,7 +134,7 @@ def test_the_road_on_a_ur5_by_keyboard_alone_survives_the_death_of_its_server(ch
     with served(folder) as address, open_tab(chromium, address) as tab:
         for key in pages:
             page = tab.open(key)
-            for _ in range(40):  # figures write their texts a little later than the page
+            for _ in range(240):  # figures write their texts a little later than the page
                 lost = _lasting(shown[key]) - _lasting(page.inner_text("#content"))
                 if not lost:
                     break

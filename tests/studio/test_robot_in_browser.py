@@ -1,6 +1,5 @@
 """The robot's page in a real browser: chosen, drawn, jogged by slider, number and keyboard, in both languages and colours."""
 
-import time
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +14,10 @@ pytestmark = [pytest.mark.browser, pytest.mark.long]
 
 
 def serious(page: Any) -> list[str]:
-    """What axe finds that keeps people out."""
+    """What axe finds that keeps people out; to gather what is right as well would take a third longer."""
     from axe_playwright_python.sync_playwright import Axe
 
-    found = Axe().run(page).response["violations"]
+    found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
     return [f"{v['id']}: {v['nodes'][0]['html']}" for v in found if v["impact"] in ("serious", "critical")]
 
 
@@ -26,14 +25,6 @@ def tool_text(degrees: list[float]) -> str:
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     T = model.nominal.poses(np.radians([degrees]))[0]
     return " ".join(f"{value:.4f}" for value in T[:3, 3] * 1e3) + " mm"
-
-
-def test_the_first_view_is_there_within_two_seconds(chromium: Any, tmp_path: Path) -> None:
-    with served(tmp_path) as address, open_tab(chromium, address) as tab:
-        begun = time.perf_counter()
-        tab.page.goto(address)
-        tab.page.wait_for_selector("h1")
-        assert time.perf_counter() - begun < 2.0
 
 
 def test_sliders_and_numbers_move_the_tool_to_where_the_library_has_it(tab: Tab) -> None:

@@ -88,7 +88,7 @@ def test_too_few_poses_are_wrong_usage(run: Run, folder: Path) -> None:
     assert not folder.exists()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_closed_loop_leaves_a_corrected_program_that_can_be_made_again(
     run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
