@@ -3,7 +3,7 @@
 import os
 import subprocess
 import sys
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -51,12 +51,21 @@ def example(tmp_path_factory: pytest.TempPathFactory) -> Generator[tuple[str, Pa
         yield address, folder
 
 
+def comes_true(page: Any, happened: Callable[[], bool]) -> bool:
+    """Whether something happens behind a page, within a minute: on a busy machine no fixed wait is long enough."""
+    for _ in range(600):
+        if happened():
+            return True
+        page.wait_for_timeout(100)
+    return False
+
+
 class Tab:
     """A page in a browser, and what its console said."""
 
     def __init__(self, context: Any, address: str) -> None:
         self.page = context.new_page()
-        self.page.set_default_timeout(15_000)
+        self.page.set_default_timeout(120_000)
         self.address = address
         self.complaints: list[str] = []
         self.page.on("console", self._listen)
@@ -73,7 +82,7 @@ class Tab:
 
     def ready(self) -> Any:
         """Wait until the page is filled."""
-        self.page.wait_for_selector("[data-ready]", timeout=30_000)
+        self.page.wait_for_selector("[data-ready]", timeout=300_000)
         return self.page
 
     def picture(self, name: str) -> None:
@@ -86,7 +95,7 @@ class Tab:
             whole = max(height, self.page.evaluate("document.documentElement.scrollHeight"))
             self.page.set_viewport_size({"width": width, "height": whole})
             self.page.wait_for_timeout(1000)
-            self.page.screenshot(path=PICTURES / f"{name}-{size}.png", timeout=60_000)
+            self.page.screenshot(path=PICTURES / f"{name}-{size}.png", timeout=300_000)
 
 
 @contextmanager

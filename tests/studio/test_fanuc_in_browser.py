@@ -67,10 +67,10 @@ def test_the_whole_road_on_the_fanuc(chromium: Any, tmp_path: Path, data_folder:
         page = tab.open("measurements")
         page.locator("input[type=file]").set_input_files({"name": "wrong.csv", "mimeType": "", "buffer": wrong})
         page.get_by_role("button", name="Look for mistakes").click()
-        page.get_by_role("cell", name="A joint is counted the other way round (joint-sign)").wait_for(timeout=90_000)
+        page.get_by_role("cell", name="A joint is counted the other way round (joint-sign)").wait_for(timeout=300_000)
         page.get_by_role("button", name="Mend it").click()
         page.get_by_label("File", exact=True).locator("option[selected]", has_text="wrong-mended").wait_for(
-            state="attached", timeout=90_000
+            state="attached", timeout=300_000
         )
         tab.ready()
         assert "smr1, smr2, smr3" in page.inner_text("main")
@@ -78,7 +78,7 @@ def test_the_whole_road_on_the_fanuc(chromium: Any, tmp_path: Path, data_folder:
         tab.picture("fanuc-measurements")
         page = tab.open("task")
         page.get_by_role("button", name="Begin with a box").click()
-        page.get_by_text("The robot reaches 100% of the task.").wait_for(timeout=30_000)
+        page.get_by_text("The robot reaches 100% of the task.").wait_for(timeout=300_000)
         page = tab.open("weight")
         page.locator("[data-updates]").get_by_role("cell").first.wait_for()
         page = tab.open("plan")
@@ -86,10 +86,10 @@ def test_the_whole_road_on_the_fanuc(chromium: Any, tmp_path: Path, data_folder:
         page.get_by_label("Poses to measure").press("Enter")
         page.wait_for_timeout(500)
         page.get_by_role("button", name="Plan", exact=True).click()
-        page.get_by_text("Expected error over the task").wait_for(timeout=150_000)
+        page.get_by_text("Expected error over the task").wait_for(timeout=300_000)
         page = tab.open("identify")
         page.get_by_role("button", name="Fit", exact=True).click()
-        page.get_by_text("Models side by side").wait_for(timeout=150_000)
+        page.get_by_text("Models side by side").wait_for(timeout=300_000)
         page = tab.open("result")
         (result,) = (tmp_path / "calibrations").glob("*.result.json")
         said = json.loads(result.read_text())
@@ -107,7 +107,7 @@ def test_the_whole_road_on_the_fanuc(chromium: Any, tmp_path: Path, data_folder:
         dropped = {"name": "PART.LS", "mimeType": "", "buffer": PROGRAM.encode()}
         page.locator("input[type=file]").first.set_input_files(dropped)
         page.get_by_role("button", name="Correct the program").click()
-        page.get_by_role("alert").filter(has_text="UTOOL 1 is not known").wait_for(timeout=60_000)
+        page.get_by_role("alert").filter(has_text="UTOOL 1 is not known").wait_for(timeout=300_000)
         tab.ready()
         page.get_by_text("Tools, parts, external axes, and what was measured of them").click()
         cell = {"name": "cell.toml", "mimeType": "", "buffer": CELL.encode()}
@@ -121,12 +121,12 @@ def test_the_whole_road_on_the_fanuc(chromium: Any, tmp_path: Path, data_folder:
         page.get_by_label("Tool of the cell file").press("Enter")
         page.wait_for_timeout(500)
         page.get_by_role("button", name="Correct the program").click()
-        page.get_by_role("heading", name="What changed in PART.LS").wait_for(timeout=90_000)
+        page.get_by_role("heading", name="What changed in PART.LS").wait_for(timeout=300_000)
         tab.ready()
         assert "2, 2, 0" in page.inner_text("main")
         assert serious(page) == []
         tab.picture("fanuc-program")
         page = tab.open("report")
         page.get_by_role("button", name="Make the report").click()
-        page.get_by_role("link", name="wrong-mended-geometry.html", exact=True).wait_for(timeout=150_000)
+        page.get_by_role("link", name="wrong-mended-geometry.html", exact=True).wait_for(timeout=300_000)
         assert tab.complaints == []

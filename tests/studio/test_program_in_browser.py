@@ -33,7 +33,7 @@ def test_a_program_is_corrected_as_on_the_command_line_and_reported(chromium: An
         dropped = {"name": "<b>part.mod", "mimeType": "", "buffer": attacking.encode()}
         page.locator("input[type=file]").first.set_input_files(dropped)
         page.get_by_role("button", name="Correct the program").click()
-        page.get_by_role("heading", name="What changed in b-part.mod").wait_for(timeout=60_000)
+        page.get_by_role("heading", name="What changed in b-part.mod").wait_for(timeout=300_000)
         tab.ready()
         said = command_line(
             *(tmp_path, "correct", "programs/b-part.mod", "--calibration", "calibrations/c.json", "--output", "c.mod"),
@@ -56,12 +56,12 @@ def test_a_program_is_corrected_as_on_the_command_line_and_reported(chromium: An
         page.get_by_text("programs/Milling.mod", exact=True).and_(page.locator("dd")).wait_for()
         tab.ready()
         page.get_by_role("button", name="Correct the program").click()
-        page.get_by_role("heading", name="What changed in Milling.mod").wait_for(timeout=60_000)
+        page.get_by_role("heading", name="What changed in Milling.mod").wait_for(timeout=300_000)
         tab.ready()
         tab.picture("program")
         page = tab.open("report")
         page.get_by_role("button", name="Make the report").click()
-        page.get_by_role("link", name="c.html", exact=True).wait_for(timeout=90_000)
+        page.get_by_role("link", name="c.html", exact=True).wait_for(timeout=300_000)
         tab.picture("report")
         assert serious(page) == []
         assert tab.complaints == []
@@ -81,7 +81,7 @@ def test_an_external_axis_is_asked_for_and_stated_on_the_page(chromium: Any, tmp
         assert not page.get_by_role("combobox", name="State another axis").is_visible()
         page.get_by_role("button", name="Correct the program").click()
         asked = page.get_by_role("group", name="external axis 1 (eax_a, E1)")
-        asked.wait_for(timeout=60_000)
+        asked.wait_for(timeout=300_000)
         tab.ready()
         asked.get_by_label("It carries").select_option("robot")
         asked.get_by_text("Not saved yet").wait_for()
@@ -92,7 +92,7 @@ def test_an_external_axis_is_asked_for_and_stated_on_the_page(chromium: Any, tmp
         (axis,) = load_cell(tmp_path / "cells" / "cell.toml").axes
         assert (axis.carries, axis.turns) == ("robot", False)
         page.get_by_role("button", name="Correct the program").click()
-        page.get_by_role("heading", name="What changed in Milling.mod").wait_for(timeout=60_000)
+        page.get_by_role("heading", name="What changed in Milling.mod").wait_for(timeout=300_000)
         tab.ready()
         assert "is away from zero" not in page.inner_text("main")
         assert serious(page) == []

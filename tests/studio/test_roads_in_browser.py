@@ -15,7 +15,7 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.studio.example_project import begin_example
 from taskcal.studio.folder_lock import NAME as LOCK
 from taskcal.studio.texts import Texts
-from tests.studio.conftest import Tab, open_tab, served, server_of
+from tests.studio.conftest import Tab, comes_true, open_tab, served, server_of
 from tests.studio.test_robot_in_browser import serious
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]
@@ -99,8 +99,7 @@ def test_the_road_on_a_ur5_by_keyboard_alone_survives_the_death_of_its_server(ch
         tab_to(page, "Turned about fixed axes, ° z")
         for _ in range(20):
             page.keyboard.press("ArrowRight")
-        page.wait_for_timeout(800)
-        assert "rpy_deg" in (folder / "tasks" / "task.toml").read_text()
+        assert comes_true(page, lambda: "rpy_deg" in (folder / "tasks" / "task.toml").read_text())
         page = go(tab, "weight")
         page.locator("[data-updates]").get_by_role("cell").first.wait_for()
         page = go(tab, "plan")
@@ -108,14 +107,14 @@ def test_the_road_on_a_ur5_by_keyboard_alone_survives_the_death_of_its_server(ch
         page.keyboard.press("Control+A")
         page.keyboard.type("20")
         press(page, "Plan")
-        page.get_by_text("Expected error over the task").wait_for(timeout=150_000)
+        page.get_by_text("Expected error over the task").wait_for(timeout=300_000)
         page = go(tab, "identify")
         press(page, "Fit")
-        page.get_by_text("Models side by side").wait_for(timeout=150_000)
+        page.get_by_text("Models side by side").wait_for(timeout=300_000)
         page = go(tab, "result")
         page = go(tab, "report")
         press(page, "Make the report")
-        page.get_by_role("link", name="Save").first.wait_for(timeout=150_000)
+        page.get_by_role("link", name="Save").first.wait_for(timeout=300_000)
         shown: dict[str, str] = {}
         for key in pages:
             page = tab.open(key)
@@ -162,8 +161,7 @@ def test_two_projects_side_by_side_do_not_disturb_each_other(chromium: Any, tmp_
         before = files_of(second)
         a.page.get_by_label("Edges, mm x (mm)").fill("123")
         a.page.get_by_label("Edges, mm x (mm)").press("Enter")
-        a.page.wait_for_timeout(800)
-        assert "123.0" in (first / "tasks" / "task.toml").read_text()
+        assert comes_true(a.page, lambda: "123.0" in (first / "tasks" / "task.toml").read_text())
         assert "No task is chosen yet." in b.open("task").inner_text("main")
         assert "Universal Robots UR5" in a.open("robot").inner_text("main")
         assert "ABB IRB 120" in b.open("robot").inner_text("main")

@@ -14,7 +14,7 @@ from taskcal.robot.description import describe_robot
 from taskcal.robot.file import robot_from
 from tests.pages.made_pages import TABLE
 from tests.robot.test_urdf_visuals import ARM
-from tests.studio.conftest import open_tab, served
+from tests.studio.conftest import comes_true, open_tab, served
 from tests.studio.test_robot_in_browser import serious
 from tests.studio.test_robot_meshes import arm, zipped
 
@@ -42,7 +42,7 @@ def test_a_table_becomes_a_robot_in_the_convention_that_is_stated(chromium: Any,
         tab.picture("robot-table")
         page.get_by_label("Convention", exact=True).select_option("mdh")
         page.get_by_role("button", name="Make a robot file of it").click()
-        page.get_by_text("Joints of my-table and their limits").wait_for(timeout=60_000)
+        page.get_by_text("Joints of my-table and their limits").wait_for(timeout=300_000)
         assert tab.complaints == []
     assert (tmp_path / "robots" / "my-table.csv").read_text() == TABLE
     made = load_robot(tmp_path / "robots" / "my-table.toml")
@@ -61,11 +61,8 @@ def test_a_urdf_is_drawn_with_the_meshes_that_are_dropped_with_it(chromium: Any,
         drop(page, file("lower.glb", lower), file("arm.urdf", urdf), file("upper.stl", upper))
         page.get_by_text("Joints of arm and their limits").wait_for()
         tab.ready()
-        page.wait_for_timeout(1500)
-        assert sorted({re.sub(".*/mesh", "", url): status for url, status in asked}.items()) == [
-            ("/arm.urdf/0", 200),
-            ("/arm.urdf/1", 200),
-        ]
+        both = [("/arm.urdf/0", 200), ("/arm.urdf/1", 200)]
+        assert comes_true(page, lambda: sorted({(re.sub(".*/mesh", "", url), status) for url, status in asked}) == both)
         page.get_by_label("shoulder (°)").fill("45")
         page.get_by_label("shoulder (°)").press("Enter")
         page.wait_for_timeout(500)

@@ -17,7 +17,7 @@ from taskcal.studio.pages.weight_page import weigh
 from taskcal.studio.robot_view import VIEWS
 from taskcal.studio.task_box import box_of
 from taskcal.task.task import load_task
-from tests.studio.conftest import open_tab, served, server_of
+from tests.studio.conftest import comes_true, open_tab, served, server_of
 from tests.studio.test_fit_in_browser import ROBOT, command_line
 from tests.studio.test_robot_in_browser import serious
 
@@ -46,8 +46,8 @@ def test_a_task_is_moved_weighed_and_planned(chromium: Any, tmp_path: Path) -> N
         edge = page.get_by_label("Edges, mm z (mm)")
         edge.fill("400")
         edge.press("Enter")
-        page.wait_for_timeout(2000)
-        assert tomllib.loads(task.read_text())["workspace"]["size_mm"] == [500.0, 700.0, 400.0]
+        wanted = [500.0, 700.0, 400.0]
+        assert comes_true(page, lambda: tomllib.loads(task.read_text())["workspace"]["size_mm"] == wanted)
         assert serious(page) == []
         tab.picture("task")
         page = tab.open("weight")
@@ -81,8 +81,8 @@ def test_a_task_is_moved_weighed_and_planned(chromium: Any, tmp_path: Path) -> N
         page.get_by_role("button", name="Begin with a tracker before the robot").click()
         page.get_by_label("Tracker y, mm in the base").fill("-1500")
         page.get_by_label("Tracker y, mm in the base").press("Enter")
-        page.wait_for_timeout(500)
-        assert tomllib.loads((tmp_path / "stations" / "station.toml").read_text())["position_mm"][1] == -1500.0
+        station = tmp_path / "stations" / "station.toml"
+        assert comes_true(page, lambda: tomllib.loads(station.read_text())["position_mm"][1] == -1500.0)
         page.get_by_role("button", name="Plan", exact=True).click()
         page.get_by_role("link", name="Keep m_milling_40.mod").wait_for(timeout=120_000)
         planned = (tmp_path / "plans" / "m_milling_40.csv").read_text()
