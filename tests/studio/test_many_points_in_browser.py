@@ -40,7 +40,7 @@ def test_a_hundred_thousand_points_are_one_drawing(chromium: Any, tmp_path: Path
     (tmp_path / "project.toml").write_text('name = "many"\nrobot = "ur5"\ncampaign = "campaigns/many.csv"\n')
     with served(tmp_path) as address, open_tab(chromium, address) as tab:
         page, sent = tab.page, list[Any]()
-        page.on("websocket", lambda socket: socket.on("framesent", sent.append))
+        page.on("websocket", lambda socket: socket.on("framesent", lambda frame: sent.append(frame)))
         page.goto(f"{tab.address}measurements")
         page.wait_for_selector("[data-ready]", timeout=120_000)
         page.wait_for_function(DRAWN, arg=POINTS, timeout=300_000)
