@@ -1,6 +1,7 @@
 """Every example runs as it stands, in a process of its own."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -8,7 +9,23 @@ from pathlib import Path
 import pytest
 
 LONG = "04_what_geometry_leaves", "05_closed_loop"
-EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("[0-9][0-9]_*.py"))
+ROOT = Path(__file__).parents[2]
+EXAMPLES = sorted((ROOT / "examples").glob("[0-9][0-9]_*.py"))
+PAGES = ROOT / "docs/examples/index.md", ROOT / "docs/how-to/write-an-effect.md"
+
+
+def documented(script: Path) -> str:
+    """What a page says that a script prints: the first block of text behind the script itself."""
+    for page in PAGES:
+        _, shown, behind = page.read_text(encoding="utf-8").partition(f"examples/{script.name}")
+        if shown and (block := re.match(r"(?:(?!\{literalinclude\}).)*?```text\n(.*?)```", behind, re.DOTALL)):
+            return block[1]
+    raise AssertionError(f"no page says what {script.name} prints")
+
+
+def without_figures(printed: str) -> list[list[str]]:
+    """Words by line, any number for any other: the last digits are the processor's."""
+    return [re.sub(r"\d+(\.\d+)?", "#", line).split() for line in printed.strip().splitlines()]
 
 
 def test_there_are_examples():
@@ -30,5 +47,5 @@ def test_an_example_runs(script, tmp_path):
         timeout=600,
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.strip()
+    assert without_figures(done.stdout) == without_figures(documented(script))
     assert "Warning" not in done.stderr
