@@ -38,7 +38,7 @@ fuzz: $(VENV)/.test  ## damage some files of every kind at random, other ones th
 	$(BIN)/python -m tests.readers.fuzz
 
 browser: $(VENV)/.dev  ## open reports, documents and studio in a real browser (Debian's chromium); screenshots in build/pictures
-	TASKCAL_PICTURES="$${TASKCAL_PICTURES:-build/pictures}" timeout 1500 $(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m browser
+	TASKCAL_PICTURES="$${TASKCAL_PICTURES:-build/pictures}" timeout 2100 $(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m browser
 
 lint: $(VENV)/.dev  ## rules and format (ruff), spelling (codespell), dead code (vulture)
 	$(BIN)/ruff check .
