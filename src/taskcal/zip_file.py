@@ -154,7 +154,9 @@ def open_zip(path: Path, kind: ZipKind, content: bytes | None = None) -> Generat
         _check_directory(path, kind, stream, size)
         try:
             packed = zipfile.ZipFile(stream)
-        except NotImplementedError as error:  # zipfile's, of an entry of a later version of the format
+        except (
+            NotImplementedError
+        ) as error:  # Python's zipfile raises it for a later version of the format than it reads
             raise FileError(path, f"is a {kind.name} of a later version ({shown(error)}); {kind.remedy}") from error
         except _INCONSISTENT as error:
             raise FileError(path, f"is a damaged {kind.name} ({shown(error)}); {kind.remedy}") from error

@@ -1,7 +1,7 @@
 """How accurate virtual robots become that touch planes or cubes: ``python -m tests.identification.touched_accuracy [ROBOTS]``.
 
 The table of ``docs/how-to/calibrate-by-touching.md``: robots like an IRB 120 drawn from the tolerances, touches of 0.02 mm, and
-the error in space at postures all over the workspace, as far as another base and another tool point leave it; and as far as
+the error in space at other postures before the robot, as far as another base and another tool point leave it; and as far as
 another size of the robot leaves it besides.
 """
 

@@ -34,9 +34,9 @@ def test_jacobian_is_the_derivative_of_the_poses(kind):
     @given(ANY[kind])
     def law(case):
         model = case.model
-        for x, rows in ((case.x, len(case.q)), (np.zeros(len(model)), 1)):
+        for x in (case.x, np.zeros(len(model))):
             J = model.jacobian(case.q, x)
-            for row, q in enumerate(case.q[:rows]):
+            for row, q in enumerate(case.q):
                 dT = plain.derivatives(lambda v, q=q: plain.pose(case.description, q, v), x)
                 close(J[row], plain.twists(plain.pose(case.description, q, x), dT), 1e-9)
             np.testing.assert_array_equal(model.jacobian(case.q, x, angular=False), J[:, :3])

@@ -157,7 +157,7 @@ def test_a_reload_and_a_second_tab_see_the_fit_go_on_and_cancel_ends_it_at_once(
         fitting = [process for process in psutil.process_iter() if begun_for(process, tmp_path)]
         assert fitting
         other.get_by_role("button", name="Cancel").click()
-        _, alive = psutil.wait_procs(fitting, timeout=10.0)
+        _, alive = psutil.wait_procs(fitting, timeout=3.0)
         assert alive == []
         page.get_by_text("It was cancelled; nothing was written.").wait_for()
         assert tab.complaints == second.complaints == []

@@ -1,5 +1,6 @@
 """The robot's page in a real browser: chosen, drawn, jogged by slider, number and keyboard, in both languages and colours."""
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,16 @@ def tool_text(degrees: list[float]) -> str:
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     T = model.nominal.poses(np.radians([degrees]))[0]
     return " ".join(f"{value:.4f}" for value in T[:3, 3] * 1e3) + " mm"
+
+
+def test_the_first_view_comes_with_the_page_itself(chromium: Any, tmp_path: Path) -> None:
+    """Its heading waits for nothing that is asked for afterwards: neither for the scene nor for an answer of the server's."""
+    with served(tmp_path) as address, open_tab(chromium, address) as tab:
+        begun = time.perf_counter()
+        first = tab.page.goto(address).text()
+        tab.page.wait_for_selector("h1")
+        print(f"the first view after {time.perf_counter() - begun:.2f} s")  # two seconds are wanted
+        assert tab.page.inner_text("h1") in first
 
 
 def test_sliders_and_numbers_move_the_tool_to_where_the_library_has_it(tab: Tab) -> None:
