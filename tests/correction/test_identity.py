@@ -12,10 +12,13 @@ from taskcal.programs.languages import Composition, language_of
 from taskcal.programs.program import Frame, Move, Target
 from taskcal.programs.reading import parse_program
 from taskcal.programs.source import Place, Source
+from taskcal.programs.tp.read import read_tp
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from tests.laws.campaigns import measure
 from tests.laws.robots import industrial, industrial_positions
+from tests.programs.tp.generator import generate
+from tests.programs.tp.samples import R2000
 
 TOOL = Frame(name="tGrip", T=se3.translation(0.02, -0.01, 0.12) @ se3.rotation("y", 0.3))
 HOME = np.radians([10.0, 15.0, -20.0, 25.0, 50.0, -35.0])
@@ -67,3 +70,30 @@ def test_a_program_of_any_language_stays_as_it_is(nothing, name):
     assert not len(found.corrected)
     assert found.sources[0].encode() == source.encode()
     assert found.after.length.max() < 1e-8
+
+
+@pytest.fixture(scope="module")
+def nothing_of_a_fanuc():
+    """The same of the robot of the TP programs that tests have."""
+    rng = np.random.default_rng(1)
+    model = ErrorModel(R2000)
+    low, high = np.radians([[-40, -20, -60, -90, -100, -90], [40, 40, 10, 90, -20, 90]])
+    campaign, _ = measure(rng, model, rng.uniform(low, high, (30, 6)), sigma=1e-6, uncertainty=1e-6)
+    return identify(model, campaign, keep=[])
+
+
+def test_random_tp_programs_stay_as_they_are_with_the_files_of_their_frames(nothing_of_a_fanuc):
+    lines = 0
+    for seed in range(40):
+        sources = generate(np.random.default_rng(seed), trouble=False)
+        program = read_tp(sources, robot=R2000)
+        if not program.moves:
+            continue
+        found = correct(nothing_of_a_fanuc, program)
+        assert not len(found.corrected)
+        assert [source.encode() for source in found.sources] == [source.encode() for source in sources]
+        if not found.rejected:
+            assert found.after.length.max() < 1e-8
+            lines += sum(move.kind != "axes" for move in program.moves)
+    # positions are random, and some beyond reach
+    assert lines > 20
