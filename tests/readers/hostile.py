@@ -1,28 +1,20 @@
 """Files of a megabyte that were made to cost time or memory: `python -m tests.readers.hostile [KIND …]`.
 
-Each is read in a process of its own, which says how long it computed and how much memory it had at most, the interpreter and all
-modules included. Whatever the file holds, it is read or refused within `LONGEST` seconds and `MOST_MB`.
+Each is read in a process of its own, which says how long it computed and how much memory it took. Whatever the file holds, it is
+read or refused within `LONGEST` seconds and `MOST_MB`.
 """
 
 import io
 import json
-import multiprocessing
-import os
-import resource
-import signal
 import sys
 import tempfile
-import time
-import traceback
-import warnings
 import zipfile
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
-from taskcal.errors import TaskcalError
 from taskcal.measurement.reader import read_campaign
 from tests.measurement.known_campaign import ROBOT
+from tests.readers.own_process import Outcome, in_own_process
 from tests.readers.readers import READERS
 from tests.tabular.test_spreadsheet import book
 
@@ -31,38 +23,11 @@ MEGABYTE = 1_000_000
 LONGEST = 2.0
 """Seconds of computing."""
 
-MOST_MB = 500.0
-"""Of resident memory."""
+MOST_MB = 250.0
+"""Of resident memory, beyond what the process had."""
 
 GIVEN_UP = 10
 """Seconds of computing after which a process is ended."""
-
-WAITED = 100.0
-"""Seconds by the clock after which it is ended that does not even compute."""
-
-BEYOND = 3 * 10**9
-"""Bytes of address space beyond what the process has already, so that a failure does not take the machine with it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Outcome:
-    """What became of one file."""
-
-    kind: str
-    name: str
-    said: str
-    """``read``, what the refusal says, or the traceback of what is neither."""
-    taskcal: bool
-    """Whether it was read or refused, and not failed at."""
-    seconds: float
-    """Of computing."""
-    megabytes: float
-    """Of resident memory at most."""
-
-    @property
-    def sound(self) -> bool:
-        """Whether the reader kept its promise."""
-        return self.taskcal and self.seconds <= LONGEST and self.megabytes <= MOST_MB
 
 
 ONCE: dict[str, Callable[[Path], object]] = {
@@ -264,52 +229,16 @@ def hostile_files(kind: str, size: int = MEGABYTE) -> Iterator[tuple[str, str, b
             yield name, said, hostile
 
 
-def check(kind: str, name: str, said: str, content: bytes, folder: Path) -> Outcome:
+def check(kind: str, name: str, content: bytes, folder: Path) -> Outcome:
     """Read one file in a process of its own."""
     path = folder / name
     path.write_bytes(content)
-    return in_own_process(lambda: ONCE.get(kind, READERS[kind].read)(path), kind, said)
+    return in_own_process(lambda: ONCE.get(kind, READERS[kind].read)(path), GIVEN_UP)
 
 
-def in_own_process(read: Callable[[], object], kind: str, said: str) -> Outcome:
-    """What becomes of reading in a process that is like this one."""
-    receiving, sending = multiprocessing.Pipe(duplex=False)
-    child = os.fork()
-    if child == 0:
-        _report(read, sending)
-    sending.close()
-    try:
-        if not receiving.poll(WAITED):
-            os.kill(child, signal.SIGKILL)
-        outcome, taskcal, seconds, megabytes = receiving.recv()
-    except EOFError:
-        outcome, taskcal, seconds, megabytes = "the process died, or took too long", False, GIVEN_UP, 0.0
-    os.waitpid(child, 0)
-    return Outcome(kind=kind, name=said, said=outcome, taskcal=taskcal, seconds=seconds, megabytes=megabytes)
-
-
-def _report(read: Callable[[], object], sending: "multiprocessing.connection.Connection") -> None:
-    """Read, tell the other process, and end without what Python does at its end."""
-    bound = _address_space() + BEYOND
-    resource.setrlimit(resource.RLIMIT_AS, (bound, bound))
-    resource.setrlimit(resource.RLIMIT_CPU, (GIVEN_UP, GIVEN_UP))
-    warnings.simplefilter("error")
-    begin = time.process_time()
-    try:
-        read()
-        outcome, taskcal = "read", True
-    except TaskcalError as refusal:
-        outcome, taskcal = str(refusal), True
-    except BaseException:
-        outcome, taskcal = traceback.format_exc(limit=-3), False
-    seconds = time.process_time() - begin
-    sending.send((outcome, taskcal, seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3))
-    os._exit(0)
-
-
-def _address_space() -> int:
-    """Bytes that this process has mapped."""
-    return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+def sound(outcome: Outcome) -> bool:
+    """Whether the reader kept its promise."""
+    return outcome.within(LONGEST, MOST_MB)
 
 
 def main(kinds: list[str]) -> int:
@@ -321,19 +250,21 @@ def main(kinds: list[str]) -> int:
                 # what is loaded once is no part of what a file costs
                 (Path(folder) / name).write_bytes(content)
                 READERS[kind].read(Path(folder) / name)
-            outcomes: list[Outcome] = []
-            for file in hostile_files(kind):
-                outcomes.append(outcome := check(kind, *file, Path(folder)))
-                if not outcome.sound:
-                    print(
-                        f"{kind}, {outcome.name}: {outcome.seconds:.1f} s, {outcome.megabytes:.0f} MB: {outcome.said[:600]}",
-                        flush=True,
-                    )
-            broken += sum(not outcome.sound for outcome in outcomes)
-            slowest, largest = max(outcomes, key=lambda o: o.seconds), max(outcomes, key=lambda o: o.megabytes)
+            outcomes: list[tuple[str, Outcome]] = []
+            for name, wrong, content in hostile_files(kind):
+                outcome = check(kind, name, content, Path(folder))
+                outcomes.append((wrong, outcome))
+                if not sound(outcome):
+                    cost = f"{outcome.seconds:.1f} s, {outcome.megabytes:.0f} MB"
+                    print(f"{kind}, {wrong}: {cost}: {outcome.said[:600]}", flush=True)
+            broken += sum(not sound(outcome) for _, outcome in outcomes)
+            slowest, largest = (
+                max(outcomes, key=lambda named: named[1].seconds),
+                max(outcomes, key=lambda named: named[1].megabytes),
+            )
             print(
-                f"{kind}: {len(outcomes)} files, at most {slowest.seconds:.2f} s ({slowest.name}) and {largest.megabytes:.0f} MB "
-                f"({largest.name}), {sum(o.said == 'read' for o in outcomes)} read",
+                f"{kind}: {len(outcomes)} files, at most {slowest[1].seconds:.2f} s ({slowest[0]}) and "
+                f"{largest[1].megabytes:.0f} MB ({largest[0]}), {sum(o.said == 'read' for _, o in outcomes)} read",
                 flush=True,
             )
     return broken

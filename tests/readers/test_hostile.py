@@ -4,7 +4,8 @@ import time
 
 import pytest
 
-from tests.readers.hostile import LONGEST, check, hostile_files, in_own_process
+from tests.readers.hostile import GIVEN_UP, LONGEST, check, hostile_files, sound
+from tests.readers.own_process import in_own_process
 
 # every file is made and read in a process of its own; the mends have quick tests beside their modules
 pytestmark = pytest.mark.long
@@ -26,8 +27,8 @@ def test_what_once_cost_too_much_is_refused_soon_and_in_little_memory(kind, tmp_
     for name, said, content in hostile_files(kind):
         if said in wanted:
             wanted.discard(said)
-            outcome = check(kind, name, said, content, tmp_path)
-            assert outcome.sound, outcome
+            outcome = check(kind, name, content, tmp_path)
+            assert sound(outcome), outcome
             assert outcome.said != "read"
     assert not wanted
 
@@ -45,5 +46,5 @@ def test_a_reader_that_fails_takes_long_or_much_memory_is_found():
         raise KeyError("part")
 
     for reading in (slow, large, failing):
-        assert not in_own_process(reading, "campaign", "made for this").sound
-    assert in_own_process(lambda: None, "campaign", "made for this").sound
+        assert not sound(in_own_process(reading, GIVEN_UP))
+    assert sound(in_own_process(lambda: None, GIVEN_UP))

@@ -136,3 +136,13 @@ def test_more_lines_than_rows_so_short_can_be_are_refused(tmp_path, line):
 
 def test_many_short_rows_are_read(tmp_path):
     assert len(read_csv(write(tmp_path, "x_mm,y_mm,z_mm\n" + "1.234,5.678,9.012\n" * 40_000))) == 40_000
+
+
+def test_of_a_fault_in_every_line_the_first_are_told(tmp_path):
+    path = write(tmp_path, "a,b,c\n" + 5000 * "1,2,3\n1,2\n")
+    with pytest.raises(FileError, match=r"table\.csv:3: the line has 2 fields, the header 3\n") as raised:
+        read_csv(path)
+    assert str(raised.value).endswith("and at least 1980 more faults")
+    path.write_text("a,b\n" + 5000 * "1,nan\n")
+    with pytest.raises(FileError, match=r"(?s)table\.csv:2: .*and at least 1980 more faults$"):
+        read_csv(path).numbers("b")

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taskcal.errors import FileError
-from taskcal.tabular.faults import MAX_SHOWN, Faults, FaultyFile
+from taskcal.tabular.faults import MAX_MET, MAX_SHOWN, Faults, FaultyFile
 
 
 def fault(line: int) -> FileError:
@@ -54,3 +54,15 @@ def test_the_faults_within_a_fault_count_one_by_one() -> None:
 def test_what_is_not_of_the_file_is_not_gathered() -> None:
     with pytest.raises(ZeroDivisionError), Faults().collecting():
         raise ZeroDivisionError
+
+
+def test_the_search_ends_after_many_faults_and_says_that_there_may_be_more() -> None:
+    faults = Faults()
+    for line in range(1, MAX_MET):
+        with faults.collecting():
+            raise fault(line)
+    with (
+        pytest.raises(FaultyFile, match=f"and at least {MAX_MET - MAX_SHOWN} more faults$"),
+        faults.collecting(),
+    ):
+        raise fault(MAX_MET)

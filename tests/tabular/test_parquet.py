@@ -93,3 +93,24 @@ def test_without_pyarrow_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
     with pytest.raises(TaskcalError, match="install Taskcal with its extra: parquet"):
         read_parquet(PATH, b"PAR1")
+
+
+def test_a_file_that_is_read_by_parts_has_no_more_rows_than_its_bytes_may_be(tmp_path):
+    path = tmp_path / "a.parquet"
+    path.write_bytes(written({name: pyarrow.array(np.full(300_000, 1.5)) for name in ("x_mm", "y_mm")}))
+    for reading in (parquet.count_rows, lambda p: next(parquet.parts_of(p, 10)), lambda p: parquet.every_row(p, 2, 10)):
+        with pytest.raises(FileError, match=r"a\.parquet: has 300000 rows of 2 columns, more than 50\d\d\d\d cells"):
+            reading(path)
+
+
+def test_texts_columns_and_directories_are_bounded_before_anything_is_unpacked(monkeypatch):
+    content = written({"id": ["x" * 1_000_000] * 2, "x_mm": [1.0, 2.0]})
+    monkeypatch.setattr(parquet, "MAX_STATED_TEXT_MB", 0.5)
+    with pytest.raises(FileError, match="has texts of 1 MB, more than 0 MB; leave out their columns"):
+        read_parquet(PATH, content)
+    monkeypatch.setattr(parquet, "MAX_COLUMNS", 1)
+    with pytest.raises(FileError, match="has more than 20000 columns; is it a table"):
+        read_parquet(PATH, content)
+    monkeypatch.setattr(parquet, "MAX_DIRECTORY_MB", 1e-4)
+    with pytest.raises(FileError, match="has a directory of 0 MB; save it with fewer columns, or larger groups"):
+        read_parquet(PATH, content)

@@ -16,6 +16,7 @@ from taskcal.tabular.motion_capture import is_motion_capture, parse_motion_captu
 from taskcal.tabular.parquet import is_parquet, read_parquet
 from taskcal.tabular.sheet import Sheet
 from taskcal.tabular.table import Table
+from taskcal.tabular.width import refuse_wide
 from taskcal.text_file import read_bytes
 
 MANY_LINES, SHORTEST_LINE = 30_000, 12
@@ -72,12 +73,14 @@ def parse_sheet(path: Path, text: str, decimal: DecimalMark | None = None) -> Sh
     """The rows that a file's text holds, in whatever form.
 
     Raises:
-        FileError: it is a form whose rows cannot be told, or has far more lines than such short ones can be rows.
+        FileError: it is a form whose rows cannot be told, has far more lines than such short ones can be rows, or a line of far
+            more cells than a table has.
     """
     lines = text.count("\n")
     if lines > MANY_LINES and len(text) < SHORTEST_LINE * lines:
         mean = len(text) / lines - 1.0
         raise FileError(path, f"has {lines} lines of {mean:.0f} characters by the mean; is it a table of measurements?")
+    refuse_wide(path, text)
     text = in_plain_digits(text)
     if is_motion_capture(text):
         return parse_motion_capture(path, text)

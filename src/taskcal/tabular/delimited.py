@@ -1,7 +1,6 @@
 """Text in columns: commas, semicolons, tabs, bars or blanks between the cells."""
 
 import csv
-import io
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -13,6 +12,7 @@ from taskcal.tabular.decimal_mark import DecimalMark, find_decimal_mark, with_po
 from taskcal.tabular.digit_groups import without_blanks
 from taskcal.tabular.sheet import Sheet
 from taskcal.tabular.unit_cells import with_units_apart
+from taskcal.tabular.width import MAX_MARKS, too_wide
 
 _SEPARATOR_LINE = re.compile(r"\Asep=(.)[ \t]*(?=\n)", re.IGNORECASE)
 """What a spreadsheet writes first to say how it separates."""
@@ -55,16 +55,21 @@ def parse_delimited(path: Path, text: str, decimal: DecimalMark | None = None) -
     matches = [(number, match[1].strip()) for number, match in enumerate(map(_COMMENT.match, lines), start=1) if match]
     comments = tuple(comment for _, comment in matches)
     separator = stated[1] if stated and stated[1] in _SEPARATORS else separator_of(lines)
+    # of a large file they take as much memory again as its text
+    del lines
     sheet = Sheet(path=path, rows=(), lines=(), separator=separator, comments=comments)
-    rows = [(number, cells) for number, cells in _cells(path, text, separator) if any(cells)]
+    first, grouped = 1 if stated else 0, separator != BLANKS and " " in text
+    numbers: list[int] = []
+    rows: list[tuple[str, ...]] = []
+    for number, cells in _cells(path, text, separator):
+        if any(cells):
+            numbers.append(number + first)
+            rows.append(tuple(map(without_blanks, cells)) if grouped else cells)
     if not rows:
         return sheet
-    first = 1 if stated else 0
-    if separator != BLANKS and " " in text:
-        rows = [(number, tuple(map(without_blanks, cells))) for number, cells in rows]
-    numbers, cells = zip(*rows, strict=True)
-    sheet = replace(sheet, notes=_commented(matches, separator, len(cells[-1]), first))
-    sheet = with_units_apart(replace(sheet, rows=tuple(cells), lines=tuple(n + first for n in numbers)))
+    sheet = replace(sheet, notes=_commented(matches, separator, len(rows[-1]), first))
+    sheet = with_units_apart(replace(sheet, rows=tuple(rows), lines=tuple(numbers)))
+    del rows
     if separator == ",":
         # a comma that parts cells is in none of them, but for quoted ones
         return with_decimal_points(sheet, decimal) if '"' in text else sheet
@@ -181,11 +186,35 @@ def _cells(path: Path, text: str, separator: str) -> Iterator[tuple[int, tuple[s
             if not _COMMENT.match(line):
                 yield number, split_line(line, separator)
         return
-    reader = csv.reader(io.StringIO(text), delimiter=separator)
+    for number, row in quoted_rows(path, text, separator):
+        cells = tuple(cell.strip() for cell in row)
+        if cells and not _COMMENT.match(cells[0]):
+            yield number, cells
+
+
+def quoted_rows(path: Path, text: str, separator: str) -> Iterator[tuple[int, list[str]]]:
+    """The cells of every row of text with quotes, which may hold ends of lines, with the number of its last line.
+
+    Raises:
+        FileError: a quote is not closed, or the lines of one row have too many cells.
+    """
+    marks = 0
+
+    def lines() -> Iterator[str]:
+        nonlocal marks
+        begin = 0
+        while begin < len(text):
+            end = text.find("\n", begin) + 1 or len(text)
+            marks += text.count(separator, begin, end)
+            if marks > MAX_MARKS:
+                raise too_wide(path, reader.line_num + 1)
+            yield text[begin:end]
+            begin = end
+
+    reader = csv.reader(lines(), delimiter=separator)
     try:
         for row in reader:
-            cells = tuple(cell.strip() for cell in row)
-            if cells and not _COMMENT.match(cells[0]):
-                yield reader.line_num, cells
+            marks = 0
+            yield reader.line_num, row
     except csv.Error as error:
         raise FileError(path, f"cannot be parted into cells: {error}", line=reader.line_num) from error

@@ -8,6 +8,9 @@ from taskcal.errors import FileError
 MAX_SHOWN = 20
 """Faults in one message; whoever mends these sees the next."""
 
+MAX_MET = 2000
+"""After which the search for others ends: each costs time and a kilobyte, and a large file may have one in every line."""
+
 
 class FaultyFile(FileError):
     """A file with several faults; the place is that of the first."""
@@ -16,8 +19,9 @@ class FaultyFile(FileError):
         self.faults = tuple(faults)
         first = self.faults[0]
         rest = len(self.faults) - MAX_SHOWN
+        count = f"at least {rest}" if len(self.faults) >= MAX_MET else str(rest)
         shown = [str(fault) for fault in self.faults[:MAX_SHOWN]]
-        more = [f"and {rest} more fault{'s' if rest > 1 else ''}"] if rest > 0 else []
+        more = [f"and {count} more fault{'s' if rest > 1 else ''}"] if rest > 0 else []
         super().__init__(first.path, "", line=first.line, column=first.column)
         self.args = ("\n".join(shown + more),)
 
@@ -30,13 +34,19 @@ class Faults:
 
     @contextmanager
     def collecting(self) -> Generator[None]:
-        """Note what is raised inside, and go on behind it."""
+        """Note what is raised inside, and go on behind it; after many, end there.
+
+        Raises:
+            FaultyFile: there were many.
+        """
         try:
             yield
         except FaultyFile as several:
             self._met.extend(several.faults)
         except FileError as fault:
             self._met.append(fault)
+        if len(self._met) >= MAX_MET:
+            self.raise_any()
 
     def raise_any(self) -> None:
         """Raise what was met, in the order of the file's lines.

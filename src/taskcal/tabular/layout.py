@@ -4,16 +4,16 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 from taskcal.errors import FileError, shown
 from taskcal.tabular.delimited import separator_of, split_line
+from taskcal.tabular.faults import MAX_MET
 from taskcal.tabular.footer import MOST_REMARKS, footer_note, is_footer
 from taskcal.tabular.header_rows import group_units, joined_names, without_rules
 from taskcal.tabular.sheet import Sheet
 from taskcal.tabular.table import Table
-
-MAX_COLUMNS = 20_000
-"""A spreadsheet holds 16 384, motion capture of many bodies writes some thousand."""
+from taskcal.tabular.width import MAX_COLUMNS, too_wide
 
 UNITS = frozenset({
     "mm", "m", "um", "µm", "μm", "cm", "in", "inch", "inches", "ft", "deg", "degree", "degrees", "grad", "gon", "°", "rad",
@@ -66,7 +66,7 @@ def lay_out(sheet: Sheet, names: Sequence[str] | None = None) -> Laid:
         raise FileError(path, "is empty; its first line must name the columns")
     width, first = _first_row_of_numbers(sheet.rows)
     if width > MAX_COLUMNS:
-        raise FileError(path, f"has {width} columns; is it a table?", line=sheet.lines[0])
+        raise too_wide(path, sheet.lines[0])
     if names is not None:
         return _named(sheet, names, first if first is not None else len(sheet.rows))
     if first is None:
@@ -201,9 +201,8 @@ def _laid(
     units = tuple(
         next((row[k] for row in (units, sheet.units) if k < len(row) and row[k]), "") for k in range(len(header))
     )
-    faults = tuple(
-        _wrong_width(sheet, header, lines[k], row) for k, row in enumerate(fitted) if len(row) != len(header)
-    )
+    wrong = islice((k for k, row in enumerate(fitted) if len(row) != len(header)), MAX_MET)
+    faults = tuple(_wrong_width(sheet, header, lines[k], fitted[k]) for k in wrong)
     return Laid(
         table=table,
         units=tuple(map(bare_unit, units)),

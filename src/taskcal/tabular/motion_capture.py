@@ -3,11 +3,10 @@
 Source: OptiTrack's documentation of Motive's CSV export.
 """
 
-import csv
-import io
 from pathlib import Path
 
 from taskcal.errors import FileError, shown
+from taskcal.tabular.delimited import quoted_rows
 from taskcal.tabular.sheet import Sheet
 
 _UNITS = {"millimeters": "mm", "centimeters": "cm", "meters": "m"}
@@ -24,10 +23,7 @@ def parse_motion_capture(path: Path, text: str) -> Sheet:
     Raises:
         FileError: rotations are not quaternions, the unit is not stated, or the rows of names are not as they should be.
     """
-    try:
-        rows = [(reader.line_num, tuple(row)) for reader in [csv.reader(io.StringIO(text))] for row in reader]
-    except csv.Error as error:
-        raise FileError(path, f"cannot be parted into cells: {error}") from error
+    rows = [(line, tuple(row)) for line, row in quoted_rows(path, text, ",")]
     settings = dict(zip(rows[0][1][::2], rows[0][1][1::2], strict=False))
     unit = _UNITS.get(settings.get("Length Units", "").casefold())
     if unit is None:

@@ -1,6 +1,7 @@
 """Parquet files: columns of numbers with names, packed in groups of rows, so that a part can be read without the others."""
 
 import io
+import os
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.tabular.sheet import Sheet
+from taskcal.tabular.width import MAX_COLUMNS, too_wide
 from taskcal.text_file import open_ordinary
 
 MARK = b"PAR1"
@@ -23,6 +25,12 @@ the same time."""
 
 MAX_TEXT_MB = 200.0
 """Of all columns as they are unpacked, and of the texts of one, 10⁶ bytes."""
+
+MAX_STATED_TEXT_MB = 40.0
+"""Of the texts that are no numbers, as they are unpacked: names of a million rows. Each passes through several hands."""
+
+MAX_DIRECTORY_MB = 8.0
+"""Of what says where the columns are, which is read before anything can be counted: 300 bytes a column and group of rows."""
 
 GROUP_ROWS = 65_536
 """Rows that are packed together."""
@@ -48,30 +56,75 @@ def read_parquet(path: Path, content: bytes) -> Sheet:
         TaskcalError: pyarrow is not installed.
     """
     with _opened(path, content) as file:
-        names = _checked_names(path, file, len(content))
+        names = _checked_names(path, file)
         columns = [_texts(path, name, column) for name, column in zip(names, file.read().columns, strict=True)]
         rows = tuple(zip(*columns, strict=True))
     header = tuple(str(name).strip() for name in names)
     return Sheet(path=path, rows=(header, *rows), lines=tuple(range(1, len(rows) + 2)))
 
 
-def _checked_names(path: Path, file: Any, size: int) -> list[str]:
+def _checked_names(path: Path, file: Any) -> list[str]:
     """Names of the columns of a file that can be read whole.
 
     Raises:
         FileError: it has too many cells, or unpacks to too much.
     """
+    names = list(file.schema_arrow.names)
+    _check_cells(path, file.metadata, MAX_CELLS)
     groups = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
-    rows, names = max(file.metadata.num_rows, sum(group.num_rows for group in groups)), list(file.schema_arrow.names)
-    most = int(min(MAX_CELLS, FEW_CELLS + CELLS_A_BYTE * size))
-    if rows * len(names) > most:
-        raise FileError(
-            path, f"has {rows} rows of {len(names)} columns, more than {most} cells; divide it, or thin out its rows"
-        )
     unpacked = sum(group.total_byte_size for group in groups) / 1e6
     if unpacked > MAX_TEXT_MB:
         raise FileError(path, f"unpacks to {unpacked:.0f} MB, more than {MAX_TEXT_MB:.0f} MB; divide it")
     return names
+
+
+def _check_cells(path: Path, metadata: Any, most: float) -> None:
+    """See that a file has no more cells than some.
+
+    Raises:
+        FileError: it has.
+    """
+    groups = [metadata.row_group(k) for k in range(metadata.num_row_groups)]
+    rows, columns = max(metadata.num_rows, sum(group.num_rows for group in groups)), metadata.num_columns
+    if rows * columns > most:
+        raise FileError(
+            path, f"has {rows} rows of {columns} columns, more than {most:.0f} cells; divide it, or thin out its rows"
+        )
+
+
+def _check_size(path: Path, metadata: Any, size: int) -> None:
+    """See that what a file of so many bytes says of itself is what measured numbers may be.
+
+    Raises:
+        FileError: it is not.
+    """
+    if metadata.num_columns > MAX_COLUMNS:
+        raise too_wide(path, 1)
+    _check_cells(path, metadata, FEW_CELLS + CELLS_A_BYTE * size)
+    texts = 0
+    for group in map(metadata.row_group, range(metadata.num_row_groups)):
+        columns = map(group.column, range(metadata.num_columns))
+        texts += sum(c.total_uncompressed_size for c in columns if c.physical_type == "BYTE_ARRAY")
+    if texts > MAX_STATED_TEXT_MB * 1e6:
+        message = f"has texts of {texts / 1e6:.0f} MB, more than {MAX_STATED_TEXT_MB:.0f} MB; leave out their columns"
+        raise FileError(path, message)
+
+
+def _check_directory(path: Path, content: bytes | None) -> int:
+    """The size of a file whose directory is not too large, bytes.
+
+    Raises:
+        FileError: it is.
+    """
+    with open_ordinary(path) if content is None else io.BytesIO(content) as stream:
+        size = stream.seek(0, os.SEEK_END)
+        stream.seek(max(size - 8, 0))
+        directory = int.from_bytes(stream.read(4), "little")
+    if MAX_DIRECTORY_MB * 1e6 < directory <= size:
+        raise FileError(
+            path, f"has a directory of {directory / 1e6:.0f} MB; save it with fewer columns, or larger groups of rows"
+        )
+    return size
 
 
 def _texts(path: Path, name: str, column: Any) -> list[str]:
@@ -135,12 +188,15 @@ def _opened(path: Path, content: bytes | None = None) -> Generator[Any, None, No
     """A file whose columns are numbers, texts and the like, not lists; of texts each is held once.
 
     Raises:
-        FileError: it is damaged, or has columns of lists or records, of which a few bytes may become any number.
+        FileError: it is damaged, says of itself what no measured numbers are, or has columns of lists or records, of which a few
+            bytes may become any number.
     """
     pyarrow, parquet = _pyarrow()
+    size = _check_directory(path, content)
     try:
         with parquet.ParquetFile(path if content is None else io.BytesIO(content)) as file:
             metadata, schema = file.metadata, file.schema_arrow
+        _check_size(path, metadata, size)
         for field in schema:
             if pyarrow.types.is_nested(field.type):
                 message = "holds lists or records; write each number to a column of its own"

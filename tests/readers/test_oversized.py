@@ -1,0 +1,45 @@
+"""Smaller ones of the files of `python -m tests.readers.oversized`."""
+
+import pytest
+
+from tests.readers.oversized import KINDS, bombs, check, lines_of_a_gigabyte, parquets, sound, wide_tables
+
+# each is written and read in a process of its own
+pytestmark = pytest.mark.long
+
+OF_A_KIND = ("campaign", "points", "robot", "urdf", "calibration", "rapid", "krl", "tp", "apt", "csv_path")
+LINE_MB = 60
+
+
+@pytest.mark.parametrize("kind", OF_A_KIND)
+def test_a_line_beyond_what_is_read_is_refused_unread(kind, tmp_path):
+    path = tmp_path / KINDS[kind].files()[0][0]
+    for _, write in lines_of_a_gigabyte(size=LINE_MB * 1_000_000):
+        outcome = check(kind, path, write)
+        assert sound(outcome, path), outcome
+        assert outcome.said != "read"
+
+
+@pytest.mark.parametrize("kind", ["campaign", "dh", "csv_path", "apt"])
+def test_ten_million_columns_are_refused_in_little_memory(kind, tmp_path):
+    path = tmp_path / KINDS[kind].files()[0][0]
+    for wrong, write in wide_tables():
+        outcome = check(kind, path, write)
+        assert sound(outcome, path), (wrong, outcome)
+        assert outcome.said != "read"
+
+
+@pytest.mark.parametrize("kind", ["workbook", "backup", "robot-zip"])
+def test_what_unpacks_to_far_more_is_refused_unpacked(kind, tmp_path):
+    name, content = KINDS[kind].files()[0]
+    for wrong, write in bombs(content, size=700_000_000):
+        outcome = check(kind, tmp_path / name, write)
+        assert sound(outcome, tmp_path / name), (wrong, outcome)
+
+
+def test_parquet_files_that_swell_are_refused_in_little_memory(tmp_path):
+    path = tmp_path / "file.parquet"
+    for wrong, write in parquets():
+        outcome = check("parquet", path, write)
+        assert sound(outcome, path), (wrong, outcome)
+        assert outcome.said != "read"
