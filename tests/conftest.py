@@ -27,10 +27,12 @@ threadpool_limits(1)  # a pytest plugin may have loaded NumPy, and its BLAS, bef
 # Shapes and types in annotations are checked, but for these modules and all that is in these folders.
 _UNCHECKED = {
     "compiled kernels, whose source Numba has to read, and what describes their arguments": """
-        geometry.columns geometry.compiled geometry.coordinates geometry.covariance_propagation geometry.described_arrays
-        geometry.four_bar_closure geometry.kernel_cache geometry.lane_functions geometry.lane_numbers geometry.lanes
-        geometry.linearised_observation geometry.normal_equations geometry.observations geometry.point_observation
-        geometry.point_pass geometry.pose_observation geometry.pose_step geometry.products geometry.walk
+        geometry.cholesky geometry.columns geometry.compiled geometry.coordinates geometry.covariance_propagation
+        geometry.described_arrays geometry.four_bar_closure geometry.kept_points geometry.kernel_cache
+        geometry.lane_functions geometry.lane_numbers geometry.lanes geometry.linearised_observation
+        geometry.normal_equations geometry.observations geometry.point_observation geometry.point_pass
+        geometry.pose_observation geometry.pose_step geometry.products geometry.walk identification.fit_kernel
+        identification.search_kernel
     """,
     "files that pydantic checks, by annotations that it has to read": """
         correction.cell_file robot.file robot.joint_section robot.statics_section toml_file

@@ -1,8 +1,8 @@
-"""One robot of a study: drawn, measured in every way, identified with every model, and compared with the truth."""
+"""Robots of a study: each drawn, measured in every way, identified with every model, and compared with the truth."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -13,12 +13,16 @@ from taskcal.errors import NothingLearntError
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.effect_selection import explain
 from taskcal.identification.fit_options import FitOptions
+from taskcal.identification.fitted_together import Estimate, can_fit_together, fit_together
 from taskcal.identification.identify import identify
 from taskcal.identification.nominal_fit import fit_nominal
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.measurement.virtual_cell import Truth
 from taskcal.robot.error_model import ErrorModel
+
+TOGETHER = 16
+"""Robots that are tried at once: a study that is interrupted loses no more than what they take."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -40,61 +44,101 @@ class StudySetting:
     """Whether errors are those that are left once frames were taught."""
 
 
-def _identify(model: ErrorModel, campaign: Campaign, name: str, options: FitOptions) -> Calibration:
-    """The calibration that a model's name stands for."""
-    if name not in ("geometry", "auto"):
-        return identify(model, campaign, options=options)
-    geometry = ErrorModel(model.robot, lengths_only=model.lengths_only)
-    return (
-        identify(geometry, campaign, options=options)
-        if name == "geometry"
-        else explain(geometry, campaign, options=options).calibration
-    )
+class _Measured(NamedTuple):
+    """One robot, measured in one way."""
+
+    robot: int
+    observe: str
+    kind: str
+    campaign: Campaign
+    truth: Truth
+    unexplained: Float[np.ndarray, "n 3"]
+    """What single poses of the task add, metres."""
 
 
-def try_robot(setting: StudySetting, index: int) -> tuple[int, list[dict[str, Any]]]:
-    """All ways to measure, plans and models of one true robot."""
+def robots_together(setting: StudySetting) -> int:
+    """How many robots are best tried at once: what is measured otherwise than by a tracker is identified one by one."""
+    fitted = (can_fit_together(_model_of(setting, name), options) for name, options in setting.models.items())
+    return TOGETHER if all(way == "tracker" for way, _, _ in setting.cases) and any(fitted) else 1
+
+
+def try_robots(setting: StudySetting, indices: Sequence[int]) -> list[tuple[int, list[dict[str, Any]]]]:
+    """All ways to measure, plans and models of some of the true robots; of each what it would be by itself."""
+    measured = [case for index in indices for case in _measure(setting, index)]
+    found = {name: _learn(setting, name, measured) for name in setting.models}
+    rows: dict[int, list[dict[str, Any]]] = {index: [] for index in indices}
+    for k, case in enumerate(measured):
+        for name in setting.models:
+            rows[case.robot].append(_compare(setting, case, name, found[name][k]))
+    return list(rows.items())
+
+
+def _measure(setting: StudySetting, index: int) -> list[_Measured]:
+    """One robot in every way and by every plan."""
     rng = _own_numbers(setting, index)
-    robots, noise = setting.robots, setting.noise
-    x, task_q = robots.draw(rng), setting.task_q
-    out: list[dict[str, Any]] = []
+    robots = setting.robots
+    x, out = robots.draw(rng), list[_Measured]()
     for observe, kind, count in setting.cases:
         q = setting.plans.get(f"{kind} {count}")
         if q is None:
             q = setting.pool[rng.permutation(len(setting.pool))[:count]]
-        campaign, truth = robots.measure(x, q, noise, rng, observe)
+        campaign, truth = robots.measure(x, q, setting.noise, rng, observe)
         # the same for all plans, and drawn beside the robot, which does not depend on it
         alone = np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index, 1)))
-        unexplained = robots.unexplained(truth, task_q, alone)
-        for name, options in setting.models.items():
-            learnt = True
-            try:
-                calibration = _identify(robots.model, campaign, name, options)
-            except NothingLearntError:  # what is left to its user is the robot as it is
-                learnt, calibration = False, fit_nominal(robots.model, campaign, options)
-            off = _off(setting, calibration, truth)
-            error, single = np.linalg.norm(off, axis=1), np.linalg.norm(off - unexplained * 1e3, axis=1)
-            out.append(
-                {
-                    "robot": index,
-                    "plan": kind,
-                    "count": count,
-                    "model": name,
-                    "rms_mm": float(np.sqrt(np.sum(setting.weights * error**2))),
-                    "max_mm": float(error.max()),
-                    "rms_with_model_error_mm": float(np.sqrt(np.sum(setting.weights * single**2))),
-                    "observe": observe,
-                    "learnt": learnt,
-                }
-            )
-    return index, out
+        out.append(_Measured(index, observe, kind, campaign, truth, robots.unexplained(truth, setting.task_q, alone)))
+    return out
+
+
+def _model_of(setting: StudySetting, name: str) -> ErrorModel:
+    model = setting.robots.model
+    return ErrorModel(model.robot, lengths_only=model.lengths_only) if name in ("geometry", "auto") else model
+
+
+def _learn(setting: StudySetting, name: str, measured: Sequence[_Measured]) -> list[Calibration | Estimate | None]:
+    """What the model that a name stands for says of each campaign; None where nothing was learnt."""
+    model, options = _model_of(setting, name), setting.models[name]
+    campaigns = [case.campaign for case in measured]
+    together = [None] * len(campaigns) if name == "auto" else fit_together(model, campaigns, options)
+    out: list[Calibration | Estimate | None] = []
+    for campaign, found in zip(campaigns, together, strict=True):
+        try:
+            out.append(found or _identify(model, campaign, name, options))
+        except NothingLearntError:
+            out.append(None)
+    return out
+
+
+def _identify(model: ErrorModel, campaign: Campaign, name: str, options: FitOptions) -> Calibration:
+    if name == "auto":
+        return explain(model, campaign, options=options).calibration
+    return identify(model, campaign, options=options)
+
+
+def _compare(setting: StudySetting, case: _Measured, name: str, found: Calibration | Estimate | None) -> dict[str, Any]:
+    """The row of one robot, way to measure and model."""
+    robots, options = setting.robots, setting.models[name]
+    # where nothing is learnt, what is left to its user is the robot as it is
+    known = fit_nominal(robots.model, case.campaign, options) if found is None else found
+    off = _off(setting, known, case.truth)
+    error, single = np.linalg.norm(off, axis=1), np.linalg.norm(off - case.unexplained * 1e3, axis=1)
+    return {
+        "robot": case.robot,
+        "plan": case.kind,
+        "count": len(case.campaign),
+        "model": name,
+        "rms_mm": float(np.sqrt(np.sum(setting.weights * error**2))),
+        "max_mm": float(error.max()),
+        "rms_with_model_error_mm": float(np.sqrt(np.sum(setting.weights * single**2))),
+        "observe": case.observe,
+        "learnt": found is not None,
+    }
 
 
 def _own_numbers(setting: StudySetting, index: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index,)))
 
 
-def _off(setting: StudySetting, calibration: Calibration, truth: Truth) -> Float[np.ndarray, "n 3"]:
+def _off(setting: StudySetting, calibration: Calibration | Estimate, truth: Truth) -> Float[np.ndarray, "n 3"]:
     """Predicted less true tool points over the task, in the measuring frame, millimetres."""
     q, way = setting.task_q, setting.robots.conditions(setting.task_q)
     if not setting.aligned:

@@ -9,6 +9,7 @@ explains. On real robots it is alike at neighbouring poses.
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -23,7 +24,7 @@ from taskcal.adaptation.chosen_poses import PoseChoice
 from taskcal.adaptation.geometry_allowance import allow_geometry
 from taskcal.adaptation.plan_options import PlanOptions
 from taskcal.adaptation.selection import select
-from taskcal.adaptation.studied_robot import StudySetting, errors_before, try_robot
+from taskcal.adaptation.studied_robot import StudySetting, errors_before, robots_together, try_robots
 from taskcal.adaptation.study_options import StudyChoices, StudyOptions
 from taskcal.adaptation.virtual_robots import VirtualRobots
 from taskcal.adaptation.workers import side_by_side
@@ -42,6 +43,9 @@ if TYPE_CHECKING:
 
 POOL = 2000
 """Poses of the task's workspace that random plans are drawn from."""
+
+GROUPS = 4
+"""Of robots for each worker, at least: what is done is kept as often, and the last to end is not waited for long."""
 
 Progress = Callable[[int, int], None]
 
@@ -202,9 +206,10 @@ def study(
     done = _read(resume, setting)
     progress(len(done), chosen.robots)
     left = [index for index in range(chosen.robots) if index not in done]
-    with closing(side_by_side(partial(try_robot, setting), left, engine, workers)) as results:
-        for index, rows in results:
-            done[index] = rows
+    groups = _in_groups(left, robots_together(setting), engine, workers)
+    with closing(side_by_side(partial(try_robots, setting), groups, engine, workers)) as results:
+        for found in results:
+            done.update(found)
             if resume is not None:
                 _append(Path(resume), setting, done)
             progress(len(done), chosen.robots)
@@ -219,6 +224,14 @@ def study(
         origin=setting.robots.origin,
         before=errors_before(setting, chosen.robots) if setting.aligned else (),
     )
+
+
+def _in_groups(robots: list[int], most: int, engine: str, workers: int) -> list[list[int]]:
+    """Robots that are tried at once, so many at most, and so few that every worker gets some groups."""
+    if workers < 1:
+        workers = 1 if engine == "sequential" else os.cpu_count() or 1
+    size = max(min(most, -(-len(robots) // (GROUPS * workers))), 1)
+    return [robots[first : first + size] for first in range(0, len(robots), size)]
 
 
 def _prepare(model: ErrorModel, task: Task, options: StudyOptions) -> StudySetting:

@@ -8,6 +8,8 @@ from jaxtyping import Float
 
 from taskcal.adaptation.workers import side_by_side
 from taskcal.estimation.loss import Huber
+from taskcal.identification.fit_options import FitOptions
+from taskcal.identification.fitted_together import fit_together
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
 from taskcal.kinematics.inverse import Spin, solve_near
@@ -50,6 +52,11 @@ def _fit(model: ErrorModel, q: Float[np.ndarray, "n joints"], rng: np.random.Gen
         validate(calibration, campaign, reregister=True)
 
 
+def _fit_many(model: ErrorModel, q: Float[np.ndarray, "n joints"], rng: np.random.Generator) -> None:
+    """Identify campaigns together, as a study does."""
+    fit_together(model, [simulate(model, q, rng=rng)[0]], FitOptions())
+
+
 Use = Callable[[ErrorModel, np.ndarray, np.random.Generator], None]
-USES: tuple[Use, ...] = (_fit, _walk)
+USES: tuple[Use, ...] = (_fit, _fit_many, _walk)
 """Of the kernels, longest first."""

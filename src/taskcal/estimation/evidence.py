@@ -113,15 +113,27 @@ def expect_prior_scale(at: Linearised, v: float) -> float:
     H, k = at.information, at.scaled
     free = H[np.ix_(~k, ~k)] + at.precision[np.ix_(~k, ~k)]
     own = H[np.ix_(k, k)] - H[np.ix_(k, ~k)] @ np.linalg.solve(free, H[np.ix_(~k, k)])
-    root = np.linalg.cholesky(at.prior_covariance)
+    return float(expect_factor(own[None], at.prior_covariance, at.deviation[None], np.array([v]))[0])
+
+
+def expect_factor(
+    own: Float[np.ndarray, "fits k k"],
+    prior_covariance: Float[np.ndarray, "k k"],
+    deviation: Float[np.ndarray, "fits k"],
+    v: Float[np.ndarray, " fits"],
+) -> Float[np.ndarray, " fits"]:
+    """The same of many fits, from the information of the scaled parameters once the others are eliminated."""
+    root = np.linalg.cholesky(prior_covariance)
     values, vectors = np.linalg.eigh(root.T @ own @ root)
-    told = values * v > TOLD
-    told_by, w = values[told], (vectors.T @ np.linalg.solve(root, at.deviation))[told]
+    factor = v[:, None]
+    told = values * factor > TOLD
+    by = np.where(told, values, 0.0)
+    w = (np.swapaxes(vectors, -1, -2) @ np.linalg.solve(root, deviation[..., None]))[..., 0]
     # in these directions the data alone say y ± 1/√λ, and the estimate is y·λv/(1 + λv)
-    square = w**2 * (1.0 + told_by * v) ** 2 / (told_by * v**2)
+    square = np.where(told, w**2 * (1.0 + by * factor) ** 2 / (np.where(told, values, 1.0) * factor**2), 0.0)
     logarithm = np.linspace(np.log(SCALE_RANGE[0]), np.log(SCALE_RANGE[1]), GRID)
-    spread = 1.0 + told_by * np.exp(logarithm)[:, None]
-    likelihood = -0.5 * (np.log(spread) + square / spread).sum(axis=1)
+    spread = 1.0 + by[:, None] * np.exp(logarithm)[:, None]
+    likelihood = -0.5 * (np.log(spread) + square[:, None] / spread).sum(axis=-1)
     believed = likelihood - 0.5 * (logarithm / (2.0 * np.log(STATED_WITHIN))) ** 2
-    weight = np.exp(believed - believed.max())
-    return float(weight @ np.exp(logarithm) / weight.sum())
+    weight = np.exp(believed - believed.max(axis=-1, keepdims=True))
+    return (weight * np.exp(logarithm)).sum(axis=-1) / weight.sum(axis=-1)

@@ -39,14 +39,16 @@ class Coordinates(NamedTuple):
     """The numbers of the closure; no columns where they are not wanted."""
 
 
-class _Room(NamedTuple):
+class CoordinateRoom(NamedTuple):
+    """What the pass fills on the way."""
+
     q: Float[np.ndarray, "joints lanes"]
     s: Float[np.ndarray, "coordinates lanes"]
     loop: Float[np.ndarray, "numbers lanes"]
 
 
 @compiled
-def _coordinates(q, drive, numbers, wanted, room, out):
+def fill_lanes(q, drive, numbers, wanted, room, out):
     """Fill `out`; whether the loop closes where it was built at all poses."""
     joints, s, loop = as_lanes(room.q), as_lanes(room.s), as_lanes(room.loop)
     matrix, n = drive.matrix, q.shape[0]
@@ -79,15 +81,19 @@ def _coordinates(q, drive, numbers, wanted, room, out):
     return least_of(least) == KEPT
 
 
+def coordinate_room(joints: int, coordinates: int) -> CoordinateRoom:
+    """For so many joints and coordinates."""
+    return CoordinateRoom(*rooms((joints,), (coordinates,), (NUMBERS,)))
+
+
 def fill_coordinates(
     q: Float[np.ndarray, "n joints"], drive: Drive, numbers: LoopNumbers, wanted: Wanted, out: Coordinates
 ) -> bool:
     """Fill `out` at joint positions q, in radians or metres; whether the loop, if there is one, closes at all as it was built."""
 
     def fill(rows: slice) -> bool:
-        joints, s, of_loop = rooms((q.shape[1],), (len(drive.offset),), (NUMBERS,))
-        lanes = _Room(joints, s, of_loop)
+        lanes = coordinate_room(q.shape[1], len(drive.offset))
         part = Coordinates(out.s[rows], out.factor[rows], out.loop[rows])
-        return _coordinates(q[rows], drive, numbers, wanted, lanes, part)
+        return fill_lanes(q[rows], drive, numbers, wanted, lanes, part)
 
     return all(in_chunks(fill, len(q)))

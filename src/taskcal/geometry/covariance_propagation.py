@@ -49,7 +49,7 @@ def _propagate(walk, seen, matrix, residual, out):
 
 
 @part
-def _conjugate_lanes(J, matrix, out):
+def conjugate_lanes(J, matrix, out):
     """The lower triangle of J·matrix·Jᵀ, matrix symmetric."""
     for a in range(3):
         for b in range(a + 1):
@@ -83,7 +83,7 @@ def _propagate_points(walk, seen, matrix, room, residual, out):
         for t in range(seen.valid.shape[1]):
             take_points(seen.position, seen.valid, first, t, room.y)
             linearise_point(walk.points, walk.layout, factor, y, t, block)
-            _conjugate_lanes(block.J, matrix, as_lanes(room.work))
+            conjugate_lanes(block.J, matrix, as_lanes(room.work))
             for lane in range(min(LANES, n - first)):
                 if seen.valid[first + lane, t]:
                     for a in range(3):

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 
 from taskcal.errors import ClosureError
 from taskcal.geometry.coordinates import Coordinates, Drive, Wanted, fill_coordinates
-from taskcal.geometry.four_bar_closure import BY_ANGLE, BY_LENGTH, NUMBERS, OPEN, STATE, TURN, LoopNumbers
+from taskcal.geometry.four_bar_closure import BY_ANGLE, BY_LENGTH, NUMBERS, OPEN, ROUNDING, STATE, TURN, LoopNumbers
 
 REMEDY = (
     "the loop is singular where rod and arm line up with the levers: keep the two angles well under 90° apart and check the "
@@ -26,9 +26,6 @@ REMEDY = (
 
 MARGIN_SHARE = 1e-3
 """Share of the range in which a loop closes that the place where it was built keeps from its ends."""
-
-ROUNDING = 1e-12
-"""Of a cosine, and of the share by which a rod must reach."""
 
 
 @dataclass(frozen=True, kw_only=True)

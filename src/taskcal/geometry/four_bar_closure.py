@@ -8,6 +8,9 @@ from taskcal.geometry.lanes import angle_of, cosine_and_sine, square_root, where
 MIN_TURN = 1e-9
 """∂θ/∂κ that counts as none; a rhombus that folds over leaves the rocker standing, to rounding."""
 
+ROUNDING = 1e-12
+"""Of a cosine, and of the share by which a rod must reach."""
+
 OPEN, BEYOND, KEPT = 0.0, 1.0, 2.0
 """A loop whose rod does not reach; one that closes, but not where it was built; one that does there."""
 
@@ -29,6 +32,16 @@ class LoopNumbers(NamedTuple):
     turn: float
     passes: float
     """2 where the crank's lever may pass the line of the arm, else 0."""
+
+
+@part
+def lengthened(loop, crank, rod, rocker):
+    """The loop with other lengths, by so much from its own."""
+    L1, L2, L3, d = loop.L1 + crank, loop.L2 + rod, loop.L3 + rocker, loop.d
+    square, twice = d * d + L1 * L1, 2.0 * d * L1
+    folded, stretched = (square - (L2 - L3) * (L2 - L3)) / twice, (square - (L2 + L3) * (L2 + L3)) / twice
+    passes = 2.0 if folded > 1.0 + ROUNDING or stretched < -1.0 - ROUNDING else 0.0
+    return LoopNumbers(L1, L2, L3, d, loop.gamma, loop.rho, loop.assembly, loop.lever, loop.turn, passes)
 
 
 @part

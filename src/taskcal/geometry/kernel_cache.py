@@ -1,7 +1,8 @@
 """Where the machine code of kernels is kept, and what becomes of it where that is damaged, full or closed to us.
 
 Numba's disk cache notices an edited file, but not an edited callee in another file, and it fails in a read-only
-folder. So the cache lies in the user's cache folder, under a hash of all kernel sources: any edit starts a new one.
+folder. So the cache lies in the user's cache folder, under a hash of all kernel sources: any edit starts a new one. Kernels lie in
+this folder, or in files that are named after them.
 """
 
 import hashlib
@@ -34,7 +35,8 @@ caching: Any = numba_caching
 def cache_folder() -> Path:
     """Folder of the compiled kernels: in ``NUMBA_CACHE_DIR`` if set, else in the user's cache; it may not exist."""
     digest = hashlib.sha256(f"{sys.version}{numba.__version__}".encode())
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    here = Path(__file__).parent
+    for source in sorted([*here.glob("*.py"), *here.parent.glob("identification/*_kernel.py")]):
         digest.update(source.read_bytes())
     root = os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_path("taskcal") / "kernels"
     folder = Path(root) / digest.hexdigest()[:16]

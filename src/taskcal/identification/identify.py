@@ -15,7 +15,7 @@ from taskcal.identification.considered import Outcome, consider, fitted_alone, f
 from taskcal.identification.fit_options import FitChoices, FitOptions
 from taskcal.identification.gross_errors import FittedRows, fit_right_rows
 from taskcal.identification.hyperparameter_search import MAX_ROUNDS, fit_with_hyperparameters
-from taskcal.identification.informed_parameters import UNSEEN_SHARE
+from taskcal.identification.informed_parameters import tells_nothing
 from taskcal.identification.observation_layout import layout_of, problem_of
 from taskcal.identification.outlier import studentise
 from taskcal.identification.provenance import Provenance
@@ -27,9 +27,6 @@ from taskcal.measurement.enough_rows import check_rows
 from taskcal.measurement.plausibility import check_plausible, check_targets
 from taskcal.measurement.registration import Registration, nominal_poses, register
 from taskcal.robot.error_model import ErrorModel
-
-WORTHLESS_SIZE = 3e-4
-"""Model error, metres per axis, with which a robot that shows none of its tolerances is not a nearly perfect one."""
 
 WIDE_SCALE = 5.0
 """A prior scale above this calls for a look at the robot file."""
@@ -159,20 +156,13 @@ def _checked(registration: Registration, model: ErrorModel, campaign: Campaign, 
 
 
 def _check_worth(fitted: FittedRows, options: FitOptions) -> None:
-    """Refuse a fit from which nothing was learnt, and which called all that was measured error.
-
-    The rows tell nothing where every parameter is as uncertain as its prior of the most probable scale, which is next to
-    zero then; of the expected one, which allows for what the rows do not exclude, they would always seem to tell a little.
-    """
+    """Refuse a fit from which nothing was learnt, and which called all that was measured error."""
     calibration = fitted.calibration
     scale, error, k = calibration.prior_scale, calibration.model_error[0], calibration.estimated
-    if options.prior_scale != "estimate" or scale is None or not len(k) or error < WORTHLESS_SIZE:
+    if options.prior_scale != "estimate" or scale is None:
         return
-    allowed = calibration.model.tolerances[k]
-    told = np.maximum(calibration.standard_errors[k] ** -2 - (scale * allowed) ** -2, 0.0)
     likeliest = scale if fitted.likeliest_scale is None else fitted.likeliest_scale
-    unseen = 1.0 / np.sqrt(1.0 + told * (likeliest * allowed) ** 2)
-    if (unseen > UNSEEN_SHARE).all():
+    if tells_nothing(calibration.standard_errors[k], calibration.model.tolerances[k], scale, likeliest, error):
         raise NothingLearntError(
             f"nothing can be learnt from these rows: no parameter explains them, and {error * 1e3:.2f} mm per axis were taken for "
             "error. Some rows contradict the others: look for them with a robust loss (loss=Cauchy(), --loss cauchy), check "

@@ -31,9 +31,11 @@ Method = Literal["poses", "circles"]
 PLAUSIBLE_SHARE = 0.02
 """Nominal residual, as a share of the robot's reach, beyond which joints and points do not belong together."""
 
+STRAIGHT_SHARE = 1e-3
+"""Extent across one line, as a share of the reach, below which points lie along it."""
+
 LOCATED_WITHIN = 0.02
 """A direction of the target offsets is determined if its standard deviation is below this, metres."""
-
 
 MINORITY_SHARE = 0.1
 """Share of the points that may be wrong; what so few alone say of a target is not believed."""
@@ -184,7 +186,7 @@ def _check_extent(cloud: Cloud, campaign: Campaign, reach: float) -> None:
     """See that the points do not lie along one line."""
     p, y = cloud.p, cloud.y
     extent = np.sqrt(np.linalg.eigvalsh(cloud.moments.yy)[::-1].clip(min=0.0) / len(y))
-    if extent[1] < 1e-3 * reach:
+    if extent[1] < STRAIGHT_SHARE * reach:
         nominal = np.linalg.norm(p - p.mean(axis=0), axis=1).max()
         hint = ""
         if np.linalg.norm(y - y.mean(axis=0), axis=1).max() < 0.02 * nominal:

@@ -237,11 +237,22 @@ class JointSide:
     four_bar: FourBarDrive | None
 
     @cached_property
-    def _drive(self) -> Drive:
+    def drive(self) -> Drive:
+        """As the compiled pass takes it."""
         matrix, offset = (np.ascontiguousarray(a, dtype=float) for a in (self.joint_map.matrix, self.joint_map.offset))
         if self.four_bar is None:
             return Drive(matrix, offset, np.empty((0, matrix.shape[1])), np.zeros(len(offset)))
         return Drive(matrix, offset, self.four_bar.angles, self.four_bar.output)
+
+    def loop_numbers(self, xi: Float[np.ndarray, " 3"]) -> LoopNumbers:
+        """The loop with these deviations from nominal, as the compiled pass takes it."""
+        return NO_LOOP if self.four_bar is None else self.four_bar.loop_numbers(xi)
+
+    def wanted(self, used: Bool[np.ndarray, " pairs"]) -> Wanted:
+        """The derivatives by the loop's lengths that are asked for, as the compiled pass takes them."""
+        if self.four_bar is None or not len(used):
+            return NOTHING_WANTED
+        return Wanted(self.four_bar.wanted.which[used], self.four_bar.wanted.times[used])
 
     def at(
         self,
@@ -261,13 +272,9 @@ class JointSide:
         Raises:
             ClosureError: the loop does not close at some pose, or only folded over.
         """
-        n, bar = len(q), self.four_bar
-        wanted = NOTHING_WANTED
-        if bar is not None and len(used):
-            wanted = Wanted(bar.wanted.which[used], bar.wanted.times[used])
-        s = np.empty((n, coordinates)) if coordinates == len(self._drive.offset) else np.zeros((n, coordinates))
+        n, bar, wanted = len(q), self.four_bar, self.wanted(used)
+        s = np.empty((n, coordinates)) if coordinates == len(self.drive.offset) else np.zeros((n, coordinates))
         out = Coordinates(s, np.empty((n, len(wanted.which))), np.empty((n, 0)))
-        numbers = NO_LOOP if bar is None else bar.loop_numbers(xi)
-        if not fill_coordinates(q, self._drive, numbers, wanted, out) and bar is not None:
+        if not fill_coordinates(q, self.drive, self.loop_numbers(xi), wanted, out) and bar is not None:
             bar.shift(q, xi)  # which says where it does not close
         return out.s, out.factor
