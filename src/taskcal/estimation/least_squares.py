@@ -124,6 +124,8 @@ def fit(
             # near the minimum the objective cannot tell rounding from progress
             if predicted < 1e-11 * (1.0 + abs(objective)):
                 ended = Ended.CANNOT_FALL
+                if np.isfinite(trial_objective):  # the gradient can: the step leads nearer
+                    z, cost, g, H, objective = trial, trial_cost, trial_g, trial_H, trial_objective
                 break
             damping = max(10.0 * damping, 1e-9 * float(np.max(np.diag(A) * scale**2)))
             if damping > 1e12 * float(np.max(np.diag(A) * scale**2)):

@@ -248,7 +248,13 @@ def fit_robot(model, campaigns, fits, r, decrement, iterations, rooms, work):
             _copy(trial, z)
             _copy(work.trial_g, work.g)
             copy_matrix(work.trial_H, work.H)
-        elif predicted < 1e-11 * (1.0 + abs(objective)):  # the objective cannot tell rounding from progress
+        elif predicted < 1e-11 * (
+            1.0 + abs(objective)
+        ):  # the objective cannot tell rounding from progress, the gradient can
+            if closes:
+                _copy(trial, z)
+                copy_matrix(work.trial_H, work.H)
+                return True
             ended = True
             _copy(z, trial)
             continue

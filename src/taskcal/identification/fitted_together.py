@@ -34,7 +34,7 @@ from taskcal.identification.hyperparameter_search import LINEAR_WITHIN, MANY, MA
 from taskcal.identification.informed_parameters import tells_nothing
 from taskcal.identification.kept_rows import MOST_NUMBERS
 from taskcal.identification.problem import FrameLayout
-from taskcal.identification.search_kernel import CONVERGED, Search, search_robots
+from taskcal.identification.search_kernel import CONVERGED, UNTOUCHED, Search, search_robots
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.enough_rows import check_rows
 from taskcal.measurement.observation.observation import UNMEASURED
@@ -248,7 +248,7 @@ class _Fitting:
                 factor=np.full(robots, factor),
                 information=np.zeros((robots, p, p)),
                 posterior=np.zeros((robots, p, p)),
-                state=np.zeros(robots, dtype=np.int64),
+                state=np.full(robots, UNTOUCHED),
             ),
             likeliest=np.full(robots, factor),
         )
