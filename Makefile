@@ -14,7 +14,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help demo studio test test-quick test-long fuzz browser lint format types layers docs bench bench-guard bench-smoke peers clean
+.PHONY: help demo studio test test-quick test-long fuzz browser lint format types layers docs bench bench-guard bench-smoke peers wheel-test oldest coverage licences audit clean
 
 help:  ## list these targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
@@ -68,6 +68,34 @@ bench-guard: $(VENV)/.test  ## race a few ratios by processor time, which other 
 bench-smoke: $(VENV)/.test  ## run every benchmark once, untimed
 	@if [ -d benchmarks ]; then $(BIN)/python -m pytest benchmarks --benchmark-disable; \
 	else echo "no benchmarks yet"; fi
+
+# Of the installed package, what differs where the sources do not lie beside it: files it reads, commands, pages, processes of its own.
+WHEEL_TESTS ?= -m quick tests/public tests/cli tests/robot tests/studio tests/presentation
+
+wheel-test: $(VENV)/.test  ## build sdist and wheel, install the wheel apart, run some tests against it; WHEEL_TESTS=tests for all
+	$(BIN)/python -m tests.installed_wheel --numprocesses auto --hypothesis-profile quick -p no:cacheprovider $(WHEEL_TESTS)
+
+OLDEST_TESTS ?= -m quick
+
+oldest: build/oldest/.test  ## run some tests with the oldest versions of all dependencies; needs a network; OLDEST_TESTS=tests for all
+	build/oldest/bin/python -m pytest --numprocesses auto --hypothesis-profile quick -p no:cacheprovider $(OLDEST_TESTS)
+
+build/oldest/.test: pyproject.toml constraints-oldest.txt
+	$(PYTHON) -m venv build/oldest
+	build/oldest/bin/python -m pip install --quiet --disable-pip-version-check --no-input -c constraints-oldest.txt -e '.[test]'
+	@touch $@
+
+coverage: $(VENV)/.test  ## which lines and branches the tests run, compiled kernels left out; page in build/coverage
+	$(BIN)/python -m pytest --numprocesses auto --cov --cov-report=term:skip-covered --cov-report=html:build/coverage $(COVERAGE_TESTS)
+
+licences: $(VENV)/.test  ## renew docs/reference/dependencies.md from the installed packages
+	$(BIN)/python -m docs.dependency_table
+
+# In an environment of its own: what audits brings thirty packages, none of which Taskcal needs.
+audit:  ## ask for known vulnerabilities of the versions in constraints.txt; needs a network
+	$(PYTHON) -m venv build/audit
+	build/audit/bin/python -m pip install --quiet --disable-pip-version-check --no-input 'pip-audit>=2.9'
+	build/audit/bin/pip-audit --requirement constraints.txt --no-deps --disable-pip
 
 peers: $(VENV)/.test  ## install other calibration packages, run them on the same rows, renew docs/benchmarks.md; half an hour
 	$(BIN)/python -m benchmarks.peers

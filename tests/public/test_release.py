@@ -1,20 +1,73 @@
 """What a release states of itself is stated alike wherever it is stated."""
 
 import re
+import shutil
+import subprocess
 import tomllib
+from importlib import metadata
 from pathlib import Path
 
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+from packaging.version import Version
+
 import taskcal
+from docs.dependency_table import RUNTIME_EXTRAS
 
 ROOT = Path(__file__).parents[2]
 
 
-def test_the_citation_names_the_version_and_the_licence_of_the_package():
-    stated = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    cited = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
-    fields = dict(re.findall(r"^(version|license): (.+)$", cited, re.MULTILINE))
-    assert fields == {"version": stated["version"], "license": stated["license"]}
-    assert taskcal.__version__ == stated["version"]
+STATED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+CITED = dict(
+    re.findall(r"^(version|license): (.+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
+)
+
+
+def test_the_citation_names_the_licence_of_the_package_and_the_release_that_is_coming():
+    assert CITED["license"] == STATED["project"]["license"]
+    assert STATED["tool"]["hatch"]["version"]["fallback-version"] == f"{CITED['version']}.dev0"
+    assert taskcal.__version__ == metadata.version("taskcal")
+
+
+def test_a_tagged_release_is_the_one_that_is_cited_and_in_the_changelog():
+    git = shutil.which("git")
+    if git is None or not (ROOT / ".git").exists():
+        pytest.skip("no repository here")
+    tag = subprocess.run(
+        [git, "describe", "--tags", "--exact-match"], cwd=ROOT, capture_output=True, text=True, check=False
+    ).stdout.strip()
+    if not tag:
+        pytest.skip("not a release")
+    assert tag == f"v{CITED['version']}"
+    assert f"## [{CITED['version']}]" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def requirements(*groups: str) -> dict[str, str]:
+    """Lower bounds by name, of what is needed to run with some extras."""
+    project = STATED["project"]
+    named = [*project["dependencies"], *(one for group in groups for one in project["optional-dependencies"][group])]
+    return dict(re.sub(r"\[.*?\]", "", one).split(">=") for one in named)
+
+
+def test_the_oldest_versions_that_are_tried_are_those_that_are_promised():
+    lines = (ROOT / "constraints-oldest.txt").read_text(encoding="utf-8").splitlines()
+    tried = dict(line.split("==") for line in lines if not line.startswith("#"))
+    promised = requirements(*RUNTIME_EXTRAS)
+    assert tried.keys() == promised.keys()
+    assert {name: Version(bound) for name, bound in promised.items()} == {n: Version(v) for n, v in tried.items()}
+
+
+def test_every_dependency_is_tried_in_a_stated_version():
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    stated = dict(line.split("==") for line in lines)
+    assert len(stated) == len(lines)
+    named = [one for group in STATED["project"]["optional-dependencies"].values() for one in group]
+    asked = [Requirement(one) for one in (*STATED["project"]["dependencies"], *named)]
+    known = {canonicalize_name(name): version for name, version in stated.items()}
+    for one in asked:
+        if one.name != "taskcal":
+            assert known[canonicalize_name(one.name)] in one.specifier, one
 
 
 def test_no_source_evaluates_or_unpickles_what_it_reads():

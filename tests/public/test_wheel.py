@@ -1,16 +1,24 @@
 """What is built to be installed elsewhere holds all that the package reads beside its modules."""
 
 import os
-import subprocess
 import sys
+from email import message_from_string
 from pathlib import Path
 
 import pytest
 
 import taskcal
+from tests.built_wheel import ROOT, build, run
 
-ROOT = Path(__file__).parents[2]
-READ_BESIDE_MODULES = ("**/*.pyi", "py.typed", "robot/catalogue/*.toml", "demo/*.toml", "**/*.j2")
+READ_BESIDE_MODULES = (
+    "**/*.pyi",
+    "py.typed",
+    "robot/catalogue/*.toml",
+    "demo/*.toml",
+    "**/*.j2",
+    "**/*.js",
+    "**/*.css",
+)
 
 USE = """
 import taskcal
@@ -21,36 +29,21 @@ taskcal.ErrorModel(taskcal.load_robot("ur5"))
 """
 
 
-def run(*arguments: str, folder: Path) -> str:
-    """A Python process that finds packages in a folder before those of this environment."""
-    environment = {**os.environ, "PYTHONPATH": str(folder)}
-    ended = subprocess.run(
-        [sys.executable, *arguments], cwd=ROOT, env=environment, capture_output=True, text=True, check=False
-    )
-    assert ended.returncode == 0, ended.stderr
-    return ended.stdout
-
-
 @pytest.mark.slow
-def test_the_wheel_holds_everything_and_its_public_names_load(tmp_path: Path) -> None:
-    run("-m", "hatchling", "build", "--target", "wheel", "--directory", str(tmp_path / "dist"), folder=tmp_path)
-    (wheel,) = (tmp_path / "dist").iterdir()
+def test_the_wheel_of_the_source_distribution_holds_everything_and_its_public_names_load(tmp_path: Path) -> None:
+    source, wheel = build(tmp_path)
     installed = tmp_path / "installed"
-    run(
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "--no-deps",
-        "--no-index",
-        "--target",
-        str(installed),
-        str(wheel),
-        folder=tmp_path,
-    )
-    source = Path(taskcal.__file__).parent
+    asked = ["--quiet", "--no-deps", "--no-index", "--target", str(installed), str(wheel)]
+    run([sys.executable, "-m", "pip", "install", *asked])
+    package = Path(taskcal.__file__).parent
     for pattern in READ_BESIDE_MODULES:
-        files = {path.relative_to(source) for path in source.glob(pattern)}
+        files = {path.relative_to(package) for path in package.glob(pattern)}
         assert files, pattern
         assert files <= {path.relative_to(installed / "taskcal") for path in installed.glob(f"taskcal/{pattern}")}
-    assert run("-c", USE, folder=installed).strip() == str(installed / "taskcal" / "__init__.py")
+    elsewhere = {**os.environ, "PYTHONPATH": str(installed)}
+    assert run([sys.executable, "-c", USE], tmp_path, **elsewhere) == str(installed / "taskcal" / "__init__.py")
+    (stated,) = installed.glob("taskcal-*.dist-info/METADATA")
+    said = message_from_string(stated.read_text(encoding="utf-8"))
+    assert source.name == f"taskcal-{said['Version']}.tar.gz"
+    assert said["License-Expression"] == "Apache-2.0"
+    assert (stated.parent / "licenses" / "LICENSE").read_bytes() == (ROOT / "LICENSE").read_bytes()

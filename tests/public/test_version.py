@@ -1,0 +1,47 @@
+"""The version comes from the tags, and is there without any."""
+
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.built_wheel import ROOT, run
+
+GIT = shutil.which("git")
+
+
+def version_of(folder: Path, **environment: str) -> str:
+    return run([sys.executable, "-m", "hatchling", "version"], folder, **{**os.environ, **environment})
+
+
+def commit(folder: Path, *tags: str) -> None:
+    who = ["-c", "user.name=A", "-c", "user.email=a@example.org", "-c", "commit.gpgsign=false"]
+    run([str(GIT), *who, "commit", "--quiet", "--allow-empty", "--message", "a change"], folder)
+    for tag in tags:
+        run([str(GIT), "tag", tag], folder)
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """The project's own settings, in a folder of no repository."""
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    return tmp_path
+
+
+def test_where_there_is_no_repository_it_is_a_version_before_the_next_release(project: Path) -> None:
+    assert version_of(project) == "0.1.0.dev0"
+
+
+@pytest.mark.skipif(GIT is None, reason="git is not installed")
+def test_a_tag_is_a_version_and_what_follows_it_comes_before_the_next(project: Path) -> None:
+    run([str(GIT), "init", "--quiet"], project)
+    run([str(GIT), "add", "."], project)
+    commit(project)
+    assert version_of(project) == "0.1.0.dev1"
+    assert version_of(project, PATH=str(project)) == "0.1.0.dev0"  # a repository, and no git
+    commit(project, "v1.2.3")
+    assert version_of(project) == "1.2.3"
+    commit(project)
+    assert version_of(project) == "1.2.4.dev1"
