@@ -4,6 +4,10 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input -c constraints.txt
 
+# Without this, what builds the package would come in its newest version, tried or not. Two names: before pip 25.3, and since.
+export PIP_CONSTRAINT ?= constraints.txt
+export PIP_BUILD_CONSTRAINT ?= constraints.txt
+
 # Node comes with the pyright[nodejs] wheel: never the system's, never a download.
 export PYRIGHT_PYTHON_GLOBAL_NODE := 0
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1

@@ -1,8 +1,10 @@
 """What a release states of itself is stated alike wherever it is stated."""
 
+import platform
 import re
 import shutil
 import subprocess
+import sys
 import tomllib
 from importlib import metadata
 from pathlib import Path
@@ -13,7 +15,7 @@ from packaging.utils import canonicalize_name
 from packaging.version import Version
 
 import taskcal
-from docs.dependency_table import RUNTIME_EXTRAS
+from docs.dependency_table import RUNTIME_EXTRAS, closure
 
 ROOT = Path(__file__).parents[2]
 
@@ -68,6 +70,18 @@ def test_every_dependency_is_tried_in_a_stated_version():
     for one in asked:
         if one.name != "taskcal":
             assert known[canonicalize_name(one.name)] in one.specifier, one
+
+
+@pytest.mark.skipif(
+    (sys.version_info[:2], platform.system()) != ((3, 11), "Linux"),
+    reason="which packages others need depends on Python's release and the system; the list is made on Python 3.11, Linux",
+)
+def test_what_builds_and_tests_taskcal_is_stated_down_to_the_last_package():
+    """So that an installation takes only versions that were tried, and needs no other; of pip freeze, setuptools is left out."""
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    stated = {canonicalize_name(line.split("==")[0]) for line in lines}
+    needed = closure([*STATED["build-system"]["requires"], "taskcal[test]"])
+    assert needed - stated == {"taskcal"}
 
 
 def test_no_source_evaluates_or_unpickles_what_it_reads():

@@ -43,5 +43,17 @@ def test_a_tag_is_a_version_and_what_follows_it_comes_before_the_next(project: P
     assert version_of(project, PATH=str(project)) == "0.1.0.dev0"  # a repository, and no git
     commit(project, "v1.2.3")
     assert version_of(project) == "1.2.3"
-    commit(project)
+    commit(
+        project, "nightly-2026", "build/7"
+    )  # which are not versions, and would stop the installation if taken for them
     assert version_of(project) == "1.2.4.dev1"
+
+
+@pytest.mark.skipif(GIT is None, reason="git is not installed")
+def test_a_folder_inside_another_repository_does_not_take_its_version(project: Path) -> None:
+    run([str(GIT), "init", "--quiet"], project)
+    commit(project, "v1.2.3")
+    inner = project / "inner"
+    inner.mkdir()
+    shutil.copy(ROOT / "pyproject.toml", inner)
+    assert version_of(inner) == "0.1.0.dev0"
