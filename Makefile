@@ -2,11 +2,9 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
-PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input -c constraints.txt
-
-# Without this, what builds the package would come in its newest version, tried or not. Two names: before pip 25.3, and since.
-export PIP_CONSTRAINT ?= constraints.txt
-export PIP_BUILD_CONSTRAINT ?= constraints.txt
+# In the environment, for what builds the package too, which would come in its newest version, tried or not; two names: before pip 25.3, and since.
+STATED := PIP_CONSTRAINT=constraints.txt PIP_BUILD_CONSTRAINT=constraints.txt
+PIP    := $(STATED) $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input
 
 # Node comes with the pyright[nodejs] wheel: never the system's, never a download.
 export PYRIGHT_PYTHON_GLOBAL_NODE := 0
