@@ -67,6 +67,24 @@ def test_the_environment_moves_the_bound(tmp_path, monkeypatch):
             read_bytes(path)
 
 
+def test_a_bound_beyond_all_memory_costs_none(tmp_path, monkeypatch):
+    path = tmp_path / "file"
+    path.write_bytes(b"12345")
+    monkeypatch.setenv(VARIABLE, "1e6")
+    assert read_bytes(path) == b"12345"
+
+
+def test_a_file_that_grows_while_it_is_read_is_read_to_its_end_or_to_the_bound(tmp_path, monkeypatch):
+    path = tmp_path / "file"
+    path.write_bytes(3_000_000 * b"1")
+    whole = os.fstat
+    # as if it had been shorter when its size was asked for
+    monkeypatch.setattr(os, "fstat", lambda handle: os.stat_result((*whole(handle)[:6], 5, *whole(handle)[7:])))
+    assert len(read_bytes(path)) == 3_000_000
+    with pytest.raises(FileError, match="is larger than 2 MB"):
+        read_bytes(path, 2.0)
+
+
 def test_line_ends_are_one_character(tmp_path):
     path = tmp_path / "file"
     path.write_bytes(b"a\r\nb\rc\n")

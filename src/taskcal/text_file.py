@@ -15,6 +15,8 @@ MAX_FILE_MB = 50.0
 VARIABLE = "TASKCAL_MAX_FILE_MB"
 """Environment variable that takes the place of every bound."""
 
+_PIECE = 1 << 20
+
 
 def read_bytes(path: str | Path, largest_mb: float = MAX_FILE_MB) -> bytes:
     """The bytes of a file.
@@ -27,10 +29,14 @@ def read_bytes(path: str | Path, largest_mb: float = MAX_FILE_MB) -> bytes:
         FileError: it is missing, cannot be read, is a folder, a pipe or a device, or is too large.
     """
     bound = _bound(path, largest_mb)
+    # one byte more than allowed tells that there is more, even of a file that grows
+    most = int(bound * 1e6) + 1
     with open_ordinary(path) as stream:
         try:
-            # one byte more than allowed tells that there is more, even of a file that grows
-            content = stream.read(int(bound * 1e6) + 1)
+            # as much memory is taken as is asked for, however large the bound is
+            content = stream.read(min(most, os.fstat(stream.fileno()).st_size + 1))
+            while len(content) < most and (more := stream.read(min(_PIECE, most - len(content)))):
+                content += more
         except OSError as error:
             raise FileError(path, f"cannot be read: {error.strerror or error}") from error
     if len(content) > bound * 1e6:
