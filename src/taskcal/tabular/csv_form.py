@@ -105,6 +105,7 @@ def parse_csv(path: Path, text: str) -> Table:
     Raises:
         FileError: as `read_csv`, for the file named.
     """
+    refuse_wide(path, text)
     return named_table(lay_out_plain(parse_plain(path, text)))
 
 
