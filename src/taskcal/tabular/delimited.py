@@ -17,6 +17,8 @@ from taskcal.tabular.width import MAX_MARKS, too_wide
 _SEPARATOR_LINE = re.compile(r"\Asep=(.)[ \t]*(?=\n)", re.IGNORECASE)
 """What a spreadsheet writes first to say how it separates."""
 
+_LINE = re.compile(r"[^\r\n]+")
+
 _COMMENT = re.compile(r"\s*(?:#|//|%|;;|!)(.*)")
 
 _NUMBER = re.compile(r"[+-]?(?:\d[\d.,]*|[.,]\d+)(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
@@ -110,7 +112,8 @@ def parse_plain(path: Path, text: str) -> Sheet:
 
 def delimiter_of(text: str) -> str:
     """What separates the cells of plain CSV, by its header."""
-    lines = _SEPARATOR_LINE.sub("", text, count=1).splitlines()
+    # one after another: of a large file all lines take far more memory than its text
+    lines = (line[0] for line in _LINE.finditer(_SEPARATOR_LINE.sub("", text, count=1)))
     header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     return max(",;\t", key=header.count)
 
