@@ -10,7 +10,7 @@ explains. On real robots it is alike at neighbouring poses.
 import hashlib
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
@@ -46,6 +46,9 @@ POOL = 2000
 
 GROUPS = 4
 """Of robots for each worker, at least: what is done is kept as often, and the last to end is not waited for long."""
+
+Rows = list[tuple[int, list[dict[str, Any]]]]
+"""Of robots, by their numbers."""
 
 Progress = Callable[[int, int], None]
 
@@ -206,8 +209,7 @@ def study(
     done = _read(resume, setting)
     progress(len(done), chosen.robots)
     left = [index for index in range(chosen.robots) if index not in done]
-    groups = _in_groups(left, robots_together(setting), engine, workers)
-    with closing(side_by_side(partial(try_robots, setting), groups, engine, workers)) as results:
+    with closing(_tried(setting, left, engine, workers)) as results:
         for found in results:
             done.update(found)
             if resume is not None:
@@ -224,6 +226,16 @@ def study(
         origin=setting.robots.origin,
         before=errors_before(setting, chosen.robots) if setting.aligned else (),
     )
+
+
+def _tried(setting: StudySetting, robots: list[int], engine: str, workers: int) -> Generator[Rows, None, None]:
+    """Rows of some robots after another, as they are done."""
+    function, most = partial(try_robots, setting), robots_together(setting)
+    if engine == "loky" and most > 1 and robots:
+        # here, so that what has to be compiled is compiled once, and said, before every worker would
+        yield function(robots[:1])
+        robots = robots[1:]
+    yield from side_by_side(function, _in_groups(robots, most, engine, workers), engine, workers)
 
 
 def _in_groups(robots: list[int], most: int, engine: str, workers: int) -> list[list[int]]:
