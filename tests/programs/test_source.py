@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskcal.programs.source import Edit, Source
+from taskcal.errors import FileError
+from taskcal.programs.source import LONGEST_LINE, MOST_LINES, Edit, Source
 
 PATH = Path("program.mod")
 texts = st.text(st.sampled_from("ab \t\r\nß"), max_size=40)
@@ -49,3 +50,18 @@ def test_lines_are_counted_by_their_ends_and_indents_are_what_they_begin_with(te
         assert str(source.place(position)) == f"program.mod:{number}"
         line = lines[number - 1]
         assert source.indent(position) == line[: len(line) - len(line.lstrip(" \t"))]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_a_file_without_lines_is_refused_and_one_of_long_lines_is_not(end):
+    line = "a " * (LONGEST_LINE // 2)
+    assert Source.of(PATH, end.join([line, "b", line, line]).encode()).text.count(line) == 3
+    with pytest.raises(FileError, match=r"program\.mod:\d: has more than 1,000,000 characters in one line") as raised:
+        Source.of(PATH, end.join([line, "b", line + "a", line]).encode())
+    assert raised.value.line == (1 if end == "\r" else 3)
+
+
+def test_a_file_of_more_lines_than_any_program_is_refused():
+    assert Source.of(PATH, b"\n" * MOST_LINES).line(MOST_LINES) == MOST_LINES + 1
+    with pytest.raises(FileError, match=r"program\.mod: has 3,000,001 lines, more than 3,000,000; divide it"):
+        Source.of(PATH, b"\n" * (MOST_LINES + 1))

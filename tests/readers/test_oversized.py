@@ -20,7 +20,7 @@ def test_a_line_beyond_what_is_read_is_refused_unread(kind, tmp_path):
         assert outcome.said != "read"
 
 
-@pytest.mark.parametrize("kind", ["campaign", "dh", "csv_path", "apt"])
+@pytest.mark.parametrize("kind", ["campaign", "dh", "csv_path", "rapid", "krl", "tp", "apt"])
 def test_ten_million_columns_are_refused_in_little_memory(kind, tmp_path):
     path = tmp_path / KINDS[kind].files()[0][0]
     for wrong, write in wide_tables():

@@ -6,8 +6,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+from taskcal.errors import FileError
 from taskcal.short_repr import short_repr
 from taskcal.text_file import read_bytes
+
+LONGEST_LINE = 1_000_000
+"""Characters; controllers take some hundreds, what is generated has some thousands."""
+
+MOST_LINES = 3_000_000
+"""A milling program of a million points has a line or two for each."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,11 +53,32 @@ class Source:
 
     @classmethod
     def of(cls, path: Path, data: bytes) -> "Source":
-        """Decode the bytes of a file."""
+        """Decode the bytes of a file.
+
+        Raises:
+            FileError: a line is longer than any of a program, or there are more lines.
+        """
         try:
-            return cls(path=path, text=data.decode("utf-8"), encoding="utf-8")
+            source = cls(path=path, text=data.decode("utf-8"), encoding="utf-8")
         except UnicodeDecodeError:
-            return cls(path=path, text=data.decode("latin-1"), encoding="latin-1")
+            source = cls(path=path, text=data.decode("latin-1"), encoding="latin-1")
+        source._expect_lines()
+        return source
+
+    def _expect_lines(self) -> None:
+        """Refuse what has no lines, or too many: its words would take gigabytes before any of them is found wrong."""
+        first, text = 0, self.text
+        lines = text.count("\n")
+        if lines > MOST_LINES:
+            raise FileError(self.path, f"has {lines:,} lines, more than {MOST_LINES:,}; divide it into several files")
+        while len(text) - first > LONGEST_LINE:
+            end = max(text.rfind(mark, first, first + LONGEST_LINE + 1) for mark in "\n\r")
+            if end < 0:
+                message = (
+                    f"has more than {LONGEST_LINE:,} characters in one line, as no program has; export it line by line"
+                )
+                raise FileError(self.path, message, line=text.count("\n", 0, first) + 1)
+            first = end + 1
 
     def encode(self) -> bytes:
         """The bytes of the file."""
