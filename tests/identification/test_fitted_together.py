@@ -113,6 +113,16 @@ def test_what_stands_beside_a_campaign_does_not_change_a_byte():
         assert (a.model_error, a.prior_scale) == (b.model_error, b.prior_scale)
 
 
+def test_so_many_poses_that_they_are_walked_on_several_threads_are_fitted_all_the_same():
+    model, campaigns = campaigns_of(7, 70, rows=150)
+    found = fit_together(model, campaigns, FitOptions(model_error=1e-4, prior_scale=1.0))
+    assert all(one is not None for one in found)
+    assert (
+        found[0].z.tobytes()
+        == fit_together(model, campaigns[:1], FitOptions(model_error=1e-4, prior_scale=1.0))[0].z.tobytes()
+    )
+
+
 def with_row_off(campaign, by):
     points = campaign.points.copy()
     points[7] += by

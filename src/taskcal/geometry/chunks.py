@@ -1,6 +1,7 @@
 """Passes over many poses, a part of them at a time, on a pool of threads."""
 
 import os
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -12,9 +13,16 @@ CHUNK = 8192
 """Poses a thread takes at a time; fewer are walked in the calling thread."""
 
 
+_thread = threading.local()
+
+
+def _mark() -> None:
+    _thread.of_pool = True
+
+
 @cache
 def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="taskcal-walk")
+    return ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="taskcal-walk", initializer=_mark)
 
 
 def in_chunks(walk_rows: Callable[[slice], Any], n: int, size: int = CHUNK) -> list[Any]:
@@ -32,4 +40,7 @@ def in_chunks(walk_rows: Callable[[slice], Any], n: int, size: int = CHUNK) -> l
 
     if n <= size:
         return [count(slice(0, n))]
-    return list(_pool().map(count, [slice(i, min(i + size, n)) for i in range(0, n, size)]))
+    parts = [slice(i, min(i + size, n)) for i in range(0, n, size)]
+    if getattr(_thread, "of_pool", False):  # a pass within a pass: all threads would wait for one that is free
+        return [count(part) for part in parts]
+    return list(_pool().map(count, parts))

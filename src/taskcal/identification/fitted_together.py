@@ -45,7 +45,7 @@ from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.joint_side import FourBarDrive, JointSide
 
-ROBOTS = 16
+ROBOTS = 64
 """A thread takes at a time."""
 
 
@@ -140,9 +140,13 @@ def fit_together(model: ErrorModel, campaigns: Sequence[Campaign], options: FitO
         if _is_plain(campaign) and _is_small(model, campaign):
             alike.setdefault(len(campaign), []).append(i)
     for indices in alike.values():
-        found = _fit_alike(model, [campaigns[i] for i in indices], options)
-        for i, estimate in zip(indices, found, strict=True):
-            out[i] = estimate
+
+        def fit_some(rows: slice, indices: list[int] = indices) -> None:
+            some = indices[rows]
+            for i, estimate in zip(some, _fit_alike(model, [campaigns[i] for i in some], options), strict=True):
+                out[i] = estimate
+
+        in_chunks(fit_some, len(indices), ROBOTS)
     return out
 
 
@@ -277,19 +281,13 @@ class _Fitting:
     def _run(self, search: Search) -> None:
         walked = self.first.walked(self.campaigns.q[0, :1], self.campaigns.start[0])
         p, n = self.campaigns.start.shape[1], self.campaigns.q.shape[1]
-        vectors = 3 * -(-n // LANES)
-
-        def some(rows: slice) -> None:
-            rooms = Rooms(
-                coordinates=coordinate_room(self.campaigns.q.shape[2], len(self.model.drive.offset)),
-                point=allocate_points(walked),
-                kept=keep_room(n, 1, p),
-                products=allocate_products(p, vectors),
-            )
-            campaigns = Campaigns(*(array[rows] for array in self.campaigns))
-            search_robots(self.model, campaigns, search, Fits(*(array[rows] for array in self.state)), rooms)
-
-        in_chunks(some, len(self.state.z), ROBOTS)
+        rooms = Rooms(
+            coordinates=coordinate_room(self.campaigns.q.shape[2], len(self.model.drive.offset)),
+            point=allocate_points(walked),
+            kept=keep_room(n, 1, p),
+            products=allocate_products(p, 3 * -(-n // LANES)),
+        )
+        search_robots(self.model, self.campaigns, search, self.state, rooms)
 
     def _expect_scale(self) -> None:
         """Put the expected factor of the prior's variances in the place of the likeliest one, where the fit converged."""
