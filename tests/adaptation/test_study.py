@@ -238,3 +238,10 @@ def test_ways_to_measure_are_judged_by_what_is_left_once_frames_were_taught(tmp_
         study(virtual_task.MODEL, virtual_task.TASK, **{**ways, "observe": ("socket",)}, **more)
     with pytest.raises(TaskcalError, match="plans for a tracker alone"):
         study(virtual_task.MODEL, virtual_task.TASK, **{**ways, "plans": ("planned",)}, **more)
+
+
+def test_a_row_says_how_many_poses_were_asked_for(model, task, monkeypatch):
+    """Where fewer can be had, as of a small pool, the number stays what the table is sorted by."""
+    monkeypatch.setattr("taskcal.adaptation.study.POOL", 25)
+    made = study(model, task, robots=1, counts=(40,), plans=("random",), engine="sequential")
+    assert [row["count"] for row in made.rows] == [40]

@@ -50,6 +50,8 @@ class _Measured(NamedTuple):
     robot: int
     observe: str
     kind: str
+    count: int
+    """Of poses that were asked for."""
     campaign: Campaign
     truth: Truth
     unexplained: Float[np.ndarray, "n 3"]
@@ -85,7 +87,8 @@ def _measure(setting: StudySetting, index: int) -> list[_Measured]:
         campaign, truth = robots.measure(x, q, setting.noise, rng, observe)
         # the same for all plans, and drawn beside the robot, which does not depend on it
         alone = np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index, 1)))
-        out.append(_Measured(index, observe, kind, campaign, truth, robots.unexplained(truth, setting.task_q, alone)))
+        unexplained = robots.unexplained(truth, setting.task_q, alone)
+        out.append(_Measured(index, observe, kind, count, campaign, truth, unexplained))
     return out
 
 
@@ -124,7 +127,7 @@ def _compare(setting: StudySetting, case: _Measured, name: str, found: Calibrati
     return {
         "robot": case.robot,
         "plan": case.kind,
-        "count": len(case.campaign),
+        "count": case.count,
         "model": name,
         "rms_mm": float(np.sqrt(np.sum(setting.weights * error**2))),
         "max_mm": float(error.max()),
