@@ -50,8 +50,8 @@ class _Measured(NamedTuple):
     robot: int
     observe: str
     kind: str
-    count: int
-    """Of poses that were asked for."""
+    poses: int
+    """How many were asked for."""
     campaign: Campaign
     truth: Truth
     unexplained: Float[np.ndarray, "n 3"]
@@ -127,7 +127,7 @@ def _compare(setting: StudySetting, case: _Measured, name: str, found: Calibrati
     return {
         "robot": case.robot,
         "plan": case.kind,
-        "count": case.count,
+        "count": case.poses,
         "model": name,
         "rms_mm": float(np.sqrt(np.sum(setting.weights * error**2))),
         "max_mm": float(error.max()),
