@@ -89,17 +89,18 @@ def licence(name: str) -> str:
         LookupError: the metadata name none that is known here.
     """
     stated = metadata(name)
-    if expression := stated["License-Expression"]:
+    # of a field that is not there, another package may have replaced None by an error
+    expression, text = (next(iter(stated.get_all(field) or ()), "") for field in ("License-Expression", "License"))
+    if expression:
         return expression
     classifiers = [one.split(" :: ")[-1] for one in stated.get_all("Classifier") or () if one.startswith("License")]
     named = [term for said in classifiers if (term := _term(said))]
     if named:
         return "; ".join(dict.fromkeys(named))
-    text = stated["License"] or ""
     for said in (text.split("\n")[0], " ".join(text.split())[:FIRST_WORDS]):
         if term := _term(said):
             return term
-    raise LookupError(f"the licence of {name} is not known: {classifiers} {stated['License']!r:.80}")
+    raise LookupError(f"the licence of {name} is not known: {classifiers} {text!r:.80}")
 
 
 def _term(said: str) -> str:
