@@ -1,5 +1,7 @@
 """``taskcal warm``: compile all kernels ahead of their first use."""
 
+from pathlib import Path
+
 from taskcal.cli.options import JsonOption
 from taskcal.cli.output import tell, write_json
 
@@ -26,7 +28,8 @@ def command(as_json: JsonOption = False) -> None:
         tell(f"{state} in {seconds:.1f} s; kept in {cache_folder()}")
 
 
-def _kept_kernels() -> set[str]:
+def _kept_kernels() -> set[Path]:
+    """Of every installation that keeps its kernels there, each in a folder of its own."""
     from taskcal.geometry.kernel_cache import cache_folder
 
-    return {path.name for path in cache_folder().rglob("*.nbc")}
+    return set(cache_folder().rglob("*.nbc"))
