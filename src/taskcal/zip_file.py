@@ -131,6 +131,9 @@ _DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, UnicodeDecodeError, OSErro
 contents that do not unpack; for those that end too soon; for a name that is not in the encoding that it states; for a disk."""
 
 
+_LATER = (NotImplementedError,)
+"""What Python's zipfile raises for a later version of the format than it reads."""
+
 _INCONSISTENT = (zipfile.BadZipFile, ValueError, OSError)
 """What reading the directory raises: where it does not agree with itself; for names that are not in the encoding they state and,
 in early releases of Python 3.11, for places before the file; for a disk."""
@@ -154,9 +157,7 @@ def open_zip(path: Path, kind: ZipKind, content: bytes | None = None) -> Generat
         _check_directory(path, kind, stream, size)
         try:
             packed = zipfile.ZipFile(stream)
-        except (
-            NotImplementedError
-        ) as error:  # Python's zipfile raises it for a later version of the format than it reads
+        except _LATER as error:
             raise FileError(path, f"is a {kind.name} of a later version ({shown(error)}); {kind.remedy}") from error
         except _INCONSISTENT as error:
             raise FileError(path, f"is a damaged {kind.name} ({shown(error)}); {kind.remedy}") from error

@@ -1,5 +1,6 @@
 """From the files of a RAPID program to its motions."""
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -103,7 +104,8 @@ def read_rapid(sources: Sequence[Source]) -> RapidProgram:
 def _parsed(source: Source) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:
     if "\0" in source.text:
         raise FileError(source.path, "is a binary file; give a RAPID module as text")
-    modules, problems = parse(source.text)
+    # looked for first: of a file that has none, every word would be taken apart for nothing
+    modules, problems = parse(source.text) if re.search("MODULE", source.text, re.IGNORECASE) else ((), ())
     if not modules:
         raise FileError(source.path, "has no MODULE; give a RAPID module (.mod, .sys, .prg, .modx or .sysx)")
     return modules, problems
