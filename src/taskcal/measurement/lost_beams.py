@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from taskcal.errors import shown
+from taskcal.tabular.packed_rows import with_columns
 from taskcal.tabular.table import Table
 
 _LOST = re.compile(
@@ -43,17 +44,18 @@ def without_lost(table: Table, columns: Sequence[str]) -> tuple[Table, tuple[str
         The table, and a note of what was taken for a lost beam.
     """
     axes = [table.header.index(column) for column in columns]
+    by_axis = [table.texts(column) for column in columns]
     lost = {
-        row: cells[axes[0]]
-        for row, cells in enumerate(table.rows)
-        if cells[axes[0]] and len({cells[k] for k in axes}) == 1 and _LOST.fullmatch(cells[axes[0]])
+        row: cells[0]
+        for row, cells in enumerate(zip(*by_axis, strict=True))
+        if cells[0] and len(set(cells)) == 1 and _LOST.fullmatch(cells[0])
     }
     if not lost:
         return table, ()
-    rows = tuple(
-        tuple("" if k in axes else cell for k, cell in enumerate(cells)) if row in lost else cells
-        for row, cells in enumerate(table.rows)
-    )
+    for cells in by_axis:
+        for row in lost:
+            cells[row] = ""
+    rows = with_columns(table.rows, dict(zip(axes, by_axis, strict=True)))
     words = ", ".join(f"'{shown(word, 20)}'" for word in dict.fromkeys(lost.values()))
     lines = ", ".join(str(table.lines[row]) for row in list(lost)[:5]) + (", …" if len(lost) > 5 else "")
     return replace(table, rows=rows), (f"{words} for {columns[0]} … is taken for a lost beam (line {lines})",)

@@ -156,7 +156,7 @@ def read_readings(
     return Readings(
         path=table.path,
         ids=ids,
-        lines=np.array(table.lines),
+        lines=np.array(table.lines, dtype=np.int64),
         q=None if joints is None else joints.values,
         joint_unit_stated=joints is None or joints.unit_stated,
         joint_columns=() if joints is None else joints.columns,
@@ -184,7 +184,7 @@ def _observed(table: Table, known: Sequence[Meaning | None]) -> ObservedColumns 
         return None
     return ObservedColumns(
         path=table.path,
-        lines=np.array(table.lines),
+        lines=np.array(table.lines, dtype=np.int64),
         cells={column: tuple(table.texts(name)) for column, (name, _) in at.items()},
         headers={column: name for column, (name, _) in at.items()},
         scales={column: LENGTHS.get(unit or "") for column, (_, unit) in at.items()},

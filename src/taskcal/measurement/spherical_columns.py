@@ -9,6 +9,7 @@ from jaxtyping import Float
 from taskcal.measurement.stated_units import stated_units
 from taskcal.measurement.units import ANGLES, LENGTHS, UNITS, split_unit
 from taskcal.tabular.layout import Laid
+from taskcal.tabular.packed_rows import with_columns
 from taskcal.tabular.table import Table
 
 _AZIMUTH = (
@@ -132,10 +133,7 @@ def _replaced(laid: Laid, columns: _Directed, units: Sequence[str | None]) -> La
         zip((columns.azimuth, columns.polar, columns.range), (f"{prefix}{a}{unit}" for a in "xyz"), strict=True)
     )
     axis = {k: i for i, k in enumerate(names)}
-    rows = tuple(
-        tuple(_text(points[row, axis[k]]) if k in axis else cell for k, cell in enumerate(line))
-        for row, line in enumerate(table.rows)
-    )
+    rows = with_columns(table.rows, {k: map(_text, points[:, i]) for k, i in axis.items()})
     note = (
         f"{', '.join(header[k] for k in names)} are read as an azimuth that turns "
         f"{'clockwise' if columns.clockwise else 'counter-clockwise'} seen from above, an angle from the "

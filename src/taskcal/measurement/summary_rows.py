@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import compress
 
 from taskcal.measurement.column_meaning import Meaning
 from taskcal.tabular.footer import footer_note, is_statistic
 from taskcal.tabular.layout import Laid
+from taskcal.tabular.packed_rows import pack_numbered
 
 
 def without_summaries(laid: Laid, meanings: Sequence[Meaning | None]) -> Laid:
@@ -20,7 +22,8 @@ def without_summaries(laid: Laid, meanings: Sequence[Meaning | None]) -> Laid:
     summing = {row: cells[k] for row, cells in enumerate(table.rows) for k in named if is_statistic(cells[k])}
     if not summing:
         return laid
-    kept = [row for row in range(len(table)) if row not in summing]
+    kept = [row not in summing for row in range(len(table))]
     listed = footer_note([table.lines[row] for row in summing], [(text,) for text in summing.values()])
-    rest = replace(table, rows=tuple(table.rows[k] for k in kept), lines=tuple(table.lines[k] for k in kept))
+    rows, lines = pack_numbered(compress(zip(table.lines, table.rows, strict=True), kept))
+    rest = replace(table, rows=rows, lines=lines)
     return replace(laid, table=rest, notes=(*laid.notes, f"rows that sum others up are left out: {listed}"))

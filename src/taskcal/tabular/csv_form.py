@@ -1,6 +1,6 @@
 """Tables in files, whatever form they have: text in columns or a workbook."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from taskcal.errors import FileError, shown
@@ -106,7 +106,9 @@ def parse_csv(path: Path, text: str) -> Table:
         FileError: as `read_csv`, for the file named.
     """
     refuse_wide(path, text)
-    return named_table(lay_out_plain(parse_plain(path, text)))
+    table = named_table(lay_out_plain(parse_plain(path, text)))
+    # who rewrites a cell asks for its row
+    return replace(table, rows=tuple(table.rows))
 
 
 def named_table(laid: Laid) -> Table:

@@ -2,14 +2,18 @@
 
 import csv
 import re
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain, islice
+from operator import eq
 from pathlib import Path
 
 from taskcal.errors import FileError
 from taskcal.tabular.decimal_mark import DecimalMark, find_decimal_mark, with_point
 from taskcal.tabular.digit_groups import without_blanks
+from taskcal.tabular.lines import lines_of
+from taskcal.tabular.packed_rows import pack, pack_numbered
 from taskcal.tabular.sheet import Sheet
 from taskcal.tabular.unit_cells import with_units_apart
 from taskcal.tabular.width import MAX_MARKS, too_wide
@@ -53,24 +57,22 @@ def parse_delimited(path: Path, text: str, decimal: DecimalMark | None = None) -
     stated = _SEPARATOR_LINE.match(text)
     if stated:
         text = text[stated.end() + 1 :]
-    lines = text.split("\n")
-    matches = [(number, match[1].strip()) for number, match in enumerate(map(_COMMENT.match, lines), start=1) if match]
-    comments = tuple(comment for _, comment in matches)
-    separator = stated[1] if stated and stated[1] in _SEPARATORS else separator_of(lines)
-    # of a large file they take as much memory again as its text
-    del lines
-    sheet = Sheet(path=path, rows=(), lines=(), separator=separator, comments=comments)
+    numbered = enumerate(map(_COMMENT.match, lines_of(text)), start=1)
+    commented = ((number, match[1].strip()) for number, match in numbered if match)
+    first_comments = tuple(islice(commented, 2 * _SAMPLED))
+    comments = tuple(comment for _, comment in chain(first_comments, commented))
+    separator = stated[1] if stated and stated[1] in _SEPARATORS else separator_of(lines_of(text))
     first, grouped = 1 if stated else 0, separator != BLANKS and " " in text
-    numbers: list[int] = []
-    rows: list[tuple[str, ...]] = []
-    for number, cells in _cells(path, text, separator):
-        if any(cells):
-            numbers.append(number + first)
-            rows.append(tuple(map(without_blanks, cells)) if grouped else cells)
+    rows, lines = pack_numbered(
+        (number + first, tuple(map(without_blanks, cells)) if grouped else cells)
+        for number, cells in _cells(path, text, separator)
+        if any(cells)
+    )
+    sheet = Sheet(path=path, rows=rows, lines=lines, separator=separator, comments=comments)
     if not rows:
         return sheet
-    sheet = replace(sheet, notes=_commented(matches, separator, len(rows[-1]), first))
-    sheet = with_units_apart(replace(sheet, rows=tuple(rows), lines=tuple(numbers)))
+    sheet = with_units_apart(replace(sheet, notes=_commented(first_comments, separator, len(rows[-1]), first)))
+    # of a large file each form of its rows takes as much memory as its text
     del rows
     if separator == ",":
         # a comma that parts cells is in none of them, but for quoted ones
@@ -82,7 +84,7 @@ def _commented(comments: Sequence[tuple[int, str]], separator: str, width: int, 
     """What is said of rows of numbers behind a comment mark, as people leave them out."""
     lines = [
         number + first
-        for number, comment in comments[: 2 * _SAMPLED]
+        for number, comment in comments
         if len(row := split_line(comment, separator)) == width and sum(map(bool, map(_NUMBER.fullmatch, row))) > 2
     ]
     if not lines:
@@ -101,13 +103,10 @@ def parse_plain(path: Path, text: str) -> Sheet:
     first = 0
     if stated:
         text, first = text[stated.end() + 1 :], 1
-    rows = [(number + first, cells) for number, cells in _cells(path, text, separator) if any(cells)]
-    return Sheet(
-        path=path,
-        rows=tuple(cells for _, cells in rows),
-        lines=tuple(number for number, _ in rows),
-        separator=separator,
+    rows, lines = pack_numbered(
+        (number + first, cells) for number, cells in _cells(path, text, separator) if any(cells)
     )
+    return Sheet(path=path, rows=rows, lines=lines, separator=separator)
 
 
 def delimiter_of(text: str) -> str:
@@ -133,17 +132,17 @@ def with_decimal_points(sheet: Sheet, decimal: DecimalMark | None = None) -> She
         if "," in cell or "." in cell
     )
     mark = find_decimal_mark(sheet.path, marked) if decimal is None else decimal
-    rows = tuple(tuple(with_point(cell, mark) for cell in row) for row in sheet.rows)
-    if rows == sheet.rows:
+    rows = pack(tuple(with_point(cell, mark) for cell in row) for row in sheet.rows)
+    if all(map(eq, rows, sheet.rows)):
         return sheet
     note = "numbers are read with decimal commas" if mark == "," else "commas in numbers are read as parting thousands"
     return replace(sheet, rows=rows, notes=(*sheet.notes, note))
 
 
-def separator_of(lines: Sequence[str]) -> str:
+def separator_of(lines: Iterable[str]) -> str:
     """What parts the cells: what gives most lines the same count of cells, and most cells numbers."""
-    plain = [line for line in lines if line.strip() and not _COMMENT.match(line)]
-    sample = plain if len(plain) <= 2 * _SAMPLED else plain[:_SAMPLED] + plain[-_SAMPLED:]
+    plain = (line for line in lines if line.strip() and not _COMMENT.match(line))
+    sample = [*islice(plain, _SAMPLED), *deque(plain, _SAMPLED)]
     for separator in _SELDOM_ELSE:
         if (
             sample
@@ -185,7 +184,7 @@ def split_line(line: str, separator: str) -> tuple[str, ...]:
 def _cells(path: Path, text: str, separator: str) -> Iterator[tuple[int, tuple[str, ...]]]:
     """The cells of every line that is not a comment, with the line's number."""
     if separator in (BLANKS, COMMA_BLANK) or '"' not in text:
-        for number, line in enumerate(text.split("\n"), start=1):
+        for number, line in enumerate(lines_of(text), start=1):
             if not _COMMENT.match(line):
                 yield number, split_line(line, separator)
         return

@@ -4,7 +4,9 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import compress
 
+from taskcal.tabular.packed_rows import pack_numbered
 from taskcal.tabular.sheet import Sheet
 
 _RULE = re.compile(
@@ -24,8 +26,9 @@ def without_rules(sheet: Sheet) -> Sheet:
     drawn = [bool(row) and all(not cell or _RULE.fullmatch(cell) for cell in row) for row in sheet.rows]
     if not any(drawn):
         return sheet
-    kept = [k for k, rule in enumerate(drawn) if not rule]
-    return replace(sheet, rows=tuple(sheet.rows[k] for k in kept), lines=tuple(sheet.lines[k] for k in kept))
+    kept = [not rule for rule in drawn]
+    rows, lines = pack_numbered(compress(zip(sheet.lines, sheet.rows, strict=True), kept))
+    return replace(sheet, rows=rows, lines=lines)
 
 
 def group_units(above: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:

@@ -2,8 +2,11 @@
 
 import re
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
+from taskcal.tabular.lines import lines_of
+from taskcal.tabular.packed_rows import pack, pack_numbered
 from taskcal.tabular.sheet import Sheet
 
 _PAIR = re.compile(
@@ -32,25 +35,27 @@ def parse_labelled_values(path: Path, text: str) -> Sheet:
     Lines without these names are left out, and counted in a note.
     """
     usual = Counter(
-        tuple(name for name, _ in pairs) for line in text.split("\n") if len(pairs := _PAIR.findall(line)) >= MIN_LABELS
+        tuple(name for name, _ in pairs) for line in lines_of(text) if len(pairs := _PAIR.findall(line)) >= MIN_LABELS
     ).most_common(1)[0][0]
-    rows: list[tuple[str, ...]] = []
-    lines: list[int] = []
     section, sectioned, strays = "", False, 0
-    for number, line in enumerate(text.split("\n"), start=1):
-        pairs = _PAIR.findall(line)
-        titled = _SECTION.match(line)
-        if tuple(name for name, _ in pairs) == usual:
-            rows.append((section, *(value for _, value in pairs)))
-            lines.append(number)
-        elif titled:
-            section, sectioned = titled["number"], True
-        elif line.strip():
-            strays += 1
-    names = usual if not sectioned else ("id", *usual)
+
+    def numbered() -> Iterator[tuple[int, tuple[str, ...]]]:
+        nonlocal section, sectioned, strays
+        yield 0, ("id", *usual)
+        for number, line in enumerate(lines_of(text), start=1):
+            pairs = _PAIR.findall(line)
+            titled = _SECTION.match(line)
+            if tuple(name for name, _ in pairs) == usual:
+                yield number, (section, *(value for _, value in pairs))
+            elif titled:
+                section, sectioned = titled["number"], True
+            elif line.strip():
+                strays += 1
+
+    rows, lines = pack_numbered(numbered())
     if not sectioned:
-        rows = [row[1:] for row in rows]
+        rows = pack(row[1:] for row in rows)
     notes = (
         (f"{strays} line{'s' if strays > 1 else ''} without {', '.join(usual[:3])} … are left out",) if strays else ()
     )
-    return Sheet(path=path, rows=(names, *rows), lines=(lines[0], *lines), separator="=", notes=notes)
+    return Sheet(path=path, rows=rows, lines=(lines[1], *lines[1:]), separator="=", notes=notes)

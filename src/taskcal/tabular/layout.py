@@ -2,8 +2,9 @@
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 
 from taskcal.errors import FileError, shown
@@ -11,6 +12,7 @@ from taskcal.tabular.delimited import separator_of, split_line
 from taskcal.tabular.faults import MAX_MET
 from taskcal.tabular.footer import MOST_REMARKS, footer_note, is_footer
 from taskcal.tabular.header_rows import group_units, joined_names, without_rules
+from taskcal.tabular.packed_rows import pack_numbered
 from taskcal.tabular.sheet import Sheet
 from taskcal.tabular.table import Table
 from taskcal.tabular.width import MAX_COLUMNS, too_wide
@@ -113,12 +115,16 @@ def lay_out_plain(sheet: Sheet) -> Laid:
 
 def _first_row_of_numbers(rows: Sequence[tuple[str, ...]]) -> tuple[int, int | None]:
     """How many cells most rows of numbers have, and the first of these; None where no row is of numbers."""
-    of_numbers = [row for row in range(len(rows)) if _is_numbers(rows[row])]
-    if not of_numbers:
+    widths = Counter[int]()
+    first: dict[int, int] = {}
+    for number, row in enumerate(rows):
+        if _is_numbers(row):
+            widths[len(row)] += 1
+            first.setdefault(len(row), number)
+    if not widths:
         return len(rows[0]), None
-    widths = Counter(len(rows[row]) for row in of_numbers)
     width = max(widths, key=lambda w: (widths[w], w))
-    return width, next(row for row in of_numbers if len(rows[row]) == width)
+    return width, first[width]
 
 
 def _is_numbers(row: Sequence[str]) -> bool:
@@ -184,25 +190,34 @@ def _laid(
 ) -> Laid:
     sheet = _without_footer(sheet, begin, len(header))
     rows, lines, second = _first_table(sheet, header, begin)
-    while len(header) > 1 and any(header) and not header[-1] and not any(any(row[len(header) - 1 :]) for row in rows):
+    if any(header) and not header[-1]:
         # every line ends with a separator
-        header = header[:-1]
-    fitted = [_fitted(row, len(header), padded=not sheet.separator) for row in rows]
-    sound = [k for k, row in enumerate(fitted) if len(row) == len(header)]
+        filled = max(1, _filled(header), *map(_filled, rows))
+        header = header[:filled]
+    count, fitted = len(rows), partial(_fitted, width=len(header), padded=not sheet.separator)
+    wrong: list[tuple[int, tuple[str, ...]]] = []
+
+    def sound() -> Iterator[tuple[int, tuple[str, ...]]]:
+        for line, row in zip(lines, map(fitted, rows), strict=True):
+            if len(row) == len(header):
+                yield line, row
+            elif len(wrong) < MAX_MET:
+                wrong.append((line, row))
+
+    rows, lines = pack_numbered(sound())
     table = Table(
         path=sheet.path,
         header=tuple(name or (f"column {k}" if any(header) else "") for k, name in enumerate(header, start=1)),
-        rows=tuple(fitted[k] for k in sound),
-        lines=tuple(lines[k] for k in sound),
+        rows=rows,
+        lines=lines,
         header_line=header_line,
     )
-    if len(fitted) > 2 and 2 * len(sound) < len(fitted):
-        raise _no_table(sheet, len(header), len(sound))
+    if count > 2 and 2 * len(table) < count:
+        raise _no_table(sheet, len(header), len(table))
     units = tuple(
         next((row[k] for row in (units, sheet.units) if k < len(row) and row[k]), "") for k in range(len(header))
     )
-    wrong = islice((k for k, row in enumerate(fitted) if len(row) != len(header)), MAX_MET)
-    faults = tuple(_wrong_width(sheet, header, lines[k], fitted[k]) for k in wrong)
+    faults = tuple(_wrong_width(sheet, header, *line) for line in wrong)
     return Laid(
         table=table,
         units=tuple(map(bare_unit, units)),
@@ -225,18 +240,16 @@ def _without_footer(sheet: Sheet, begin: int, width: int) -> Sheet:
 
 def _first_table(
     sheet: Sheet, header: tuple[str, ...], begin: int
-) -> tuple[tuple[tuple[str, ...], ...], tuple[int, ...], tuple[FileError, ...]]:
+) -> tuple[Sequence[tuple[str, ...]], Sequence[int], tuple[FileError, ...]]:
     """The rows before another row of names, their lines, and a fault where that begins a second table.
 
     Names that stand again, as at the head of each printed page, are left out.
     """
-    rows, lines = sheet.rows[begin:], sheet.lines[begin:]
-    kept = [k for k, row in enumerate(rows) if row != header]
-    rows, lines = tuple(rows[k] for k in kept), tuple(lines[k] for k in kept)
-    for k in range(1, len(rows) - 1):
-        if _names_anew(rows[k - 1], rows[k], rows[k + 1]):
-            example = shown(" ".join(rows[k]), 40)
-            message = f"names columns again ('{example}'): a second table begins here; give each a file of its own"
+    below = islice(zip(sheet.lines, sheet.rows, strict=True), begin, None)
+    rows, lines = pack_numbered((line, row) for line, row in below if row != header)
+    for k, (before, row, after) in enumerate(zip(rows, islice(rows, 1, None), islice(rows, 2, None), strict=False), 1):
+        if _names_anew(before, row, after):
+            message = f"names columns again ('{shown(' '.join(row), 40)}'): a second table begins here; give each a file of its own"
             return rows[:k], lines[:k], (FileError(sheet.path, message, line=lines[k]),)
     return rows, lines, ()
 
@@ -247,6 +260,11 @@ def _names_anew(before: Sequence[str], row: Sequence[str], after: Sequence[str])
         return False
     under = [row[j] for j in range(min(len(before), len(row))) if _NUMBER.fullmatch(before[j])]
     return len(under) > 1 and all(under) and len(after) == len(row) and _is_numbers(after)
+
+
+def _filled(row: Sequence[str]) -> int:
+    """How many cells a row has up to its last filled one."""
+    return next((k for k in range(len(row), 0, -1) if row[k - 1]), 0)
 
 
 def _fitted(row: tuple[str, ...], width: int, *, padded: bool) -> tuple[str, ...]:

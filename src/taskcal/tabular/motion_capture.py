@@ -3,10 +3,12 @@
 Source: OptiTrack's documentation of Motive's CSV export.
 """
 
+from itertools import chain, islice
 from pathlib import Path
 
 from taskcal.errors import FileError, shown
 from taskcal.tabular.delimited import quoted_rows
+from taskcal.tabular.packed_rows import pack_numbered
 from taskcal.tabular.sheet import Sheet
 
 _UNITS = {"millimeters": "mm", "centimeters": "cm", "meters": "m"}
@@ -23,27 +25,24 @@ def parse_motion_capture(path: Path, text: str) -> Sheet:
     Raises:
         FileError: rotations are not quaternions, the unit is not stated, or the rows of names are not as they should be.
     """
-    rows = [(line, tuple(row)) for line, row in quoted_rows(path, text, ",")]
-    settings = dict(zip(rows[0][1][::2], rows[0][1][1::2], strict=False))
+    rows, lines = pack_numbered((line, tuple(row)) for line, row in quoted_rows(path, text, ","))
+    settings = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
     unit = _UNITS.get(settings.get("Length Units", "").casefold())
     if unit is None:
         raise FileError(path, f"states no unit of length that is known; known: {', '.join(_UNITS)}", line=1)
     if settings.get("Rotation Type", "Quaternion") != "Quaternion":
         message = f"has rotations as {shown(settings['Rotation Type'])}; export them as quaternions"
         raise FileError(path, message, line=1)
-    axes_at = next((k for k, (_, row) in enumerate(rows) if row and row[0].strip().casefold() == "frame"), None)
-    heads = _heads([row for _, row in rows[1 : axes_at or 0] if any(row)])
+    axes_at = next((k for k, row in enumerate(rows) if row and row[0].strip().casefold() == "frame"), None)
+    heads = _heads([row for row in rows[1 : axes_at or 0] if any(row)])
     if axes_at is None or axes_at < 2 or not {"type", "name"} <= heads.keys():
         raise FileError(path, "begins as an export of Motive, but lacks its rows of types, names and axes", line=1)
-    axes, kinds = rows[axes_at][1], rows[axes_at - 1][1]
+    axes, kinds = rows[axes_at], rows[axes_at - 1]
     header = tuple(_column(k, heads, kinds, axes, unit) for k in range(len(axes)))
-    body = [(line, tuple(cell.strip() for cell in row)) for line, row in rows[axes_at + 1 :] if any(row)]
-    return Sheet(
-        path=path,
-        rows=(header, *(row for _, row in body)),
-        lines=(rows[axes_at][0], *(line for line, _ in body)),
-        separator=",",
-    )
+    below = islice(zip(lines, rows, strict=True), axes_at + 1, None)
+    body = ((line, tuple(cell.strip() for cell in row)) for line, row in below if any(row))
+    rows, lines = pack_numbered(chain([(lines[axes_at], header)], body))
+    return Sheet(path=path, rows=rows, lines=lines, separator=",")
 
 
 def _heads(rows: list[tuple[str, ...]]) -> dict[str, tuple[str, ...]]:

@@ -4,11 +4,13 @@ import io
 import os
 from collections.abc import Generator
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from taskcal.errors import FileError, TaskcalError, shown
+from taskcal.tabular.packed_rows import CELLS, ROWS, pack
 from taskcal.tabular.sheet import Sheet
 from taskcal.tabular.width import MAX_COLUMNS, too_wide
 from taskcal.text_file import open_ordinary
@@ -57,10 +59,16 @@ def read_parquet(path: Path, content: bytes) -> Sheet:
     """
     with _opened(path, content) as file:
         names = _checked_names(path, file)
-        columns = [_texts(path, name, column) for name, column in zip(names, file.read().columns, strict=True)]
-        rows = tuple(zip(*columns, strict=True))
-    header = tuple(str(name).strip() for name in names)
-    return Sheet(path=path, rows=(header, *rows), lines=tuple(range(1, len(rows) + 2)))
+        columns = file.read().columns
+        for name, column in zip(names, columns, strict=True):
+            _refuse_long(path, name, column)
+        header = tuple(str(name).strip() for name in names)
+        # no more texts of their own at once than are packed together
+        at_once = max(ROWS, CELLS // max(1, len(columns)))
+        firsts = range(0, max(map(len, columns), default=0), at_once)
+        parts = ([_texts(column.slice(first, at_once)) for column in columns] for first in firsts)
+        rows = pack(chain([header], chain.from_iterable(zip(*part, strict=True) for part in parts)))
+    return Sheet(path=path, rows=rows, lines=range(1, len(rows) + 1))
 
 
 def _checked_names(path: Path, file: Any) -> list[str]:
@@ -127,16 +135,20 @@ def _check_directory(path: Path, content: bytes | None) -> int:
     return size
 
 
-def _texts(path: Path, name: str, column: Any) -> list[str]:
-    """Cells of a column: empty for what is lacking; NaN, which other programs write for that, too.
+def _refuse_long(path: Path, name: str, column: Any) -> None:
+    """See that a column has no long texts again and again, each of which the file holds once.
 
     Raises:
-        FileError: they are long texts again and again, each of which the file holds once.
+        FileError: it has.
     """
     kept = [chunk.dictionary for chunk in column.chunks if hasattr(chunk, "dictionary")]
     longest = max((len(str(text)) for texts in kept for text in texts.to_pylist()), default=0)
     if longest * len(column) > MAX_TEXT_MB * 1e6:
         raise FileError(path, f"has texts of up to {longest} characters in {len(column)} rows", column=shown(name))
+
+
+def _texts(column: Any) -> list[str]:
+    """Cells of a column: empty for what is lacking; NaN, which other programs write for that, too."""
     values: list[Any] = column.to_pylist()
     return ["" if value is None or value != value else str(value).strip() for value in values]
 

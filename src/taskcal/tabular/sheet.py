@@ -1,5 +1,6 @@
 """Rows of cells as a file has them, before anyone says what they mean."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,9 +10,9 @@ class Sheet:
     """Cells as text, row by row; rows may differ in length."""
 
     path: Path
-    rows: tuple[tuple[str, ...], ...]
+    rows: Sequence[tuple[str, ...]]
     """Cells without surrounding blanks, numbers with a decimal point; rows without a cell are left out."""
-    lines: tuple[int, ...]
+    lines: Sequence[int]
     """The line of the file each row ends in, or its number in a workbook, from 1."""
     separator: str = ""
     """What parts the cells; nothing in a workbook, whose rows end with their last filled cell."""

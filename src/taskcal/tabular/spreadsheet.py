@@ -2,11 +2,13 @@
 
 import io
 import re
+from collections.abc import Iterator
 from datetime import date, datetime, time
 from pathlib import Path
 from typing import Any
 
 from taskcal.errors import FileError, UnknownName, shown
+from taskcal.tabular.packed_rows import pack_numbered
 from taskcal.tabular.sheet import Sheet
 from taskcal.zip_file import ZipKind, open_zip
 
@@ -57,20 +59,19 @@ def read_workbook(path: Path, content: bytes, name: str | None = None) -> Sheet:
         names = [sheet.title for sheet in book.worksheets]
         if name is not None and name not in names:
             raise UnknownName("sheet", name, names, f"in {path}")
-        filled = [(title, _rows(path, book[title])) for title in ([name] if name else names)]
+        filled = [(title, *pack_numbered(_rows(path, book[title]))) for title in ([name] if name else names)]
     except (FileError, UnknownName):
         raise
     except Exception as error:
         # openpyxl raises what a damaged part happens to lead to: a KeyError, a TypeError, a parser's own error …
         raise FileError(path, f"is a damaged workbook ({shown(error)}); save it again, or as CSV") from error
-    with_cells = [(title, rows) for title, rows in filled if rows]
+    with_cells = [sheet for sheet in filled if sheet[1]]
     if not with_cells:
         raise FileError(path, "is a workbook without cells")
-    title, rows = max(with_cells, key=lambda sheet: sum(_holds_numbers(cells) for _, cells in sheet[1]))
-    others = [shown(other) for other, _ in with_cells if other != title]
+    title, rows, lines = max(with_cells, key=lambda sheet: sum(map(_holds_numbers, sheet[1])))
+    others = [shown(other) for other, *_ in with_cells if other != title]
     notes = (f"sheet '{shown(title)}' is read; others with cells: {', '.join(others)}",) if others else ()
-    lines, cells = zip(*rows, strict=True)
-    return Sheet(path=path, rows=tuple(cells), lines=tuple(lines), notes=notes)
+    return Sheet(path=path, rows=rows, lines=lines, notes=notes)
 
 
 def _check_parts(path: Path, content: bytes) -> None:
@@ -86,9 +87,8 @@ def _check_parts(path: Path, content: bytes) -> None:
                     raise FileError(path, f"has a document type in {shown(part.name)}; save it again, or as CSV")
 
 
-def _rows(path: Path, sheet: Any) -> list[tuple[int, tuple[str, ...]]]:
+def _rows(path: Path, sheet: Any) -> Iterator[tuple[int, tuple[str, ...]]]:
     """The rows of a sheet that have cells, each with its number."""
-    out: list[tuple[int, tuple[str, ...]]] = []
     count = 0
     # rows end with their own last cell: what the sheet says of its size may be missing or wrong
     sheet.reset_dimensions()
@@ -106,8 +106,7 @@ def _rows(path: Path, sheet: Any) -> list[tuple[int, tuple[str, ...]]]:
         while texts and not texts[-1]:
             texts.pop()
         if texts:
-            out.append((number, tuple(texts)))
-    return out
+            yield number, tuple(texts)
 
 
 def _holds_numbers(cells: tuple[str, ...]) -> bool:

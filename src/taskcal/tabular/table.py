@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,6 +12,7 @@ from jaxtyping import Float
 
 from taskcal.errors import FileError, shown
 from taskcal.tabular.faults import Faults
+from taskcal.tabular.packed_rows import column_of
 
 LARGEST = 1e6
 """Of any number in a table: 1 km in millimetres, or 2800 turns in degrees."""
@@ -27,8 +29,8 @@ class Table:
 
     path: Path
     header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    lines: tuple[int, ...]
+    rows: Sequence[tuple[str, ...]]
+    lines: Sequence[int]
     header_line: int | None = 1
     """Where the names stand; None where the file has none."""
 
@@ -56,12 +58,15 @@ class Table:
         Raises:
             FileError: there is no such column.
         """
+        return [cell for cells in self._parts(column) for cell in cells]
+
+    def _parts(self, column: str) -> Iterator[list[str]]:
+        """The cells of a column, many at a time: as texts of their own all of them take far more memory than as numbers."""
         if column not in self._index:
             raise FileError(
                 self.path, f"has no column '{column}'; it has {shown(', '.join(self.header))}", line=self.header_line
             )
-        i = self._index[column]
-        return [row[i] for row in self.rows]
+        return column_of(self.rows, self._index[column])
 
     def numbers(
         self, column: str, *, empty: bool = False, remedy: str = "give a number", largest: float = LARGEST
@@ -71,27 +76,28 @@ class Table:
         Raises:
             FileError: there is no such column, or a cell is not a finite number, or one beyond ±`largest`.
         """
-        texts = self.texts(column)
-        out = np.full(len(texts), np.nan)
+        out = np.empty(len(self))
         faults = Faults()
-        for row, text in enumerate(texts):
-            with faults.collecting():
-                out[row] = self._number(text, row, column, empty, remedy)
-                if abs(out[row]) > largest:
-                    message = f"'{shown(text)}' is beyond ±{largest:g}; check the cell and its unit"
-                    raise self.error(message, row, column)
+        first = 0
+        for texts in self._parts(column):
+            numbers = [float(text) if _NUMBER.fullmatch(text) else math.nan for text in texts]
+            out[first : first + len(texts)] = numbers
+            for k, (text, number) in enumerate(zip(texts, numbers, strict=True)):
+                # a cell that is no number is NaN here, which is not within any bound
+                if not abs(number) <= largest and (text or not empty):
+                    with faults.collecting():
+                        raise self.error(_trouble(text, remedy, largest), first + k, column)
+            first += len(texts)
         faults.raise_any()
         return out
 
-    def _number(self, text: str, row: int, column: str, empty: bool, remedy: str) -> float:
-        if not text:
-            if empty:
-                return math.nan
-            raise self.error(f"the cell is empty; {remedy}", row, column)
-        if _NUMBER.fullmatch(text):
-            return float(text)
-        if _NOT_FINITE.fullmatch(text):
-            trouble = f"is not a finite number; {remedy}"
-        else:
-            trouble = "is not a number; give a number such as 12.5"
-        raise self.error(f"'{shown(text)}' {trouble}", row, column)
+
+def _trouble(text: str, remedy: str, largest: float) -> str:
+    """What is wrong with a cell that is no number within a bound."""
+    if not text:
+        return f"the cell is empty; {remedy}"
+    if _NUMBER.fullmatch(text):
+        return f"'{shown(text)}' is beyond ±{largest:g}; check the cell and its unit"
+    if _NOT_FINITE.fullmatch(text):
+        return f"'{shown(text)}' is not a finite number; {remedy}"
+    return f"'{shown(text)}' is not a number; give a number such as 12.5"

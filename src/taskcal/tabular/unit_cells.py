@@ -1,8 +1,10 @@
 """Units behind the numbers in the cells, as in ``31,4°`` or ``812.5 mm``."""
 
 import re
+from collections import Counter
 from dataclasses import replace
 
+from taskcal.tabular.packed_rows import pack
 from taskcal.tabular.sheet import Sheet
 
 _MEASURED = re.compile(
@@ -26,7 +28,7 @@ def with_units_apart(sheet: Sheet) -> Sheet:
     units = {k: unit for k in columns if (unit := _common_unit(sheet, k))}
     if not units:
         return sheet
-    rows = tuple(
+    rows = pack(
         tuple(_number(cell, units[k]) if k in units else cell for k, cell in enumerate(row)) for row in sheet.rows
     )
     return replace(sheet, rows=rows, units=tuple(units.get(k, "") for k in range(max(units) + 1)))
@@ -34,11 +36,10 @@ def with_units_apart(sheet: Sheet) -> Sheet:
 
 def _common_unit(sheet: Sheet, column: int) -> str:
     """The unit that most cells of a column have; empty where there is none."""
-    cells = [row[column] for row in sheet.rows if len(row) > column and _BEGINS_A_NUMBER.match(row[column])]
-    matches = [_MEASURED.fullmatch(cell) for cell in cells]
-    units = [match[2].casefold() for match in matches if match]
-    common = max(set(units), key=units.count)
-    return common if units.count(common) >= _MOST * len(matches) else ""
+    cells = (row[column] for row in sheet.rows if len(row) > column and _BEGINS_A_NUMBER.match(row[column]))
+    units = Counter(match and match[2].casefold() for match in map(_MEASURED.fullmatch, cells))
+    common = max(filter(None, units), key=units.__getitem__)
+    return common if units[common] >= _MOST * units.total() else ""
 
 
 def _number(cell: str, unit: str) -> str:
