@@ -57,7 +57,10 @@ def lay_out_file(path: str | Path, form: TableForm | None = None) -> Laid:
     elif is_workbook(content):
         sheet = with_decimal_points(read_workbook(path, content, named or form.sheet), form.decimal)
     else:
-        sheet = parse_sheet(path, decode(path, content), form.decimal)
+        text = decode(path, content)
+        # the bytes of a large file are no longer needed while its text is parted
+        del content
+        sheet = parse_sheet(path, text, form.decimal)
     return lay_out(sheet, form.columns)
 
 

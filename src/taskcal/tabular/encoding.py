@@ -41,17 +41,19 @@ def decode(path: str | Path, content: bytes) -> str:
             raise FileError(path, message)
     for mark, encoding in _MARKS:
         if content.startswith(mark):
-            return _lines(_strict(path, content[len(mark) :], encoding))
+            return _strict(path, content[len(mark) :], encoding)
     head = content[:_SAMPLE]
     if b"\0" in head:
         encoding = _unmarked(head)
         if encoding is None:
             raise FileError(path, "is a binary file; export it as CSV")
-        return _lines(_strict(path, content, encoding))
+        return _strict(path, content, encoding)
+    # a single character may make the text four times as large as the bytes
+    content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     try:
-        return _lines(content.decode("utf-8"))
+        return content.decode("utf-8")
     except UnicodeDecodeError:
-        return _lines(_western(path, content))
+        return _western(path, content)
 
 
 def _strict(path: str | Path, content: bytes, encoding: str) -> str:
@@ -62,7 +64,7 @@ def _strict(path: str | Path, content: bytes, encoding: str) -> str:
         raise FileError(path, f"is not the {named} text that it says it is; save it as CSV in UTF-8") from error
     if "\0" in text:
         raise FileError(path, "is a binary file; export it as CSV")
-    return text
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _unmarked(head: bytes) -> str | None:
@@ -81,7 +83,3 @@ def _western(path: str | Path, content: bytes) -> str:
     if "\ufffd" in text or any(ord(c) < 32 and c not in "\t\n\r\f\v\x1a" for c in text):
         raise FileError(path, "is neither UTF-8 nor Windows-1252 text; save it as CSV in UTF-8")
     return text
-
-
-def _lines(text: str) -> str:
-    return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -8,8 +8,16 @@ _AT_ONCE = 1 << 16
 
 def lines_of(text: str) -> Iterator[str]:
     """What stands between the line feeds of a text."""
+    for part in parts_of(text):
+        yield from part.removesuffix("\n").split("\n")
+    if text.endswith("\n") or not text:
+        yield ""
+
+
+def parts_of(text: str) -> Iterator[str]:
+    """A text divided behind some of its line feeds."""
     begin = 0
-    while (end := text.find("\n", begin + _AT_ONCE)) >= 0:
-        yield from text[begin:end].split("\n")
-        begin = end + 1
-    yield from text[begin:].split("\n")
+    while begin < len(text):
+        end = text.find("\n", begin + _AT_ONCE) + 1 or len(text)
+        yield text[begin:end]
+        begin = end
