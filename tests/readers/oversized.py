@@ -103,6 +103,29 @@ def costly_files(size: int) -> Iterator[tuple[str, Write]]:
         yield name, write
 
 
+def campaigns(size: int) -> Iterator[tuple[str, Write]]:
+    """Tables that are what they should be, in the forms that people write."""
+    joints = [f"J{k}_deg" for k in range(1, 7)]
+    header = ["id", *joints, "x_mm", "y_mm", "z_mm"]
+    row = "{:.4f},-52.7610,-105.2011,-110.8037,71.7963,94.5966,2188.6205,-865.4579,693.3739"
+
+    def written(stream: BinaryIO, form: Callable[[str], str], encoding: str = "utf-8", end: str = "") -> None:
+        left, k = size, 0
+        stream.write(form(",".join(header) + "\n").encode(encoding))
+        while left > 0:
+            lines = (f"p{n},{row.format(n * 1e-4 % 170.0)}\n" for n in range(k, k + 1000))
+            left, k = left - stream.write(form("".join(lines)).encode(encoding)), k + 1000
+        stream.write(end.encode(encoding))
+
+    yield "commas", lambda stream: written(stream, str)
+    yield "decimal commas", lambda stream: written(stream, lambda text: text.replace(",", ";").replace(".", ","))
+    yield "minus signs", lambda stream: written(stream, lambda text: text.replace("-", "\u2212"))
+    yield "UTF-16", lambda stream: written(stream, str, "utf-16-le")
+    yield "quoted ids", lambda stream: written(stream, lambda text: text.replace("p", '"p"'))
+    yield "a broken row at the end", lambda stream: written(stream, str, end="p,1,2,3\n")
+    yield "a character of four bytes", lambda stream: written(stream, str, end="# \U0001f600\n")
+
+
 def bombs(sound: bytes, size: int = GIGABYTE) -> Iterator[tuple[str, Write]]:
     """A sound zip file in which each of the first parts unpacks to a gigabyte, stated or not."""
     with zipfile.ZipFile(io.BytesIO(sound)) as packed:
@@ -174,6 +197,8 @@ def files_of(kind: str, sound: bytes, largest_mb: float) -> Iterator[tuple[str, 
         yield from lines_of_a_gigabyte()
     yield from wide_tables()
     yield from costly_files(int(0.98e6 * largest_mb))
+    if kind == "campaign":
+        yield from campaigns(int(0.95e6 * largest_mb))
     if sound.startswith(b"PK"):
         yield from bombs(sound)
     if kind == "parquet":

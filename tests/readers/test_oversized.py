@@ -2,10 +2,24 @@
 
 import pytest
 
-from tests.readers.oversized import KINDS, bombs, check, lines_of_a_gigabyte, parquets, sound, wide_tables
+from taskcal.text_file import MAX_FILE_MB
+from tests.readers.oversized import (
+    KINDS,
+    MOST_MB,
+    bombs,
+    campaigns,
+    check,
+    lines_of_a_gigabyte,
+    parquets,
+    sound,
+    wide_tables,
+)
 
 # each is written and read in a process of its own
 pytestmark = pytest.mark.long
+
+CAMPAIGN_MB = 8
+"""Of the largest size that is read, 50 MB, and as much of the memory."""
 
 OF_A_KIND = ("campaign", "points", "robot", "urdf", "calibration", "rapid", "krl", "tp", "apt", "csv_path")
 LINE_MB = 60
@@ -43,3 +57,14 @@ def test_parquet_files_that_swell_are_refused_in_little_memory(tmp_path):
         outcome = check("parquet", path, write)
         assert sound(outcome, path), (wrong, outcome)
         assert outcome.said != "read"
+
+
+def test_campaigns_are_read_in_little_memory(tmp_path):
+    path = tmp_path / "file.csv"
+    # what is loaded once is no part of what a file costs
+    path.write_bytes(KINDS["campaign"].files()[0][1])
+    KINDS["campaign"].read(path)
+    for wrong, write in campaigns(CAMPAIGN_MB * 1_000_000):
+        outcome = check("campaign", path, write)
+        assert sound(outcome, path), (wrong, outcome)
+        assert outcome.megabytes < MOST_MB * CAMPAIGN_MB / MAX_FILE_MB, wrong
