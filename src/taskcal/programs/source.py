@@ -1,5 +1,7 @@
 """The text of a program file, which keeps every byte that is not edited on purpose."""
 
+import re
+from array import array
 from bisect import bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -90,8 +92,8 @@ class Source:
         return "\r\n" if "\r\n" in self.text else "\n"
 
     @cached_property
-    def _starts(self) -> list[int]:
-        return [0, *(i + 1 for i, c in enumerate(self.text) if c == "\n")]
+    def _starts(self) -> "array[int]":
+        return array("Q", [0]) + array("Q", (match.end() for match in re.finditer("\n", self.text)))
 
     def line(self, position: int) -> int:
         """Line of a character, counted from 1."""

@@ -20,13 +20,18 @@ class Effects:
     volatile: frozenset[Symbol]
     """Data that may change at any time: in a trap, or where an error is handled."""
     _of_statement: dict[Statement, frozenset[Symbol]] = field(default_factory=dict[Statement, frozenset[Symbol]])
+    _sets: dict[frozenset[Symbol], frozenset[Symbol]] = field(
+        default_factory=dict[frozenset[Symbol], frozenset[Symbol]]
+    )
+    """Each set once: those of most statements are alike."""
 
     def of(self, statement: Statement, scope: Scope, file: File) -> frozenset[Symbol]:
         """Data that a statement may change, with all that stands in it and all that it calls."""
         if statement not in self._of_statement:
             own = _changed([statement], scope, file, self.changes)
             others = (self.of_routine.get(routine, frozenset[Symbol]()) for routine in called([statement], scope))
-            self._of_statement[statement] = own.union(*others)
+            changed = own.union(*others)
+            self._of_statement[statement] = self._sets.setdefault(changed, changed)
         return self._of_statement[statement]
 
     def of_arguments(self, statement: Statement, scope: Scope, file: File) -> frozenset[Symbol]:

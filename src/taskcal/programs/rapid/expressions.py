@@ -1,8 +1,6 @@
 """The parser's lower half: words to expressions and arguments."""
 
-from collections.abc import Sequence
-
-from taskcal.programs.rapid.lexer import Token, number
+from taskcal.programs.rapid.lexer import Token, list_end, number
 from taskcal.programs.rapid.syntax import (
     Aggregate,
     Argument,
@@ -16,9 +14,13 @@ from taskcal.programs.rapid.syntax import (
     Text,
     Truth,
 )
+from taskcal.programs.rapid.words import TooMuch, Words
 
 DEPTH = 60
 """Brackets and blocks nested deeper than this are no program."""
+
+MOST_ARGUMENTS = 1000
+"""Of one instruction; those of the controller have twenty at most."""
 
 _RESERVED = """
     alias and backward case connect const default div do else elseif endfor endfunc endif endmodule endproc endrecord
@@ -44,38 +46,20 @@ class NotUnderstood(Exception):
         super().__init__(text)
 
 
-class ExpressionParser:
+class ExpressionParser(Words):
     """Reads expressions from words, one after the other."""
 
-    def __init__(self, tokens: Sequence[Token]):
-        self.tokens = tokens
-        self.at = 0
+    def __init__(self, text: str):
+        super().__init__(text)
         self.depth = 0
         """Brackets and blocks that are open."""
         self.height = 0
         """Values inside values of the expression read last."""
 
-    @property
-    def next(self) -> Token:
-        """The word that is to be read next."""
-        return self.tokens[self.at]
-
-    @property
-    def end(self) -> int:
-        """Behind the word read last."""
-        return self.tokens[self.at - 1].end if self.at else 0
-
-    def take(self) -> Token:
-        """Read a word."""
-        token = self.next
-        if token.kind != "end":
-            self.at += 1
-        return token
-
     def skip(self, *keys: str) -> bool:
         """Read a word if it is one of these."""
         if self.next.kind in ("name", "symbol") and self.next.key in keys:
-            self.at += 1
+            self.take()
             return True
         return False
 
@@ -111,6 +95,7 @@ class ExpressionParser:
 
     def expression(self) -> Expression:
         """Read an expression."""
+        self.count_value()
         self.enter()
         try:
             return self._operation(0)
@@ -149,29 +134,37 @@ class ExpressionParser:
         self.height = 0
         match token.kind:
             case "number":
-                self.at += 1
-                return Number(start=token.start, end=token.end, value=number(token))
+                self.take()
+                return Number(start=token.start, end=self.end, value=number(token))
             case "text":
-                self.at += 1
+                self.take()
                 if len(token.text) < 2 or not token.text.endswith('"'):
                     raise NotUnderstood(token.start, "the string that begins here does not end in its line")
                 return Text(start=token.start, end=token.end, value=token.text[1:-1].replace('""', '"'))
             case "name" if token.key in ("true", "false"):
-                self.at += 1
+                self.take()
                 return Truth(start=token.start, end=token.end, value=token.key == "true")
             case "name":
                 return self._named()
             case _:
+                if token.key == "[" and (end := self._numbers(token.start)):
+                    self.jump(end)
+                    self.grow(0)
+                    return Aggregate(start=token.start, end=end, held=self.text)
                 if self.skip("["):
                     items = self._list("]")
                     self.grow(self.height)
-                    return Aggregate(start=token.start, end=self.end, items=items)
+                    return Aggregate(start=token.start, end=self.end, held=items)
                 if self.skip("("):
                     inner = self.expression()
                     self.expect(")")
                     self.grow(self.height)
                     return Operation(start=token.start, end=self.end, operator="()", operands=(inner,))
                 raise self.problem("a value is missing before")
+
+    def _numbers(self, start: int) -> int:
+        """Behind a list of nothing but numbers; 0 where there is none, or where its signs are nested too deeply."""
+        return list_end(self.text, start) if self.depth + 2 <= DEPTH else 0
 
     def _list(self, closing: str) -> tuple[Expression, ...]:
         if self.skip(closing):
@@ -222,6 +215,8 @@ class ExpressionParser:
             if self.next.kind == "symbol" and self.next.key == closing:
                 raise self.problem("an argument is missing before")
             start = self.next.start
+            if len(arguments) == MOST_ARGUMENTS:
+                raise TooMuch(start, f"has more than {MOST_ARGUMENTS:,} arguments in one call; is it a RAPID module?")
             if self.skip("\\"):
                 arguments.append(self._option(start))
             else:

@@ -1,6 +1,7 @@
 """The words of a RAPID module: names, numbers, strings and symbols, each with its place in the text."""
 
 import re
+import sys
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
@@ -17,6 +18,12 @@ _WORD = re.compile(
     """,
     re.VERBOSE | re.DOTALL,
 )
+
+_NUMBER = r"(?: [0-9]+ (?:\.[0-9]*)? | \.[0-9]+ ) (?:[eE][+-]?[0-9]+)?"
+_SIGNED = rf"(?: [+-] \s* )? {_NUMBER}"
+# bounded, as what is repeated is kept by the search until the list ends
+_LIST = re.compile(rf"\[ \s* {_SIGNED} \s* (?: , \s* {_SIGNED} \s* ){{0,99}} \]", re.VERBOSE)
+_IN_LIST = re.compile(rf"(?: ([+-]) \s* )? ({_NUMBER})", re.VERBOSE)
 
 HEADER = "%%%"
 """Encloses what a controller writes in front of a module: version and language."""
@@ -39,20 +46,44 @@ class Token(NamedTuple):
 
 def tokenize(text: str) -> Iterator[Token]:
     """The words of a module's text without white space, comments and header; the last one is of kind ``end``."""
-    for match in _WORD.finditer(text, _behind_header(text)):
+    yield from words_from(text, _behind_header(text))
+
+
+def words_from(text: str, start: int) -> Iterator[Token]:
+    """The same from the start of a word on."""
+    yield from words(text, start, len(text))
+    yield Token("end", "", "", len(text))
+
+
+def words(text: str, start: int, end: int) -> Iterator[Token]:
+    """The words between the start of one and the end of the same or a later one, in a module's text."""
+    for match in _WORD.finditer(text, start, end):
         word = match[0]
         match match.lastgroup:
             case "blank":
                 pass
             case "name":
-                yield Token("name", word, word.lower(), match.start())
+                # the same names come again and again; what is kept of the text names each once
+                yield Token("name", sys.intern(word), sys.intern(word.lower()), match.start())
             case "number":
                 yield Token("number", word, word, match.start())
             case "text":
                 yield Token("text", word, word, match.start())
             case _:
                 yield Token("symbol", word, word, match.start())
-    yield Token("end", "", "", len(text))
+
+
+def list_end(text: str, start: int) -> int:
+    """Behind the list of decimal numbers and nothing else that begins somewhere; 0 where none does, or a long one."""
+    found = _LIST.match(text, start)
+    return found.end() if found else 0
+
+
+def listed(text: str, start: int, end: int) -> Iterator[tuple[int, int, float]]:
+    """First character, end and value of each number of such a list."""
+    for found in _IN_LIST.finditer(text, start, end):
+        value = float(found[2])
+        yield found.start(), found.end(), -value if found[1] == "-" else value
 
 
 def number(token: Token) -> float:

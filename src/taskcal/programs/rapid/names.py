@@ -95,6 +95,7 @@ def contexts(files: Iterable[File]) -> Iterator[Context]:
     files = tuple(files)
     shared: dict[str, list[Symbol]] = {}
     types = dict(TYPES)
+    named: dict[str, list[Routine]] = {}
     routines: dict[str, tuple[Routine, ...]] = {}
     of_module: dict[int, dict[str, list[Symbol]]] = {}
     scopes: dict[int, Scope] = {}
@@ -109,7 +110,8 @@ def contexts(files: Iterable[File]) -> Iterator[Context]:
                     shared.setdefault(key, []).append(symbol)
             types.update({record.name.key: record.components for record in module.records})
             for routine in module.routines:
-                routines[routine.name.key] = (*routines.get(routine.name.key, ()), routine)
+                named.setdefault(routine.name.key, []).append(routine)
+    routines.update({key: tuple(same) for key, same in named.items()})
     for file in files:
         for module in file.modules:
             scope = scopes[id(module)]

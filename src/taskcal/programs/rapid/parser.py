@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from taskcal.programs.rapid.expressions import NotUnderstood
-from taskcal.programs.rapid.lexer import Token, tokenize
+from taskcal.programs.rapid.lexer import Token
 from taskcal.programs.rapid.statements import HANDLERS, ROUTINE_END, STORAGE, StatementParser
 from taskcal.programs.rapid.syntax import (
     Declaration,
@@ -15,11 +15,19 @@ from taskcal.programs.rapid.syntax import (
     Statement,
     Unparsed,
 )
+from taskcal.programs.rapid.words import TooMuch
+
+MOST_ROUTINES = 100_000
+"""Modules and routines of a file; a whole cell has some thousands."""
 
 
 def parse(text: str) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:
-    """The modules of a file, and what could not be understood."""
-    parser = _Parser(list(tokenize(text)))
+    """The modules of a file, and what could not be understood.
+
+    Raises:
+        TooMuch: there is more of something than in any program.
+    """
+    parser = _Parser(text)
     modules = parser.modules()
     return modules, tuple(parser.problems)
 
@@ -27,10 +35,15 @@ def parse(text: str) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:
 class _Parser(StatementParser):
     """Modules, and what they declare."""
 
+    def __init__(self, text: str):
+        super().__init__(text)
+        self._routines = 0
+
     def modules(self) -> tuple[Module, ...]:
         modules: list[Module] = []
         strays = 0
         while self.next.kind != "end":
+            self.begin()
             if self.next.key == "module":
                 modules.append(self._module())
             else:
@@ -42,6 +55,7 @@ class _Parser(StatementParser):
 
     def _module(self) -> Module:
         start = self.take().start
+        self._count_routine(start)
         name = self._or_nameless(self.name)
         if self.skip("("):
             while self.next.kind != "end" and not self.skip(")"):
@@ -51,7 +65,9 @@ class _Parser(StatementParser):
         routines: list[Routine] = []
         unparsed: list[Unparsed] = []
         while self.next.kind != "end" and self.next.key not in ("module", "endmodule"):
-            first = self.at
+            self.begin()
+            self.count()
+            first = self.next.start
             try:
                 match self.after_scope():
                     case "const" | "pers" | "var":
@@ -102,8 +118,16 @@ class _Parser(StatementParser):
 
     # routines
 
+    def _count_routine(self, position: int) -> None:
+        self._routines += 1
+        if self._routines > MOST_ROUTINES:
+            raise TooMuch(
+                position, f"has more than {MOST_ROUTINES:,} modules and routines; divide it into several files"
+            )
+
     def _routine(self) -> Routine:
         start = self.next.start
+        self._count_routine(start)
         local = self.skip("local")
         kind = self.take().key
         if kind == "func":

@@ -22,6 +22,7 @@ from taskcal.programs.rapid.sharing import Sharing
 from taskcal.programs.rapid.syntax import Instruction, Module, Problem, Unparsed
 from taskcal.programs.rapid.uses import Use, changes, uses
 from taskcal.programs.rapid.values import Values
+from taskcal.programs.rapid.words import TooMuch
 from taskcal.programs.source import Source
 from taskcal.robot.robot import Robot
 
@@ -105,7 +106,10 @@ def _parsed(source: Source) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:
     if "\0" in source.text:
         raise FileError(source.path, "is a binary file; give a RAPID module as text")
     # looked for first: of a file that has none, every word would be taken apart for nothing
-    modules, problems = parse(source.text) if re.search("MODULE", source.text, re.IGNORECASE) else ((), ())
+    try:
+        modules, problems = parse(source.text) if re.search("MODULE", source.text, re.IGNORECASE) else ((), ())
+    except TooMuch as much:
+        raise FileError(source.path, much.text, line=source.line(much.position)) from None
     if not modules:
         raise FileError(source.path, "has no MODULE; give a RAPID module (.mod, .sys, .prg, .modx or .sysx)")
     return modules, problems

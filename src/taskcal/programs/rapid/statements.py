@@ -1,7 +1,7 @@
 """Declarations and statements of a routine; what cannot be understood is passed over and noted."""
 
 from taskcal.programs.rapid.expressions import ExpressionParser, NotUnderstood
-from taskcal.programs.rapid.lexer import Token
+from taskcal.programs.rapid.lexer import Token, words
 from taskcal.programs.rapid.syntax import (
     Assignment,
     Branches,
@@ -15,6 +15,16 @@ from taskcal.programs.rapid.syntax import (
     Statement,
     Unparsed,
 )
+from taskcal.programs.rapid.words import TooMuch
+
+MOST_STATEMENTS = 850_000
+"""Statements and declarations of a file; 400 000 motions with as many declared targets are 50 MB."""
+
+MOST_PROBLEMS = 100_000
+"""Places of a file that are not understood; nobody reads of more."""
+
+MOST_UNPARSED = 1_000_000
+"""Words of a file that are not understood."""
 
 STORAGE = ("const", "pers", "var")
 ROUTINE_END = {"proc": "endproc", "func": "endfunc", "trap": "endtrap"}
@@ -30,30 +40,65 @@ _LEAVING = ("return", "goto", "raise", "retry", "trynext", "exit")
 class StatementParser(ExpressionParser):
     """Takes declarations and statements from tokens."""
 
-    def __init__(self, tokens: list[Token]):
-        super().__init__(tokens)
+    def __init__(self, text: str):
+        super().__init__(text)
         self.problems: list[Problem] = []
+        self._unparsed = 0
+        """Words so far that are not understood."""
+        self._statements = 0
 
     def note(self, position: int, text: str) -> Problem:
-        """Note what cannot be understood."""
+        """Note what cannot be understood.
+
+        Raises:
+            TooMuch: nothing of the file is, or hardly anything.
+        """
+        if len(self.problems) >= MOST_PROBLEMS:
+            raise self._not_understood(f"at more than {MOST_PROBLEMS:,} places", self.problems[0])
         self.problems.append(Problem(position=position, text=text))
         return self.problems[-1]
 
+    def _not_understood(self, where: str, one: Problem) -> TooMuch:
+        return TooMuch(one.position, f"is not understood {where}, such as: {one.text}; is it a RAPID module?")
+
+    def count(self) -> None:
+        """Count a statement or a declaration.
+
+        Raises:
+            TooMuch: there are more than in any program.
+        """
+        self._statements += 1
+        if self._statements > MOST_STATEMENTS:
+            raise TooMuch(
+                self.next.start,
+                f"has more than {MOST_STATEMENTS:,} statements and declarations; divide it into several files",
+            )
+
     def after_scope(self) -> str:
         """Key of the word behind LOCAL or TASK."""
-        return self.tokens[self.at + 1].key if self.next.key in ("local", "task") else self.next.key
+        return self.behind_next().key if self.next.key in ("local", "task") else self.next.key
 
     def recover(self, first: int, stops: tuple[str, ...]) -> None:
         """Go on behind the next semicolon, or before a word that begins or ends something."""
-        self.at = max(self.at, first + 1)
+        if self.next.start == first:
+            self.take()
         while self.next.kind != "end" and self.next.key not in stops:
             if self.take().key == ";":
                 return
 
     def unparsed(self, first: int, problem: Problem) -> Unparsed:
-        """The text since its first word, which is not understood."""
-        tokens = tuple(self.tokens[first : self.at])
-        return Unparsed(start=tokens[0].start, end=self.end, tokens=tokens, problem=problem)
+        """The text since its first word, which is not understood.
+
+        Raises:
+            TooMuch: nothing of the file is, or hardly anything.
+        """
+        tokens: list[Token] = []
+        for token in words(self.text, first, self.end):
+            self._unparsed += 1
+            if self._unparsed > MOST_UNPARSED:
+                raise self._not_understood(f"in more than {MOST_UNPARSED:,} words", [*self.problems, problem][0])
+            tokens.append(token)
+        return Unparsed(start=first, end=self.end, tokens=tuple(tokens), problem=problem)
 
     def declaration(self) -> Declaration:
         """Take a declaration of data."""
@@ -77,7 +122,7 @@ class StatementParser(ExpressionParser):
         while self.next.key in _INNER_ENDS:
             stray = self.take()
             noted = self.note(stray.start, f"'{stray.text}' closes nothing")
-            statements += [self.unparsed(self.at - 1, noted), *self._block(declarations)]
+            statements += [self.unparsed(stray.start, noted), *self._block(declarations)]
         return tuple(statements)
 
     def _block(self, declarations: list[Declaration]) -> tuple[Statement, ...]:
@@ -85,7 +130,9 @@ class StatementParser(ExpressionParser):
         while self.next.kind != "end" and self.next.key not in _BLOCK_ENDS:
             if self.skip(";"):
                 continue
-            first = self.at
+            self.begin()
+            self.count()
+            first = self.next.start
             depth = self.depth
             try:
                 if self.next.key in ("local", "task", *STORAGE):
@@ -164,8 +211,7 @@ class StatementParser(ExpressionParser):
 
     def _placeholder(self) -> Statement:
         """``<SMT>`` and the like, where a statement is still to be written."""
-        first = self.at
-        self.take()
+        first = self.take().start
         name = self.name()
         self.expect(">")
         return self.unparsed(

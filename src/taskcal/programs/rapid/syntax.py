@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taskcal.programs.rapid.lexer import Token
+from taskcal.programs.rapid.lexer import Token, listed
 from taskcal.programs.source import Source
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Node:
     """A part of the text."""
 
@@ -17,49 +17,70 @@ class Node:
     """Behind the last one."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Number(Node):
     """A number with its sign."""
 
     value: float
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Text(Node):
     """A string."""
 
     value: str
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Truth(Node):
     """TRUE or FALSE."""
 
     value: bool
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Aggregate(Node):
     """Values in square brackets: a record or an array."""
 
-    items: tuple["Expression", ...]
+    held: "tuple[Expression, ...] | str"
+    """The values; the text of the file where they are a few numbers, which are most of a program and read again."""
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is known to hold nothing but numbers."""
+        return isinstance(self.held, str)
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Those of a plain one."""
+        return tuple(value for _, _, value in self._listed())
+
+    @property
+    def items(self) -> tuple["Expression", ...]:
+        """The values; those of a plain one are other objects each time."""
+        if not isinstance(self.held, str):
+            return self.held
+        return tuple(Number(start=start, end=end, value=value) for start, end, value in self._listed())
+
+    def _listed(self) -> Iterator[tuple[int, int, float]]:
+        return listed(self.held, self.start, self.end) if isinstance(self.held, str) else iter(())
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Component:
     """Selects a component of a record: ``.trans``."""
 
     key: str
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Index:
     """Selects an element of an array: ``{3}`` or ``{1,2}``."""
 
     items: tuple["Expression", ...]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Reference(Node):
     """A name, possibly with components and indices."""
 
@@ -67,7 +88,7 @@ class Reference(Node):
     selectors: tuple[Component | Index, ...]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Argument(Node):
     """An argument of an instruction or a function."""
 
@@ -79,7 +100,7 @@ class Argument(Node):
     r"""It is passed on where the routine itself got it: ``\WObj?w``."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Call(Node):
     """The value of a function."""
 
@@ -87,7 +108,7 @@ class Call(Node):
     arguments: tuple[Argument, ...]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Operation(Node):
     """An operator with one or two operands."""
 
@@ -102,7 +123,7 @@ def parts(node: Expression) -> Iterator[Expression]:
     """An expression and all that stand in it."""
     yield node
     match node:
-        case Aggregate():
+        case Aggregate() if not node.is_plain:
             inside = node.items
         case Operation():
             inside = node.operands
@@ -118,7 +139,7 @@ def parts(node: Expression) -> Iterator[Expression]:
         yield from parts(part)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Declaration(Node):
     """Declares data; its text ends behind the semicolon."""
 
@@ -131,7 +152,7 @@ class Declaration(Node):
     value: Expression | None
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Parameter:
     """What a routine is given."""
 
@@ -142,7 +163,7 @@ class Parameter:
     """The routine may assign to it."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Record:
     """A type with components."""
 
@@ -151,7 +172,7 @@ class Record:
     """Name and type of each, in lower case."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Instruction(Node):
     """Calls an instruction or a procedure; its text ends behind the semicolon."""
 
@@ -161,7 +182,7 @@ class Instruction(Node):
     """It is all that an IF without THEN governs."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Assignment(Node):
     """Gives a variable a value."""
 
@@ -169,7 +190,7 @@ class Assignment(Node):
     value: Expression
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Branches(Node):
     """IF or TEST: one of several branches is taken."""
 
@@ -179,7 +200,7 @@ class Branches(Node):
     """One of the branches is always taken."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Loop(Node):
     """FOR or WHILE."""
 
@@ -189,12 +210,12 @@ class Loop(Node):
     body: tuple["Statement", ...]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Label(Node):
     """Where a GOTO leads."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Leave(Node):
     """RETURN, GOTO, RAISE, RETRY, TRYNEXT or EXIT: what follows in the text is not what follows in time."""
 
@@ -202,7 +223,7 @@ class Leave(Node):
     value: Expression | None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Problem:
     """Text that could not be understood."""
 
@@ -210,7 +231,7 @@ class Problem:
     text: str
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Unparsed(Node):
     """Text that is not a statement."""
 
@@ -226,7 +247,7 @@ class Unparsed(Node):
 Statement = Instruction | Assignment | Branches | Loop | Label | Leave | Unparsed
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Routine(Node):
     """A procedure, function or trap."""
 
@@ -241,7 +262,7 @@ class Routine(Node):
     """What ERROR, UNDO and BACKWARD lead to."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Module(Node):
     """A module."""
 

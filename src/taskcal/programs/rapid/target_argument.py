@@ -208,8 +208,12 @@ def _literal(node: Aggregate, type_: TargetType) -> Aggregate | None:
     if len(node.items) != len(shape):
         return None
     for item, count in zip(node.items, shape, strict=True):
-        if not isinstance(item, Aggregate) or len(item.items) != count:
+        if not isinstance(item, Aggregate):
             return None
-        if not all(isinstance(leaf, Number) for leaf in item.items):
+        if item.is_plain:
+            if len(item.numbers) != count:
+                return None
+            continue
+        if len(item.items) != count or not all(isinstance(leaf, Number) for leaf in item.items):
             return None
     return node

@@ -83,7 +83,8 @@ def changes(everywhere: Iterable[Context]) -> Changes:
             if symbol is None:
                 continue
             if symbol.declaration is not None and symbol.declaration.storage != "const":
-                assigned.setdefault(symbol, _assignment(mention))
+                if symbol not in assigned:
+                    assigned[symbol] = _assignment(mention)
             elif symbol.parameter_of:
                 more.add((symbol.parameter_of, symbol.name.lower()))
         if more <= parameters:
@@ -229,7 +230,7 @@ class _Walker:
         match expression:
             case Reference():
                 yield from self.mention(expression, scope, False)
-            case Aggregate():
+            case Aggregate() if not expression.is_plain:
                 for item in expression.items:
                     yield from self.read(item, scope)
             case Operation():

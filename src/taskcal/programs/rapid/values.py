@@ -71,6 +71,8 @@ class Values:
         match expression:
             case Number() | Text() | Truth():
                 return expression.value
+            case Aggregate() if expression.is_plain and depth < CHAIN:
+                return expression.numbers
             case Aggregate():
                 return tuple(self.of(item, scope, depth + 1) for item in expression.items)
             case Reference():
@@ -101,7 +103,7 @@ class Values:
                 own = declaration is not None and declaration.storage == "pers" if held is None else held.settable
                 indices = (item for s in expression.selectors if isinstance(s, Index) for item in s.items)
                 return own or any(self.settable(item, scope) for item in indices)
-            case Aggregate():
+            case Aggregate() if not expression.is_plain:
                 return any(self.settable(item, scope) for item in expression.items)
             case Operation():
                 return any(self.settable(operand, scope) for operand in expression.operands)
@@ -191,6 +193,8 @@ class Values:
     def _written(self, node: Expression, symbol: Symbol, depth: int) -> Value:
         if symbol.scope is None:
             raise Unresolved(f"'{symbol.name}' is declared without a value")
+        if isinstance(node, Number) and depth < CHAIN:
+            return node.value
         if node not in self._known:
             self._known[node] = Values(assigned=self.assigned, _known=self._known).of(node, symbol.scope, depth + 1)
         return self._known[node]
