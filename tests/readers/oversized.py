@@ -22,6 +22,7 @@ from taskcal.text_file import MAX_FILE_MB
 from tests.readers.hostile import ONCE, anywhere
 from tests.readers.own_process import Outcome, in_own_process
 from tests.readers.program_readers import PROGRAM_READERS
+from tests.readers.rapid_modules import modules
 from tests.readers.readers import READERS
 
 KINDS = {**READERS, **PROGRAM_READERS}
@@ -203,6 +204,8 @@ def files_of(kind: str, sound: bytes, largest_mb: float) -> Iterator[tuple[str, 
         yield from bombs(sound)
     if kind == "parquet":
         yield from parquets()
+    if kind == "rapid":
+        yield from modules(int(0.98e6 * largest_mb))
 
 
 def check(kind: str, path: Path, write: Write) -> Outcome:

@@ -14,6 +14,7 @@ from tests.readers.oversized import (
     sound,
     wide_tables,
 )
+from tests.readers.rapid_modules import modules
 
 # each is written and read in a process of its own
 pytestmark = pytest.mark.long
@@ -68,3 +69,10 @@ def test_campaigns_are_read_in_little_memory(tmp_path):
         outcome = check("campaign", path, write)
         assert sound(outcome, path), (wrong, outcome)
         assert outcome.megabytes < MOST_MB * CAMPAIGN_MB / MAX_FILE_MB, wrong
+
+
+@pytest.mark.parametrize(("wrong", "write"), list(modules(49_000_000)), ids=[wrong for wrong, _ in modules(1)])
+def test_modules_of_anything_are_read_or_refused_in_little_memory(wrong, write, tmp_path):
+    path = tmp_path / KINDS["rapid"].files()[0][0]
+    outcome = check("rapid", path, write)
+    assert sound(outcome, path), (wrong, outcome)
