@@ -242,6 +242,7 @@ class StatementParser(ExpressionParser):
 
     def _compact_if(self, start: int, condition: Expression, declarations: list[Declaration]) -> Statement:
         self.enter()
+        self.count()
         inner = self._statement(declarations)
         self.depth -= 1
         if isinstance(inner, Instruction):
