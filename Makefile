@@ -16,7 +16,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help demo studio test test-quick test-long fuzz browser lint format types layers docs bench bench-guard bench-smoke peers wheel-test oldest coverage licences audit clean
+.PHONY: help demo studio test test-quick test-long fuzz browser lint format types layers docs bench bench-guard bench-smoke peers wheel-test oldest coverage mutants licences audit clean
 
 help:  ## list these targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
@@ -87,8 +87,20 @@ build/oldest/.test: pyproject.toml constraints-oldest.txt
 	build/oldest/bin/python -m pip install --quiet --disable-pip-version-check --no-input -c constraints-oldest.txt -e '.[test]'
 	@touch $@
 
-coverage: $(VENV)/.test  ## which lines and branches the tests run, compiled kernels left out; page in build/coverage
-	$(BIN)/python -m pytest --numprocesses auto --cov --cov-report=term:skip-covered --cov-report=html:build/coverage $(COVERAGE_TESTS)
+coverage: $(VENV)/.test  ## which lines and branches which tests run, compiled kernels left out; page in build/coverage; half an hour
+	$(BIN)/python -m pytest --numprocesses auto --cov --cov-context=test --junitxml=build/coverage/tests.xml --cov-report=term:skip-covered --cov-report=html:build/coverage/page $(COVERAGE_TESTS)
+
+MUTANTS ?= 200
+SEED ?= 0
+
+mutants: $(VENV)/.test build/mutants/.tools  ## after make coverage: make 200 small mistakes in the core, run the tests of their lines; an hour; MUTANTS=, SEED=
+	build/mutants/tools/bin/python -m tests.mutants $(CURDIR)/$(BIN)/python $(MUTANTS) $(SEED)
+
+# In an environment of its own: thirty packages, none of which the tests need.
+build/mutants/.tools:
+	$(PYTHON) -m venv build/mutants/tools
+	build/mutants/tools/bin/python -m pip install --quiet --disable-pip-version-check --no-input 'cosmic-ray>=8.7' 'coverage>=7.10'
+	@touch $@
 
 licences: $(VENV)/.test  ## renew docs/reference/dependencies.md from the installed packages
 	$(BIN)/python -m docs.dependency_table

@@ -1,0 +1,80 @@
+"""Small mistakes that could have been made in a module: one sign, number, comparison, condition or loop other than it is.
+
+The changes are Cosmic Ray's. Of those that differ only in how absurd they are (a product turned into a shift of bits), one is
+taken: all of them fail at the first run, and would raise the share of mistakes that are noticed without saying anything.
+"""
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+_BINARY = ["Add_Sub", "Sub_Add", "Mul_Div", "Div_Mul", "FloorDiv_Mul", "Mod_Mul", "Pow_Mul"]
+_OF_SETS_AND_BITS = ["BitOr_BitAnd", "BitAnd_BitOr", "LShift_RShift"]
+_COMPARISONS = ["Eq_NotEq", "NotEq_Eq", "Is_IsNot", "IsNot_Is"]
+_ORDERS = ["Lt_LtE", "LtE_Lt", "Gt_GtE", "GtE_Gt", "Lt_GtE", "LtE_Gt", "Gt_LtE", "GtE_Lt"]
+OPERATORS = [
+    *(f"core/ReplaceBinaryOperator_{name}" for name in (*_BINARY, *_OF_SETS_AND_BITS)),
+    *(f"core/ReplaceComparisonOperator_{name}" for name in (*_COMPARISONS, *_ORDERS)),
+    *(f"core/ReplaceUnaryOperator_Delete_{name}" for name in ("USub", "Not", "Invert")),
+    *(f"core/Replace{name}" for name in ("TrueWithFalse", "FalseWithTrue", "AndWithOr", "OrWithAnd")),
+    *(f"core/{name}" for name in ("ReplaceBreakWithContinue", "ReplaceContinueWithBreak", "ZeroIterationForLoop")),
+    *(f"core/{name}" for name in ("AddNot", "NumberReplacer")),
+]
+
+
+@dataclass(frozen=True)
+class Mutation:
+    """One change of one module; `occurrence` counts the places where the operator could act."""
+
+    path: Path
+    operator: str
+    occurrence: int
+    line: int
+
+    def mutated(self, root: Path) -> str:
+        """Text of the module with the change."""
+        from cosmic_ray.mutating import mutate_code
+        from cosmic_ray.plugins import get_operator
+
+        text = mutate_code(
+            (root / self.path).read_text(encoding="utf-8"), get_operator(self.operator)(), self.occurrence
+        )
+        if text is None:
+            raise LookupError(f"{self.path} has no occurrence {self.occurrence} of {self.operator}")
+        return text
+
+
+def mutations(root: Path, path: Path) -> Iterator[Mutation]:
+    """All changes of a module that a run could notice; not those of annotations and decorators.
+
+    Args:
+        root: folder of the repository.
+        path: the module, from there.
+    """
+    from cosmic_ray.ast import ast_nodes, get_ast
+    from cosmic_ray.plugins import get_operator
+
+    text = (root / path).read_text(encoding="utf-8")
+    silent = list(silent_ranges(text))
+    nodes = list(ast_nodes(get_ast(text)))
+    for operator in OPERATORS:
+        positions = [
+            (*start, *end) for node in nodes for start, end in get_operator(operator)().mutation_positions(node)
+        ]
+        for occurrence, (line, column, *_) in enumerate(positions):
+            if not any(begin <= (line, column) < end for begin, end in silent):
+                yield Mutation(path, operator, occurrence, line)
+
+
+def silent_ranges(text: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
+    """Beginning and end, line and column, of what a run does not notice: annotations, decorators, imports."""
+    for node in ast.walk(ast.parse(text)):
+        parts = [
+            *getattr(node, "decorator_list", []),
+            getattr(node, "annotation", None),
+            getattr(node, "returns", None),
+        ]
+        for part in [node] if isinstance(node, ast.ImportFrom) else parts:
+            if part is not None:
+                yield (part.lineno, part.col_offset), (part.end_lineno, part.end_col_offset)
