@@ -12,6 +12,7 @@ import taskcal
 from taskcal.cli import main
 from taskcal.cli.output import started_as
 from tests.cli.conftest import IRB6660, Run
+from tests.faults.uncovered import uncovered_environment
 
 HEAVY = ("numpy", "scipy", "numba", "pandas", "jaxtyping")
 
@@ -149,6 +150,7 @@ def test_a_full_standard_output_is_said_in_a_line(command: str, tmp_path: Path) 
         capture_output=True,
         text=True,
         check=False,
+        env=uncovered_environment(),
     )
     assert ended.returncode == 1
     assert ended.stderr == "error: standard output: File too large\n"

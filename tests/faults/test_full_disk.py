@@ -17,6 +17,7 @@ from taskcal.measurement.chunked_campaign import campaign_in_chunks
 from taskcal.tabular.parquet import parquet_of
 from tests.cli.interruptions import COMMANDS, prepare
 from tests.faults.kills import digests
+from tests.faults.uncovered import uncovered_environment
 from tests.measurement.known_campaign import ROBOT
 
 ROOM = 50
@@ -34,7 +35,7 @@ def without_room(folder, line: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "taskcal", *line.split()], cwd=folder, capture_output=True, text=True, check=False,
         preexec_fn=_bounded, stdin=subprocess.DEVNULL,
-        env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"},
+        env=uncovered_environment() | {"PYTHONDONTWRITEBYTECODE": "1"},
     )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from taskcal.errors import ClosureError
 from taskcal.geometry.compiled import compiled
-from taskcal.geometry.four_bar import FourBar, Side, can_close, close_four_bar, loop_numbers
+from taskcal.geometry.four_bar import FourBar, Side, can_close, close_four_bar, curvature, loop_numbers
 from taskcal.geometry.four_bar_closure import lengthened
 from tests.laws.robots import generators
 
@@ -103,6 +103,20 @@ def test_derivatives_agree_with_those_taken_to_forty_digits(case):
         ]
     got = [*closed.by_length[0], *closed.by_angle[0]]
     np.testing.assert_allclose(got, expected, rtol=1e-10, atol=1e-11)
+
+
+@given(bars())
+def test_second_derivatives_are_those_of_the_first(case):
+    bar, alpha, kappa = case
+    step = 1e-5
+    # a and k moved up and down, one after the other
+    moved = np.array([alpha, kappa])[:, None, None] + step * np.array([[[1, -1], [0, 0]], [[0, 0], [1, -1]]]).swapaxes(
+        0, 1
+    )
+    first = close_four_bar(bar, *moved.reshape(2, 4)).by_angle.reshape(2, 2, 2)
+    a, k = np.array([alpha]), np.array([kappa])
+    got = curvature(bar, close_four_bar(bar, a, k), a, k)[0]
+    np.testing.assert_allclose(got, (first[:, 0] - first[:, 1]) / (2 * step), rtol=1e-5, atol=1e-6 * np.abs(got).max())
 
 
 @given(generators)
