@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 import scipy.optimize
 from hypothesis import given
 from hypothesis import strategies as st
@@ -134,3 +135,16 @@ def test_a_fit_stops_at_the_decrease_asked_for():
     assert (loose.ended, loose.converged) == (Ended.HARDLY_FALLS, True)
     assert loose.reason == "the fit got better by less than 0.5 of itself"
     assert loose.iterations < tight.iterations
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1.0, 1e6])
+def test_where_a_fit_stops_does_not_depend_on_the_unit_of_its_objective(factor):
+    problem = Curve(np.random.default_rng(0))
+    equations, precision = problem.equations(Squared()), factor * problem.precision
+
+    def scaled(z):
+        return tuple(factor * part for part in equations(z))
+
+    stopping = Stopping(decrement=0.0, decrease=1e-2)
+    found = fit(scaled, problem.mean, problem.mean, precision, np.ones(len(problem.mean)), stopping)
+    assert (found.ended, found.iterations) == (Ended.HARDLY_FALLS, 3)

@@ -8,7 +8,7 @@ import pytest
 
 from taskcal.errors import CampaignError
 from taskcal.identification.identify import identify
-from taskcal.identification.regressor import list_regressors
+from taskcal.identification.regressor import Regressor, list_regressors
 from taskcal.identification.residual_analysis import analyse_residuals, fit_smooth
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
@@ -137,3 +137,12 @@ def test_levers_are_those_of_the_measured_point(model):
     np.testing.assert_allclose(found["gravity on J2"].values[:, 0], -by_hand[:, 2], atol=1e-6)
     away = np.linalg.norm(fitted.predict(campaign.q)[:, 0], axis=1)
     np.testing.assert_allclose(found["distance from the tracker"].values[:, 0], away, atol=1e-9)
+
+
+@pytest.mark.parametrize(("poses", "functions"), [(60, 8), (105, 9), (165, 13)])
+def test_a_smooth_function_has_a_knot_for_every_fifteen_poses_and_six_at_least(poses, functions):
+    rng = np.random.default_rng(0)
+    values, carrier = rng.uniform(-1.0, 1.0, (poses, 1)), rng.normal(size=(poses, 3, 1))
+    regressor = Regressor(name="a", moves="b", values=values, carrier=carrier, unit="", scale=1.0)
+    fitted = [fit_smooth(regressor, rng.normal(size=(poses, 3)))[:, 0] for _ in range(functions + 5)]
+    assert np.linalg.matrix_rank(np.array(fitted), tol=1e-9) == functions
