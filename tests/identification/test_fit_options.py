@@ -123,3 +123,8 @@ def test_parameters_of_an_effect_are_kept_beside_those_named(measured) -> None:
     model, campaign = measured
     with pytest.raises(UnknownName):
         identify(model, campaign, keep=["J77"])
+
+
+def test_a_file_holds_every_number_of_the_loss(measured) -> None:
+    assert FitOptions().described(*measured)["loss"] == {"kind": "squared"}
+    assert FitOptions(loss=Huber(1.2)).described(*measured)["loss"] == {"kind": "huber", "threshold": 1.2}

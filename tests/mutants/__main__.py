@@ -30,7 +30,7 @@ FOUND = PLACE / "found.jsonl"
 CORE = ("geometry/*.py", "analysis/*.py", "estimation/*.py", "identification/*.py", "programs/*/rewrite.py")
 WORKERS = 2
 LONGEST = 90.0
-"""Seconds that the tests of one mistake take together, without the mistake."""
+"""Seconds that the tests of one mistake take together, without the mistake; four times that at a second look."""
 PATIENCE = 420.0
 """Seconds after which a mistake has stopped the tests from ending, which is noticing it, too."""
 
@@ -135,7 +135,9 @@ def try_mutation(python: str, mutation: Mutation, folder: Path, tests: Sequence[
     return Trial(mutation, len(tests), failed[0] if failed else "")
 
 
-def try_all(python: str, drawn: Sequence[Mutation], useless: frozenset[str] = frozenset()) -> None:
+def try_all(
+    python: str, drawn: Sequence[Mutation], *, longest: float = LONGEST, useless: frozenset[str] = frozenset()
+) -> None:
     """Try mistakes in several copies at once; each result is kept as it comes."""
     covering = read_covering_tests(ROOT)
     copies: SimpleQueue[Path] = SimpleQueue()
@@ -143,7 +145,7 @@ def try_all(python: str, drawn: Sequence[Mutation], useless: frozenset[str] = fr
         copies.put(copy_repository(PLACE / f"copy-{number}"))
 
     def one(mutation: Mutation) -> Trial:
-        tests = [test for test in covering.of(mutation.path, mutation.line, longest=LONGEST) if test not in useless]
+        tests = [test for test in covering.of(mutation.path, mutation.line, longest=longest) if test not in useless]
         folder = copies.get()
         try:
             return try_mutation(python, mutation, folder, tests)
@@ -175,7 +177,7 @@ def without_useless(python: str, drawn: Sequence[Mutation]) -> None:
     useless = frozenset(failing(python, copy_repository(PLACE / "copy-0"), named, first_only=False))
     if useless:
         print("these fail without a mistake:", *sorted(useless), sep="\n  ", flush=True)
-        try_all(python, [mutation for mutation in drawn if tried[mutation].noticed_by in useless], useless)
+        try_all(python, [mutation for mutation in drawn if tried[mutation].noticed_by in useless], useless=useless)
 
 
 def summary(drawn: Sequence[Mutation]) -> str:
@@ -197,6 +199,8 @@ def main(python: str, count: int, seed: int) -> None:
     tried = found()
     try_all(python, [mutation for mutation in drawn if mutation not in tried])
     without_useless(python, drawn)
+    tried = found()
+    try_all(python, [mutation for mutation in drawn if not tried[mutation].noticed_by], longest=4 * LONGEST)
     print(summary(drawn))
 
 

@@ -1,5 +1,6 @@
 """Which tests run a line, the nearest and quickest first, as a run of all tests with coverage saw it."""
 
+import ast
 import random
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -20,15 +21,18 @@ class CoveringTests:
     Attributes:
         by_line: of every module, from the folder of the repository, the tests that run each line.
         seconds: of every test.
+        importing: of every module, those that import it.
     """
 
     by_line: dict[Path, dict[int, frozenset[str]]]
     seconds: dict[str, float]
+    importing: dict[Path, frozenset[Path]]
 
     def of(self, path: Path, line: int, *, longest: float) -> list[str]:
         """Tests that may notice a change of a line; those of its own folder first, of ever other files.
 
-        A kernel runs as machine code, in which no lines are seen: it is left to the tests of its folder and of those above it.
+        A kernel runs as machine code, in which no lines are seen: it is left to the tests of what imports it, of its folder and of
+        those above it.
 
         Args:
             path: the module, from the folder of the repository.
@@ -39,9 +43,10 @@ class CoveringTests:
         tests = seen.get(line, frozenset())
         if not tests:
             near = {path.parts[2], *(("kinematics", "robot", "identification") if path.parts[2] == "geometry" else ())}
-            tests = frozenset(test for test in self.seconds if Path(test.partition("::")[0]).parts[1] in near)
-        own = [test for test in tests if _is_own(test, path)]
-        near = [test for test in tests if test.startswith(f"tests/{path.parts[2]}/") and not _is_own(test, path)]
+            tests = frozenset(test for test in self.seconds if _file(test).parts[1] in near)
+        modules = {path} if seen.get(line) else {path, *self.importing.get(path, ())}
+        own = [test for test in tests if _file(test).stem in {f"test_{module.stem}" for module in modules}]
+        near = [test for test in tests.difference(own) if _file(test).parts[1] == path.parts[2]]
         rest = sorted(tests.difference(own, near))
         chosen: list[str] = []
         for part in (own, near, rest):
@@ -59,8 +64,8 @@ class CoveringTests:
         return out
 
 
-def _is_own(test: str, path: Path) -> bool:
-    return Path(test.partition("::")[0]).stem == f"test_{path.stem}"
+def _file(test: str) -> Path:
+    return Path(test.partition("::")[0])
 
 
 def _in_turns(tests: Sequence[str]) -> list[str]:
@@ -99,4 +104,14 @@ def read_covering_tests(root: Path) -> CoveringTests:
         f"{case.attrib['classname'].replace('.', '/')}.py::{case.attrib['name']}": float(case.attrib["time"])
         for case in cases
     }
-    return CoveringTests(by_line, seconds)
+    return CoveringTests(by_line, seconds, _importing(root))
+
+
+def _importing(root: Path) -> dict[Path, frozenset[Path]]:
+    out: dict[Path, set[Path]] = defaultdict(set)
+    for path in (root / "src" / "taskcal").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                imported = Path("src", *node.module.split(".")).with_suffix(".py")
+                out[imported].add(path.relative_to(root))
+    return {path: frozenset(paths) for path, paths in out.items()}

@@ -24,17 +24,18 @@ def test_annotations_decorators_and_imports_are_silent() -> None:
 
 def test_tests_of_a_line_come_nearest_first_and_end_in_time() -> None:
     tests = ["tests/laws/test_a.py::test_1", "tests/geometry/test_b.py::test_2", "tests/geometry/test_se3.py::test_3"]
-    covering = CoveringTests({MODULE: {7: frozenset(tests)}}, dict.fromkeys(tests, 1.0))
+    covering = CoveringTests({MODULE: {7: frozenset(tests)}}, dict.fromkeys(tests, 1.0), {})
     assert covering.of(MODULE, 7, longest=10) == tests[::-1]
     assert covering.of(MODULE, 7, longest=2.5) == tests[:0:-1]
 
 
-def test_tests_of_a_kernel_are_those_of_its_folder_and_of_those_above_it_one_file_after_the_other() -> None:
+def test_tests_of_a_kernel_are_those_of_what_imports_it_of_its_folder_and_of_those_above_it() -> None:
     tests = [f"tests/{file}.py::test_{k}" for file in ("geometry/test_b", "robot/test_c", "cli/test_d") for k in (1, 2)]
-    covering = CoveringTests({}, dict.fromkeys(tests, 1.0))
-    chosen = covering.of(MODULE, 7, longest=10)
-    assert {test.partition("::")[0] for test in chosen} == {"tests/geometry/test_b.py", "tests/robot/test_c.py"}
-    assert len(chosen) == 4
+    importing = {MODULE: frozenset([Path("src/taskcal/robot/c.py")])}
+    chosen = CoveringTests({}, dict.fromkeys(tests, 1.0), importing).of(MODULE, 7, longest=10)
+    assert [test.partition("::")[0] for test in chosen] == ["tests/robot/test_c.py"] * 2 + [
+        "tests/geometry/test_b.py"
+    ] * 2
 
 
 def test_no_tests_notice_nothing(tmp_path: Path) -> None:
