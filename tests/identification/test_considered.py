@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import qr
 
+from taskcal.estimation.loss import Huber, Squared
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.geometry.covariance_propagation import propagate
 from taskcal.identification.belief import frame_precision
@@ -85,26 +86,36 @@ def test_dropping_a_dependent_parameter_leaves_every_prediction_unchanged(seed):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_not_estimated_is_considered_as_an_independent_calculation_does(kind):
-    """The covariance of an estimator x = G·y, whatever its gain, from the dense matrices of the whole problem."""
+@pytest.mark.parametrize("loss", [Squared(), Huber(0.7)], ids=lambda loss: type(loss).__name__)
+def test_what_is_not_estimated_is_considered_as_an_independent_calculation_does(kind, loss):
+    """The covariance of an estimator x = G·y, whatever its gain, from the dense matrices of the whole problem.
+
+    A point of weight w counts as one whose variance is 1/w times as large.
+    """
     rng, model = arm(6)
     campaign, _ = measure(rng, model, industrial_positions(rng, 30), defects(rng, model), sigma=3e-5, **KINDS[kind])
     keep = ["J2", "J4.rz", "tool.tx"]
-    found = identify(model, campaign, keep=keep)
-    whole = identify(model, campaign)
+    found = identify(model, campaign, keep=keep, loss=loss)
+    whole = identify(model, campaign, loss=loss)
     assert found.model_error == pytest.approx(whole.model_error)
     assert found.prior_scale == pytest.approx(whole.prior_scale)
-    reduced = identify(model, campaign, keep=keep, prior=GaussianPrior.of_deviations(model.tolerances[found.estimated]))
+    own = GaussianPrior.of_deviations(model.tolerances[found.estimated])
+    reduced = identify(model, campaign, keep=keep, prior=own, loss=loss)
     layout, valid = found.layout, campaign.valid
     b = campaign.covariances(None).shape[-1]
     J = dense_jacobian(layout, campaign, found.z)[valid].reshape(-1, len(found.z))
     tracker = campaign.covariances(None)[valid]
     blocks = np.arange(len(tracker) * b).reshape(-1, b)
 
+    left = propagate(layout.walked(campaign.q, found.z), observe(campaign), np.zeros((len(found.z),) * 2))[0][valid]
+    own_noise = tracker + np.diag(np.repeat(np.square(reduced.model_error), 3))
+    weights = loss.weights(np.sqrt(np.einsum("ni,nij,nj->n", left, np.linalg.inv(own_noise), left) / b))
+    assert isinstance(loss, Squared) or 0 < (weights < 1.0).sum() < len(weights)
+
     def noise(deviations):
         R = np.zeros((J.shape[0], J.shape[0]))
-        for rows, C in zip(blocks, tracker, strict=True):
-            R[np.ix_(rows, rows)] = C + np.diag(np.repeat(np.square(deviations), 3))
+        for rows, C, weight in zip(blocks, tracker, weights, strict=True):
+            R[np.ix_(rows, rows)] = (C + np.diag(np.repeat(np.square(deviations), 3))) / weight
         return R
 
     k = np.concatenate([found.estimated, np.arange(len(model), len(found.z))])

@@ -3,7 +3,7 @@
 from taskcal.programs.rapid.lexer import Token, tokenize, words_from
 
 MOST_WORDS = 2_000_000
-"""Of one statement or declaration; an array of fifty thousand targets has as many."""
+"""Of one statement or declaration; an array of a hundred thousand targets, each of lists of numbers, has fewer."""
 
 
 MOST_VALUES = 5_000_000
