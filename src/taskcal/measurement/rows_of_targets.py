@@ -9,6 +9,9 @@ from taskcal.measurement.readings import Readings
 from taskcal.measurement.repeated_shots import SAME_POSE_RAD, mean_of_seen, refuse_other_joints, rows_by_id
 from taskcal.measurement.target_columns import MAX_TARGETS
 
+_NO_NAME = frozenset({"", "nan", "none", "null", "nil", "n/a", "na", "#n/a", "-", "?"})
+"""What programs write where there is no text."""
+
 
 def side_by_side(readings: Readings) -> Readings:
     """One row for each pose, with the position of every target.
@@ -17,14 +20,17 @@ def side_by_side(readings: Readings) -> Readings:
     one target in one pose are averaged.
 
     Raises:
-        FileError: a row names no target, rows of one id have different joints, or there is more than one position a row.
+        FileError: a row names no target, rows of one id have different joints, or columns name a target, too, which is not that
+            of every row.
     """
     targets = readings.targets_by_row
     assert targets is not None
     for row, name in enumerate(targets):
-        if not name:
+        if name.casefold() in _NO_NAME:
             raise FileError(readings.path, "the row names no target", line=int(readings.lines[row]), column="target")
-    if len(readings.points) != 1:
+    named = set(readings.points)
+    # a column of another name, such as 'measured_x', says nothing about which target it is
+    if len(named) != 1 or (named & set(targets) and named != set(targets)):
         message = f"names a target in each row and in columns too ({shown(', '.join(readings.points))}); keep one form"
         raise FileError(readings.path, message, line=1)
     if readings.rotations is not None and len(set(targets)) > 1:

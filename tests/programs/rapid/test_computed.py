@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from taskcal.programs.rapid.computed import operated
+from taskcal.programs.rapid.computed import operated, shifted
 from taskcal.programs.rapid.functions import COMPUTED
 from taskcal.programs.unresolved import Unresolved
 
@@ -18,10 +19,20 @@ from taskcal.programs.unresolved import Unresolved
         ("<>", [1.0, 2.0], True),
         ("<=", [2.0, 2.0], True),
         (">", [1.0, 2.0], False),
+        (">=", [1.0, 2.0], False),
+        ("<", [1.0, 2.0], True),
+        ("=", [True, True], True),
+        ("<>", [True, True], False),
         ("and", [True, False], False),
+        ("or", [True, False], True),
         ("xor", [True, True], False),
         ("not", [False], True),
         ("-", [2.0], -2.0),
+        ("+", [2.0], 2.0),
+        ("+", [3.0, 2.0], 5.0),
+        ("-", [3.0, 2.0], 1.0),
+        ("*", [3.0, 2.0], 6.0),
+        ("/", [3.0, 2.0], 1.5),
     ],
 )
 def test_operators(operator, values, result):
@@ -31,7 +42,8 @@ def test_operators(operator, values, result):
 
 
 @pytest.mark.parametrize(
-    ("operator", "values"), [("/", [1.0, 0.0]), ("+", [1.0, True]), ("mod", [1.5, 1.0]), ("=", [1.0, "a"])]
+    ("operator", "values"),
+    [("/", [1.0, 0.0]), ("+", [1.0, True]), ("mod", [1.5, 1.0]), ("=", [1.0, "a"]), ("+", [True, True])],
 )
 def test_operands_that_do_not_fit(operator, values):
     with pytest.raises(Unresolved):
@@ -52,3 +64,29 @@ def test_reltool_shifts_along_the_tool_and_offs_along_the_part():
     along_part = COMPUTED["offs"]([target, 0.0, 0.0, 5.0], {})
     np.testing.assert_allclose(along_tool[0], [105, 0, 0], atol=1e-9)
     np.testing.assert_allclose(along_part[0], [100, 0, 5], atol=1e-9)
+
+
+def test_reltool_turns_about_x_then_the_new_y_then_the_new_z():
+    target = ((0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 4, (9e9,) * 6)
+    w, *xyz = COMPUTED["reltool"]([target, 0.0, 0.0, 0.0], {"rx": 20.0, "ry": -30.0, "rz": 40.0})[1]
+    turned = Rotation.from_quat([*xyz, w])
+    expected = Rotation.from_euler("XYZ", [20.0, -30.0, 40.0], degrees=True)
+    np.testing.assert_allclose((turned * expected.inv()).magnitude(), 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "by", "options", "words"),
+    [
+        ("offs", [1.0, 2.0], {}, "three distances"),
+        ("offs", [1.0, 2.0, True], {}, "three distances"),
+        ("offs", [1.0, 2.0, 1e9], {}, "out of any range"),
+        ("offs", [1.0, 2.0, np.nan], {}, "out of any range"),
+        ("offs", [1.0, 2.0, 3.0], {"rx": 1.0}, "no options"),
+        ("reltool", [1.0, 2.0, 3.0], {"ra": 1.0}, "no option 'ra'"),
+        ("reltool", [1.0, 2.0, 3.0], {"rx": np.inf}, "no finite angle"),
+        ("reltool", [1.0, 2.0, 3.0], {"rx": True}, "no finite angle"),
+    ],
+)
+def test_shifts_that_are_no_shifts_are_not_resolved(name, by, options, words):
+    with pytest.raises(Unresolved, match=words):
+        shifted(name, np.eye(4), by, options)
