@@ -18,7 +18,7 @@ READ = {
     "faro_tracker_tab_thousands_sep.txt": (3, ["tool"], False),
     "joint_angles.xlsx": (10, [], True),
     "joints_irregular_spaces_deg.txt": (10, [], True),
-    "leica_tscan_6d_log_crlf.txt": (26, ["tool"], False),
+    "leica_tscan_6d_log_crlf.txt": (27, ["tool"], False),
     "optitrack_motive_1.23_trimmed.csv": (4, ["Left", "Left_Marker1"], False),
     "photogrammetry_code_xyz_sigma.csv": (464, ["tool"], False),
     "sa2024_points_ascii_pose1.txt": (3, ["tool"], False),
@@ -56,6 +56,6 @@ def test_two_raw_files_are_a_campaign(data_folder):
     campaign = read_campaign(
         formats / "ur5_joints_rad_id.txt", robot, options=ReadOptions(points=formats / "leica_tscan_6d_log_crlf.txt")
     )
-    assert len(campaign) == 26
+    assert len(campaign) == 27
     calibration = identify(ErrorModel(robot), campaign)
     assert calibration.model_error[0] < 0.3e-3

@@ -106,10 +106,10 @@ def read_measurements(path: str | Path, robot: Robot, options: ReadOptions | Non
         others = _of_file(options.points, robot, replace(options.form, columns=None), options.angles)
         from taskcal.measurement.pairing import pair  # fits, and so imports the compiler
 
-        readings = pair(_averaged(readings), _averaged(others), robot)
+        readings = pair(_averaged(readings, robot), _averaged(others, robot), robot)
     if readings.targets_by_row is not None:
-        readings = side_by_side(readings)
-    return with_convention(_averaged(_with_units(readings, robot)), robot)
+        readings = side_by_side(readings, _likely_metres(readings, robot))
+    return with_convention(_averaged(_with_units(readings, robot), robot), robot)
 
 
 def _of_file(path: str | Path, robot: Robot, form: TableForm, angles: AngleForm | None) -> Readings:
@@ -118,8 +118,19 @@ def _of_file(path: str | Path, robot: Robot, form: TableForm, angles: AngleForm 
     return with_targets_in_names(without_means(readings))
 
 
-def _averaged(readings: Readings) -> Readings:
-    return readings if readings.targets_by_row is not None else average_shots(readings)
+def _averaged(readings: Readings, robot: Robot) -> Readings:
+    if readings.targets_by_row is not None:
+        return readings
+    return average_shots(readings, _likely_metres(readings, robot))
+
+
+def _likely_metres(readings: Readings, robot: Robot) -> float:
+    """What one unit of positions is by their scatter, where none is stated; of a millimetre where it cannot be told."""
+    if readings.length_unit_stated or not readings.points:
+        return LENGTHS["mm"]
+    from taskcal.measurement.unit_inference import infer_length
+
+    return LENGTHS[infer_length(robot, next(iter(readings.points.values()))) or "mm"]
 
 
 def _with_units(readings: Readings, robot: Robot) -> Readings:

@@ -6,22 +6,32 @@ import numpy as np
 
 from taskcal.errors import FileError, shown
 from taskcal.measurement.readings import Readings
-from taskcal.measurement.repeated_shots import SAME_POSE_RAD, mean_of_seen, refuse_other_joints, rows_by_id
+from taskcal.measurement.repeated_shots import (
+    SAME_POSE_RAD,
+    mean_of_seen,
+    refuse_other_joints,
+    refuse_two_poses,
+    rows_by_id,
+)
 from taskcal.measurement.target_columns import MAX_TARGETS
 
 _NO_NAME = frozenset({"", "nan", "none", "null", "nil", "n/a", "na", "#n/a", "-", "?"})
 """What programs write where there is no text."""
 
 
-def side_by_side(readings: Readings) -> Readings:
+def side_by_side(readings: Readings, metres: float = 1e-3) -> Readings:
     """One row for each pose, with the position of every target.
 
     Rows of one id are one pose; where no id stands twice, or there are none, successive rows of the same joints. Shots of
     one target in one pose are averaged.
 
+    Args:
+        readings: one row for each target of a pose.
+        metres: as of `average_shots`.
+
     Raises:
-        FileError: a row names no target, rows of one id have different joints, or columns name a target, too, which is not that
-            of every row.
+        FileError: a row names no target, rows of one id have different joints, shots of one target in one pose are too far
+            apart, or columns name a target, too, which is not that of every row.
     """
     targets = readings.targets_by_row
     assert targets is not None
@@ -45,9 +55,18 @@ def side_by_side(readings: Readings) -> Readings:
     shots: dict[tuple[str, int], list[int]] = {}
     for row, shown_in in enumerate(zip(targets, pose_of.tolist(), strict=True)):
         shots.setdefault(shown_in, []).append(row)
+    for target in points:
+        of_poses = {_pose_name(readings, rows[0]): rows for (name, _), rows in shots.items() if name == target}
+        refuse_two_poses(readings, target, values, of_poses, metres)
     for (name, pose), rows in shots.items():
         points[name][pose] = mean_of_seen(values[rows])
     return replace(readings.take(firsts), points=points, targets_by_row=None)
+
+
+def _pose_name(readings: Readings, row: int) -> str:
+    """How an error names the pose of a row, and its target."""
+    targets = readings.targets_by_row or ()
+    return f"{readings.ids[row] if readings.ids else int(readings.lines[row])}, target {targets[row]}"
 
 
 def _poses(readings: Readings) -> np.ndarray:

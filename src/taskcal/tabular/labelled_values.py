@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+from taskcal.tabular.footer import footer_note
 from taskcal.tabular.lines import lines_of
 from taskcal.tabular.packed_rows import pack, pack_numbered
 from taskcal.tabular.sheet import Sheet
@@ -14,8 +15,13 @@ _PAIR = re.compile(
     re.ASCII,
 )
 
-_SECTION = re.compile(r"\s*(?P<what>[^\W\d_]+)[ _.#:-]*(?P<number>\d+)\s*:?\s*$")
-"""A line such as ``Pos 3`` that names what follows."""
+_SECTION = re.compile(
+    r"\s*(?P<what>[^\W\d_]+)[ _.#:-]*(?P<number>\d+(?:[.-]\d+)*+\w*+)\s*+(?!=)[:.,;]?\s*(?P<remark>.*)$"
+)
+"""A line such as ``Pos 3`` that names what follows, and a remark behind the number."""
+
+_LONGEST_TITLE = 300
+"""Letters of a line that may name what follows; longer ones are text."""
 
 _SAMPLED = 200
 MIN_LABELS = 3
@@ -32,30 +38,62 @@ def has_labelled_values(text: str) -> bool:
 def parse_labelled_values(path: Path, text: str) -> Sheet:
     """A row for every line with the names that most lines have, and a first column for the section it stands in.
 
-    Lines without these names are left out, and counted in a note.
+    Sections begin with a line such as ``Pos 3``. Text behind the number is a remark where other lines begin with the same word.
+    Other lines and remarks are left out, and listed in notes.
     """
     usual = Counter(
         tuple(name for name, _ in pairs) for line in lines_of(text) if len(pairs := _PAIR.findall(line)) >= MIN_LABELS
     ).most_common(1)[0][0]
-    section, sectioned, strays = "", False, 0
+    titles = _section_words(text)
+    section, sectioned = "", False
+    strays: list[tuple[int, str]] = []
+    remarks: list[tuple[int, str]] = []
 
     def numbered() -> Iterator[tuple[int, tuple[str, ...]]]:
-        nonlocal section, sectioned, strays
+        nonlocal section, sectioned
         yield 0, ("id", *usual)
         for number, line in enumerate(lines_of(text), start=1):
             pairs = _PAIR.findall(line)
-            titled = _SECTION.match(line)
+            titled = _titled(line)
             if tuple(name for name, _ in pairs) == usual:
                 yield number, (section, *(value for _, value in pairs))
-            elif titled:
+            elif titled and titled["what"].casefold() in titles:
                 section, sectioned = titled["number"], True
+                if titled["remark"]:
+                    remarks.append((number, line.strip()))
             elif line.strip():
-                strays += 1
+                strays.append((number, line.strip()))
 
     rows, lines = pack_numbered(numbered())
     if not sectioned:
         rows = pack(row[1:] for row in rows)
-    notes = (
-        (f"{strays} line{'s' if strays > 1 else ''} without {', '.join(usual[:3])} … are left out",) if strays else ()
-    )
-    return Sheet(path=path, rows=rows, lines=(lines[1], *lines[1:]), separator="=", notes=notes)
+    notes: list[str] = []
+    for found, said in (
+        (strays, f"{len(strays)} line{'s' if len(strays) > 1 else ''} without {', '.join(usual[:3])} … are left out"),
+        (remarks, "text behind the number of a header is left out"),
+    ):
+        if found:
+            notes.append(f"{said}: {footer_note([line for line, _ in found], [(words,) for _, words in found])}")
+    return Sheet(path=path, rows=rows, lines=(lines[1], *lines[1:]), separator="=", notes=tuple(notes))
+
+
+def _section_words(text: str) -> set[str]:
+    """Words in small letters that begin the lines which name sections.
+
+    With a number alone behind it a word is one; without such lines, the word that most lines with different numbers begin with.
+    """
+    titled = [match for line in lines_of(text) if (match := _titled(line))]
+    plain = {match["what"].casefold() for match in titled if not match["remark"]}
+    if plain:
+        return plain
+    numbers: dict[str, list[str]] = {}
+    for match in titled:
+        numbers.setdefault(match["what"].casefold(), []).append(match["number"])
+    return {word for word, stood in numbers.items() if len(stood) > 1 and len(set(stood)) == len(stood)}
+
+
+def _titled(line: str) -> re.Match[str] | None:
+    """What a line says as a name of those below; None where it cannot be one."""
+    if len(line) > _LONGEST_TITLE or len(_PAIR.findall(line)) >= MIN_LABELS:
+        return None
+    return _SECTION.match(line)
