@@ -32,7 +32,7 @@ def shots(folder, name, header, *, noise=5e-5, apart=None, repeats=4, unit=1e3, 
         for shot in range(repeats):
             p = points["A"][k] + rng.normal(0, noise, 3)
             if apart is not None and k == 2 and shot == repeats - 1:
-                p = p + [apart, 0.0, 0.0]
+                p[0] += apart
             rows.append([f"p{k}", *(np.degrees(q[k]) if joints else ()), *p * unit, *more])
     return write(folder, name, header, rows)
 

@@ -40,7 +40,7 @@ _ID = (
 )  # fmt: skip
 """Names of rows, the surest first; the `index` of a meaning is the place here."""
 
-_GROUP = ("group", "point group", "gruppe", "punktgruppe")
+_GROUP = ("group", "point group", "gruppe", "punktgruppe", "group name", "collection", "collection name")
 """Of points with names of their own, as SpatialAnalyzer has them."""
 
 _TARGET = ("target", "reflector", "smr", "ziel", "reflektor", "prism", "prisma", "marker")

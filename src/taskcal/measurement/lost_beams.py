@@ -20,6 +20,11 @@ _YES = frozenset({"1", "true", "yes", "y", "ja", "j", "ok", "valid", "x", "wahr"
 _NO = frozenset({"0", "false", "no", "n", "nein", "nok", "nio", "invalid", "falsch", "0.0", "unchecked"})
 
 
+def is_lost(cell: str) -> bool:
+    """Whether a cell is empty, or holds what stands for a lost beam."""
+    return not cell or _LOST.fullmatch(cell) is not None
+
+
 def rows_not_valid(table: Table) -> tuple[list[int], tuple[str, ...]]:
     """Rows that a column such as ``valid`` calls not valid, and a note of them."""
     for name in table.header:

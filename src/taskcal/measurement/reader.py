@@ -104,6 +104,8 @@ def read_measurements(path: str | Path, robot: Robot, options: ReadOptions | Non
     readings = _of_file(path, robot, options.form, options.angles)
     if options.points is not None:
         others = _of_file(options.points, robot, replace(options.form, columns=None), options.angles)
+        if others.targets_by_row is not None and others.ids and len(set(others.ids)) < len(others.ids):
+            others = side_by_side(others, _likely_metres(others, robot))
         from taskcal.measurement.pairing import pair  # fits, and so imports the compiler
 
         readings = pair(_averaged(readings, robot), _averaged(others, robot), robot)

@@ -16,7 +16,6 @@ from taskcal.measurement.rotation_columns import AngleForm, OpenAngles, Rotation
 from taskcal.measurement.spherical_columns import with_positions
 from taskcal.measurement.summary_rows import without_summaries
 from taskcal.measurement.target_columns import TargetColumns, target_columns
-from taskcal.measurement.target_names import are_poses_and_targets
 from taskcal.measurement.units import ANGLES, LENGTHS, TIMES
 from taskcal.measurement.unnamed_columns import name_columns
 from taskcal.robot.robot import Robot
@@ -27,6 +26,8 @@ from taskcal.tabular.table import Table
 
 MAX_TIME_S = 1e7
 """No robot works so many seconds before it is measured; clocks count more."""
+
+_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 KNOWN = (
     "a campaign has id, joints ({joint}_deg …), targets (x_mm … or NAME_x_mm …), qx qy qz qw, u_mm, temp_C, time_s, "
@@ -42,6 +43,8 @@ class Readings:
     path: Path
     ids: tuple[str, ...] | None
     """As the file names its rows, repeated where it repeats them; None where it does not."""
+    groups: tuple[str, ...] | None
+    """Of points that have names of their own in each; None where the file states none, or one throughout."""
     lines: Int[np.ndarray, " n"]
     """Of the file, from 1."""
     q: Float[np.ndarray, "n joints"] | None
@@ -88,6 +91,7 @@ class Readings:
         return replace(
             self,
             ids=None if self.ids is None else tuple(self.ids[i] for i in rows),
+            groups=None if self.groups is None else tuple(self.groups[i] for i in rows),
             lines=self.lines[rows],
             q=pick(self.q),
             points={name: points[rows] for name, points in self.points.items()},
@@ -138,9 +142,10 @@ def read_readings(
     ids, targets_by_row = None, _texts(table, known, "target")
     with faults.collecting():
         ids = _ids(table, known)
-    groups = _texts(table, known, "group")
-    if targets_by_row is None and ids and groups and are_poses_and_targets(groups, ids):
-        ids, targets_by_row = groups, ids
+    groups = _groups(table, known)
+    if ids is None and groups is not None:
+        # of a group in which targets have names, or the rows none
+        ids, groups = groups, None
     temperature = time = approach = move = None
     with faults.collecting():
         temperature, time = _temperature(table, known), _time(table, known)
@@ -153,9 +158,13 @@ def read_readings(
     faults.raise_any()
     if not len(table):
         raise FileError(table.path, "has no measurements below its header")
+    observed = _observed(table, known)
+    if joints is None and not any(np.isfinite(points).any() for points in targets.points.values()):
+        _refuse_nothing_measured(table, observed, robot)
     return Readings(
         path=table.path,
         ids=ids,
+        groups=groups,
         lines=np.array(table.lines, dtype=np.int64),
         q=None if joints is None else joints.values,
         joint_unit_stated=joints is None or joints.unit_stated,
@@ -171,10 +180,27 @@ def read_readings(
         approach=approach,
         move=move,
         targets_by_row=targets_by_row,
-        observed=_observed(table, known),
+        observed=observed,
         preamble=laid.preamble,
         notes=(*laid.notes, *targets.notes, *turned.notes, *_left_out(laid, known)),
     )
+
+
+def _refuse_nothing_measured(table: Table, observed: ObservedColumns | None, robot: Robot) -> None:
+    """See that a file without joints and positions holds a number that was measured in another way.
+
+    Raises:
+        FileError: it does not.
+    """
+    if observed is not None and any(_NUMBER.fullmatch(cell) for cells in observed.cells.values() for cell in cells):
+        return
+    joint = robot.joint_names[0]
+    columns = shown(", ".join(table.header), 200)
+    message = (
+        f"holds no measured number: none of its columns ({columns}) is read as a joint of {robot.name} or a position; "
+        f"name them {joint}_deg … and x_mm y_mm z_mm, in the file or with --columns"
+    )
+    raise FileError(table.path, message, line=table.header_line)
 
 
 def _observed(table: Table, known: Sequence[Meaning | None]) -> ObservedColumns | None:
@@ -211,6 +237,13 @@ def _posed(targets: TargetColumns, rows: int) -> Bool[np.ndarray, " rows"]:
 def _texts(table: Table, known: Sequence[Meaning | None], kind: str) -> tuple[str, ...] | None:
     at = [k for k, meaning in enumerate(known) if meaning is not None and meaning.kind == kind]
     return tuple(table.texts(table.header[at[0]])) if at else None
+
+
+def _groups(table: Table, known: Sequence[Meaning | None]) -> tuple[str, ...] | None:
+    """The group of every row, of collections in which groups stand too; None where all rows are of one."""
+    at = [k for k, meaning in enumerate(known) if meaning is not None and meaning.kind == "group"]
+    columns = [texts for k in at if len(set(texts := table.texts(table.header[k]))) > 1]
+    return tuple(map(" ".join, zip(*columns, strict=True))) if columns else None
 
 
 def _ids(table: Table, known: Sequence[Meaning | None]) -> tuple[str, ...] | None:

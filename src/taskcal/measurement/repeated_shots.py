@@ -16,8 +16,8 @@ SAME_POSE_RAD = 1e-4
 """Largest difference of joints, radians or metres, of one pose: what a controller reports of a robot at rest."""
 
 RETURN_M = 1e-3
-"""Distance of two returns to one pose, metres. Data sheets of industrial robots state a repeatability (ISO 9283:1998, RP) of 0.02 to
-0.5 mm: a radius about the mean, so that two returns are up to twice as far apart."""
+"""Distance of two returns to one pose, metres. Data sheets of industrial robots state a repeatability (ISO 9283:1998, RP) of 0.02
+to 0.5 mm: a radius about the mean, so that two returns are up to twice as far apart."""
 
 SIGMAS = 10.0
 """Standard uncertainties of a coordinate between two shots of one pose. The distance of two shots is √2 times a Maxwell variable:
@@ -166,9 +166,9 @@ def _two_poses(
 ) -> FileError:
     lines = [int(readings.lines[row]) for row in rows]
     message = (
-        f"pose '{shown(name, 40)}' has shots {distance * 1e3:.1f} mm apart, in lines {lines[0]} and {lines[1]}; one pose has at most "
-        f"{limit * 1e3:.1f} mm: {RETURN_M * 1e3:.0f} mm between two returns of a robot (ISO 9283), and {SIGMAS:.0f} standard "
-        f"uncertainties of {sigma * 1e3:.3f} mm; give each pose an id or a header of its own, or state the uncertainty in a column u_mm"
+        f"pose '{shown(name, 40)}' has shots {distance * 1e3:.1f} mm apart, in lines {lines[0]} and {lines[1]}; one pose has at "
+        f"most {limit * 1e3:.1f} mm: {RETURN_M * 1e3:.0f} mm between two returns of a robot (ISO 9283), and {SIGMAS:.0f} standard "
+        f"uncertainties of {sigma * 1e3:.3f} mm; give each pose an id or a header of its own, or state the uncertainty (u_mm)"
     )
     return FileError(readings.path, message, line=lines[1])
 

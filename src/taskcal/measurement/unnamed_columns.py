@@ -1,20 +1,43 @@
 """Names for the columns of a file that has none, where their number and their cells leave one reading."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+from jaxtyping import Float
+
 from taskcal.errors import FileError, shown
+from taskcal.measurement.lost_beams import is_lost
 from taskcal.robot.robot import Robot
 from taskcal.tabular.layout import Laid
 
 _COUNT = re.compile(r"\d{1,9}", re.ASCII)
 _NUMBER = re.compile(r"[+-]?(\d+(?:\.\d*)?|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
+_NAMES = ("collection", "group", "id")
+"""Of points, the outermost first, as SpatialAnalyzer writes them."""
+
+_SAMPLED = 500
+"""Rows that tell numbers from texts."""
+
+_COMPARED, _COMPARED_COLUMNS = 40, 200
+"""Rows, and columns of numbers, in which a second block of positions is looked for."""
+
+_ALIKE = 0.8
+"""Least correlation of the distances between points in two blocks that may be the same points, in any two frames and units: asked
+and measured points, or two targets of one tool. Angles and uncertainties stay below."""
+
+_NEAR = 0.1
+"""Distance of two blocks over the scatter of one, where they are the same points in one frame."""
+
 
 def name_columns(laid: Laid, robot: Robot) -> Laid:
     """The table with names: as it has them, or an id, the robot's joints and a position, as many of these as it has columns.
 
-    A first column of whole numbers or words is the id where the rest has a reading. What was decided is noted.
+    A first column of whole numbers or words is the id where the rest has a reading. Several columns of words are the collection,
+    group and name of a point, but for those with one word throughout. Words behind the numbers, such as a date, are left out.
+    What was decided is noted.
 
     Raises:
         FileError: it names no columns, and they can be read in no way, or in several.
@@ -23,25 +46,27 @@ def name_columns(laid: Laid, robot: Robot) -> Laid:
         return laid
     laid = _without_numbering(laid)
     table = laid.table
-    width = len(table.header)
-    joints, position = list(robot.joint_names), ["x", "y", "z"]
+    width, joints, position = len(table.header), list(robot.joint_names), ["x", "y", "z"]
     readings = {len(joints): joints, 3: position, len(joints) + 3: [*joints, *position]}
-    first = [row[0] for row in table.rows]
-    words = not all(_NUMBER.fullmatch(text) for text in first)
-    counts = all(_COUNT.fullmatch(text) for text in first)
-    options = [["id", *readings[width - 1]]] if (words or counts) and width - 1 in readings else []
-    if not words and width in readings and not (options and counts):
-        options.append(readings[width])
-    if words and not options and width > 4 and _three_numbers(laid):
-        options.append(["id", *position, *["-"] * (width - 4)])
-    if len(options) != 1:
+    leading, numbers = _words_and_numbers(laid)
+    names = _names_of_words([[row[k] for row in table.rows] for k in range(leading)])
+    counts = numbers > 0 and all(_COUNT.fullmatch(row[leading]) for row in table.rows)
+    options: list[list[str]] = []
+    if counts and numbers - 1 in readings and len(names) < len(_NAMES) and not (names and _whole(laid, leading)):
+        options.append([*_with_count(names), *readings[numbers - 1]])
+    if numbers in readings and not (options and counts):
+        options.append([*names, *readings[numbers]])
+    if names and not options and not counts and numbers > 3:
+        options.append([*names, *position, *["-"] * (numbers - 3)])
+    if len(options) != 1 or (names and "id" not in options[0]):
         example = shown(" ".join(table.rows[0]), 60)
         message = (
             f"names no columns, and its {width} columns (line {table.lines[0]}: {example}) are not the {len(joints)} joints of "
             f'{robot.name}, a position, or both; name them: --columns "{" ".join(["id", *joints, "x_mm", "y_mm", "z_mm"])}"'
         )
         raise FileError(table.path, message)
-    named = options[0]
+    named = [*options[0], *["-"] * (width - len(options[0]))]
+    _refuse_two_blocks(laid, named, leading, numbers)
     header = tuple(name if name != "-" else f"column {k}" for k, name in enumerate(named, start=1))
     note = f"the file names no columns; they are read as {' '.join(named)} (--columns states others)"
     return replace(laid, table=replace(table, header=header), notes=(*laid.notes, note))
@@ -59,6 +84,106 @@ def _without_numbering(laid: Laid) -> Laid:
     return replace(laid, table=rest, notes=(*laid.notes, note))
 
 
-def _three_numbers(laid: Laid) -> bool:
-    """Whether the three columns behind the first hold numbers only."""
-    return all(_NUMBER.fullmatch(cell) for row in laid.table.rows for cell in row[1:4])
+def _words_and_numbers(laid: Laid) -> tuple[int, int]:
+    """How many columns of words come first, counts between them included, and how many of numbers follow them.
+
+    A first column with a word in it is one of words, any other where most of its cells are.
+    """
+    rows = laid.table.rows
+    sample = rows[:_SAMPLED]
+    words = [
+        2 * sum(not (_NUMBER.fullmatch(row[k]) or is_lost(row[k])) for row in sample) > len(sample)
+        for k in range(len(laid.table.header))
+    ]
+    words[0] = not all(_NUMBER.fullmatch(row[0]) for row in rows)
+    leading = words.index(False) if False in words else len(words)
+    block = next((k for k in range(len(words) - 2) if not any(words[k : k + 3])), leading)
+    if all(words[k] or all(_COUNT.fullmatch(row[k]) for row in rows) for k in range(block)):
+        leading = block
+    rest = words[leading:]
+    return leading, rest.index(True) if True in rest else len(rest)
+
+
+def _names_of_words(columns: Sequence[Sequence[str]]) -> list[str]:
+    """Names of the columns of words: ``-`` where one word stands throughout and another column tells rows apart."""
+    told = [k for k, cells in enumerate(columns) if len(set(cells)) > 1] or [*range(len(columns))][-1:]
+    if len(told) > len(_NAMES):
+        return ["-"] * len(columns)
+    names = dict(zip(told, _NAMES[len(_NAMES) - len(told) :], strict=True))
+    return [names.get(k, "-") for k in range(len(columns))]
+
+
+def _with_count(names: Sequence[str]) -> list[str]:
+    """Names of columns of words with a count of points behind them."""
+    outer = iter(_NAMES[len(_NAMES) - 1 - sum(name != "-" for name in names) :])
+    return [*(name if name == "-" else next(outer) for name in names), "id"]
+
+
+def _whole(laid: Laid, first: int) -> bool:
+    """Whether three columns behind one hold whole numbers only, so that any of the four may be a count."""
+    return all(_COUNT.fullmatch(cell) for row in laid.table.rows[:_SAMPLED] for cell in row[first + 1 : first + 4])
+
+
+def _refuse_two_blocks(laid: Laid, named: Sequence[str], first: int, count: int) -> None:
+    """See that only one block of three columns can be the measured position.
+
+    Raises:
+        FileError: two can.
+    """
+    table = laid.table
+    step = max(1, len(table) // _COMPARED)
+    rows = [row[first : first + min(count, _COMPARED_COLUMNS)] for row in table.rows[::step]]
+    values = np.array([[float(cell) for cell in row] for row in rows if all(map(_NUMBER.fullmatch, row))])
+    # joints move in step with one another wherever a robot passes through its poses
+    blocks = _two_blocks(values, positions=named[first] == "x") if len(values) and count > 5 else None
+    if blocks is None:
+        return
+    one, other = (first + start + 1 for start in blocks)
+    second = [f"{name}_mm" for name in "xyz"]
+    example = [*["id"] * (first > 0), *["-"] * (other - 1 - (first > 0)), *second, *["-"] * (len(named) - other - 2)]
+    message = (
+        f"names no columns, and columns {one} to {one + 2} and columns {other} to {other + 2} "
+        f"({shown(' '.join(table.rows[0]), 60)}) could both be the measured position; write a line of names above the table, "
+        f'or state them: --columns "{" ".join(example)}" takes the second'
+    )
+    raise FileError(table.path, message, line=int(table.lines[0]))
+
+
+def _two_blocks(values: Float[np.ndarray, "rows columns"], *, positions: bool) -> tuple[int, int] | None:
+    """First columns of two blocks of three that may both be the measured position; None where there are none.
+
+    They hold the same points, asked and measured, or two targets of one tool; or a later block scatters more than the first.
+
+    Args:
+        values: the numbers.
+        positions: whether the first three are read as positions. Joints may move in step with one another, and only blocks that
+            are the same points in one frame are then two.
+    """
+    starts = range(values.shape[1] - 2)
+    blocks = [values[:, start : start + 3] for start in starts]
+    scatter = [_size(block) for block in blocks]
+    first, second = np.triu_indices(len(values), 1)
+    apart = [np.linalg.norm(block[first] - block[second], axis=1) for block in blocks]
+    for one in starts:
+        alike: dict[int, float] = {}
+        for other in starts[one + 3 :]:
+            if scatter[one] > 0.0 and scatter[other] > 0.0:
+                distance = float(np.sqrt(np.mean(np.sum((blocks[other] - blocks[one]) ** 2, axis=1))))
+                near = distance < _NEAR * scatter[one]
+                alike[other] = 1.0 if near else _correlation(apart[one], apart[other]) if positions else 0.0
+        if alike and max(alike.values()) > _ALIKE:
+            return one, max(alike, key=alike.__getitem__)
+    wider = [start for start in starts[3::3] if scatter[start] > scatter[0]]
+    return (0, wider[0]) if positions and wider else None
+
+
+def _size(block: Float[np.ndarray, "rows 3"]) -> float:
+    """Scatter of points; of a single one its distance from zero."""
+    return float(np.linalg.norm(block.std(axis=0) if len(block) > 1 else block))
+
+
+def _correlation(first: Float[np.ndarray, " pairs"], second: Float[np.ndarray, " pairs"]) -> float:
+    """Of distances; 0 of too few."""
+    if len(first) < 6 or first.std() == 0.0 or second.std() == 0.0:
+        return 0.0
+    return float(np.corrcoef(first, second)[0, 1])

@@ -93,3 +93,35 @@ def test_what_ends_in_parquet_is_written_as_such_and_read_back_the_same(run: Run
     assert packed.read_bytes().startswith(b"PAR1")
     assert run("convert", "-r", "ur5", packed, "-o", again).status == 0
     assert again.read_text() == direct.read_text()
+
+
+ANGLES = "Name,Angle 1,Angle 2,Angle 3\n" + "".join(f"p{k},{k}.5,{2 * k}.1,{k}\n" for k in range(8))
+REPORT = "Feature;Axis;Nominal;Actual;Dev\n" + "".join(f"CIR{k};X;10.0;10.00{k};0.00{k}\n" for k in range(8))
+LOST = "id,x_mm,y_mm,z_mm\n" + "".join(f"p{k},,,\n" for k in range(8))
+TURNED = "id,qx,qy,qz,qw\n" + "".join(f"p{k},0,0,0,1\n" for k in range(8))
+
+
+@pytest.mark.parametrize(
+    "text", [ANGLES, REPORT, LOST, TURNED], ids=["angles", "CMM report", "lost beams", "rotations"]
+)
+def test_convert_refuses_a_file_without_a_measured_number(run: Run, text: str, tmp_path: Path) -> None:
+    path = tmp_path / "file.csv"
+    path.write_text(text)
+    for command, out in (("convert", "out.csv"), ("identify", "cal.json")):
+        ended = run(command, "-r", "ur5", path, "-o", tmp_path / out)
+        assert ended.status == 1
+        assert "file.csv:1: holds no measured number: none of its columns (" in ended.err
+        assert "name them J1_deg … and x_mm y_mm z_mm" in ended.err
+        assert not (tmp_path / out).exists()
+
+
+def test_convert_and_identify_read_groups_of_points(run: Run, plain: Path, tmp_path: Path) -> None:
+    rows = [line.split(",") for line in plain.read_text().splitlines()[1:]]
+    points, joints = tmp_path / "points.txt", tmp_path / "joints.csv"
+    points.write_text("".join(f"Robot, P{row[0]}, {', '.join(row[7:10])}, 03/14/2024 10:22:01 AM\n" for row in rows))
+    joints.write_text("\n".join(",".join(line.split(",")[:7]) for line in plain.read_text().splitlines()))
+    assert run("convert", "-r", "ur5", points, "-o", tmp_path / "out.csv").status == 0
+    assert (tmp_path / "out.csv").read_text().splitlines()[1] == ",".join([f"P{rows[0][0]}", *rows[0][7:10]])
+    apart = run("identify", "-r", "ur5", joints, "--points", points, "-o", tmp_path / "a.json", "--json")
+    together = run("identify", "-r", "ur5", plain, "-o", tmp_path / "b.json", "--json")
+    assert apart.json["fitted"]["mean_mm"] == pytest.approx(together.json["fitted"]["mean_mm"], rel=1e-6)
