@@ -36,6 +36,31 @@ BY_POSE = [(f"P{k}", t, POINTS[t][k]) for k in range(12) for t in "AB"]
 BY_TARGET = [(t, f"P{k}", POINTS[t][k]) for t in "AB" for k in range(12)]
 
 
+def test_groups_of_points_are_read_with_commas_in_the_date(tmp_path):
+    path = export(tmp_path, ONE)
+    path.write_text(path.read_text().replace(DATE, "Mar 14, 2024"))
+    np.testing.assert_allclose(read_measurements(path, ROBOT).points["tool"], POINTS["A"], atol=1e-6)
+
+
+def test_groups_of_one_point_each_are_poses(tmp_path):
+    rows = [(f"P{k}", "SMR", POINTS["A"][k]) for k in range(12)]
+    for header in (None, "Group, Point, X, Y, Z, Date"):
+        assert read_measurements(export(tmp_path, rows, header=header), ROBOT).ids == tuple(f"P{k}" for k in range(12))
+
+
+def test_groups_keep_a_target_that_few_poses_saw(tmp_path):
+    rows = [row for row in BY_POSE if row[1] == "A" or int(row[0][1:]) < 4]
+    found = campaign(tmp_path, export(tmp_path, rows))
+    assert found.targets == ("A", "B")
+    assert found.valid.sum(axis=0).tolist() == [12, 4]
+
+
+def test_groups_that_each_saw_one_of_two_targets_are_asked_about(tmp_path):
+    rows = [row for k, row in enumerate(BY_POSE) if k % 4 in (0, 3)]
+    with pytest.raises(FileError, match="either may be the pose"):
+        read_measurements(export(tmp_path, rows), ROBOT)
+
+
 @pytest.mark.parametrize("separator", [", ", ",", ";", "\t"])
 @pytest.mark.parametrize("header", [None, "Group, Point, X, Y, Z, Date", "// Group, Point, X, Y, Z, Date"])
 def test_groups_of_points_are_read_with_a_date(header, separator, tmp_path):

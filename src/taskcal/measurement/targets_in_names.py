@@ -9,7 +9,7 @@ from jaxtyping import Float
 from taskcal.errors import FileError, shown
 from taskcal.measurement.readings import Readings
 from taskcal.measurement.repeated_shots import SAME_POSE_RAD, rows_by_id
-from taskcal.measurement.target_names import each_in_most, parts_of_names, split_names
+from taskcal.measurement.target_names import MOST_TARGETS, each_in_most, parts_of_names, split_names
 
 _APART = 3e-3
 """Least distance of two targets over the scatter of all points: shots of one target are nearer. As much, the distance of two
@@ -68,6 +68,8 @@ def _of_groups(readings: Readings, groups: tuple[str, ...]) -> Readings:
     names = readings.ids
     if names is None or len(set(names)) == len(names) or readings.targets_by_row is not None:
         return readings
+    if len(set(names)) == 1:
+        return replace(readings, ids=groups)
     line = f"group '{shown(groups[0], 40)}' and point '{shown(names[0], 40)}' (line {int(readings.lines[0])})"
     joined = tuple(f"{group} {name}" for group, name in zip(groups, names, strict=True))
     each = f"{line}: each group and point is read as a pose of its own"
@@ -83,17 +85,18 @@ def _of_groups(readings: Readings, groups: tuple[str, ...]) -> Readings:
         if len(set(poses)) > 1 and _lie_together(points, poses):
             note = f"{line}: {word} is read as the pose, and its rows as shots of it, which lie together"
             return replace(readings, ids=poses, notes=(*readings.notes, note))
-    forms = [form for form in forms if each_in_most(form[0], form[1])]
-    if len(forms) != 1 or readings.q is None:
+    forms = [form for form in forms if 2 <= len(set(form[1])) <= MOST_TARGETS and 1 < len(set(form[0])) < len(names)]
+    usual = [form for form in forms if each_in_most(form[0], form[1])]
+    if readings.q is None or len(usual) != 1:
         kept = [form for form in forms if _keep_distances(points, form[0], form[1])]
-        if len(kept) > 1:
+        usual = kept if len(kept) == 1 else [form for form in usual if form in kept]
+        if len(usual) != 1 and (kept or len(set(groups)) == len(groups)):
             remedy = "name the column of poses 'id', that of targets 'target'"
             message = f"{line}: either may be the pose, the other its target; {remedy}"
             raise FileError(readings.path, message, line=int(readings.lines[0]))
-        forms = kept
-    if not forms:
+    if not usual:
         return replace(readings, ids=joined, notes=(*readings.notes, each))
-    poses, targets, word = forms[0]
+    poses, targets, word = usual[0]
     why = "distances of targets are the same in all poses" if readings.q is None else "joints are the same in each pose"
     note = f"{line}: {word} is read as the pose, the other as its target, since {why}"
     return replace(readings, ids=poses, targets_by_row=targets, notes=(*readings.notes, note))

@@ -25,8 +25,8 @@ _LINE = re.compile(r"[^\r\n]+")
 
 _COMMENT = re.compile(r"\s*(?:#|//|%|;;|!)(.*)")
 
-_NUMBER = re.compile(r"[+-]?(?:\d[\d.,]*|[.,]\d+)(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
-"""A number with any decimal mark, to tell one way of parting lines from another."""
+_NUMBER = re.compile(r"[+-]?(?:\d+(?:[\d.,]*\d|\.)?|[.,]\d+)(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+"""A number with any decimal mark, to tell one way of parting lines from another; a comma behind it parts."""
 
 _SAMPLED = 120
 """Lines that tell the separator, from the beginning and as many from the end."""
