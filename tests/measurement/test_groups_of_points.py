@@ -94,6 +94,13 @@ def test_groups_and_points_with_joints_are_decided_by_joints(tmp_path):
     np.testing.assert_allclose(found.points[:, 1], POINTS["B"], atol=1e-9)
 
 
+def test_groups_of_joints_alone_are_poses_by_their_joints(tmp_path):
+    rows = [[f"P{k}", t, *np.degrees(Q[k])] for k in range(12) for t in "AB"]
+    joint_file = write(tmp_path, "j.txt", f"Group Point {NAMED}", rows)
+    found = read_campaign(joint_file, ROBOT, options=ReadOptions(points=export(tmp_path, BY_POSE)))
+    np.testing.assert_allclose(found.points[:, 1], POINTS["B"], atol=1e-6)
+
+
 def test_groups_with_a_point_beside_the_robot_are_poses(tmp_path):
     rows = [
         (f"P{k}", t, p) for k in range(12) for t, p in (("A", POINTS["A"][k]), ("base1", np.array([1.0, 2.0, 0.5])))

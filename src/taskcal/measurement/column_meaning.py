@@ -43,7 +43,7 @@ _ID = (
 _GROUP = ("group", "point group", "gruppe", "punktgruppe", "group name", "collection", "collection name")
 """Of points with names of their own, as SpatialAnalyzer has them."""
 
-_TARGET = ("target", "target name", "reflector", "smr", "ziel", "reflektor", "prism", "prisma", "marker")
+_TARGET = ("target", "reflector", "smr", "ziel", "reflektor", "prism", "prisma", "marker", "target name")
 _TEMPERATURE = ("temp", "temperature", "temperatur", "t robot", "robot temperature")
 _TIME = ("time", "zeit", "elapsed", "elapsed time", "t")
 _UNCERTAINTY = ("u", "uncertainty", "sigma", "unsicherheit", "std", "stdev", "standard uncertainty")

@@ -148,6 +148,8 @@ def refuse_two_poses(
         first = int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))
         away = np.linalg.norm(points - points[first], axis=1)
         second = int(np.argmax(away))
+        if away[second] <= RETURN_M:
+            continue
         if stated is None:
             sigma = max(float(np.sqrt(np.trace(TrackerNoise().covariance(points[first])) / 3)), shown_by_shots)
         else:
@@ -168,8 +170,8 @@ def _two_poses(
     message = (
         f"pose '{shown(name, 40)}' has shots {distance * 1e3:.1f} mm apart, in lines {lines[0]} and {lines[1]}; one pose has at "
         f"most {limit * 1e3:.1f} mm: {RETURN_M * 1e3:.0f} mm between two returns of a robot (ISO 9283), and {SIGMAS:.0f} standard "
-        f"uncertainties of {sigma * 1e3:.3f} mm; give each pose its own id or header, each target its name in a column 'target', or "
-        "state the uncertainty (u_mm)"
+        f"uncertainties of {sigma * 1e3:.3f} mm; give each pose its own id or header, each target its name in a column 'target', "
+        "or state the uncertainty (u_mm)"
     )
     return FileError(readings.path, message, line=lines[1])
 

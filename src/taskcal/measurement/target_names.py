@@ -27,8 +27,10 @@ def parts_of_names(names: Sequence[str]) -> tuple[tuple[str, ...] | None, tuple[
 
     Parts that are the same in all names are left out: no group is left where only one part differs.
     """
+    if not names or "::" not in names[0]:
+        return None
     parts = [name.split("::") for name in names]
-    if not parts or len(parts[0]) < 2 or any(len(part) != len(parts[0]) or not all(part) for part in parts):
+    if any(len(part) != len(parts[0]) or not all(part) for part in parts):
         return None
     columns = [column for column in zip(*parts, strict=True) if len(set(column)) > 1]
     if len(columns) < 2:

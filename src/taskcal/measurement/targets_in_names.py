@@ -26,7 +26,7 @@ def with_targets_in_names(readings: Readings) -> Readings:
     """
     readings = _with_groups(readings)
     if readings.groups is not None:
-        return replace(_of_groups(readings, readings.groups), groups=None)
+        readings = replace(_of_groups(readings, readings.groups), groups=None)
     if readings.targets_by_row is not None or readings.q is None or readings.ids is None or len(readings.points) != 1:
         return readings
     split = split_names(readings.ids)
@@ -73,14 +73,17 @@ def _of_groups(readings: Readings, groups: tuple[str, ...]) -> Readings:
     line = f"group '{shown(groups[0], 40)}' and point '{shown(names[0], 40)}' (line {int(readings.lines[0])})"
     joined = tuple(f"{group} {name}" for group, name in zip(groups, names, strict=True))
     each = f"{line}: each group and point is read as a pose of its own"
-    if len(readings.points) != 1:
-        return replace(readings, ids=joined, notes=(*readings.notes, each))
-    (points,) = readings.points.values()
     forms = [
         (poses, targets, word)
         for poses, targets, word in ((names, groups, "the point"), (groups, names, "the group"))
         if _of_same_joints(readings, poses)
     ]
+    if len(readings.points) != 1:
+        of_joints = len(forms) == 1 and readings.q is not None
+        return replace(
+            readings, ids=forms[0][0] if of_joints else joined, notes=(*readings.notes, *([] if of_joints else [each]))
+        )
+    (points,) = readings.points.values()
     for poses, _, word in forms:
         if len(set(poses)) > 1 and _lie_together(points, poses):
             note = f"{line}: {word} is read as the pose, and its rows as shots of it, which lie together"
