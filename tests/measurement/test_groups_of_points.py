@@ -55,7 +55,7 @@ def test_groups_keep_a_target_that_few_poses_saw(tmp_path):
     assert found.valid.sum(axis=0).tolist() == [12, 4]
 
 
-def test_groups_that_each_saw_one_of_two_targets_are_asked_about(tmp_path):
+def test_groups_that_saw_one_of_two_targets_are_asked_about(tmp_path):
     rows = [row for k, row in enumerate(BY_POSE) if k % 4 in (0, 3)]
     with pytest.raises(FileError, match="either may be the pose"):
         read_measurements(export(tmp_path, rows), ROBOT)
@@ -72,7 +72,7 @@ def test_groups_of_points_are_read_with_a_date(header, separator, tmp_path):
 
 @pytest.mark.parametrize("rows", [BY_POSE, BY_TARGET], ids=["group is pose", "group is target"])
 @pytest.mark.parametrize("form", ["columns", "collection", "named", "joined", "joined, blanks", "no date"])
-def test_groups_and_points_are_poses_and_targets_by_what_repeats(rows, form, tmp_path):
+def test_groups_are_poses_or_targets_by_what_repeats(rows, form, tmp_path):
     header, separator = "Group, Point, X, Y, Z, Date" if form == "named" else None, ", "
     if form == "collection":
         rows = [("Cell", *row) for row in rows]

@@ -64,7 +64,7 @@ def test_name_columns_asks_about_halves_as_wide_as_the_joints(tmp_path):
         read_measurements(write(tmp_path, "a.txt", None, rows), ROBOT)
 
 
-def test_name_columns_takes_no_angles_or_uncertainties_for_a_second_block(tmp_path):
+def test_name_columns_takes_no_angles_for_a_second_block(tmp_path):
     _, T, points = measured(40)
     turned = Rotation.from_matrix(T[:, :3, :3]).as_euler("xyz", degrees=True)
     sigma = 0.01 + 1e-5 * np.abs(points["A"] * 1e3)
