@@ -32,15 +32,16 @@ def has_labelled_values(text: str) -> bool:
 def parse_labelled_values(path: Path, text: str) -> Sheet:
     """A row for every line with the names that most lines have, and a first column for the section it stands in.
 
-    Lines without these names are left out, and counted in a note.
+    Lines without these names are left out, and counted in a note; they are kept as comments, which may state units.
     """
     usual = Counter(
         tuple(name for name, _ in pairs) for line in lines_of(text) if len(pairs := _PAIR.findall(line)) >= MIN_LABELS
     ).most_common(1)[0][0]
-    section, sectioned, strays = "", False, 0
+    section, sectioned, count = "", False, 0
+    strays: list[str] = []
 
     def numbered() -> Iterator[tuple[int, tuple[str, ...]]]:
-        nonlocal section, sectioned, strays
+        nonlocal section, sectioned, count
         yield 0, ("id", *usual)
         for number, line in enumerate(lines_of(text), start=1):
             pairs = _PAIR.findall(line)
@@ -50,12 +51,12 @@ def parse_labelled_values(path: Path, text: str) -> Sheet:
             elif titled:
                 section, sectioned = titled["number"], True
             elif line.strip():
-                strays += 1
+                count += 1
+                if count <= _SAMPLED:
+                    strays.append(line.strip())
 
     rows, lines = pack_numbered(numbered())
     if not sectioned:
         rows = pack(row[1:] for row in rows)
-    notes = (
-        (f"{strays} line{'s' if strays > 1 else ''} without {', '.join(usual[:3])} … are left out",) if strays else ()
-    )
-    return Sheet(path=path, rows=rows, lines=(lines[1], *lines[1:]), separator="=", notes=notes)
+    notes = (f"{count} line{'s' if count > 1 else ''} without {', '.join(usual[:3])} … are left out",) if count else ()
+    return Sheet(path=path, rows=rows, lines=(lines[1], *lines[1:]), separator="=", comments=tuple(strays), notes=notes)
