@@ -8,6 +8,7 @@ from taskcal.errors import CampaignError, FitError, UnknownName
 from taskcal.estimation.loss import Cauchy, Huber, Squared
 from taskcal.identification.belief import BASE_PRIOR, TARGET_PRIOR, TURN_PRIOR
 from taskcal.identification.identify import identify
+from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration, register
 from taskcal.measurement.tracker import TrackerNoise
 from taskcal.robot.catalogue import load_robot
@@ -283,6 +284,16 @@ def test_a_robot_far_from_its_tolerances_is_remarked():
     campaign, _ = measure(rng, model, industrial_positions(rng, 60), x, sigma=1e-5)
     found = identify(model, campaign)
     assert any("times as much as its tolerances say" in remark for remark in found.remarks)
+
+
+@pytest.mark.parametrize("sigma", [0.0, 3e-5])
+def test_points_calculated_in_the_base_are_remarked(sigma):
+    rng, model = arm(0)
+    q = industrial_positions(rng, 60)
+    points = model.poses(q, rng.normal(size=len(model)) * model.tolerances)[:, None, :3, 3]
+    points = points + sigma * rng.normal(size=points.shape)
+    found = identify(model, Campaign(ids=tuple(map(str, range(60))), q=q, targets=("tool",), points=points))
+    assert any("a frame that is the robot's own base" in remark for remark in found.remarks) == (sigma == 0.0)
 
 
 def test_a_step_to_lengths_at_which_the_loop_does_not_close_is_shortened():

@@ -116,7 +116,17 @@ def test_a_joint_too_many_is_one_where_its_unit_is_an_angle():
     assert [m and m.index for m in meanings(["J7_deg", "A7"], ["", ""], JOINTS)] == [6, None]
 
 
-@pytest.mark.parametrize(("said", "measured"), [("target", "actual"), ("tcp", "tracker"), ("T", "SMR1")])
+@pytest.mark.parametrize(
+    ("said", "measured"),
+    [
+        ("target", "actual"),
+        ("tcp", "tracker"),
+        ("T", "SMR1"),
+        ("robot_tcp", "SMR1"),
+        ("flange", "T-Mac"),
+        ("actual", "measured"),
+    ],
+)
 def test_what_the_controller_says_beside_what_was_measured_is_no_target(said, measured):
     def kinds(*prefixes):
         names = [f"{prefix}_{axis}_mm" for prefix in prefixes for axis in "xyz"]
@@ -128,3 +138,22 @@ def test_what_the_controller_says_beside_what_was_measured_is_no_target(said, me
 
 def test_a_text_too_long_for_a_name_says_nothing_and_costs_little():
     assert split_unit("(" * 100_000) == ("", None)
+
+
+def test_what_a_controller_says_is_never_a_target():
+    for name in ("ctrl", "controller_tcp", "fk"):
+        assert [m.kind for m in meanings([f"{name}_{axis}_mm" for axis in "xyz"], [""] * 3, JOINTS)] == ["nominal"] * 3
+
+
+def test_a_controllers_quaternion_beside_measured_points_is_left_out():
+    names = [*(f"robot_{part}" for part in ("qx", "qy", "qz", "qw")), "smr_x", "smr_y", "smr_z"]
+    assert [m.kind for m in meanings(names, [""] * 7, JOINTS)] == ["nominal"] * 4 + ["position"] * 3
+
+
+def test_a_rigid_bodys_pose_is_known_as_vicon_tracker_writes_it():
+    known = meanings(["Frame", "Sub Frame", "RX", "RY", "RZ", "RW", "TX", "TY", "TZ"], [""] * 9, JOINTS)
+    assert [(m.kind, m.index) for m in known[2:]] == [
+        *(("quaternion", k) for k in range(4)),
+        *(("position", k) for k in range(3)),
+    ]
+    assert meanings(["TX", "TY", "TZ"], [""] * 3, JOINTS) == [None] * 3

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError
 from taskcal.measurement.reader import ReadOptions, read_campaign, read_measurements
-from tests.measurement.known_campaign import BARE, DEG, JOINTS, MM, ROBOT, WXYZ, XYZ, N, P, Q, R, lines, write
+from tests.measurement.known_campaign import BARE, DEG, JOINTS, MM, ROBOT, WXYZ, XYZ, N, P, Q, R, T, lines, write
 
 ONE = np.ones((N, 1))
 POSES = np.concatenate([R, MM[:, :, None]], axis=2)
@@ -61,6 +61,10 @@ READ = {
     "names again on each page": (
         [*JOINTS, *XYZ],
         [*lines(DEG, MM)[:5], ",".join([*JOINTS, *XYZ]), *lines(DEG, MM)[5:]],
+    ),
+    "an instrument's quaternion and its time": (
+        ["Time", *JOINTS, *XYZ, "Q0", "Q1", "Q2", "Q3"],
+        lines(np.arange(N) * 0.1, DEG, MM, WXYZ),
     ),
     "two comments": (["comment", *JOINTS, *XYZ, "comment"], lines(NUMBERED, DEG, MM, NUMBERED)),
 }
@@ -118,6 +122,41 @@ REFUSED = {
         ["id", *JOINTS],
         [*lines(NUMBERED, DEG), "", "id,x_mm,y_mm,z_mm", *lines(NUMBERED, MM)],
         r":15: names columns again \('id x_mm y_mm z_mm'\): a second table begins here",
+    ),
+    "what only the controller says": (
+        [*JOINTS, *(f"ctrl_{a}_mm" for a in "xyz"), "cx_mm", "cy_mm", "cz_mm"],
+        lines(DEG, MM, MM + 5),
+        "names no target.*columns left out: ctrl_x_mm, ctrl_y_mm, ctrl_z_mm, cx_mm, cy_mm, cz_mm",
+    ),
+    "controller's positions beside a wire's length": (
+        [*JOINTS, *XYZ, "L_mm"],
+        lines(DEG, T[:, :3, 3] * 1e3, np.linalg.norm(T[:, :3, 3] - [1.5, 0.2, 0.1], axis=1) * 1e3),
+        "positions of 'tool' are in the robot's own base, as the controller shows them, and 'L_mm' may be what was measured",
+    ),
+    "a sensor's sightings without what was seen": (
+        [*JOINTS, *XYZ, *(f"sensor_{a}_mm" for a in "xyz")],
+        lines(DEG, MM, MM),
+        "column 'sensor_x_mm': what a sensor on the tool sees needs a column 'landmark'",
+    ),
+    "an uncertainty that is an angle": (
+        [*JOINTS, *XYZ, "u_deg"],
+        lines(DEG, MM, 0.5 * ONE),
+        "column 'u_deg': 'deg' is not a unit of length",
+    ),
+    "an uncertainty without a unit beside metres": (
+        [*JOINTS, "x_m", "y_m", "z_m", "u"],
+        lines(DEG, P, 0.5 * ONE),
+        "column 'u': the unit is not stated; name the column u_mm",
+    ),
+    "a sphere beside another target": (
+        [*JOINTS, *XYZ, "sx_mm", "sy_mm", "sz_mm"],
+        lines(DEG, MM, np.abs(MM) + 400.0),
+        r"column 'sx_mm': [\d.]+ is not a standard uncertainty; give one named u_mm, or name the columns of a position",
+    ),
+    "a coordinate beyond any robot": (
+        [*BARE, "X", "Y", "Z"],
+        ["deg,deg,deg,deg,deg,deg,m,m,m", *lines(DEG, np.vstack([P[:-1], [[150.0, 0.0, 0.0]]]))],
+        r"file\.csv:14: column 'X': '150' is beyond ±100",
     ),
     "positions twice": ([*JOINTS, *XYZ, *XYZ], lines(DEG, MM, MM + 1), "are both the x of one target"),
 }
@@ -197,3 +236,36 @@ def test_a_megabyte_of_nonsense_is_refused_soon(tmp_path, content):
     with pytest.raises(FileError):
         read_campaign(path, ROBOT)
     assert time.process_time() - begun < 2.0
+
+
+def test_controllers_positions_are_taken_where_they_are_chosen(tmp_path):
+    header, rows, _ = REFUSED["controller's positions beside a wire's length"]
+    assert read_campaign(write(tmp_path, header, rows), ROBOT, targets=["tool"]).targets == ("tool",)
+
+
+def test_numbers_left_out_are_said_first_beside_what_was_measured(tmp_path):
+    rows = lines(DEG, MM, np.arange(N) * 1.0)
+    campaign = read_campaign(write(tmp_path, [*BARE, "X", "Y", "Z", "Probe"], rows), ROBOT)
+    assert campaign.notes[0] == "column left out: Probe; measured: X, Y, Z"
+
+
+def test_a_quaternion_of_an_instrument_is_no_set_of_joints(tmp_path):
+    joints = write(tmp_path, JOINTS, lines(DEG)).rename(tmp_path / "joints.csv")
+    points = write(tmp_path, ["Time", "X", "Y", "Z", "Q0", "Q1", "Q2", "Q3"], lines(np.arange(N) * 0.1, MM, WXYZ))
+    campaign = read_campaign(joints, ROBOT, options=ReadOptions(points=points))
+    np.testing.assert_allclose(campaign.rotations, R, atol=1e-6)
+
+
+@pytest.mark.parametrize("bodies", [("Tool", "Base"), ("Base", "Tool"), ("Tool", "Part"), ("Part", "Tool")])
+def test_each_rigid_body_keeps_its_own_quaternion(tmp_path, bodies):
+    still = {"qw": ONE, **dict.fromkeys(("qx", "qy", "qz"), 0 * ONE)}
+    turned = dict(zip(("qw", "qx", "qy", "qz"), WXYZ.T[:, :, None], strict=True))
+    header, columns = [*JOINTS], [DEG]
+    for body in bodies:
+        header += [f"{body}_{part}" for part in ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")]
+        columns += [MM if body == "Tool" else 0 * MM + 1, *(turned if body == "Tool" else still).values()]
+    path = write(tmp_path, header, lines(*columns))
+    campaign = read_campaign(path, ROBOT, targets=["Tool"])
+    np.testing.assert_allclose(campaign.rotations, R, atol=1e-6)
+    (other,) = {*bodies} - {"Tool"}
+    assert f"rotations of {other} are left out" in campaign.notes

@@ -72,3 +72,23 @@ def test_one_wrong_reflector_of_three_names_its_row(seed):
     wrong = _few_wrong_rows(model, spoilt)
     assert [row for row, _ in wrong] == [11, 30]
     assert [distance for _, distance in wrong] == pytest.approx([4.0, 3.5], abs=0.02)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-6])
+def test_positions_that_a_controller_calculates_are_refused(noise):
+    rng = np.random.default_rng(3)
+    model = arm(rng)
+    campaign, _ = measure(rng, model, industrial_positions(rng, 30), targets=2, sigma=1e-4)
+    points = campaign.points.copy()
+    points[:, 1] = model.poses(campaign.q)[:, :3, 3] + noise * rng.normal(size=(30, 3))
+    shown = replace(campaign, points=points, lines=np.arange(2, 32))
+    with pytest.raises(CampaignError, match="target 'smr2' was calculated, not measured: the nominal robot fits it to"):
+        check_plausible(register(model, shown), model, shown)
+
+
+def test_a_nominal_robot_with_a_trackers_noise_is_accepted():
+    rng = np.random.default_rng(4)
+    model = arm(rng)
+    campaign, _ = measure(rng, model, industrial_positions(rng, 30), sigma=2e-5)
+    campaign = replace(campaign, lines=np.arange(2, 32))
+    check_plausible(register(model, campaign), model, campaign)

@@ -53,7 +53,7 @@ def test_a_pose_has_its_quaternion_with_the_scalar_last(tmp_path):
 def test_what_means_nothing_to_a_campaign_is_left_out_and_said(tmp_path):
     rows = [f"{row},5,fine" for row in ROWS]
     campaign = read_campaign(write(tmp_path, f"{HEADER},force_N,comment", rows), ROBOT)
-    assert campaign.notes == ("columns left out: force_N, comment",)
+    assert campaign.notes == ("columns left out: force_N, comment; measured: x_mm, y_mm, z_mm",)
     assert read_campaign(write(tmp_path), ROBOT).notes == ()
 
 

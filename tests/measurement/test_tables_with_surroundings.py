@@ -64,6 +64,23 @@ READ = {
         [",".join(PLAIN), *lines(DEG, MM)],
         "'all values in mm and",
     ),
+    "units of the axes in a setting": (
+        ["AXES = CARTESIAN: X", " Y", " Z (in)"],
+        [",".join(PLAIN), *lines(DEG, MM / 25.4)],
+        "read in in, as stated above the table: 'AXES = CARTESIAN: X Y Z (in)'",
+    ),
+    "units of the axes in a stream": (
+        None,
+        [
+            "AXES = CARTESIAN: X, Y, Z (mm)",
+            *(
+                " ".join(f"{n}={v:.9g}" for n, v in zip([*BARE, *"XYZ"], (*DEG[k], *MM[k]), strict=True))
+                for k in range(N)
+            ),
+        ],
+        "read in mm, as stated above the table: 'AXES = CARTESIAN: X, Y, Z (mm)'",
+    ),
+    "names of the columns in a comment": (["# columns: X Y Z " + " ".join(BARE)], lines(MM, DEG, separator=" "), ""),
     "apostrophes": (HEAD, [row.replace(",-", ",\u2212") for row in lines(NUMBERED, DEG, MM)], ""),
     "Fortran": (
         None,

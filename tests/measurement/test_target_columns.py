@@ -5,6 +5,8 @@ import pytest
 
 from taskcal.measurement.reader import read_campaign
 from tests.measurement.campaign_files import HEADER, JOINTS, ROBOT, ROWS, write
+from tests.measurement.measured_files import NAMED, measured
+from tests.measurement.measured_files import ROBOT as UR5
 
 TARGETS = f"id,{JOINTS}," + ",".join(f"{t}_{a}_mm" for t in ("smr1", "base1", "Base2", "smr2") for a in "xyz")
 
@@ -45,3 +47,14 @@ def test_uncertainty_is_stated_for_all_targets_or_each(tmp_path):
     header = f"id,{JOINTS},A_x_mm,A_y_mm,A_z_mm,B_x_mm,B_y_mm,B_z_mm"
     campaign = read_campaign(write(tmp_path, header + ",A_u_mm,u_mm", ["a,0,0,0,1,2,3,4,5,6,0.01,0.05"]), ROBOT)
     np.testing.assert_allclose(campaign.uncertainty, [[1e-5, 5e-5]])
+
+
+@pytest.mark.parametrize("columns", ["u_mm", "sx_mm,sy_mm,sz_mm"])
+def test_an_uncertainty_keeps_its_unit_beside_points_without_one(tmp_path, columns):
+    q, _, points = measured(12)
+    parts = len(columns.split(","))
+    rows = [",".join(map(str, [*np.degrees(q[k]), *points["A"][k] * 1e3, *[0.05] * parts])) for k in range(len(q))]
+    path = write(tmp_path, f"{NAMED.replace(' ', ',')},x,y,z,{columns}", rows)
+    campaign = read_campaign(path, UR5)
+    np.testing.assert_allclose(campaign.uncertainty, 5e-5)
+    assert ("are read as standard uncertainties" in " ".join(campaign.notes)) == (parts == 3)

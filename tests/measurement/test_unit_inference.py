@@ -32,3 +32,20 @@ def test_units_that_nothing_tells_are_not_guessed(tmp_path):
     rows = [[*np.degrees(q[k]), *points["A"][k] * 100] for k in range(len(q))]
     with pytest.raises(FileError, match="in mm, m or inches the points would not spread as the robot's flange does"):
         read_campaign(write(tmp_path, "a.txt", f"{NAMED} X Y Z", rows), ROBOT)
+
+
+def test_each_target_has_its_own_unit(tmp_path):
+    q, _, points = measured()
+    rows = [[*np.degrees(q[k]), *points["A"][k], *points["B"][k] * 1e3] for k in range(len(q))]
+    header = f"{NAMED} tip_x tip_y tip_z smr_x smr_y smr_z"
+    campaign = read_campaign(write(tmp_path, "a.txt", header, rows), ROBOT)
+    np.testing.assert_allclose(campaign.points, np.stack([points["A"], points["B"]], axis=1), atol=1e-9)
+    assert campaign.notes == ("positions without a unit are read tip in m, smr in mm, by how far ur5 moved",)
+
+
+def test_a_unit_stated_above_is_held_against_each_target(tmp_path):
+    q, _, points = measured()
+    rows = [[*np.degrees(q[k]), *points["A"][k] * 1e3, *points["B"][k]] for k in range(len(q))]
+    header = f"# Units: mm\n{NAMED} smr_x smr_y smr_z tip_x tip_y tip_z"
+    with pytest.raises(FileError, match=r"states mm above the table .* points of 'tip' only if they are m"):
+        read_campaign(write(tmp_path, "a.txt", header, rows), ROBOT)

@@ -24,9 +24,13 @@ from taskcal.identification.weighed_fit import Fitted
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.consensus import find_consensus
 from taskcal.measurement.enough_rows import check_rows
-from taskcal.measurement.plausibility import check_plausible, check_targets
+from taskcal.measurement.plausibility import check_plausible, check_targets, is_in_base
 from taskcal.measurement.registration import Registration, nominal_poses, register
 from taskcal.robot.error_model import ErrorModel
+
+CALCULATED = 1.5e-5
+"""Residual of fitted points, metres rms, below which no instrument measured them: a tracker alone is uncertain by as much, and
+robots repeat to some 20 µm."""
 
 WIDE_SCALE = 5.0
 """A prior scale above this calls for a look at the robot file."""
@@ -217,6 +221,12 @@ def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign, has_prior: bool)
         out.append(
             f"the robot deviates {scale:.0f} times as much as its tolerances say: check the joints' order, signs and zero "
             "positions and the lengths in the robot file, or state wider tolerances"
+        )
+    rms = float(np.sqrt(np.nanmean(np.sum(fit.residual[..., :3] ** 2, axis=-1))))
+    if not campaign.observations and rms < CALCULATED and is_in_base(layout.registration):
+        out.append(
+            f"the points fit to {rms * 1e3:.1g} mm rms in a frame that is the robot's own base: so do positions that a "
+            "controller or a simulation calculates, and measured ones do not"
         )
     if campaign.observations and not any(kind.tells_scale for kind in campaign.observations):
         held = " within its tolerances as they are stated" if size_is_unseen(campaign) else ""

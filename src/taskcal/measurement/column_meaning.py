@@ -27,7 +27,7 @@ class Meaning:
     """Whose position or uncertainty it is, where the name says; what the kind of observation calls the column."""
     form: str = ""
     """Of angles: ``abc`` (KUKA), ``wpr`` (FANUC), ``rpy`` (roll, pitch, yaw), ``rotvec`` (a rotation vector) or ``rxyz`` (stated
-    nowhere)."""
+    nowhere). Of an uncertainty: ``s`` where the name may be that of a position too."""
     unit: str | None = None
     """None where the name states none."""
 
@@ -67,8 +67,16 @@ _NOMINAL = re.compile(
 )
 """What was asked for, how far the robot was off it, and how it moved: nothing that says where it stood."""
 
-CALCULATED = frozenset({"target", "tcp", "controller", "fk", "t"})
+CALCULATED = frozenset({"target", "tcp", "t", "robot", "roboter", "flange", "flansch", "tool0", "eef"})
 """Names of positions that the controller was sent to or says of itself, where others beside them were measured."""
+_CONTROLLER = frozenset({"controller", "ctrl", "fk", "pendant"})
+"""Names of what nobody but the controller says."""
+_REPORTED = frozenset({"actual", "act", "ist"})
+"""What was measured, beside goals; what the controller reports, beside measurements."""
+_NEUTRAL = frozenset({
+    *"xyzwpq", "pos", "position", "pose", "coord", "coordinate", "koordinate", "quat", "quaternion", "orientation", "rot",
+})  # fmt: skip
+"""Words in a position's name that say nothing of whose it is."""
 _AXIS = re.compile(
     rf"(?:(?P<before>.+?) )??(?:{_FILLER} )?(?P<axis>[xyz])"
     r"(?: (?:coord|coordinate|koordinate|pos|position|act|actual|ist|meas|measured))?"
@@ -77,9 +85,11 @@ _AXIS = re.compile(
 _AXIS_OF_MATRIX = re.compile(r"p(?P<axis>[xyz])")
 """The position beside the axes ``n o a`` of a hand."""
 _AXIS_NUMBERED = re.compile(r"(?P<axis>[xyz])(?P<number>\d{1,3})")
-_SIGMA_AXIS = re.compile(r"(?:(?P<target>.+) )?(?:s|u|sigma|std|u)[ _]?(?P<axis>[xyz])")
+_SIGMA_AXIS = re.compile(r"(?:(?P<target>.+) )?(?:(?P<short>s|u)|sigma|std)[ _]?(?P<axis>[xyz])")
 _QUATERNION = re.compile(r"(?:(?P<target>.+) )?(?:q|quat|quaternion|rot q|orientation) ?(?P<part>[xyzw])")
 _QUATERNION_NUMBERED = re.compile(r"q(?:uat)? ?(?P<number>[0-4])")
+_OF_BODY = re.compile(r"(?:(?P<target>.+) )?(?P<kind>[rt])(?P<part>[xyzw])")
+"""A rigid body's rotation and translation, as Vicon Tracker writes them."""
 _MATRIX = re.compile(r"(?P<letter>[rmt])[ \[(]*(?P<row>[0-4])[\])]?[ \[(]*(?P<column>[0-4])[\])]?")
 _COLUMNS_OF_MATRIX = re.compile(r"(?P<column>[noa])(?P<row>[xyz])")
 _ANGLES = {
@@ -101,21 +111,26 @@ _APPROACH = re.compile(r"(?P<joint>.+) approach")
 _MOVE = re.compile(r"(?P<joint>.+) move")
 
 
-def meanings(names: Sequence[str], units: Sequence[str], joints: Sequence[str]) -> list[Meaning | None]:
+def meanings(
+    names: Sequence[str], units: Sequence[str], joints: Sequence[str], parts: Sequence[int] = ()
+) -> list[Meaning | None]:
     """What each column means; None for those that mean nothing here.
 
     Args:
         names: of the columns.
         units: from a row of units, empty where it states none.
         joints: names of the robot's joints, in order.
+        parts: columns of a quaternion, the scalar first, whose names may be those of joints too.
     """
     split = [split_unit(name) for name in names]
     parted = [
         (text, unit or UNITS.get(under) or logged_unit(text)) for (text, unit), under in zip(split, units, strict=True)
     ]
     texts = [text for text, _ in parted]
-    joint_at, left = _joints_stood(parted, joints)
-    numbered = _numbered_quaternion(texts, joint_at)
+    joint_at, left = _joints_stood([("", None) if k in parts else one for k, one in enumerate(parted)], joints)
+    # w x y z in this order
+    numbered = {k: (part - 1) % 4 for part, k in enumerate(parts)} or _numbered_quaternion(texts, joint_at)
+    bodies = _bodies(texts)
     angles = _angles(texts, joint_at)
     own = {_spoken(joint): k for k, joint in enumerate(joints)}
     out: list[Meaning | None] = []
@@ -126,6 +141,9 @@ def meanings(names: Sequence[str], units: Sequence[str], joints: Sequence[str]) 
             out.append(Meaning(kind="nominal"))
         elif k in numbered:
             out.append(Meaning(kind="quaternion", index=numbered[k]))
+        elif k in bodies:
+            kind, index, target = bodies[k]
+            out.append(Meaning(kind=kind, index=index, target=_target(target, names[k]), unit=unit))
         elif k in angles:
             out.append(Meaning(kind="euler", index=angles[k][1], form=angles[k][0], unit=unit))
         else:
@@ -134,7 +152,7 @@ def meanings(names: Sequence[str], units: Sequence[str], joints: Sequence[str]) 
     for k, column in find_columns(texts, tracked=tracked).items():
         if (meaning := out[k]) is None or meaning.kind != "joint":
             out[k] = Meaning(kind="observed", target=column, unit=parted[k][1])
-    return _with_translation(_without_calculated(out))
+    return _with_translation(_without_calculated(out, texts))
 
 
 def contradiction(name: str, under: str) -> tuple[str, str] | None:
@@ -160,16 +178,37 @@ def _with_translation(known: list[Meaning | None]) -> list[Meaning | None]:
     return out
 
 
-def _without_calculated(known: list[Meaning | None]) -> list[Meaning | None]:
-    """Positions that the controller calculates are none of a target where others were measured."""
-    named = {m.target.casefold() for m in known if m is not None and m.kind == "position"}
-    calculated = named & CALCULATED
-    if not any(name not in calculated and not name.startswith("base") for name in named):
-        return known
+def _without_calculated(known: list[Meaning | None], texts: Sequence[str]) -> list[Meaning | None]:
+    """Positions and quaternions that the controller calculates are none of a target where others were measured."""
+    said = {
+        k: (_measured_rank(text), m.kind)
+        for k, (text, m) in enumerate(zip(texts, known, strict=True))
+        if m is not None and m.kind in ("position", "quaternion") and not m.target.casefold().startswith("base")
+    }
+    best = max((2 if rank is None else rank for rank, kind in said.values() if kind == "position"), default=1)
     return [
-        Meaning(kind="nominal") if m is not None and m.kind == "position" and m.target.casefold() in calculated else m
-        for m in known
+        Meaning(kind="nominal") if k in said and (rank := said[k][0]) is not None and rank < max(best, 1) else meaning
+        for k, meaning in enumerate(known)
     ]
+
+
+def _measured_rank(text: str) -> int | None:
+    """How surely a position or a quaternion was measured, by the words of its name.
+
+    Returns:
+        0 for what only a controller says, 1 for what it says or a goal, 2 for what it reports or was measured beside goals, 3 for
+        any other name; None for no name, which is never left out for another's sake.
+    """
+    words = {
+        word[1:] if word[:1] in {*"qrt"} and word[1:] in {*"xyzw"} else word for word in text.split(" ")
+    } - _NEUTRAL
+    if not words:
+        return None
+    if words & _CONTROLLER:
+        return 0
+    if not words <= CALCULATED | _REPORTED:
+        return 3
+    return 2 if words & _REPORTED else 1
 
 
 def _spoken(name: str) -> str:
@@ -212,6 +251,33 @@ def _joints(parted: Sequence[tuple[str, str | None]], joints: Sequence[str]) -> 
         k: number - 1 for k, number in from_one.items() if number >= 1 and (number <= len(joints) or k in angular)
     }
     return {**numbered, **by_name}
+
+
+def numbered_parts(names: Sequence[str]) -> list[int]:
+    """Columns ``Q0 … Q3`` or ``Q1 … Q4`` without a unit, where no others are numbered so; else none."""
+    at = {
+        int(m["number"]): k
+        for k, (text, unit) in enumerate(map(split_unit, names))
+        if unit is None and (m := re.fullmatch(r"q(?:uat)? ?(?P<number>\d{1,2})", text))
+    }
+    first = min(at, default=0)
+    return [at[first + part] for part in range(4)] if sorted(at) in ([0, 1, 2, 3], [1, 2, 3, 4]) else []
+
+
+def _bodies(texts: Sequence[str]) -> dict[int, tuple[Literal["quaternion", "position"], int, str]]:
+    """Kind, index and target of columns ``RX RY RZ RW``, and of ``TX TY TZ`` beside these or in an export of Vicon Nexus."""
+    at: dict[tuple[str, str], dict[str, int]] = {}
+    for k, text in enumerate(texts):
+        if match := _OF_BODY.fullmatch(text):
+            at.setdefault((match["target"] or "", match["kind"]), {})[match["part"]] = k
+    out: dict[int, tuple[Literal["quaternion", "position"], int, str]] = {}
+    for (target, kind), parts in at.items():
+        if kind == "r" and parts.keys() == {*"xyzw"}:
+            out |= {k: ("quaternion", "xyzw".index(part), target) for part, k in parts.items()}
+        of_body = "sub frame" in texts or at.get((target, "r"), {}).keys() == {*"xyzw"}
+        if kind == "t" and of_body and parts.keys() == {*"xyz"} and f"{target} x".strip() not in texts:
+            out |= {k: ("position", "xyz".index(part), target) for part, k in parts.items()}
+    return out
 
 
 def _numbered_quaternion(texts: Sequence[str], joint_at: dict[int, int]) -> dict[int, int]:
@@ -281,7 +347,11 @@ def _measured(text: str, unit: str | None, name: str) -> Meaning | None:
         return Meaning(kind="uncertainty", index=3, target=_target(match["target"], name), unit=unit)
     if match := _SIGMA_AXIS.fullmatch(text):
         return Meaning(
-            kind="uncertainty", index="xyz".index(match["axis"]), target=_target(match["target"], name), unit=unit
+            kind="uncertainty",
+            index="xyz".index(match["axis"]),
+            target=_target(match["target"], name),
+            form=match["short"] or "",
+            unit=unit,
         )
     if match := _AXIS_NUMBERED.fullmatch(text):
         return Meaning(kind="position", index="xyz".index(match["axis"]), target=f"target{match['number']}", unit=unit)

@@ -1,6 +1,7 @@
 """Reading a campaign, whatever instrument or spreadsheet wrote it."""
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -22,10 +23,13 @@ from taskcal.measurement.rows_of_targets import side_by_side
 from taskcal.measurement.target_columns import MAX_TARGETS
 from taskcal.measurement.targets_in_names import with_targets_in_names
 from taskcal.measurement.units import ANGLES, LENGTHS
-from taskcal.measurement.units_above import with_stated_units
+from taskcal.measurement.units_above import refuse_far, with_stated_units
 from taskcal.measurement.unnamed_means import without_means
 from taskcal.robot.robot import Robot
 from taskcal.tabular.csv_form import TableForm
+
+MOVED = 0.01
+"""By which a point that stands does not move, metres: stands bend and bases drift by less."""
 
 LARGEST_IN_RADIANS = 10.0
 """A turn and a half: joints that stay within it in degrees hardly move."""
@@ -86,7 +90,10 @@ def read_campaign(
             twenty faults.
     """
     expect_kinds({"robot": Robot}, robot=robot)
-    campaign = campaign_of(read_measurements(path, robot, options), robot, targets, reference_points)
+    readings = read_measurements(path, robot, options)
+    campaign = campaign_of(readings, robot, targets, reference_points)
+    if targets is None:
+        _refuse_controllers(readings, robot, campaign)
     if options is not None and options.wire_scale:
         campaign = with_unknown_scale(campaign)
     if options is None or options.distances is None:
@@ -169,8 +176,29 @@ def _with_units(readings: Readings, robot: Robot) -> Readings:
     out = replace(readings, q=q, joint_unit_stated=True, notes=(*readings.notes, *notes))
     if points is None or readings.length_unit_stated:
         return out
-    unit = fitting[0][1]
-    return _scaled(out, unit, f"positions without a unit are read in {unit}, by how far {robot.name} moved")
+    return _scaled(out, _unit_of_each(out, robot, fitting[0][1]), f"by how far {robot.name} moved")
+
+
+def _unit_of_each(readings: Readings, robot: Robot, first: str) -> dict[str, str]:
+    """The unit of each target's positions, by its own motion, or that of the first where it does not move.
+
+    Raises:
+        FileError: a target moves, but in no unit as far as the robot.
+    """
+    from taskcal.measurement.unit_inference import infer_units
+
+    assert readings.q is not None
+    out: dict[str, str] = {}
+    for name, points in readings.points.items():
+        units = {unit for _, unit in infer_units(robot, readings.q, "rad", points, None)}
+        out[name] = first if first in units or not units else min(units)
+        moved = float(np.nanmax(np.ptp(points[~np.isnan(points[:, 0])], axis=0), initial=0.0)) * LENGTHS[first]
+        if (len(units - {first}) > 1 and first not in units) or (not units and moved > MOVED):
+            column = f"{name}_x"
+            raise FileError(
+                readings.path, f"the unit is not stated; name the column {column}_mm", line=1, column=column
+            )
+    return out
 
 
 def _refuse_small_angles(readings: Readings, robot: Robot, q: np.ndarray) -> None:
@@ -194,18 +222,39 @@ def _with_length(readings: Readings, robot: Robot) -> Readings:
     unit = infer_length(robot, next(iter(readings.points.values())))
     if unit is None:
         raise FileError(readings.path, _unit_of_points([("", "mm"), ("", "m")]), line=1, column="x")
-    return _scaled(readings, unit, f"positions without a unit are read in {unit}, by the reach of {robot.name}")
+    return _scaled(readings, dict.fromkeys(readings.points, unit), f"by the reach of {robot.name}")
 
 
-def _scaled(readings: Readings, unit: str, note: str) -> Readings:
-    """Readings whose positions are in a unit, in metres."""
-    return replace(
-        readings,
-        points={name: values * LENGTHS[unit] for name, values in readings.points.items()},
-        uncertainty={name: values * LENGTHS[unit] for name, values in readings.uncertainty.items()},
-        length_unit_stated=True,
-        notes=(*readings.notes, note),
+def _scaled(readings: Readings, units: Mapping[str, str], why: str) -> Readings:
+    """Readings whose positions are in a unit for each target, in metres.
+
+    Raises:
+        FileError: units differ, and an uncertainty without one is of all targets; a position is beyond any robot.
+    """
+    several = len(set(units.values())) > 1
+    if several and "" in readings.uncertainty.keys() - readings.uncertainty_stated:
+        raise FileError(readings.path, "the unit of the uncertainty is not stated; name its column u_mm", line=1)
+    scale = {name: LENGTHS[unit] for name, unit in units.items()}
+    points = {name: values * scale[name] for name, values in readings.points.items()}
+    by_case = {name.casefold(): factor for name, factor in scale.items()}
+    each = (
+        ", ".join(f"{name} in {unit}" for name, unit in units.items())
+        if several
+        else f"in {next(iter(units.values()))}"
     )
+    out = replace(
+        readings,
+        points=points,
+        uncertainty={
+            name: values
+            * (1.0 if name in readings.uncertainty_stated else by_case.get(name, next(iter(scale.values()))))
+            for name, values in readings.uncertainty.items()
+        },
+        length_unit_stated=True,
+        notes=(*readings.notes, f"positions without a unit are read {each}, {why}"),
+    )
+    refuse_far(out)
+    return out
 
 
 def _unit_of_points(fitting: list[tuple[str, str]]) -> str:
@@ -257,8 +306,9 @@ def campaign_of(
         raise _header_error(
             readings,
             "names no target; give columns x_mm, y_mm, z_mm, or NAME_x_mm, NAME_y_mm, NAME_z_mm; without a tracker d_mm of a wire, "
-            f"sx_mm, sy_mm, sz_mm of a sensor, socket, plane, or face and edge_mm{_other_sheets(readings)}",
+            f"sx_mm, sy_mm, sz_mm of a sensor, socket, plane, or face and edge_mm{_other_sheets(readings)}{_left(readings)}",
         )
+    readings = _with_own_rotations(readings, chosen)
     if readings.rotations is not None and len(chosen) > 1:
         raise _header_error(readings, f"a pose has one target, this file names {', '.join(chosen)}; choose one")
     _refuse_limits(readings, robot, q)
@@ -279,6 +329,50 @@ def campaign_of(
         lines=readings.lines,
         notes=readings.notes,
     )
+
+
+def _with_own_rotations(readings: Readings, chosen: Sequence[str]) -> Readings:
+    """Readings with the rotations of the only target that is chosen; a note says whose others are left out."""
+    turned = {readings.rotated: readings.rotations, **readings.other_rotations}
+    if readings.rotations is None or len(chosen) > 1:
+        return readings
+    named = {name.casefold() for name in readings.points}
+    own = {"", *(name.casefold() for name in chosen)}
+    mine = next((name for name in turned if name.casefold() in own), None)
+    if mine is None and len(turned) == 1 and readings.rotated.casefold() not in named:
+        return readings
+    left = [name for name in turned if name != mine]
+    rotations = None if mine is None else turned[mine]
+    if not left:
+        return readings
+    note = f"rotations of {shown(', '.join(left))} are left out"
+    return replace(readings, rotations=rotations, rotated=mine or "", other_rotations={}, notes=(*readings.notes, note))
+
+
+def _refuse_controllers(readings: Readings, robot: Robot, campaign: Campaign) -> None:
+    """See that positions in the robot's base are not the controller's own, where another column may hold the measurement.
+
+    Raises:
+        FileError: they are in the robot's base, and a column of lengths is left out, or something else was observed.
+    """
+    other = [*readings.left_lengths, *(readings.observed.headers.values() if readings.observed else ())]
+    tracked = [
+        name
+        for t, name in enumerate(campaign.targets)
+        if not campaign.observations or campaign.observations[t].in_tracker
+    ]
+    if not other or not tracked:
+        return
+    from taskcal.measurement.plausibility import fits_in_base  # fits, and so imports the compiler
+
+    for name in tracked:
+        if fits_in_base(robot, campaign, name):
+            message = (
+                f"the positions of '{name}' are in the robot's own base, as the controller shows them, and '{shown(other[0])}' may "
+                f"be what was measured. If it is, leave those columns out (of lengths to an anchor, name it d_mm); if '{name}' was "
+                f"measured, choose it: --targets {name}"
+            )
+            raise _header_error(readings, message)
 
 
 def _observed(readings: Readings, targets: Sequence[str] | None) -> list[Read]:
@@ -308,6 +402,12 @@ def _other_sheets(readings: Readings) -> str:
     """What is said of a workbook whose other sheets may hold what is lacking."""
     note = next((note for note in readings.notes if note.startswith("sheet '")), None)
     return "" if note is None else f" ({note}; name one as in {readings.path.name}#SHEET)"
+
+
+def _left(readings: Readings) -> str:
+    """What is said of columns that were left out where what was measured is lacking."""
+    note = next((note for note in readings.notes if re.match("columns? left out", note)), None)
+    return "" if note is None else f"; {note}"
 
 
 def _header_error(readings: Readings, message: str) -> FileError:

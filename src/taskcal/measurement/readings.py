@@ -4,25 +4,30 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import FileError, shown
-from taskcal.measurement.column_meaning import Meaning, contradiction, meanings
+from taskcal.measurement.column_meaning import Meaning, contradiction, meanings, numbered_parts
 from taskcal.measurement.joint_columns import JointColumns, joint_columns, refuse_other_axes
-from taskcal.measurement.observation import ObservedColumns
+from taskcal.measurement.observation import ObservedColumns, kinds
 from taskcal.measurement.rotation_columns import AngleForm, OpenAngles, RotationColumns, rotations
 from taskcal.measurement.spherical_columns import with_positions
 from taskcal.measurement.summary_rows import without_summaries
 from taskcal.measurement.target_columns import TargetColumns, target_columns
-from taskcal.measurement.units import ANGLES, LENGTHS, TIMES
+from taskcal.measurement.units import ANGLES, LENGTHS, TIMES, UNITS, split_unit
 from taskcal.measurement.unnamed_columns import name_columns
 from taskcal.robot.robot import Robot
+from taskcal.tabular.column_groups import UNIT_LENGTH
 from taskcal.tabular.csv_form import TableForm, lay_out_file
 from taskcal.tabular.faults import Faults
 from taskcal.tabular.layout import Laid
 from taskcal.tabular.table import Table
+
+LEAST_RANGE = 0.01
+"""Of a column of lengths that may be what was measured, metres: uncertainties and deviations vary by less."""
 
 MAX_TIME_S = 1e7
 """No robot works so many seconds before it is measured; clocks count more."""
@@ -56,12 +61,16 @@ class Readings:
     """By target, metres; where `length_unit_stated` is false, as in the file. NaN for a lost beam."""
     length_unit_stated: bool
     uncertainty: Mapping[str, Float[np.ndarray, " n"]]
-    """By target in small letters, empty for all."""
+    """By target in small letters, empty for all; as the points."""
+    uncertainty_stated: frozenset[str]
+    """Those of them that are in metres, whatever the points are in."""
     rotations: Float[np.ndarray, "n 3 3"] | None
     open_angles: OpenAngles | None
     """Where it is open what three angles mean."""
     rotated: str
     """Whose rotations they are, where their columns say."""
+    other_rotations: Mapping[str, Float[np.ndarray, "n 3 3"]]
+    """Of further targets, by their names."""
     temperature: Float[np.ndarray, " n"] | None
     """°C."""
     time: Float[np.ndarray, " n"] | None
@@ -76,6 +85,8 @@ class Readings:
     """Columns of kinds of observation that need no tracker; None where there are none."""
     preamble: tuple[str, ...]
     """Lines above the table and comments."""
+    left_lengths: tuple[str, ...]
+    """Columns of lengths that were left out and vary by more than `LEAST_RANGE`."""
     notes: tuple[str, ...]
     """What was decided on the way."""
 
@@ -97,6 +108,7 @@ class Readings:
             points={name: points[rows] for name, points in self.points.items()},
             uncertainty={name: u[rows] for name, u in self.uncertainty.items()},
             rotations=pick(self.rotations),
+            other_rotations={name: R[rows] for name, R in self.other_rotations.items()},
             open_angles=None if self.open_angles is None else self.open_angles.mapped(lambda R: R[rows]),
             temperature=pick(self.temperature),
             time=pick(self.time),
@@ -122,7 +134,7 @@ def read_readings(
         FileError: with all that is wrong in it, the first twenty faults.
     """
     laid = with_positions(name_columns(lay_out_file(path, form), robot))
-    known = meanings(laid.table.header, laid.units, robot.joint_names)
+    known = meanings(laid.table.header, laid.units, robot.joint_names, _numbered_parts(laid.table))
     laid = without_summaries(laid, known)
     table = laid.table
     faults = Faults()
@@ -155,12 +167,15 @@ def read_readings(
         _refuse_nearly_known(table, known, robot)
     with faults.collecting():
         refuse_other_axes(table, known, robot)
+    with faults.collecting():
+        _refuse_unlabelled(table, known)
     faults.raise_any()
     if not len(table):
         raise FileError(table.path, "has no measurements below its header")
     observed = _observed(table, known)
     if joints is None and not any(np.isfinite(points).any() for points in targets.points.values()):
         _refuse_nothing_measured(table, observed, robot)
+    left = _left_out(laid, known)
     return Readings(
         path=table.path,
         ids=ids,
@@ -172,9 +187,11 @@ def read_readings(
         points=targets.points,
         length_unit_stated=targets.unit_stated,
         uncertainty=targets.uncertainty,
+        uncertainty_stated=targets.uncertainty_stated,
         rotations=turned.rotations,
         open_angles=turned.open_angles,
-        rotated=next((m.target for m in known if m and m.kind == "quaternion" and m.target), ""),
+        rotated=turned.rotated,
+        other_rotations=turned.others,
         temperature=temperature,
         time=time,
         approach=approach,
@@ -182,7 +199,8 @@ def read_readings(
         targets_by_row=targets_by_row,
         observed=observed,
         preamble=laid.preamble,
-        notes=(*laid.notes, *targets.notes, *turned.notes, *_left_out(laid, known)),
+        left_lengths=left.lengths,
+        notes=(*left.numbers, *laid.notes, *targets.notes, *turned.notes, *left.notes),
     )
 
 
@@ -226,12 +244,38 @@ def _refuse_two_units(laid: Laid, faults: Faults) -> None:
                 raise laid.table.header_error(message, name)
 
 
-def _posed(targets: TargetColumns, rows: int) -> Bool[np.ndarray, " rows"]:
-    """Rows with a position, which need a rotation too."""
-    if not targets.points:
-        return np.ones(rows, dtype=bool)
-    seen = np.stack([~np.isnan(points[:, 0]) for points in targets.points.values()])
-    return np.asarray(seen.any(axis=0))
+def _posed(targets: TargetColumns, rows: int) -> dict[str, Bool[np.ndarray, " rows"]]:
+    """Rows with a position, which need a rotation too: by target in small letters, and of any."""
+    seen = {name.casefold(): ~np.isnan(points[:, 0]) for name, points in targets.points.items()}
+    return {**seen, "": np.any(list(seen.values()), axis=0) if seen else np.ones(rows, dtype=bool)}
+
+
+def _numbered_parts(table: Table) -> list[int]:
+    """Columns ``Q0 … Q3`` or ``Q1 … Q4`` that hold a quaternion, the scalar first: its length is one in every row."""
+    at = numbered_parts(table.header)
+    rows = [row for row in zip(*(table.texts(table.header[k]) for k in at), strict=True) if all(row)]
+    try:
+        lengths = np.linalg.norm(np.array(rows, dtype=float).reshape(-1, 4), axis=1)
+    except ValueError:
+        return []
+    return at if np.abs(lengths - 1.0).max(initial=0.0) <= UNIT_LENGTH and rows else []
+
+
+def _refuse_unlabelled(table: Table, known: Sequence[Meaning | None]) -> None:
+    """See that positions in the frame of a sensor on the tool are not taken for those of a target.
+
+    Raises:
+        FileError: they lack the column that names what was seen.
+    """
+    for kind in kinds():
+        words = {word for column in kind.needed for word in kind.columns[column]}
+        for name, meaning in zip(table.header, known, strict=True):
+            if meaning is not None and meaning.kind == "position" and split_unit(name)[0] in words:
+                message = (
+                    f"what a sensor on the tool sees needs a column '{kind.label}' that names it; add one, or rename the columns, "
+                    "as in smr_x_mm, if an instrument beside the robot measured them"
+                )
+                raise table.header_error(message, name)
 
 
 def _texts(table: Table, known: Sequence[Meaning | None], kind: str) -> tuple[str, ...] | None:
@@ -350,13 +394,67 @@ def _refuse_nearly_known(table: Table, known: Sequence[Meaning | None], robot: R
             raise table.header_error(f"unknown column '{shown(name)}'; {KNOWN.format(joint=robot.joint_names[0])}")
 
 
-def _left_out(laid: Laid, known: Sequence[Meaning | None]) -> tuple[str, ...]:
-    """Columns that mean nothing to a campaign, in a line."""
+class _Left(NamedTuple):
+    """Columns that mean nothing to a campaign."""
+
+    numbers: tuple[str, ...] = ()
+    """In a line with what was measured, where numbers are among them: these may have been meant."""
+    notes: tuple[str, ...] = ()
+    """In a line, where they are texts."""
+    lengths: tuple[str, ...] = ()
+    """Those of lengths that might be what was measured."""
+
+
+def _left_out(laid: Laid, known: Sequence[Meaning | None]) -> _Left:
+    table = laid.table
+    unused = _unused(known)
     left = [
-        name
-        for name, meaning in zip(laid.table.header, known, strict=True)
-        if (meaning is None or meaning.kind == "nominal") and not re.fullmatch(r"column \d+|-", name)
+        (name, split_unit(name)[1] or UNITS.get(under))
+        for k, (name, under, meaning) in enumerate(zip(table.header, laid.units, known, strict=True))
+        if (meaning is None or meaning.kind == "nominal" or k in unused) and not re.fullmatch(r"column \d+|-", name)
     ]
     if not left:
-        return ()
-    return (f"column{'s' if len(left) > 1 else ''} left out: {shown(', '.join(left))}",)
+        return _Left()
+    ranges = {name: _range(table, name) for name, _ in left}
+    taken = [name for name, m in zip(table.header, known, strict=True) if m and m.kind in ("position", "observed")]
+    numbers = any(span is not None for span in ranges.values())
+    beside = f"; measured: {shown(', '.join(taken))}" if taken and numbers else ""
+    nominal = {table.header[k] for k, m in enumerate(known) if m is not None}
+    lengths = [
+        name
+        for name, unit in left
+        if unit in LENGTHS and name not in nominal and LENGTHS[unit] * (ranges[name] or 0.0) > LEAST_RANGE
+    ]
+    note = f"column{'s' if len(left) > 1 else ''} left out: {shown(', '.join(name for name, _ in left))}{beside}"
+    return _Left((note,), (), tuple(lengths)) if numbers else _Left((), (note,))
+
+
+def _unused(known: Sequence[Meaning | None]) -> set[int]:
+    """Columns of known meaning that are not read: parts of an uncertainty, rotations beside others, times without a unit."""
+    at: dict[str, dict[str, list[int]]] = {}
+    for k, m in enumerate(known):
+        if m is not None:
+            at.setdefault(m.kind, {}).setdefault(m.target.casefold(), []).append(k)
+    out: set[int] = set()
+    for columns in at.get("uncertainty", {}).values():
+        parts = {m.index for k in columns if (m := known[k])}
+        out |= {k for k in columns if (m := known[k]) and m.index != 3 and (3 in parts or len(parts) < 3)}
+    matrices = [k for columns in at.get("matrix", {}).values() for k in columns]
+    turned = "quaternion" in at
+    if turned or len(matrices) < 9:
+        out |= set(matrices)
+    if turned or len(matrices) >= 9:
+        out |= {k for columns in at.get("euler", {}).values() for k in columns}
+    for kind in ("time", "temperature"):
+        times = [k for columns in at.get(kind, {}).values() for k in columns]
+        read = [k for k in times if kind == "temperature" or ((m := known[k]) and m.unit in TIMES)]
+        out |= set(times) - set(read[:1])
+    return out
+
+
+def _range(table: Table, column: str) -> float | None:
+    """Range of a column's numbers; None where a cell is none."""
+    try:
+        return float(np.ptp(np.array([float(text) for text in table.texts(column) if text])))
+    except ValueError:
+        return None

@@ -80,6 +80,7 @@ def average_shots(readings: Readings, metres: float = 1e-3) -> Readings:
         first,
         points=points,
         rotations=None if turned is None else mean_rotations(turned),
+        other_rotations={name: mean_rotations(R) for name, R in readings.other_rotations.items()},
         open_angles=None if angles is None else angles.mapped(mean_rotations),
         notes=(*readings.notes, note),
     )

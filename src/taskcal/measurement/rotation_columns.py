@@ -1,7 +1,7 @@
 """Orientations as instruments write them: quaternions, matrices, and angles whose order must be known."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -60,34 +60,50 @@ class RotationColumns:
 
     rotations: Float[np.ndarray, "rows 3 3"] | None = None
     """None where there are none."""
+    rotated: str = ""
+    """Whose they are, where their columns say."""
+    others: Mapping[str, Float[np.ndarray, "rows 3 3"]] = field(default_factory=dict[str, np.ndarray])
+    """Of further targets, by their names."""
     open_angles: OpenAngles | None = None
     notes: tuple[str, ...] = ()
     """What was decided of them."""
 
 
 def rotations(
-    table: Table, meanings: Sequence[Meaning | None], needed: Bool[np.ndarray, " rows"], form: AngleForm | None = None
+    table: Table,
+    meanings: Sequence[Meaning | None],
+    needed: Mapping[str, Bool[np.ndarray, " rows"]],
+    form: AngleForm | None = None,
 ) -> RotationColumns:
     """The orientations of a table's rows.
 
     Args:
         table: the cells.
         meanings: of its columns.
-        needed: rows that must have one; the others may be empty.
+        needed: rows that must have one, by target in small letters, empty for any; the others may be empty.
         form: what three angles mean, where their names do not say.
 
     Raises:
         FileError: columns are lacking, or a cell is not what it must be.
     """
-    quaternion = {m.index: k for k, m in enumerate(meanings) if m and m.kind == "quaternion"}
+    quaternions: dict[str, dict[int, int]] = {}
+    for k, m in enumerate(meanings):
+        if m and m.kind == "quaternion":
+            quaternions.setdefault(m.target.casefold(), {})[m.index] = k
     matrix = {m.index: k for k, m in enumerate(meanings) if m and m.kind == "matrix"}
     angles = {m.index: k for k, m in enumerate(meanings) if m and m.kind == "euler"}
-    if quaternion:
-        return RotationColumns(rotations=_of_quaternions(table, quaternion, needed))
+    if quaternions:
+        turned: dict[str, np.ndarray] = {}
+        for target, at in quaternions.items():
+            first = meanings[next(iter(at.values()))]
+            assert first is not None
+            turned[first.target] = _of_quaternions(table, at, needed.get(target, needed[""]))
+        rotated = next(iter(turned))
+        return RotationColumns(rotations=turned.pop(rotated), rotated=rotated, others=turned)
     if len(matrix) >= 9:
-        return RotationColumns(rotations=_of_matrices(table, matrix, needed))
+        return RotationColumns(rotations=_of_matrices(table, matrix, needed[""]))
     if angles:
-        return _of_angles(table, meanings, angles, needed, form)
+        return _of_angles(table, meanings, angles, needed[""], form)
     return RotationColumns()
 
 

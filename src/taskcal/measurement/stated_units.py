@@ -13,7 +13,8 @@ _MOST_LINES = 200
 _UNITS_LINE = re.compile(r"\b(?:units?|einheit(?:en)?)\b(?P<rest>.*)", re.IGNORECASE)
 _VALUES_IN = re.compile(
     r"\b(?:values?|coordinates?|positions?|lengths?|distances?|points?|dimensions?|joints?|angles?|axes|x,? ?y,? ?z"
-    r"|werte|koordinaten|winkel|längen|maße)\b\W*(?:(?:are|all|alle|sind)\W+)*(?:in\s+|[(\[])\s*(?P<unit>[a-zµ°]+)",
+    r"|[ajq]\d|werte|koordinaten|winkel|längen|maße)\b\W*"
+    r"(?:(?:(?:are|all|alle|sind)\W+)*(?:in\s+|[(\[])\s*|(?:(?:are|all|alle|sind)\W+)+)(?P<unit>[a-zµ°]+)",
     re.IGNORECASE,
 )
 _WORD = re.compile(r"[a-zµ°]+", re.IGNORECASE)

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -10,9 +11,15 @@ from jaxtyping import Float
 from taskcal.errors import shown
 from taskcal.measurement.column_meaning import CALCULATED, Meaning
 from taskcal.measurement.lost_beams import rows_not_valid, without_lost
-from taskcal.measurement.units import LENGTHS
+from taskcal.measurement.units import FARTHEST, LENGTHS
 from taskcal.tabular.faults import Faults
-from taskcal.tabular.table import LARGEST, Table
+from taskcal.tabular.table import Table
+
+MAX_UNCERTAINTY = 0.01
+"""Largest standard uncertainty under a name that positions have too, metres: no instrument that calibrates robots has as much."""
+
+SMALL = 0.01
+"""Largest of these over the largest coordinate, where the unit of both is unknown."""
 
 LEAVE_EMPTY = "give a number, or leave all the target's cells empty"
 
@@ -25,6 +32,14 @@ _OFF = re.compile(
 """Names of how far the robot was off."""
 
 
+class _Uncertainty(NamedTuple):
+    """Of one target."""
+
+    values: Float[np.ndarray, " rows"]
+    stated: bool
+    """Whether it has a unit, and is in metres."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TargetColumns:
     """The positions of a table's rows."""
@@ -32,7 +47,9 @@ class TargetColumns:
     points: dict[str, Float[np.ndarray, "rows 3"]]
     """By target, ``tool`` where the file names none; NaN for a lost beam. Metres, or as in the file where no unit is stated."""
     uncertainty: dict[str, Float[np.ndarray, " rows"]]
-    """Standard uncertainty per axis, by the target whose it is, empty for all; units as of the points."""
+    """Standard uncertainty per axis, by the target whose it is, empty for all; units as of the points, or metres."""
+    uncertainty_stated: frozenset[str] = frozenset()
+    """Those of them that are in metres, whatever the points are in."""
     unit_stated: bool
     """False where no position has a unit."""
     notes: tuple[str, ...] = ()
@@ -73,15 +90,25 @@ def target_columns(table: Table, meanings: Sequence[Meaning | None]) -> TargetCo
         notes += lost
         with faults.collecting():
             points[names[low] or "tool"] = _positions(table, [table.header[axes[i]] for i in range(3)], units[low])
-    uncertainty: dict[str, np.ndarray] = {}
+    uncertainty: dict[str, _Uncertainty] = {}
     with faults.collecting():
-        uncertainty = _uncertainty(table, meanings, default="mm" if True in stated else None)
+        farthest = max((float(np.nanmax(np.abs(values), initial=0.0)) for values in points.values()), default=0.0)
+        uncertainty = _uncertainty(table, meanings, set(units.values()), SMALL * farthest)
+    short = [table.header[k] for k, m in enumerate(meanings) if m and m.kind == "uncertainty" and m.form]
+    if short and uncertainty:
+        notes.append(f"{shown(', '.join(short))} are read as standard uncertainties")
     faults.raise_any()
     invalid, said = rows_not_valid(table) if points else ([], ())
     for values in points.values():
         values[invalid] = np.nan
     notes += said
-    return TargetColumns(points=points, uncertainty=uncertainty, unit_stated=stated != {False}, notes=tuple(notes))
+    return TargetColumns(
+        points=points,
+        uncertainty={name: one.values for name, one in uncertainty.items()},
+        uncertainty_stated=frozenset(name for name, one in uncertainty.items() if one.stated),
+        unit_stated=stated != {False},
+        notes=tuple(notes),
+    )
 
 
 def _refuse_goals(table: Table, meanings: Sequence[Meaning | None], places: dict[str, dict[int, int]]) -> None:
@@ -125,7 +152,7 @@ def _unit(table: Table, meanings: Sequence[Meaning | None], name: str, axes: dic
 
 def _positions(table: Table, columns: Sequence[str], unit: str | None) -> np.ndarray:
     faults = Faults()
-    largest = LARGEST * max(1.0, LENGTHS["mm"] / LENGTHS[unit] if unit else 1.0)
+    largest = FARTHEST / LENGTHS[unit or "mm"]
     points = np.full((len(table), 3), np.nan)
     for axis, column in enumerate(columns):
         with faults.collecting():
@@ -141,26 +168,51 @@ def _positions(table: Table, columns: Sequence[str], unit: str | None) -> np.nda
     return points * (LENGTHS[unit] if unit else 1.0)
 
 
-def _uncertainty(table: Table, meanings: Sequence[Meaning | None], default: str | None) -> dict[str, np.ndarray]:
-    """By target; of three axes the root mean square."""
+def _uncertainty(
+    table: Table, meanings: Sequence[Meaning | None], units: set[str | None], largest: float
+) -> dict[str, _Uncertainty]:
+    """By target; of three axes the root mean square. Without a unit of its own it is as the positions are, if these are in mm."""
+    if not units and not any(m and m.kind == "observed" for m in meanings):
+        return {}
     columns: dict[str, dict[int, int]] = {}
     for k, meaning in enumerate(meanings):
         if meaning is not None and meaning.kind == "uncertainty":
             columns.setdefault(meaning.target.casefold(), {})[meaning.index] = k
-    out: dict[str, np.ndarray] = {}
+    out: dict[str, _Uncertainty] = {}
     for target, at in columns.items():
         chosen = [at[3]] if 3 in at else [at[i] for i in range(3) if i in at]
         if 3 not in at and len(chosen) < 3:
             continue
+        own = {m.unit for k in chosen if (m := meanings[k])}
+        unit = next(iter(own)) or ("mm" if units == {"mm"} else None)
+        if len(own) > 1:
+            raise table.header_error("the axes of one uncertainty have different units", table.header[chosen[0]])
+        if unit is None and units != {None}:
+            bare = table.header[chosen[0]]
+            raise table.header_error(f"the unit is not stated; name the column {bare}_mm", bare)
+        if unit is not None and unit not in LENGTHS:
+            message = f"'{unit}' is not a unit of length; known: {', '.join(LENGTHS)}"
+            raise table.header_error(message, table.header[chosen[0]])
+        scale = 1.0 if unit is None else LENGTHS[unit]
         squares = np.zeros(len(table))
         for k in chosen:
-            meaning = meanings[k]
-            assert meaning is not None
-            unit = meaning.unit or default
-            values = table.numbers(table.header[k])
+            meaning, values = meanings[k], table.numbers(table.header[k])
+            if meaning and meaning.form == "s":
+                _refuse_positions(table, table.header[k], values, largest if unit is None else MAX_UNCERTAINTY / scale)
             for row in np.flatnonzero(values <= 0.0):
                 message = f"{values[row]:g} is not a standard uncertainty; give one above zero"
                 raise table.error(message, int(row), table.header[k])
-            squares += (values * (LENGTHS.get(unit, 1e-3) if unit else 1.0)) ** 2
-        out[target] = np.sqrt(squares / len(chosen))
+            squares += (values * scale) ** 2
+        out[target] = _Uncertainty(np.sqrt(squares / len(chosen)), unit is not None)
     return out
+
+
+def _refuse_positions(table: Table, column: str, values: np.ndarray, largest: float) -> None:
+    """See that values under a name such as ``sx`` are uncertainties, not positions of a sphere, a socket or a set-point."""
+    row = int(np.argmax(np.abs(values))) if len(values) else 0
+    if len(values) and not (values.min() > 0.0 and values[row] <= largest):
+        message = (
+            f"{values[row]:g} is not a standard uncertainty; give one named u_mm, or name the columns of a position for its "
+            "target, as in sphere_x_mm"
+        )
+        raise table.error(message, row, column)

@@ -8,6 +8,9 @@ LENGTHS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "cm": 1e-2, "in": 0.0254, "ft": 0.3
 ANGLES = {"deg": 0.017453292519943295, "rad": 1.0, "mrad": 1e-3, "gon": 0.015707963267948967}
 """Radians in each unit of angle."""
 
+FARTHEST = 100.0
+"""Largest coordinate of a measurement, metres: beyond any robot, and the range of the instruments that measure one."""
+
 TIMES = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 """Seconds in each unit of time."""
 

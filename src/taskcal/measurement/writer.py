@@ -100,9 +100,11 @@ def readings_text(readings: Readings, robot: Robot) -> str:
     for name, uncertainty in readings.uncertainty.items():
         header.append(f"{name}_u_mm" if name else "u_mm")
         columns.append(_texts(uncertainty * 1e3, 6))
-    if readings.rotations is not None and len(readings.points) == 1:
-        quaternion = se3.to_quaternion(readings.rotations)
-        header += ["qx", "qy", "qz", "qw"]
+    turned = {} if readings.rotations is None else {readings.rotated: readings.rotations, **readings.other_rotations}
+    for name, rotations in turned.items():
+        prefix = f"{name}_" if name and len(readings.points) > 1 else ""
+        quaternion = se3.to_quaternion(rotations)
+        header += [f"{prefix}q{part}" for part in "xyzw"]
         columns += [_texts(quaternion[:, k], 10) for k in range(4)]
     if readings.observed is not None:
         header += list(readings.observed.headers.values())

@@ -39,7 +39,7 @@ def parse_labelled_values(path: Path, text: str) -> Sheet:
     """A row for every line with the names that most lines have, and a first column for the section it stands in.
 
     Sections begin with a line such as ``Pos 3``. Text behind the number is a remark where other lines begin with the same word.
-    Other lines and remarks are left out, and listed in notes.
+    Other lines and remarks are left out, and listed in notes; the first lines are kept as comments, which may state units.
     """
     usual = Counter(
         tuple(name for name, _ in pairs) for line in lines_of(text) if len(pairs := _PAIR.findall(line)) >= MIN_LABELS
@@ -74,7 +74,14 @@ def parse_labelled_values(path: Path, text: str) -> Sheet:
     ):
         if found:
             notes.append(f"{said}: {footer_note([line for line, _ in found], [(words,) for _, words in found])}")
-    return Sheet(path=path, rows=rows, lines=(lines[1], *lines[1:]), separator="=", notes=tuple(notes))
+    return Sheet(
+        path=path,
+        rows=rows,
+        lines=(lines[1], *lines[1:]),
+        separator="=",
+        comments=tuple(line for _, line in strays[:_SAMPLED]),
+        notes=tuple(notes),
+    )
 
 
 def _section_words(text: str) -> set[str]:

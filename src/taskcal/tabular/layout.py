@@ -31,6 +31,14 @@ _COMMENTS = 200
 
 _LABEL = re.compile(r"[^\W\d_][^:]*:\s*\S")
 
+_SETTING = re.compile(r"\W*[^\W\d_][\w ]{0,60}=\s*[^\W\d_]")
+"""A line such as ``AXES = CARTESIAN: X, Y, Z (mm)``, which names no columns by itself."""
+
+_LISTED = re.compile(
+    r"\W*(?:columns?|fields?|spalten|header|format|order|reihenfolge|data)\b[^:=]{0,40}[:=]\s*", re.IGNORECASE
+)
+"""What stands before a list of names."""
+
 _BRACKETS = re.compile(r"[\[({<].*[\])}>]$", re.DOTALL)
 
 
@@ -73,7 +81,7 @@ def lay_out(sheet: Sheet, names: Sequence[str] | None = None) -> Laid:
         return _named(sheet, names, first if first is not None else len(sheet.rows))
     if first is None:
         return _only_names(sheet)
-    above = [row for row in range(first) if _is_text(sheet.rows[row])]
+    above = [row for row in range(first) if _is_text(sheet.rows[row]) and not _is_statement(sheet.rows[row], width)]
     units_row = above.pop() if above and _is_units(sheet.rows[above[-1]]) and len(above) > 1 else None
     header_row = above[-1] if above else None
     if header_row is not None and len(sheet.rows[header_row]) == 1 < width:
@@ -82,6 +90,7 @@ def lay_out(sheet: Sheet, names: Sequence[str] | None = None) -> Laid:
         return _from_comments(sheet, first, width)
     header = sheet.rows[header_row]
     begin = header_row + 1 if units_row is None else units_row + 1
+    begin = max([begin, *(row + 1 for row in range(begin, first) if _is_statement(sheet.rows[row], width))])
     units = () if units_row is None else sheet.rows[units_row]
     if header_row and header_row - 1 in above:
         units = units or group_units(sheet.rows[header_row - 1], header)
@@ -144,6 +153,12 @@ def _is_text(row: Sequence[str]) -> bool:
     return bool(filled) and not any(_NUMBER.fullmatch(cell) and cell != "1" for cell in filled)
 
 
+def _is_statement(row: Sequence[str], width: int) -> bool:
+    """Whether a row of text is a setting or a labelled remark, and names no columns of a table so wide."""
+    text = " ".join(filter(None, row))
+    return bool(_SETTING.match(text)) or (bool(_LABEL.match(text)) and (len(row) != width or ":" in row))
+
+
 def _is_units(row: Sequence[str]) -> bool:
     filled = [bare_unit(cell) for cell in row if cell]
     return bool(filled) and all(cell in UNITS for cell in filled)
@@ -174,9 +189,10 @@ def _from_comments(sheet: Sheet, first: int, width: int) -> Laid:
     """Names from the last comment with as many words as columns, or none."""
     preamble = (*(" ".join(filter(None, row)) for row in sheet.rows[:first]), *sheet.comments)
     for comment in reversed((*sheet.comments[:_COMMENTS], *sheet.comments[_COMMENTS:][-_COMMENTS:])):
-        words = split_line(comment, separator_of([comment]))
-        if len(words) == width and _is_text(words):
-            return _laid(sheet, words, first, (), None, preamble)
+        for listed in filter(None, (comment, _LISTED.sub("", comment, count=1))):
+            words = split_line(listed, separator_of([listed]))
+            if len(words) == width and _is_text(words) and not _is_statement(words, width):
+                return _laid(sheet, words, first, (), None, preamble)
     return _laid(sheet, ("",) * width, first, (), None, preamble)
 
 

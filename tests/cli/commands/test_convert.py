@@ -125,3 +125,16 @@ def test_convert_and_identify_read_groups_of_points(run: Run, plain: Path, tmp_p
     apart = run("identify", "-r", "ur5", joints, "--points", points, "-o", tmp_path / "a.json", "--json")
     together = run("identify", "-r", "ur5", plain, "-o", tmp_path / "b.json", "--json")
     assert apart.json["fitted"]["mean_mm"] == pytest.approx(together.json["fitted"]["mean_mm"], rel=1e-6)
+
+
+def test_a_rigid_bodys_quaternion_is_written_beside_its_markers(run: Run, tmp_path: Path) -> None:
+    names = [
+        *(f"Tool_{part}" for part in ("qx", "qy", "qz", "qw", "x_mm", "y_mm", "z_mm")),
+        *(f"M1_{a}_mm" for a in "xyz"),
+    ]
+    rows = [f"0,0,0.6,0.8,{k},2,3,{k},5,6" for k in range(3)]
+    (tmp_path / "mocap.csv").write_text("\n".join([",".join(names), *rows]) + "\n")
+    assert run("convert", "-r", "ur5", tmp_path / "mocap.csv", "-o", tmp_path / "out.csv").status == 0
+    header, first, *_ = (tmp_path / "out.csv").read_text().splitlines()
+    assert header.endswith("Tool_qx,Tool_qy,Tool_qz,Tool_qw")
+    assert first.endswith("0.0000000000,0.0000000000,0.6000000000,0.8000000000")
