@@ -45,7 +45,7 @@ def test_a_distance_is_along_the_base_or_the_tool():
         (f"LIN {POSE}\nCIRC_REL {{A1 5}},{{X 10}}", "its distance is not stated by X, Y and Z"),
         (f"LIN {POSE}\nLIN_REL {{X 10,E1 5}}", "it moves E1 by a distance that is not added here"),
         (f"LIN {POSE}\nPTP_REL {{E1 5}}", "it moves E1 by a distance that is not added here"),
-        (f"LIN {POSE}\nLIN_REL {{X W}}", "X is 'W', which is not a number"),
+        (f"LIN {POSE}\nLIN_REL {{X W}}", "X is 'W', and W is not in the files given"),
     ],
 )
 def test_what_it_counts_from_has_to_be_known(body, why):

@@ -2,8 +2,10 @@
 
 import re
 
+import numpy as np
 import pytest
 
+from tests.programs.krl.rewriting import ROBOT, nearby
 from tests.programs.krl.small_programs import FRAMES, POSE, read
 
 
@@ -62,3 +64,23 @@ def test_motions_that_the_text_does_not_tell_are_left_with_a_reason(body, reason
 def test_what_holds_on_every_way_holds(body):
     (move,) = read(f"$TOOL=$NULLFRAME\n{body}").moves
     assert move.part.name == "BASE_DATA[1]"
+
+
+@pytest.mark.parametrize("frame", ["$NULLFRAME", "$WORLD"])
+@pytest.mark.parametrize("point", [f"{{}}:{POSE}", f"{POSE}:{{}}", f"{{}}:{POSE}:{{}}"])
+def test_zero_frame_is_known_in_a_motion(frame, point):
+    """KUKA System Software, system variables: $NULLFRAME is the zero frame."""
+    program = read(f"{FRAMES}LIN {point.replace('{}', frame)}\nLIN {POSE}")
+    assert not program.diagnostics
+    computed, stated = program.moves
+    np.testing.assert_allclose(computed.end.T, stated.end.T, atol=1e-12)
+    waypoint = nearby(np.random.default_rng(1), computed)
+    again = program.reread(program.rewrite(ROBOT, {0: (waypoint,)}))
+    np.testing.assert_allclose(again.moves[0].end.T, waypoint.T, atol=1e-7)
+    assert frame not in again.sources[0].text.splitlines()[3]
+
+
+def test_zero_frame_is_a_point():
+    point, distance = read(f"{FRAMES}LIN $NULLFRAME\nLIN_REL $NULLFRAME").moves
+    np.testing.assert_array_equal(point.end.T, np.eye(4))
+    np.testing.assert_array_equal(distance.end.T, np.eye(4))

@@ -126,3 +126,38 @@ def test_remarks_say_what_is_corrected_at_its_points_only():
 
 def test_comments_and_remarked_lines_move_nothing():
     assert read("  !L P[2] 10mm/sec FINE", "  //L P[2] 10mm/sec FINE").moves == ()
+
+
+REMOTE = re.sub(r"\b([XYZWPR]) =", r"R\1 =", pose(100, 200, 300))
+
+
+@pytest.mark.parametrize(
+    ("position", "reason"),
+    [
+        (REMOTE, r"P\[2\] in line 10 is stated by RX, RY, RZ, RW, RP, RR: .* remote TCP \(RTCP\)"),
+        (
+            pose(1, 2, 3).replace("X =", "Q ="),
+            r"is stated by Q, Y, Z, W, P, R, of which Q is not known; known are X Y Z",
+        ),
+        (
+            joints(1, 2, 3, 4, 5, 6).replace("J6=", "T6="),
+            "is stated by J1, J2, J3, J4, J5, T6, of which T6 is not known",
+        ),
+        ("   GP1:\r\n\tUF : 1, UT : 1\r\n", r"P\[2\] in line 10 states no component; known are X Y Z"),
+        (pose(1, 2, 3).replace("Z =     3.000  mm,", ""), "its position does not state Z, but X, Y, W, P, R"),
+    ],
+)
+def test_position_that_is_not_known_is_named_with_its_components(position, reason):
+    program = read(*SET, "L P[2] 10mm/sec FINE", positions={"2": position})
+    assert not program.moves
+    (diagnostic,) = program.diagnostics
+    assert re.search(reason, diagnostic.text)
+    assert "0 joints" not in diagnostic.text
+
+
+def test_configuration_is_read_in_german_listings():
+    """Controllers set to German list it as KONFIG."""
+    german = {"2": pose(100, 200, 300).replace("CONFIG", "KONFIG")}
+    (move,) = read(*SET, "L P[2] 10mm/sec FINE", positions=german).moves
+    (english,) = read(*SET, "L P[2] 10mm/sec FINE").moves
+    assert move.end.posture == english.end.posture

@@ -13,6 +13,7 @@ from taskcal.programs.krl.position import AXES, EXTERNAL, POSE, pose
 from taskcal.programs.krl.syntax import (
     Assignment,
     Begin,
+    Beside,
     Call,
     Control,
     Declaration,
@@ -42,6 +43,8 @@ class Data:
     files: tuple[File, ...]
     roots: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
     """By name of a routine: the routines that nothing calls, from which it is reached."""
+    always: frozenset[str] = frozenset()
+    """Routines of the submit interpreter, which runs beside every program."""
     elements: Mapping[tuple[int, int], frozenset[str]] = field(default_factory=dict[tuple[int, int], frozenset[str]])
     """By file and first character of an assignment by a computed index: the elements that it sets, where that is known."""
     refused: set[str] = field(default_factory=set[str])
@@ -220,7 +223,7 @@ class Data:
     def _apart(self, routine: str, other: str) -> bool:
         """Whether no run of the program comes through both of two routines."""
         roots, others = self.roots.get(routine, frozenset()), self.roots.get(other, frozenset())
-        return bool(roots) and bool(others) and not roots & others
+        return bool(roots) and bool(others) and not roots & others and not others & self.always
 
 
 def _changed_by(line: Statement, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
@@ -232,6 +235,8 @@ def _changed_by(line: Statement, by_value: Mapping[str, tuple[bool, ...]]) -> tu
             return handed_over(line, by_value)
         case Motion():
             return handed_in_motion(line, by_value)
+        case Beside(action=action) if action is not None:
+            return _changed_by(action, by_value)
         case Control(keyword="FOR") if line.words:
             return (line.words[0].upper,)
         case Control():

@@ -29,6 +29,16 @@ class File:
         """Whether it is a data list."""
         return self.source.path.suffix.lower() == ".dat"
 
+    @property
+    def submits(self) -> bool:
+        """Whether its routines run in the submit interpreter."""
+        return self.source.path.suffix.lower() == ".sub"
+
+    @property
+    def heads(self) -> tuple[Begin, ...]:
+        """The lines that begin its routines or data lists."""
+        return tuple(line for line in self.statements if isinstance(line, Begin))
+
     @cached_property
     def serves_all(self) -> bool:
         """Whether it is a data list of the system, which every program sees."""

@@ -126,8 +126,9 @@ def with_values(aggregate: Aggregate, lookup: Lookup) -> Aggregate:
         if field.value is None and field.name in NUMBERS:
             try:
                 values[field.name] = number_of(next(lines_of_words(field.text), []), lookup)
-            except Unresolved:
-                continue
+            except Unresolved as trouble:
+                if field.name in (*POSE, *AXES):
+                    raise Unresolved(f"{field.name} is '{field.text}', and {trouble}") from None
     return structure(aggregate.type, values)
 
 

@@ -6,11 +6,13 @@ What cannot be decided is gone through in all ways; behind them holds what is th
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from taskcal.programs.krl.beside import Actions
 from taskcal.programs.krl.blocks import Tree
 from taskcal.programs.krl.findings import Findings, Text
 from taskcal.programs.krl.frames import Frames
-from taskcal.programs.krl.routines import Routine
+from taskcal.programs.krl.routines import Routine, calls_of
 from taskcal.programs.krl.state import State, differing
+from taskcal.programs.krl.syntax import Statement
 from taskcal.programs.krl.variables import (
     forgotten,
 )
@@ -62,6 +64,8 @@ class Flow:
     changes: Mapping[str, frozenset[str]]
     """By name of a routine: keys of the variables it changes."""
     by_value: Mapping[str, tuple[bool, ...]]
+    actions: Actions
+    """What may run beside the lines."""
     resuming: frozenset[str]
     """Routines behind whose calls an interrupt may resume that left what they call."""
     left: int
@@ -103,4 +107,17 @@ class Flow:
     def lost_by(self, name: str, state: State) -> State:
         """Where a routine may have left anything that it changes."""
         variables = forgotten(state.variables, self.changes[name])
-        return replace(state.forgotten(f"{name} sets it", self.alters[name]), variables=variables)
+        armed = state.armed | self.actions.by_routine.get(name, frozenset())
+        return replace(state.forgotten(f"{name} sets it", self.alters[name]), variables=variables, armed=armed)
+
+    def armed_by(self, routine: Routine, lines: Sequence[Statement]) -> frozenset[Text]:
+        """What some lines of a routine may start."""
+        started, by_routine = self.actions.started, self.actions.by_routine
+        return frozenset[Text]().union(
+            *(started.get((routine.file.number, line.start), frozenset()) for line in lines),
+            *(by_routine.get(name, frozenset()) for line in lines for name in calls_of(line)),
+        )
+
+    def anything(self, reason: str) -> State:
+        """Where anything may hold, and any action may have been started."""
+        return replace(State.unset().forgotten(reason), armed=self.actions.all)

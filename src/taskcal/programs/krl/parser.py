@@ -11,6 +11,7 @@ from taskcal.programs.krl.syntax import (
     RELATIVE_MOTIONS,
     Assignment,
     Begin,
+    Beside,
     Call,
     Control,
     Declaration,
@@ -33,11 +34,13 @@ BLOCKS = {
 }
 """What opens a block, and what closes it."""
 
-_STEERING = {*BLOCKS, *BLOCKS.values(), "ELSE", "CASE", "DEFAULT", "GOTO", "EXIT", "RETURN", "RESUME", "TRIGGER"}
+_STEERING = {*BLOCKS, *BLOCKS.values(), "ELSE", "CASE", "DEFAULT", "GOTO", "EXIT", "RETURN", "RESUME"}
 _HARMLESS = {
-    "WAIT", "INTERRUPT", "EXT", "EXTFCT", "EXTP", "EXTFCTP", "IMPORT", "SIGNAL", "ENUM", "STRUC", "PULSE", "HALT", "BRAKE",
-    "CONTINUE", "ANIN", "ANOUT", "ASYPTP", "ASYCONT", "ASYSTOP", "CONST_VEL", "TIME_BLOCK", "STOP", "CHANNEL",
+    "WAIT", "EXT", "EXTFCT", "EXTP", "EXTFCTP", "IMPORT", "SIGNAL", "ENUM", "STRUC", "PULSE", "HALT", "BRAKE",
+    "CONTINUE", "ASYPTP", "ASYCONT", "ASYSTOP", "CONST_VEL", "TIME_BLOCK", "STOP", "CHANNEL",
 }  # fmt: skip
+_BESIDE = {"INTERRUPT", "TRIGGER", "ANIN", "ANOUT"}
+_VERBS = {"ON": "ON", "ENABLE": "ON", "OFF": "OFF", "DISABLE": "OFF"}
 _OPERATORS = {"AND", "OR", "EXOR", "NOT", "B_AND", "B_OR", "B_EXOR", "B_NOT"}
 _BY_VALUE = {"ABS", "SQRT", "SIN", "COS", "TAN", "ACOS", "ATAN2", "INV_POS", "VARSTATE", "EK", "LK", "EB"}
 """Functions of the controller, which change nothing that they are given."""
@@ -66,6 +69,8 @@ def _statement(words: list[Word]) -> Statement:
     keyword = first.upper
     if first.kind != "name" or keyword in _HARMLESS:
         return Statement(start=start, end=end)
+    if keyword in _BESIDE:
+        return _beside(words, shared)
     if keyword in _BEGINS:
         names = [word for word in words[1:] if word.kind == "name"]
         chosen = names[min(len(names) - 1, 1 if keyword == "DEFFCT" else 0)] if names else first
@@ -90,6 +95,41 @@ def _statement(words: list[Word]) -> Statement:
     if len(words) > 1 and words[1].text == "(":
         return Call(start=start, end=end, name=keyword, arguments=arguments_of(words[1:]))
     return _assignment(words)
+
+
+def _beside(words: list[Word], shared: bool) -> Beside:
+    upper = [word.upper for word in words]
+    start, end, keyword = words[0].start, words[-1].end, words[0].upper
+    if keyword in ("ANIN", "ANOUT"):
+        verb, rest = "".join(upper[1:2]), words[2:]
+        action = _assignment(rest) if verb == "ON" and rest else None
+        return Beside(
+            start=start, end=end, keyword=keyword, verb=verb, number=tuple(rest), shared=shared, action=action
+        )
+    if keyword == "TRIGGER" or "DECL" in upper:
+        first = upper.index("DECL") + 1 if "DECL" in upper else len(words)
+        number = words[first : upper.index("WHEN", first)] if "WHEN" in upper[first:] else words[first:]
+        verb = "ON" if keyword == "TRIGGER" else "DECL"
+        rest = words[upper.index("DO") + 1 :] if "DO" in upper else []
+        return Beside(
+            start=start,
+            end=end,
+            keyword=keyword,
+            verb=verb,
+            number=tuple(number),
+            shared=shared,
+            action=_action(rest) if rest else None,
+        )
+    verb = _VERBS.get("".join(upper[1:2]), "")
+    return Beside(start=start, end=end, keyword=keyword, verb=verb, number=tuple(words[2:]), shared=shared)
+
+
+def _action(words: list[Word]) -> Statement:
+    """The statement after DO, without its priority; a name alone is called."""
+    words = words[: next((i for i, word in enumerate(words) if i and word.upper == "PRIO"), len(words))]
+    if len(words) == 1 and words[0].kind == "name":
+        return Call(start=words[0].start, end=words[0].end, name=words[0].upper, arguments=((),))
+    return _statement(words)
 
 
 def _assignment(words: list[Word]) -> Statement:

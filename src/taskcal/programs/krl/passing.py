@@ -46,7 +46,7 @@ class Pass(ABC):
 
     def lost(self, reason: str) -> State:
         """Where anything may hold."""
-        return State.unset().forgotten(reason)
+        return self.flow.anything(reason)
 
     def stable(self, entry: State, nodes: Sequence[Node], run: Callable[[State], State], reason: str) -> State:
         """What holds each time that some lines begin which are gone through again and again."""
@@ -69,7 +69,11 @@ class Pass(ABC):
         names, by_value, changes = self.frames.names, self.flow.by_value, self.flow.changes
         keys = frozenset[str]().union(*(keys_changed_by(line, names, by_value, changes) for line in lines))
         variables = {key: Lost(reason=f"{key.rpartition(':')[2]} is not the same in every turn") for key in keys}
-        state = replace(state, variables={**without_places(forgotten(state.variables, keys)), **variables})
+        state = replace(
+            state,
+            variables={**without_places(forgotten(state.variables, keys)), **variables},
+            armed=state.armed | self.flow.armed_by(self.routine, lines),
+        )
         return state.forgotten(reason, sets | {"motion"})
 
     @contextmanager

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from taskcal.errors import FileError, TaskcalError
+from taskcal.programs.krl.beside import actions_of, declared_in
 from taskcal.programs.krl.blocks import tree_of
 from taskcal.programs.krl.data import Data
 from taskcal.programs.krl.data_lists import File
@@ -17,6 +18,7 @@ from taskcal.programs.krl.routines import (
     Routine,
     altering,
     callers_of,
+    calls_of,
     changing,
     matters,
     read_names,
@@ -115,7 +117,11 @@ class _Reading:
         """Follow the program from all routines that nothing calls."""
         routines = routines_of(self.files)
         callers = callers_of(routines)
-        data = Data(files=self.files, roots=roots_of(callers), elements=self.elements)
+        for routine, line in declared_in(routines).values():
+            for name in calls_of(line.action) if line.action is not None else ():
+                callers.get(name, set()).add(routine.name)
+        always = frozenset(line.name for file in self.files if file.submits for line in file.heads)
+        data = Data(files=self.files, roots=roots_of(callers), always=always, elements=self.elements)
         flow = self._flow(routines, data)
         beside = unasked(self.files)
         roots = [name for name in routines if not callers[name] - {name} or name in beside]
@@ -141,7 +147,8 @@ class _Reading:
                 frames[routine] = Frames(data=data, names=routine.names(data, volatile), made=made)
             return frames[routine]
 
-        read = read_names(self.files)
+        read, alters = read_names(self.files), altering(routines)
+        followed = lambda key: key not in volatile and key.rpartition(":")[2] in read  # noqa: E731
         size = sum(len(file.statements) for file in self.files)
         return Flow(
             findings=self.findings,
@@ -150,9 +157,10 @@ class _Reading:
                 r: tree_of(r.lines, lambda x: matters(x, read, routines)) for same in routines.values() for r in same
             },
             frames=frames_of,
-            alters=altering(routines),
+            alters=alters,
             changes=changes,
             by_value=data.by_value,
+            actions=actions_of(routines, data, alters, changes, followed),
             resuming=resuming(self.files, routines),
             left=LEAST_LEFT + AGAIN * size,
         )
@@ -164,7 +172,7 @@ class _Reading:
             for name in [name for name in flow.routines if name in flow.anywhere - done]:
                 done.add(name)
                 for routine in flow.routines[name]:
-                    through(flow, routine, State.unset().forgotten(f"{name} is called where that is not followed"))
+                    through(flow, routine, flow.anything(f"{name} is called where that is not followed"))
 
     def _never_taken(self, flow: Flow, roots: Sequence[str]) -> None:
         """Go through motions to which no way leads, as those by which points are taught behind the end of a program."""
@@ -175,7 +183,7 @@ class _Reading:
             motions = {(routine.file.number, line.start) for line in routine.lines if isinstance(line, Motion)}
             if motions - found.seen:
                 entry = State.unset()
-                through(flow, routine, entry if routine.name in roots else entry.forgotten("nothing leads to it"))
+                through(flow, routine, entry if routine.name in roots else flow.anything("nothing leads to it"))
 
     def _say_set_elsewhere(self, data: Data) -> None:
         """Say which tools and bases another program may change."""

@@ -33,6 +33,7 @@ from taskcal.programs.krl.syntax import (
 )
 from taskcal.programs.krl.variables import (
     HERE,
+    ZERO,
     Adjustable,
     Holding,
     Known,
@@ -182,6 +183,8 @@ class Resolver:
         name = name_of(part, known)
         if name == "$POS_ACT" and known.here is not None:
             return known.here
+        if name in ("$NULLFRAME", "$WORLD"):
+            return ZERO
         assigned = known.assigned(name)
         if assigned is None:
             return self.frames.data.find(name, self.routine.file.module, self.routine.name)

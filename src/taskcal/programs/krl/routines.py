@@ -10,7 +10,7 @@ from taskcal.programs.krl.data_lists import File
 from taskcal.programs.krl.lexer import Word, lines_of_words
 from taskcal.programs.krl.parameters import handed_in_motion, handed_over
 from taskcal.programs.krl.state import EVERYTHING
-from taskcal.programs.krl.syntax import Assignment, Begin, Call, Control, Declaration, End, Motion, Statement
+from taskcal.programs.krl.syntax import Assignment, Begin, Beside, Call, Control, Declaration, End, Motion, Statement
 from taskcal.programs.krl.variables import Names
 
 
@@ -147,7 +147,7 @@ def only_computes(routine: Routine, routines: Container[str]) -> bool:
                 continue
             case Assignment() if line.variable in own:
                 pass
-            case Control() if line.keyword != "TRIGGER":
+            case Control():
                 pass
             case _:
                 return False
@@ -232,7 +232,7 @@ def matters(line: Statement, read: frozenset[str], routines: Container[str]) -> 
         case Assignment():
             asks = line.changed or any(name in routines for name in calls_of(line))
             return bool(asks) or line.variable in read
-        case Motion() | Call() | Control():
+        case Motion() | Call() | Control() | Beside():
             return True
         case _:
             return False
@@ -271,8 +271,8 @@ def unasked(files: Iterable[File]) -> frozenset[str]:
     """Routines that are not called from the line before: by interrupts, beside a motion, or in the submit interpreter."""
     out: set[str] = set()
     for file in files:
-        if file.source.path.suffix.lower() == ".sub":
-            out |= {line.name for line in file.statements if isinstance(line, Begin)}
+        if file.submits:
+            out |= {line.name for line in file.heads}
         for words in lines_of_words(file.source.text) if not file.holds_data else ():
             out |= set(_behind_do([word.upper for word in words]))
     return frozenset(out)

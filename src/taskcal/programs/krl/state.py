@@ -52,6 +52,8 @@ class State:
     """What code has assigned, as far as the text tells."""
     reached: bool = True
     """Whether control comes there."""
+    armed: frozenset[tuple[int, int]] = frozenset()
+    """Actions that may run at any time from here on, by file and first character of their line; see `beside`."""
 
     @classmethod
     def unset(cls) -> "State":
@@ -76,6 +78,7 @@ class State:
             approximation=NOT_KNOWN if "approximation" in what else self.approximation,
             last=None if "motion" in what else self.last,
             variables=self.variables,
+            armed=self.armed,
         )
 
 
@@ -116,4 +119,5 @@ def merged(ways: Sequence[State], reason: str) -> State:
         approximation=first.approximation if same["approximation"] else NOT_KNOWN,
         last=first.last if same["last"] else None,
         variables=common(state.variables for state in states),
+        armed=frozenset[tuple[int, int]]().union(*(state.armed for state in states)),
     )

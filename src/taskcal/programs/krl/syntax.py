@@ -187,6 +187,22 @@ class Call(Statement):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Beside(Statement):
+    """A line of an action that runs beside the lines after it: an interrupt, a TRIGGER or a cyclic analog signal."""
+
+    keyword: str
+    """INTERRUPT, TRIGGER, ANIN or ANOUT."""
+    verb: str
+    """DECL, ON or OFF; a TRIGGER is ON."""
+    number: tuple[Word, ...]
+    """Expression of the interrupt's number, empty for all; words of the analog signal."""
+    shared: bool
+    """Declared GLOBAL."""
+    action: Statement | None = None
+    """The call or the assignment of DECL, TRIGGER and ANIN ON."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Control(Statement):
     """A line that steers where the program goes on, by its first word; ``LABEL`` for a label."""
 

@@ -13,7 +13,7 @@ from taskcal.programs.krl.parameters import handed_in_motion, handed_over
 from taskcal.programs.krl.resolve import Resolver
 from taskcal.programs.krl.routines import Routine, calls_of, keys_changed_by, only_computes
 from taskcal.programs.krl.state import NOWHERE, State, merged
-from taskcal.programs.krl.syntax import Assignment, Call, Control, Motion
+from taskcal.programs.krl.syntax import Assignment, Beside, Call, Control, Motion
 from taskcal.programs.krl.turns import Turns
 from taskcal.programs.krl.variables import (
     Holding,
@@ -47,8 +47,8 @@ class Walk(Turns, Jumps):
                 if not self.flow.all_ways:
                     continue
                 state = self.lost("nothing leads to it")
-            state = self._step(node, state)
-        return state
+            state = self._step(node, self.flow.actions.weakened(state))
+        return self.flow.actions.weakened(state)
 
     def _step(self, node: Node, state: State) -> State:
         match node:
@@ -62,6 +62,8 @@ class Walk(Turns, Jumps):
                 return self._branches(node, self.asked(node.line, state))
             case Loop():
                 return self.loop(node, self.asked(node.line, state))
+            case Beside():
+                return self._beside(node, state)
             case Spline():
                 self.in_spline = True
                 state = self.body(node.body, replace(state, last=None))
@@ -74,9 +76,6 @@ class Walk(Turns, Jumps):
 
     def _control(self, line: Control, state: State) -> State:
         match line.keyword:
-            case "TRIGGER":
-                self.trigger = True
-                return state
             case "RETURN":
                 self.returns.append((state, self._returned(line, state)))
                 return NOWHERE
@@ -90,6 +89,15 @@ class Walk(Turns, Jumps):
                 return NOWHERE
             case _:
                 return self.lost(f"the blocks of {self.routine.name} do not match")
+
+    def _beside(self, line: Beside, state: State) -> State:
+        self.trigger = self.trigger or line.keyword == "TRIGGER"
+        actions, text = self.flow.actions, (self.routine.file.number, line.start)
+        if not self.flow.scouting:
+            for said in actions.missing.get(text, ()):
+                self.flow.findings.diagnose(self.routine.file, line.start, said)
+        started, ended = actions.started.get(text, frozenset()), actions.ended.get(text, frozenset())
+        return replace(state, armed=(state.armed - ended) | started)
 
     def _returned(self, line: Control, state: State) -> Holding | None:
         return given_by(line.words, self.frames.known(state)) if line.words else None
@@ -268,4 +276,6 @@ def through(flow: Flow, routine: Routine, entry: State, inside: tuple[str, ...] 
     states = [*(state for state, _ in walk.returns), end]
     values = {repr(value): value for _, value in walk.returns}
     value = next(iter(values.values())) if len(values) == 1 else None
-    return merged(states, f"it differs between the ends of {routine.name}"), value
+    state = merged(states, f"it differs between the ends of {routine.name}")
+    local = state.armed & flow.actions.local.get(routine.name, frozenset())
+    return replace(state, armed=state.armed - local) if local else state, value

@@ -33,13 +33,17 @@ _BLOCK = re.compile(
 )
 _GROUP = re.compile(r"\bGP[ \t]*(?P<number>\d)[ \t]*:", re.IGNORECASE)
 _FRAME = re.compile(r"\b(?P<name>UF|UT)[ \t]*:[ \t]*(?P<value>\d+|F)", re.IGNORECASE)
-_CONFIGURATION = re.compile(r"\bCONFIG[ \t]*:[ \t]*'(?P<text>[^'\r\n]*)'", re.IGNORECASE)
+REMOTE = tuple(f"R{name}" for name in POSE)
+"""Components of positions that are taught with a remote TCP (RTCP): the tool stands still, and the robot holds the part."""
+
+_CONFIGURATION = re.compile(r"\b[CK]ONFIG[ \t]*:[ \t]*'(?P<text>[^'\r\n]*)'", re.IGNORECASE)
 _COMPONENT = re.compile(
     r"\b(?P<name>[XYZWPR]|J\d|E\d)[ \t]*=(?P<blank>[ \t]*)(?P<number>[-+]?(?:\d+(?:\.\d*)?|\.\d+)|\*+)"
     r"[ \t]*(?P<unit>mm|deg)?(?![\w.])",
     re.IGNORECASE,
 )
 """A number that runs into something else is damaged, and not a component."""
+_NAME = re.compile(r"\b([A-Z]\w*)[ \t]*=", re.IGNORECASE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +71,26 @@ class Group:
     """Where it stands; empty where it is not stated."""
     components: Mapping[str, Component]
     """By name."""
+    names: tuple[str, ...]
+    """All that the listing states a value for, in capitals, whether or not they are known here."""
+
+    def check(self) -> None:
+        """See that what the listing states is known.
+
+        Raises:
+            Unresolved: it is not.
+        """
+        unknown = [name for name in self.names if name not in (*POSE, *JOINTS, *EXTENDED)]
+        if self.names and not unknown:
+            return
+        stated = f"is stated by {', '.join(self.names)}" if self.names else "states no component"
+        if unknown and set(unknown) <= set(REMOTE):
+            raise Unresolved(
+                f"{stated}: so positions are listed that were taught with a remote TCP (RTCP), and which frames they relate is "
+                "in no document at hand; teach it without RTCP, or change its representation to joints"
+            )
+        what = f", of which {', '.join(unknown)} is not known" if unknown else ""
+        raise Unresolved(f"{stated}{what}; known are X Y Z W P R, J1 to J9 and E1 to E3")
 
     @property
     def is_pose(self) -> bool:
@@ -81,7 +105,7 @@ class Group:
         """
         component = self.components.get(name)
         if component is None or component.value is None:
-            raise Unresolved(f"its position does not state {name}")
+            raise Unresolved(f"its position does not state {name}, but {', '.join(self.components) or 'nothing'}")
         return component.value
 
     def pose(self) -> Float[np.ndarray, "4 4"]:
@@ -169,6 +193,7 @@ def _groups(text: str, start: int, end: int) -> dict[int, Group]:
                 for m in _COMPONENT.finditer(text, mark.end(), behind)
                 if m.start() not in quoted
             },
+            names=tuple(m[1].upper() for m in _NAME.finditer(text, mark.end(), behind) if m.start() not in quoted),
         )
     return out
 

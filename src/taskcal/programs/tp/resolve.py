@@ -254,6 +254,11 @@ class Resolver:
         if position is None or ROBOT_GROUP not in position.groups:
             raise Unresolved(f"P[{operand.number}] has no position of group 1 in /POS")
         group = position.groups[ROBOT_GROUP]
+        try:
+            group.check()
+        except Unresolved as reason:
+            line = self.source.line(position.start)
+            raise Unresolved(f"P[{operand.number}] in line {line} {reason}") from None
         numbers: list[int] = []
         for what, stated, active in (("UFRAME", group.frame, state.frame), ("UTOOL", group.tool, state.tool)):
             number = active if stated is None else stated
