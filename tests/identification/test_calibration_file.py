@@ -1,7 +1,7 @@
 """Calibration files: back to the last bit, and refused with a reason where they are broken."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from taskcal.identification.calibration_file import load_calibration
 from taskcal.identification.identify import identify
 from taskcal.identification.packed_covariance import factor_of
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import EncoderGain
+from taskcal.robot.effects import Harmonics
 from taskcal.robot.error_model import ErrorModel
 from tests.laws.campaigns import measure
 from tests.laws.robots import irb6660_positions
@@ -387,16 +387,19 @@ def test_calibration_that_could_not_be_read_is_not_written(tmp_path, saved, brok
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_calibration_with_an_effect_that_no_file_can_name_is_not_written(tmp_path, saved):
-    class Nameless(EncoderGain, abstract=True):
-        pass
+def test_calibration_with_options_that_come_back_otherwise_is_not_written(tmp_path):
+    """An effect of one's own whose options JSON turns into something else."""
 
-    found, path = saved[0], tmp_path / "cal.json"
-    model = found.model + Nameless()
-    with pytest.raises(
-        TaskcalError, match=r"is not written, for its file could not be read: the effect 'Nameless' comes"
-    ):
-        replace(found, model=model).save(path)
+    @dataclass(frozen=True, kw_only=True)
+    class Ordered(Harmonics, abstract=True):
+        def to_json(self):
+            return super().to_json() | {"mood": 1}
+
+    model, path = ErrorModel(load_robot("abb-irb6660-205-1.9")) + Ordered(orders=(1,)), tmp_path / "cal.json"
+    rng = np.random.default_rng(0)
+    campaign, _ = measure(rng, model, irb6660_positions(rng, 50), np.zeros(len(model)), sigma=3e-5)
+    with pytest.raises(TaskcalError, match=r"is not written, for its file could not be read: effect 1 is none: .*mood"):
+        identify(model, campaign).save(path)
     assert not path.exists()
 
 

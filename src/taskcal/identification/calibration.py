@@ -342,7 +342,7 @@ class Calibration:
         """The text of the file that `save` writes, once it was read back.
 
         Raises:
-            TaskcalError: the file would be refused on reading, such as with an effect that no imported module defines.
+            TaskcalError: the file would be refused on reading, or hold another calibration.
         """
         from taskcal.identification.calibration_file import expect_readable
 

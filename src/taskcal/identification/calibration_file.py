@@ -338,8 +338,12 @@ def load_calibration(path: str | Path) -> Calibration:
         raise FileError(path, str(error)) from error
 
 
-def calibration_from(data: dict[str, Any]) -> Calibration:
+def calibration_from(data: dict[str, Any], kinds: Sequence[type[Effect]] | None = None) -> Calibration:
     """The calibration that the content of a file describes.
+
+    Args:
+        data: the content.
+        kinds: of its effects; by default those that are registered under their names.
 
     Raises:
         TaskcalError: it is inconsistent in itself; the message names the key and its value.
@@ -355,7 +359,10 @@ def calibration_from(data: dict[str, Any]) -> Calibration:
         content = CalibrationFile.model_validate(data)
     except ValidationError as error:
         raise TaskcalError(f"{explain(error, CalibrationFile)}; it may have been edited: identify again") from error
-    effects = [_effect(number, effect) for number, effect in enumerate(content.effects, start=1)]
+    effects = [
+        _effect(number, effect, None if kinds is None else kinds[number - 1])
+        for number, effect in enumerate(content.effects, start=1)
+    ]
     try:
         return content.calibration(effects)
     except TaskcalError as error:
@@ -369,7 +376,7 @@ def expect_readable(text: str, calibration: Calibration) -> None:
         TaskcalError: it would be refused, or be another calibration.
     """
     try:
-        again = calibration_from(json.loads(text))
+        again = calibration_from(json.loads(text), [type(effect) for effect in calibration.model.effects])
         for name in ("z", "z_spread", "T_tracker_base", "T_tool_target"):
             if not np.array_equal(getattr(again, name), getattr(calibration, name)):
                 raise TaskcalError(f"'{name}' is read back as something else")
@@ -377,14 +384,16 @@ def expect_readable(text: str, calibration: Calibration) -> None:
         raise TaskcalError(f"the calibration is not written, for its file could not be read: {error}") from error
 
 
-def _effect(number: int, described: Mapping[str, Any]) -> Effect:
+def _effect(number: int, described: Mapping[str, Any], kind: type[Effect] | None) -> Effect:
     """An effect of a file.
 
     Raises:
         TaskcalError: it is not known, comes from a module that is not imported, or its options are not its own.
     """
     try:
-        return effect_from(described)
+        if kind is None:
+            return effect_from(described)
+        return kind.from_json({name: value for name, value in described.items() if name not in ("kind", "module")})
     except KeyError as error:
         raise TaskcalError(f"effect {number} lacks {error}; it may have been edited: identify again") from error
     except (TypeError, ValueError, AttributeError) as error:
