@@ -1,5 +1,7 @@
 """Physical effects beside the geometry: `model + Thermal()`; and what an effect of your own is made from."""
 
+from taskcal.geometry.chain import Fixed as Fixed
+from taskcal.geometry.chain import Joint as Joint
 from taskcal.public_names import load_renamed
 from taskcal.robot.effects import GEARS as GEARS
 from taskcal.robot.effects import PERIODIC as PERIODIC

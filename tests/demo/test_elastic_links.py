@@ -28,7 +28,7 @@ def test_a_link_turns_the_tool_by_its_moment_about_its_end(robot, q):
     """Against the lever by hand: the stand yields at the origin of axis 1, where all weights pull."""
     heavy = elastic_robot(robot)
     turn, shift = 1e-8, 2e-10
-    model = ErrorModel(heavy, effects=(ElasticLinks(turns=(turn,), shifts=(shift,), first=6),))
+    model = ErrorModel(heavy, effects=(ElasticLinks(turns=(turn,), shifts=(shift,)),))
     rigid = ErrorModel(heavy).poses(q)
     end = np.linalg.multi_dot([part.transform for part in heavy.joints[0].before] + [np.eye(4)] * 2)
     load = carried(heavy, 1, q)

@@ -50,7 +50,7 @@ def test_evidence_and_estimate_are_the_textbooks_in_both_forms(rows):
         assert at.log + reduced.log_alone == pytest.approx(expected)
         assert reduced.at(nothing).log == pytest.approx(0.0, abs=1e-12)
         np.testing.assert_allclose(reduced.mean(at.mean(groups.own)), mean, atol=1e-8)
-        np.testing.assert_allclose(reduced.covariance(at.covariance(groups.own)), S, atol=1e-8)
+        np.testing.assert_allclose(reduced.covariance(at.spread), S, atol=1e-8)
 
 
 def test_the_gradient_is_that_of_the_evidence():
@@ -94,11 +94,29 @@ def test_groups_that_are_nothing_make_what_is_like_them_small_and_leave_the_one_
 def test_averaging_over_the_sizes_adds_their_uncertainty():
     A, y, groups = problem(12)
     fit = find_sizes(reduce_rows(A, y, groups), np.zeros(3))
-    plain = fit.reduced.covariance(fit.evidence.covariance(groups.own))
+    plain = fit.reduced.covariance(fit.evidence.spread)
     mean, S = fit.averaged(200, np.random.default_rng(0))
     assert np.trace(S) > np.trace(plain)
     np.testing.assert_array_equal(mean, fit.reduced.mean(fit.evidence.mean(groups.own)))
     assert np.linalg.eigvalsh(S).min() > 0.0
+
+
+@pytest.mark.parametrize("rows", [15, 60])
+@pytest.mark.parametrize("precision", [1e2, 1e4, 1e5])
+def test_covariance_is_nowhere_negative_where_rows_are_precise(rows, precision):
+    """However much better than its prior a parameter is known, and however alike two of them are."""
+    rng = np.random.default_rng(0)
+    A = precision * rng.normal(size=(rows, 20))
+    A[:, 1] = A[:, 0] + 1e-4 * A[:, 2]
+    groups = Groups(group=np.arange(20) // 4 - 1, held=np.eye(4), location=np.zeros(4), spread=np.eye(4))
+    fit = find_sizes(reduce_rows(A, A @ rng.normal(size=20) + rng.normal(size=rows), groups), np.zeros(4))
+    for S in (fit.reduced.covariance(fit.evidence.spread), fit.averaged(12, rng)[1]):
+        deviation = np.sqrt(np.diag(S))
+        assert np.linalg.eigvalsh(S / deviation / deviation[:, None]).min() > -1e-13
+    prior = np.concatenate([np.ones(4), fit.evidence.root])
+    inverse = np.linalg.inv(np.linalg.qr(np.concatenate([A, np.diag(1.0 / prior)])).R)
+    variance = np.diag(fit.reduced.covariance(fit.evidence.spread))
+    np.testing.assert_allclose(variance, np.square(inverse).sum(axis=1), rtol=2e-2)
 
 
 def test_a_held_group_keeps_its_size():

@@ -1,15 +1,18 @@
 """Calibration files: back to the last bit, and refused with a reason where they are broken."""
 
 import json
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
-from taskcal.errors import FileError
+from taskcal.errors import FileError, TaskcalError
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.calibration_file import load_calibration
 from taskcal.identification.identify import identify
+from taskcal.identification.packed_covariance import factor_of
 from taskcal.robot.catalogue import load_robot
+from taskcal.robot.effects import Harmonics
 from taskcal.robot.error_model import ErrorModel
 from tests.laws.campaigns import measure
 from tests.laws.robots import irb6660_positions
@@ -100,7 +103,7 @@ def test_the_file_is_plain_json_that_names_format_version_units_and_parameters(s
     found, text = saved
     data = json.loads(text, parse_constant=lambda constant: pytest.fail(f"{constant} is not JSON"))
     assert data["format"] == "taskcal-calibration"
-    assert data["format_version"] == 6
+    assert data["format_version"] == 7
     assert data["units"] == "metres and radians"
     assert data["names"] == list(found.all_names)
     assert data["provenance"]["rows"] == 50
@@ -112,7 +115,11 @@ def test_a_file_of_the_first_version_is_read(tmp_path):
     found = calibration(keep=["J2", "J4.rz"])
     data = found.to_json()
     k = [*found.estimated, *range(45, len(found.z))]
-    data |= {"format_version": 1, "names": [found.all_names[i] for i in k], "estimate": found.z[k].tolist()}
+    data = in_sixth_version(data) | {
+        "format_version": 1,
+        "names": [found.all_names[i] for i in k],
+        "estimate": found.z[k].tolist(),
+    }
     data |= {"covariance": found.z_covariance[np.ix_(k, k)].tolist()}
     (tmp_path / "first.json").write_text(json.dumps(data))
     again = load_calibration(tmp_path / "first.json")
@@ -125,9 +132,18 @@ def test_a_file_of_the_first_version_is_read(tmp_path):
 def test_a_file_that_counted_outliers_among_the_fitted_rows_keeps_their_ids_alone(tmp_path):
     found = calibration()
     outlier = {"row": 7, "id": found.ids[7], "target": found.targets[0], "studentised": 9.0, "residual": 1e-3}
-    (tmp_path / "second.json").write_text(json.dumps(found.to_json() | {"format_version": 2, "outliers": [outlier]}))
+    (tmp_path / "second.json").write_text(
+        json.dumps(in_sixth_version(found.to_json()) | {"format_version": 2, "outliers": [outlier]})
+    )
     (again,) = load_calibration(tmp_path / "second.json").outliers
     assert (again.row, again.line, again.id, again.residual) == (None, None, found.ids[7], 1e-3)
+
+
+def in_sixth_version(data):
+    """Before the seventh version a file held the covariance, not its factor."""
+    size = len(data["names"])
+    B = factor_of(data.pop("covariance_factor"), size)
+    return data | {"format_version": 6, "covariance": (B @ B.T).tolist()}
 
 
 def edit(text, *path, value=None, remove=False):
@@ -140,6 +156,10 @@ def edit(text, *path, value=None, remove=False):
     else:
         place[path[-1]] = value
     return json.dumps(data)
+
+
+def sixth(text):
+    return json.dumps(in_sixth_version(json.loads(text)))
 
 
 def other(text, key, change):
@@ -191,15 +211,15 @@ BROKEN = {
         "'registration, T_tracker_base' is not a rigid transform",
     ),
     "covariance that is not symmetric": (
-        lambda text: other(text, "covariance", lopsided),
+        lambda text: other(sixth(text), "covariance", lopsided),
         r"'covariance' is none: of 'J1\.tx' and 'J1\.ty'",
     ),
     "covariance with a negative variance": (
-        lambda text: edit(text, "covariance", 1, 1, value=-1e-8),
+        lambda text: edit(sixth(text), "covariance", 1, 1, value=-1e-8),
         r"'covariance' is none: the variance of 'J1\.ty' is -1e-08",
     ),
     "covariance with impossible correlations": (
-        lambda text: other(text, "covariance", doubtless),
+        lambda text: other(sixth(text), "covariance", doubtless),
         "'covariance' is none: a combination of the parameters has the variance -",
     ),
     "names reversed": (
@@ -262,7 +282,7 @@ BROKEN = {
     "foreign": (lambda text: '{"format": "other"}', "is JSON, but not a calibration"),
     "later version": (
         lambda text: edit(text, "format_version", value=99),
-        r"has format version 99, this Taskcal reads 1 to 6",
+        r"has format version 99, this Taskcal reads 1 to 7",
     ),
     "no version": (lambda text: edit(text, "format_version", remove=True), "has format version None"),
     "no robot": (
@@ -281,14 +301,34 @@ BROKEN = {
     "estimate of text": (lambda text: edit(text, "estimate", 0, value="much"), "estimate 1: is not a number.*much"),
     "estimate with a gap": (lambda text: edit(text, "estimate", 0, value=None), "estimate 1: is not a number"),
     "covariance with a gap": (
-        lambda text: edit(text, "covariance", 2, 3, value=None),
+        lambda text: edit(sixth(text), "covariance", 2, 3, value=None),
         "covariance 3 4: is not a number",
+    ),
+    "no covariance": (
+        lambda text: edit(sixth(text), "covariance", remove=True),
+        "is inconsistent: 'covariance' is missing",
+    ),
+    "no factor": (
+        lambda text: edit(text, "covariance_factor", remove=True),
+        "is inconsistent: 'covariance_factor' is missing",
+    ),
+    "factor with a gap": (
+        lambda text: edit(text, "covariance_factor", 3, 2, value=None),
+        "covariance_factor 4 3: is not a number",
+    ),
+    "factor with a longer row": (
+        lambda text: edit(text, "covariance_factor", 1, value=[0.0, 0.0, 0.0]),
+        "is inconsistent: 'covariance_factor' 2 has 3 numbers, not 2",
+    ),
+    "factor with a row less": (
+        lambda text: other(text, "covariance_factor", lambda rows: rows[:-1]),
+        r"is inconsistent: 'covariance_factor' has \d+ rows, not \d+",
     ),
     "frame with a gap": (
         lambda text: edit(text, "T_tracker_base", 0, 0, value=None),
         "T_tracker_base 1 1: is not a number",
     ),
-    "ragged covariance": (lambda text: edit(text, "covariance", 0, value=[1.0]), "is inconsistent"),
+    "ragged covariance": (lambda text: edit(sixth(text), "covariance", 0, value=[1.0]), "is inconsistent"),
     "residuals of other rows": (lambda text: edit(text, "ids", value=["a"]), "is inconsistent: 'residuals' has shape"),
     "provenance edited": (
         lambda text: edit(text, "provenance", "mood", value="good"),
@@ -330,6 +370,37 @@ def test_a_missing_or_binary_file_says_so(tmp_path):
     (tmp_path / "cal.json").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(FileError, match=r"cal\.json: is not a calibration: it is not UTF-8 text"):
         load_calibration(tmp_path / "cal.json")
+
+
+@pytest.mark.parametrize(
+    "broken", [{"z": [np.nan]}, {"z_spread": [[np.inf]]}, {"T_tracker_base": np.diag([2.0, 1, 1, 1])}]
+)
+def test_calibration_that_could_not_be_read_is_not_written(tmp_path, saved, broken):
+    """What a file holds is read back first: the file that was there stays."""
+    found = saved[0]
+    path = tmp_path / "cal.json"
+    path.write_text("what was there")
+    parts = {name: np.array(value) + 0.0 * getattr(found, name) for name, value in broken.items()}
+    with pytest.raises(TaskcalError, match="the calibration is not written"):
+        replace(found, **parts).save(path)
+    assert path.read_text() == "what was there"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_calibration_with_options_that_come_back_otherwise_is_not_written(tmp_path):
+    """An effect of one's own whose options JSON turns into something else."""
+
+    @dataclass(frozen=True, kw_only=True)
+    class Ordered(Harmonics, abstract=True):
+        def to_json(self):
+            return super().to_json() | {"mood": 1}
+
+    model, path = ErrorModel(load_robot("abb-irb6660-205-1.9")) + Ordered(orders=(1,)), tmp_path / "cal.json"
+    rng = np.random.default_rng(0)
+    campaign, _ = measure(rng, model, irb6660_positions(rng, 50), np.zeros(len(model)), sigma=3e-5)
+    with pytest.raises(TaskcalError, match=r"is not written, for its file could not be read: effect 1 is none: .*mood"):
+        identify(model, campaign).save(path)
+    assert not path.exists()
 
 
 def test_a_calibration_of_nominal_lengths_saves_and_loads(tmp_path):

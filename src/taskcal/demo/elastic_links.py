@@ -31,21 +31,19 @@ class ElasticLinks(Effect, abstract=True):
     """Of the same, metres per newton."""
     spread: float = 0.3
     """Standard deviation of both from robot to robot, as a share."""
-    first: int
-    """Number of the first chain coordinate that no other effect moves."""
 
     def term(self, robot: Robot) -> LinearTerm:
         """Parameters ``J2.turn`` and ``J2.shift``, of what carries axis 2: deviations from the stated compliance."""
-        count = len(self.turns)
+        count, first = len(self.turns), len(robot.joints)
         names = [f"{robot.joint_names[link]}.{part}" for link in range(count) for part in ("shift", "turn")]
         nominal = np.stack([self.shifts, self.turns], axis=1).ravel()
-        pairs = [(self.first + AXES * link + c, 2 * link + (c >= 3)) for link in range(count) for c in range(AXES)]
+        pairs = [(first + AXES * link + c, 2 * link + (c >= 3)) for link in range(count) for c in range(AXES)]
         return LinearTerm(
             names=tuple(names),
             units=("m/N", "rad/Nm") * count,
             tolerances=tuple((self.spread * nominal).tolist()),
             pairs=np.array(pairs),
-            coordinates=self.first + AXES * count,
+            coordinates=first + AXES * count,
             basis=lambda q: carried(robot, count, q),
             nominal=nominal,
         )
@@ -55,9 +53,9 @@ class ElasticLinks(Effect, abstract=True):
         out: list[Step] = []
         link = 0
         for step in steps:
-            if isinstance(step, Joint) and step.number is None:
+            if isinstance(step, Joint):
                 if link < len(self.turns):
-                    out += _yielding(self.first + AXES * link)
+                    out += _yielding(len(robot.joints) + AXES * link)
                 link += 1
             out.append(step)
         return tuple(out)

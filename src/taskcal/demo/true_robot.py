@@ -123,7 +123,6 @@ def draw_true_robot(robot: Robot, rng: np.random.Generator, sizes: Sizes | None 
         ElasticLinks(
             turns=tuple(s.links * c for c in LINK_TURNS),
             shifts=tuple(s.links * c for c in LINK_SHIFTS),
-            first=joints + (expansion.coordinates if s.expansion else 0),
         ): s.links,
         replace(gears, eccentricity=s.gears * gears.eccentricity, ripple=s.gears * gears.ripple): s.gears,
         Backlash(joints=large, tolerance=s.lost_motion * LOST): s.lost_motion,

@@ -28,11 +28,6 @@ class UnevenExpansion(ThermalExpansion, abstract=True):
     per: ClassVar[str] = ""
     least: ClassVar[float] = 0.0
 
-    @property
-    def coordinates(self) -> int:
-        """Of the chain, that it adds to the robot's own."""
-        return len(DRIFT) + len(self.joints or ())
-
     def term(self, robot: Robot) -> LinearTerm:
         """Parameters of `ThermalExpansion`, each with its own course."""
         term = super().term(robot)

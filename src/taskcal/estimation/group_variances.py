@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
+from taskcal.estimation.scaled import invert_positive
 from taskcal.geometry.chunks import in_chunks
 
 LONGEST_STEP = 2.5
@@ -123,13 +124,12 @@ class Reduced:
         out[self.groups.ungrouped] = self.alone - self.back @ x
         return out
 
-    def covariance(self, S: Float[np.ndarray, "grouped grouped"]) -> Float[np.ndarray, "p p"]:
-        """Of all parameters, from that of the grouped ones."""
-        k, f, across = self.groups.grouped, self.groups.ungrouped, -self.back @ S
-        out = np.zeros((len(self.groups.group),) * 2)
-        out[np.ix_(k, k)] = S
-        out[np.ix_(f, k)], out[np.ix_(k, f)] = across, across.T
-        out[np.ix_(f, f)] = self.alone_covariance - across @ self.back.T
+    def covariance(self, spread: Float[np.ndarray, "grouped m"]) -> Float[np.ndarray, "p p"]:
+        """Of all parameters, from B of the grouped ones, whose covariance is B·Bᵀ: a sum of squares, negative nowhere."""
+        f, whole = self.groups.ungrouped, np.zeros((len(self.groups.group), spread.shape[1]))
+        whole[self.groups.grouped], whole[f] = spread, -self.back @ spread
+        out = whole @ whole.T
+        out[np.ix_(f, f)] += self.alone_covariance
         return out
 
 
@@ -169,10 +169,17 @@ class Evidence:
         """Of the grouped parameters."""
         return np.exp(self.log_variances)[own] * self.g
 
-    def covariance(self, own: Int[np.ndarray, " grouped"]) -> Float[np.ndarray, "grouped grouped"]:
-        """Of the grouped parameters."""
-        v = np.exp(self.log_variances)[own]
-        return np.diag(v) - v[:, None] * self.M * v
+    @cached_property
+    def spread(self) -> Float[np.ndarray, "grouped grouped"]:
+        """B, with B·Bᵀ the covariance of the grouped parameters: √D·L⁻ᵀ, L the Cholesky factor of 1 + √D·AᵀA·√D.
+
+        D − D·AᵀPA·D would lose as many digits as the data know a parameter better than its prior, twice over.
+        """
+        L, A = self.L, self.reduced.A
+        if A is not None:
+            scaled = A * self.root
+            L = np.linalg.cholesky(np.eye(len(self.root)) + scaled.T @ scaled)
+        return solve_triangular(L, np.diag(self.root), lower=True).T
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -194,17 +201,17 @@ class GroupedFit:
         own, searched = self.reduced.groups.own, self.reduced.groups.searched
         likeliest = self.evidence.mean(own)
         if not len(searched) or draws < 2:
-            return self.reduced.mean(likeliest), self.reduced.covariance(self.evidence.covariance(own))
+            return self.reduced.mean(likeliest), self.reduced.covariance(self.evidence.spread)
         spread = solve_triangular(np.linalg.cholesky(self.information), np.eye(len(searched)), lower=True).T
-        S = np.zeros((len(own), len(own)))
+        S = np.zeros((len(self.reduced.groups.group),) * 2)
         for _ in range(draws // 2):
             step = np.zeros(len(self.evidence.log_variances))
             step[searched] = spread @ rng.standard_normal(len(searched))
             for sign in (1.0, -1.0):
                 at = self.reduced.at(self.evidence.log_variances + sign * step)
                 apart = at.mean(own) - likeliest
-                S += at.covariance(own) + np.outer(apart, apart)
-        return self.reduced.mean(likeliest), self.reduced.covariance(S / (2 * (draws // 2)))
+                S += self.reduced.covariance(np.column_stack([at.spread, apart]))
+        return self.reduced.mean(likeliest), S / (2 * (draws // 2))
 
 
 def reduce_rows(A: Float[np.ndarray, "rows p"], y: Float[np.ndarray, " rows"], groups: Groups) -> Reduced:
@@ -229,7 +236,7 @@ def reduce_rows(A: Float[np.ndarray, "rows p"], y: Float[np.ndarray, " rows"], g
         y=y - free @ alone,
         back=back,
         alone=alone,
-        alone_covariance=cho_solve(factor, np.eye(len(f))),
+        alone_covariance=invert_positive(precision),
         log_alone=_log_alone(float(y @ y - pull @ alone), precision, groups.held),
     )
 
@@ -249,7 +256,7 @@ def reduce_normal(H: Float[np.ndarray, "p p"], b: Float[np.ndarray, " p"], squar
         y=None,
         back=back,
         alone=alone,
-        alone_covariance=cho_solve(factor, np.eye(len(f))),
+        alone_covariance=invert_positive(precision),
         log_alone=_log_alone(square - float(b[f] @ alone), precision, groups.held),
     )
 

@@ -52,6 +52,36 @@ def invert_positive(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     return inverse + np.tril(inverse, -1).T
 
 
+def factor_positive(C: Float[np.ndarray, "p p"], tolerance: float) -> Float[np.ndarray, "p p"]:
+    """Lower triangular L with L·Lᵀ = C, a positive semidefinite matrix of very different scales, by Cholesky on unit diagonal.
+
+    L·Lᵀ differs from C by less than (p + 1)·1.2·10⁻¹⁶·√(Cᵢᵢ·Cⱼⱼ) in every entry (Higham 2002, Accuracy and Stability of
+    Numerical Algorithms, theorem 10.3). Where C is singular, its eigenvalues on unit diagonal that rounding left under zero
+    are taken for zero.
+
+    Args:
+        C: the matrix, of which the lower triangle is looked at.
+        tolerance: how far under zero an eigenvalue on unit diagonal may be.
+
+    Raises:
+        numpy.linalg.LinAlgError: C is not positive semidefinite.
+    """
+    scale, diagonal = inverse_scale(C), np.diag(C)
+    if not len(C):  # which LAPACK refuses
+        return C.copy()
+    if not np.isfinite(C).all() or diagonal.min() < 0.0:
+        raise np.linalg.LinAlgError(f"its least entry on the diagonal is {diagonal.min():.2g}")
+    unit = C * scale * scale[:, None]
+    factor, info = _lapack("potrf")(unit, lower=True, clean=True)
+    if info:
+        values, vectors = np.linalg.eigh(unit)
+        if values[0] < -tolerance:
+            raise np.linalg.LinAlgError(f"its least eigenvalue on unit diagonal is {values[0]:.2g}")
+        upper = np.linalg.qr((vectors * np.sqrt(np.maximum(values, 0.0))).T).R
+        factor = (upper * np.where(np.diag(upper) < 0.0, -1.0, 1.0)[:, None]).T
+    return np.where(diagonal[:, None] > 0.0, factor / scale[:, None], 0.0)
+
+
 def invert_scaled(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     """Inverse of a symmetric matrix, by elimination on unit diagonal.
 

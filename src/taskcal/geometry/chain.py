@@ -8,12 +8,15 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.short_repr import short_repr
+
 JointKind = Literal["revolute", "prismatic"]
 """Whether a joint turns or slides."""
 
 FIXED, REVOLUTE, PRISMATIC, ERROR_FRAME = range(4)
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Fixed:
     """A fixed part of the chain."""

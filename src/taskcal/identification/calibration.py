@@ -10,7 +10,8 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.errors import CampaignError
+from taskcal.errors import CampaignError, TaskcalError
+from taskcal.estimation.blas import single_threaded
 from taskcal.files import write_whole
 from taskcal.geometry import se3, walk
 from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
@@ -42,8 +43,8 @@ class Calibration:
     """Model parameters that were estimated; the others stay zero and are considered."""
     z: Float[np.ndarray, " z"]
     """All parameters, tracker frame and targets, in the order of `all_names`."""
-    z_covariance: Float[np.ndarray, "z z"]
-    """Covariance of their error; of a parameter that was not estimated its prior's."""
+    z_spread: Float[np.ndarray, "z z"]
+    """Lower triangular B of the covariance B·Bᵀ of their error, which so is negative nowhere."""
     T_tracker_base: Float[np.ndarray, "4 4"]
     """Pose of the robot's base in the tracker frame."""
     T_tool_target: Float[np.ndarray, "targets 4 4"]
@@ -117,6 +118,12 @@ class Calibration:
     def estimate(self) -> Float[np.ndarray, " p"]:
         """Every parameter of the model, zero where not kept, metres and radians."""
         return self.layout.parameters(self.z)
+
+    @cached_property
+    @single_threaded
+    def z_covariance(self) -> Float[np.ndarray, "z z"]:
+        """Covariance of the error of z; of a parameter that was not estimated its prior's."""
+        return self.z_spread @ self.z_spread.T
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "p p"]:
@@ -327,12 +334,24 @@ class Calibration:
 
         Raises:
             FileError: the folder is missing or not writable.
+            TaskcalError: as `to_text`; nothing is written then.
         """
         write_whole(path, self.to_text())
 
     def to_text(self) -> str:
-        """The text of the file that `save` writes."""
-        return json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n"
+        """The text of the file that `save` writes, once it was read back.
+
+        Raises:
+            TaskcalError: the file would be refused on reading, or hold another calibration.
+        """
+        from taskcal.identification.calibration_file import expect_readable
+
+        try:
+            text = json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n"
+        except ValueError as error:
+            raise TaskcalError(f"the calibration is not written, as it holds what is no number: {error}") from error
+        expect_readable(text, self)
+        return text
 
     def to_json(self) -> dict[str, Any]:
         """The content of the file."""

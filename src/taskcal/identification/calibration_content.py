@@ -7,7 +7,7 @@ import numpy as np
 
 from taskcal.identification.calibration_envelope import FORMAT, FORMAT_VERSION
 from taskcal.identification.observation_layout import ObservationLayout
-from taskcal.identification.packed_covariance import describe_covariance
+from taskcal.identification.packed_covariance import describe_factor
 from taskcal.measurement.registration_file import describe_registration
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
         "registration": describe_registration(calibration.layout.registration),
         "names": list(calibration.all_names),
         "estimate": calibration.z.tolist(),
-        "covariance": describe_covariance(calibration.z_covariance),
+        "covariance_factor": describe_factor(calibration.z_spread),
         "T_tracker_base": calibration.T_tracker_base.tolist(),
         "T_tool_target": calibration.T_tool_target.tolist(),
         "model_error": list(calibration.model_error),

@@ -7,11 +7,11 @@ from taskcal.errors import FileError, shown
 from taskcal.text_file import read_json
 
 FORMAT = "taskcal-calibration"
-FORMAT_VERSION = 6
+FORMAT_VERSION = 7
 """Version 1 held estimate and covariance of the parameters that were estimated, and of no others; versions 1 and 2 counted
 the rows of outliers among those fitted, and named no line; before version 4 no joint had an error of its own, and no
 covariance was packed; before version 5 neither the joint positions nor what rows held out showed were kept; before version 6 a
-tracker had measured everything."""
+tracker had measured everything; before version 7 the covariance itself was held, not its factor."""
 
 
 def read_envelope(path: Path) -> dict[str, Any]:

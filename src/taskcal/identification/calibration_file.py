@@ -1,5 +1,6 @@
 """The calibration file: its schema, and the calibration it describes."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from jaxtyping import Float
 from pydantic import Field, ValidationError
 
 from taskcal.errors import FileError, TaskcalError, shown
+from taskcal.estimation.scaled import factor_positive
 from taskcal.geometry.described_arrays import array_of, of_shape, rigid
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.calibration_envelope import read_envelope
@@ -19,7 +21,7 @@ from taskcal.identification.held_out import HeldOut
 from taskcal.identification.observation_layout import ObservationLayout
 from taskcal.identification.observation_section import ObservationSection
 from taskcal.identification.outlier import LeftOut, Outlier
-from taskcal.identification.packed_covariance import unpack_covariance
+from taskcal.identification.packed_covariance import factor_of, unpack_covariance, unpack_factor
 from taskcal.identification.problem import FrameLayout
 from taskcal.identification.provenance import Provenance
 from taskcal.measurement.observation import Observation
@@ -32,6 +34,9 @@ from taskcal.toml_file import Finite, NotNegative, Section, explain
 
 SYMMETRY_TOLERANCE = 1e-6
 """Of a covariance, relative to the two standard deviations; rounding of the fit leaves 10⁻⁹ at the worst."""
+
+FACTOR_FROM = 7
+"""Format version from which on a file holds a factor of the covariance."""
 
 Count = Annotated[int, Field(strict=True, ge=0, le=10**9)]
 Real = Annotated[float, Field(strict=True, ge=-1e300, le=1e300, allow_inf_nan=False)]
@@ -149,7 +154,8 @@ class CalibrationFile(Section):
     registration: RegistrationSection
     names: Texts
     estimate: Vector
-    covariance: Matrix
+    covariance: Matrix | None = None
+    covariance_factor: list[Vector] | None = None
     T_tracker_base: Matrix
     T_tool_target: list[Matrix]
     model_error: list[NotNegative]
@@ -197,13 +203,12 @@ class CalibrationFile(Section):
         if self.provenance.rows < rows:
             raise TaskcalError(f"'ids' names {rows} rows, 'provenance' {self.provenance.rows}")
         z = array_of("estimate", self.estimate, (size,))
-        covariance = _covariance(array_of("covariance", self.covariance, (size, size)), written.names)
         return Calibration(
             model=model,
             layout=layout,
             estimated=estimated,
             z=spread_out(z, written, layout),
-            z_covariance=spread_out(covariance, written, layout),
+            z_spread=spread_out(self._spread(written.names), written, layout),
             T_tracker_base=rigid("T_tracker_base", array_of("T_tracker_base", self.T_tracker_base, (4, 4))),
             T_tool_target=rigid(
                 "T_tool_target", array_of("T_tool_target", self.T_tool_target, (len(self.targets), 4, 4))
@@ -260,6 +265,18 @@ class CalibrationFile(Section):
             if wanted not in (name, current_parameter(name)):
                 raise TaskcalError(f"'names' {number} is '{shown(name)}', where '{wanted}' belongs")
 
+    def _spread(self, names: tuple[str, ...]) -> Float[np.ndarray, "z z"]:
+        """Factor of the covariance; in a file of an older version of the covariance that it holds."""
+        size = len(names)
+        if self.format_version >= FACTOR_FROM:
+            if self.covariance_factor is None:
+                raise TaskcalError("'covariance_factor' is missing")
+            return factor_of(self.covariance_factor, size)
+        if self.covariance is None:
+            raise TaskcalError("'covariance' is missing")
+        C = _covariance(array_of("covariance", self.covariance, (size, size)), names)
+        return factor_positive(0.5 * (C + C.T), SYMMETRY_TOLERANCE * size)
+
     def _group_deviations(self, parameters: int) -> Float[np.ndarray, " p"] | None:
         if self.group_deviations is None:
             return None
@@ -315,34 +332,70 @@ def load_calibration(path: str | Path) -> Calibration:
     """
     path = Path(path)
     data = read_envelope(path)
-    if isinstance(data.get("covariance"), dict):
-        try:
-            data["covariance"] = unpack_covariance(data["covariance"]).tolist()
-        except TaskcalError as error:
-            raise FileError(path, f"{error}; it may have been edited: identify again") from error
+    try:
+        return calibration_from(data)
+    except TaskcalError as error:
+        raise FileError(path, str(error)) from error
+
+
+def calibration_from(data: dict[str, Any], kinds: Sequence[type[Effect]] | None = None) -> Calibration:
+    """The calibration that the content of a file describes.
+
+    Args:
+        data: the content.
+        kinds: of its effects; by default those that are registered under their names.
+
+    Raises:
+        TaskcalError: it is inconsistent in itself; the message names the key and its value.
+    """
+    try:
+        if isinstance(packed := data.get("covariance_factor"), dict):
+            data = {**data, "covariance_factor": unpack_factor(packed)}
+        if isinstance(packed := data.get("covariance"), dict):
+            data = {**data, "covariance": unpack_covariance(packed).tolist()}
+    except TaskcalError as error:
+        raise TaskcalError(f"{error}; it may have been edited: identify again") from error
     try:
         content = CalibrationFile.model_validate(data)
     except ValidationError as error:
-        raise FileError(path, f"{explain(error, CalibrationFile)}; it may have been edited: identify again") from error
-    effects = [_effect(path, number, effect) for number, effect in enumerate(content.effects, start=1)]
+        raise TaskcalError(f"{explain(error, CalibrationFile)}; it may have been edited: identify again") from error
+    effects = [
+        _effect(number, effect, None if kinds is None else kinds[number - 1])
+        for number, effect in enumerate(content.effects, start=1)
+    ]
     try:
         return content.calibration(effects)
     except TaskcalError as error:
-        raise FileError(path, f"is inconsistent: {error}; it may have been edited: identify again") from error
+        raise TaskcalError(f"is inconsistent: {error}; it may have been edited: identify again") from error
 
 
-def _effect(path: Path, number: int, described: Mapping[str, Any]) -> Effect:
+def expect_readable(text: str, calibration: Calibration) -> None:
+    """Read the text of a calibration's file back before it is written.
+
+    Raises:
+        TaskcalError: it would be refused, or be another calibration.
+    """
+    try:
+        again = calibration_from(json.loads(text), [type(effect) for effect in calibration.model.effects])
+        for name in ("z", "z_spread", "T_tracker_base", "T_tool_target"):
+            if not np.array_equal(getattr(again, name), getattr(calibration, name)):
+                raise TaskcalError(f"'{name}' is read back as something else")
+    except TaskcalError as error:
+        raise TaskcalError(f"the calibration is not written, for its file could not be read: {error}") from error
+
+
+def _effect(number: int, described: Mapping[str, Any], kind: type[Effect] | None) -> Effect:
     """An effect of a file.
 
     Raises:
-        FileError: it is not known, comes from a module that is not imported, or its options are not its own.
+        TaskcalError: it is not known, comes from a module that is not imported, or its options are not its own.
     """
     try:
-        return effect_from(described)
-    except TaskcalError as error:
-        raise FileError(path, str(error)) from error
+        if kind is None:
+            return effect_from(described)
+        return kind.from_json({name: value for name, value in described.items() if name not in ("kind", "module")})
     except KeyError as error:
-        raise FileError(path, f"effect {number} lacks {error}; it may have been edited: identify again") from error
+        raise TaskcalError(f"effect {number} lacks {error}; it may have been edited: identify again") from error
     except (TypeError, ValueError, AttributeError) as error:
         message = f"effect {number} is none: {shown(error)}; it may have been edited: identify again"
-        raise FileError(path, message) from error
+        raise TaskcalError(message) from error

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from taskcal.errors import FitError
 from taskcal.estimation.blas import single_threaded
 from taskcal.estimation.least_squares import Solution, fit
-from taskcal.estimation.scaled import solve_scaled
+from taskcal.estimation.scaled import invert_positive
 from taskcal.geometry.normal_equations import SQUARED
 from taskcal.identification.belief import belief_of
 from taskcal.identification.calibration import Calibration
@@ -21,6 +21,7 @@ from taskcal.identification.gross_errors import GROSS_SIGMAS
 from taskcal.identification.identify import identify
 from taskcal.identification.observation_layout import problem_of
 from taskcal.identification.outlier import studentise
+from taskcal.identification.packed_covariance import spread_of
 from taskcal.identification.problem import whitener
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.chunked_campaign import ChunkedCampaign
@@ -98,8 +99,7 @@ def identify_in_chunks(
     solution, precision = _fit_all(first, campaign, wrong, noise)
     if not solution.converged:
         raise FitError(f"the fit of all rows did not converge: {solution.reason}; fit fewer of them at once")
-    inverse = solve_scaled(solution.information + precision, np.eye(len(precision)))
-    calibration = _with_all(first, solution, 0.5 * (inverse + inverse.T), campaign, options)
+    calibration = _with_all(first, solution, invert_positive(solution.information + precision), campaign, options)
     fitted, unseen = ErrorsOfMany(), ErrorsOfMany()
     for start, part in campaign:
         right = ~wrong[start]
@@ -174,7 +174,7 @@ def _with_all(
     return replace(
         first,
         z=solution.z,
-        z_covariance=covariance,
+        z_spread=spread_of(covariance),
         T_tracker_base=T_tracker_base,
         T_tool_target=T_tool_target,
         residuals=residual,

@@ -19,10 +19,14 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.estimation.scaled import factor_positive
 from taskcal.identification.belief import Belief
 from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.problem import FrameLayout, Problem
 from taskcal.identification.weighed_fit import Fitted
+
+ROUNDING = 1e-9
+"""Eigenvalues under zero that sums over all rows leave on unit diagonal, at most."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -90,12 +94,14 @@ def consider(
     prior = believed.covariance(hyper.prior_factor)
     F = fit.posterior
     A = F @ belief.precision(fit.hyper.prior_factor)
-    C = np.zeros((len(z), len(z)))
-    C[np.ix_(k, k)] = A @ prior[np.ix_(k, k)] @ A.T + F @ B[np.ix_(k, k)] @ F
     G = np.zeros((len(z), len(d)))
     G[k], G[d] = -F @ H[np.ix_(k, d)], np.eye(len(d))
-    C += G @ prior[np.ix_(d, d)] @ G.T
-    C = 0.5 * (C + C.T)
+    # each part as a square, so that rounding leaves no variance under zero
+    spread = np.zeros((len(z), 2 * len(k)))
+    spread[k, : len(k)] = A @ _factor(prior[np.ix_(k, k)])
+    spread[k, len(k) :] = F @ _factor(B[np.ix_(k, k)])
+    spread = np.concatenate([spread, G @ _factor(prior[np.ix_(d, d)])], axis=1)
+    C = spread @ spread.T
     followed = fit.prediction_covariance @ W @ R
     own = R - followed - np.swapaxes(followed, -1, -2) + whole.propagate(z, C)[1]
     return Outcome(
@@ -119,6 +125,10 @@ def spread_out(values: Float[np.ndarray, "..."], some: FrameLayout, whole: Frame
 def _entries(some: FrameLayout, whole: FrameLayout) -> Int[np.ndarray, " k"]:
     """Where the entries of a layout stand in that of all parameters."""
     return np.concatenate([some.kept, np.arange(len(whole.kept), len(whole.names))])
+
+
+def _factor(C: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "k k"]:
+    return factor_positive(C, ROUNDING)
 
 
 def _root(weights: Float[np.ndarray, "n targets b b"]) -> Float[np.ndarray, "n targets b b"]:

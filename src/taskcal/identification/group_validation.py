@@ -142,7 +142,7 @@ def _squares(rows: _Rows, fold: GroupedFit) -> Float[np.ndarray, " n"]:
     """Expected squares of what a fold's fit leaves."""
     own = fold.reduced.groups.own
     x = fold.reduced.mean(fold.evidence.mean(own))
-    S = fold.reduced.covariance(fold.evidence.covariance(own))
+    S = fold.reduced.covariance(fold.evidence.spread)
     n, m, p = rows.A.shape
     A = rows.A[judged_rows(n)]
     spread = np.einsum("nip,nip->n", (A.reshape(-1, p) @ S).reshape(-1, m, p), A)

@@ -18,6 +18,7 @@ from taskcal.identification.hyperparameter_search import MAX_ROUNDS, fit_with_hy
 from taskcal.identification.informed_parameters import tells_nothing
 from taskcal.identification.observation_layout import layout_of, problem_of
 from taskcal.identification.outlier import studentise
+from taskcal.identification.packed_covariance import spread_of
 from taskcal.identification.provenance import Provenance
 from taskcal.identification.unseen_size import size_is_unseen, with_size_held
 from taskcal.identification.weighed_fit import Fitted
@@ -186,7 +187,7 @@ def _conclude(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOpt
         layout=layout,
         estimated=outcome.estimated,
         z=outcome.z,
-        z_covariance=outcome.covariance,
+        z_spread=spread_of(outcome.covariance),
         T_tracker_base=T_tracker_base,
         T_tool_target=T_tool_target,
         residuals=fit.residual,

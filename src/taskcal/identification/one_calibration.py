@@ -11,6 +11,7 @@ from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.linearisation import linearise_rows
 from taskcal.identification.one_model import GEOMETRY, MOST_ROUNDS, OneFit
 from taskcal.identification.outlier import studentise
+from taskcal.identification.packed_covariance import spread_of
 from taskcal.identification.provenance import Provenance
 from taskcal.identification.row_errors import log_weights
 from taskcal.measurement.campaign import Campaign
@@ -58,7 +59,7 @@ def calibrate(
         layout=replace(layout, kept=np.arange(len(model))),
         estimated=estimated,
         z=z,
-        z_covariance=0.5 * stretch * (S + S.T),
+        z_spread=spread_of(0.5 * stretch * (S + S.T)),
         T_tracker_base=T_tracker_base,
         T_tool_target=T_tool_target,
         residuals=residual,

@@ -290,7 +290,7 @@ def spread_to_all(values: Float[np.ndarray, " k"], n: int) -> Float[np.ndarray, 
 def _rescore(fitted: OneFit, x: Float[np.ndarray, " z"]) -> tuple[RowErrors, Float[np.ndarray, " n"]]:
     """The errors of single poses and the weights of these, one step on."""
     found, A = fitted.found, fitted.A
-    S = found.reduced.covariance(found.evidence.covariance(fitted.one.groups.own))
+    S = found.reduced.covariance(found.evidence.spread)
     n, m = fitted.y.shape
     left, judged = fitted.y - A @ x, judged_rows(n)
     followed = (A[judged].reshape(len(judged) * m, -1) @ S).reshape(len(judged), m, -1)

@@ -81,7 +81,7 @@ def find_clear_orders(fitted: OneFit, effect: str) -> dict[str, tuple[str, float
     """
     one, found = fitted.one, fitted.found
     own = found.reduced.groups.own
-    x, S = found.evidence.mean(own), np.diag(found.evidence.covariance(own))
+    x, S = found.evidence.mean(own), np.square(found.evidence.spread).sum(axis=1)
     v = np.exp(found.evidence.log_variances)[own]
     labels, names = [one.labels[g] for g in own], [one.problem.frames.names[i] for i in one.groups.grouped]
     chance = x**2 / np.maximum(v - S, 1e-6 * v)

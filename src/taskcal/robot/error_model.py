@@ -14,7 +14,7 @@ from taskcal.geometry.chunks import in_chunks
 from taskcal.repeated import repeated
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Effect, LinearTerm
-from taskcal.robot.effects.declared_term import term_on
+from taskcal.robot.effects.declared_term import terms_on
 from taskcal.robot.error_frames import defect_steps, length_steps
 from taskcal.robot.joint_side import JointSide, JointTerm, Slope, Walk
 from taskcal.robot.load import Load
@@ -60,14 +60,11 @@ class ErrorModel:
                 f"{robot.name} has joints that others drive ({robot.driven[0].name}); how effects pass through their linkage is "
                 "not modelled: identify it without effects"
             )
-        added = [term_on(effect, robot) for effect in self.effects]
+        steps, slots = length_steps(robot) if lengths_only else defect_steps(robot)
+        added, self.steps = terms_on(self.effects, robot, steps)
         self._idle = tuple(term.nominal is None for term in added)
         self.effect_names = tuple(name for term in added for name in term.names)
         self.terms = (*(() if robot.four_bar is None else (robot.four_bar,)), *added)
-        steps, slots = length_steps(robot) if lengths_only else defect_steps(robot)
-        for effect in self.effects:
-            steps = effect.extend(robot, steps)
-        self.steps = tuple(steps)
         named = [(f, c, name) for f, frame in enumerate(slots) for c, name in enumerate(frame) if name]
         units = ["m" if c < 3 else "rad" for _, c, _ in named]
         names = [name for _, _, name in named]
@@ -341,10 +338,9 @@ class ErrorModel:
 
     def slope(self, slopes: Sequence[Slope]) -> Float[np.ndarray, "m coordinates joints"]:
         """∂s/∂q of the joint map and of some joint-side terms; m is 1 where none changes it from pose to pose."""
-        joints = len(self.robot.joints)
-        own: np.ndarray = self.robot.joint_map.matrix[None]
-        for slope in slopes:
-            own = own + slope()[:, :joints]
-        out = np.zeros((len(own), self.chain.joints, joints))  # what effects add to the chain stands still
-        out[:, : own.shape[1]] = own
+        matrix = self.robot.joint_map.matrix
+        moved = [slope() for slope in slopes]
+        out = np.zeros((max(map(len, moved), default=1), self.chain.joints, matrix.shape[1]))
+        for part in (matrix[None], *moved):
+            out[:, : part.shape[1]] += part
         return out

@@ -143,7 +143,15 @@ class Effect:
         return []
 
     def extend(self, robot: Robot, steps: Sequence[Step]) -> tuple[Step, ...]:
-        """The chain with the joints that the effect adds to the robot's own, which its term then moves; by default none."""
+        """The chain with the joints that the effect adds to the robot's own, which its term then moves; by default none.
+
+        Its joints are numbered from ``len(robot.joints)`` on, in `extend` as in the term's pairs, whatever other effects add:
+        the model gives every effect coordinates of its own. All given steps are returned, in their order.
+
+        Args:
+            robot: the robot.
+            steps: of the chain; the joints among them are the robot's, those of other effects stand still as fixed parts.
+        """
         return tuple(steps)
 
     def to_json(self) -> dict[str, Any]:
