@@ -14,13 +14,13 @@ from taskcal.geometry.normal_equations import SQUARED
 from taskcal.geometry.observations import Walked
 from taskcal.identification.belief import frame_precision
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.hyperparameter_search import SLOW
 from taskcal.identification.linearisation import linearise_rows
 from taskcal.identification.observation_layout import layout_of, problem_of
 from taskcal.identification.observed_errors import residuals_by_kind, unknowns_of
 from taskcal.identification.prediction_errors import Validation
 from taskcal.identification.problem import Problem, whitener
 from taskcal.identification.row_errors import LEAST, RowErrors, of_targets
+from taskcal.identification.weighed_fit import SLOW
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.observation import Compared
 from taskcal.measurement.plausibility import check_plausible
