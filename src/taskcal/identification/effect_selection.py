@@ -255,9 +255,7 @@ def _find_all(selection: _Selection, trial: _Trial, search: EffectSearch) -> _Se
     beside, own = _errors_of_neighbours(selection, trial, one, search)
     better = bool(gain > 0.0 and for_it and own <= beside)
     if gain > 0.0 and own > beside:
-        reason += (
-                f", but neighbouring poses left out together worse: {own * 1e3:.4f} in place of {beside * 1e3:.4f} mm"
-            )
+        reason += f", but neighbouring poses left out together worse: {own * 1e3:.4f} in place of {beside * 1e3:.4f} mm"
     together = _stage(
         "all effects", one.calibration, selection.calibration, whole, selection.errors, accepted=better, reason=reason
     )

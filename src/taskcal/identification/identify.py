@@ -124,6 +124,19 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
     return attempt(model, campaign, FitOptions.of(**options)).checked()
 
 
+def identify_parameters(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices]) -> Calibration:
+    """Identify as `identify` does, for what needs the parameters: tracker frame and targets alone do not serve.
+
+    Raises:
+        NothingLearntError: no parameter explains the rows.
+        TaskcalError: as `identify`.
+    """
+    found = attempt(model, campaign, FitOptions.of(**options))
+    if found.refusal is not None:
+        raise found.refusal
+    return found.calibration
+
+
 @single_threaded
 def attempt(model: ErrorModel, campaign: Campaign, options: FitOptions) -> Attempt:
     """Identify a model as `identify` does; where its parameters cannot be estimated, find tracker frame and targets alone.
