@@ -7,8 +7,11 @@ import pytest
 from scipy.special import chdtri
 
 from taskcal.identification.calibration_file import load_calibration
+from taskcal.identification.effect_search import EffectSearch, untried_effects
 from taskcal.identification.effect_selection import explain
+from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.identify import identify
+from taskcal.identification.one_search import find_one_model
 from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.catalogue import load_robot
@@ -17,6 +20,7 @@ from taskcal.robot.effects import SOFT, Backlash, Compliance, Coupling, EncoderG
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from tests.laws.fields import field_through
+from tests.laws.urdfs import telescopic_column
 
 CHEAP = (EncoderGain(), Harmonics(orders=(1,), tolerance=1e-4), Compliance(), Coupling())
 """Few parameters, for tests that are not about those of many."""
@@ -183,3 +187,113 @@ def test_defects_are_drawn_for_effects_too(robot):
     model = ErrorModel(robot) + Harmonics()
     x = draw_defects(model, np.random.default_rng(0))
     assert np.all(x[len(ErrorModel(robot)) :] != 0.0)
+
+
+ZEROS = tuple(f"J{number}.rz" for number in range(1, 7))
+
+
+def soft_arm(seed, moving=None, still=(), rows=20):
+    """A UR5 whose drives yield ten times as much as usual, of which some joints move and some parameters are exact."""
+    model, rng = ErrorModel(load_robot("ur5")), np.random.default_rng(seed)
+    q = poses(model.robot, rng, rows) / 0.6
+    held = [j for j in range(6) if moving is not None and j not in moving]
+    q[:, held] = np.array([0.3, -1.0, 1.2, -0.5, 0.7, 0.2])[held]
+    true = model + Compliance()
+    x = draw_defects(true, rng)
+    x[len(model) :] *= 10.0
+    x[model.indices(still)] = 0.0
+    return model, *simulate(true, q, rng=rng, x=x), rng
+
+
+def test_explain_finds_effects_where_geometry_explains_nothing():
+    """Two joints of six move under a load: without effects only tracker frame and targets can be found."""
+    model, campaign, truth, _ = soft_arm(1, moving=(1, 2), still=ErrorModel(load_robot("ur5")).names)
+    alone = identify(model, campaign)
+    assert not len(alone.estimated)
+    assert "Only tracker frame and targets were fitted" in alone.remarks[0]
+    found = explain(model, campaign, candidates=CHEAP)
+    assert "compliance" in [effect.name for effect in found.effects]
+    one, frames = errors_of((found.calibration, alone), truth, campaign.q)
+    assert one < 0.1 * frames
+
+
+def test_explain_falls_back_to_frames_where_nothing_explains_rows():
+    model, campaign, _, _ = soft_arm(1, moving=(1, 2), still=ErrorModel(load_robot("ur5")).names)
+    found = explain(model, campaign, candidates=(EncoderGain(joints=("J6",)),))
+    assert not len(found.calibration.estimated)
+    assert "Only tracker frame and targets were fitted" in found.calibration.remarks[0]
+    assert "effects were tried and are not part of the calibration" in found.calibration.remarks[-1]
+
+
+def test_joint_zeros_alone_are_learnt_beside_parameters_not_kept():
+    """What is considered beside them makes them uncertain, but does not keep them from explaining the rows."""
+    model, campaign, truth, rng = soft_arm(2, rows=60)
+    kept, alone = (identify(model, campaign, keep=keep) for keep in (ZEROS, ()))
+    assert kept.kept == ZEROS
+    assert not any("Only tracker frame" in remark for remark in kept.remarks)
+    by_zeros, by_frames = errors_of((kept, alone), truth, poses(model.robot, rng, 100) / 0.6)
+    assert by_zeros < by_frames
+
+
+def test_explain_converges_at_fifteen_rows():
+    """Folds of twelve rows have fewer numbers than unknowns, and their fits creep."""
+    model, rng = ErrorModel(load_robot("ur5")), np.random.default_rng(4)
+    q, true = poses(model.robot, rng, 15), model + Harmonics(orders=(1, 2))
+    x = draw_defects(true, rng)
+    x[len(model) :] *= 4.0
+    campaign, _ = simulate(true, q, rng=rng, x=x)
+    assert len(identify(model, campaign.take(np.arange(12))).estimated) == len(model)
+    assert explain(model, campaign, candidates=CHEAP).calibration.estimated.any()
+
+
+def test_effects_are_left_out_where_neighbours_are_predicted_worse(robot, monkeypatch):
+    from taskcal.identification import effect_selection as module
+
+    model, rng = ErrorModel(robot), np.random.default_rng(0)
+    campaign, _ = simulate(model + Harmonics(orders=(1,)), poses(robot, rng, 60), rng=rng)
+    assert explain(model, campaign, candidates=CHEAP).effects
+    whole = module.validate_groups
+
+    def worse(*arguments):
+        errors = whole(*arguments)
+        return replace(errors, whole=100.0 * errors.whole)
+
+    monkeypatch.setattr(module, "validate_groups", worse)
+    found = explain(model, campaign, candidates=CHEAP)
+    assert not found.effects
+    assert found.calibration.model == model
+    assert "neighbouring poses left out together worse" in found.steps[-1].reason
+    assert found.steps[-1].reason in found.calibration.remarks[-1]
+
+
+def test_a_socket_left_out_whole_is_found_from_its_own_rows():
+    model, rng = ErrorModel(load_robot("ur5")), np.random.default_rng(0)
+    q = poses(model.robot, rng, 80)
+    campaign, _ = simulate(model + Harmonics(orders=(1,)), q, rng=rng, observe="socket", places=2)
+    (kind,) = campaign.observations
+    parts = [np.flatnonzero(kind.of == number) for number in np.unique(kind.of)]
+    one = find_one_model(
+        identify(model, campaign), campaign, CHEAP, (), parts, FitOptions(), seed=0, progress=lambda _: None
+    )
+    assert np.nanmean(one.errors.whole) < 2e-3
+
+
+def test_a_robot_with_driven_joints_says_why_no_effect_was_tried(tmp_path):
+    (tmp_path / "column.urdf").write_text(telescopic_column())
+    model = ErrorModel(load_robot(tmp_path / "column.urdf"))
+    rng = np.random.default_rng(0)
+    limits = np.clip(model.robot.limits, -1.5, 1.5)
+    campaign, _ = simulate(model, rng.uniform(*limits.T, (50, len(limits))), rng=rng, model_error=3e-4)
+    found = explain(model, campaign)
+    assert len(found.steps) == 1
+    assert "others drive (lift2)" in found.untried["all effects"]
+    assert "no effect was tried: all effects: column has joints that others drive" in found.calibration.remarks[-1]
+
+
+def test_effects_that_are_not_tried_are_named_with_the_reason(robot):
+    model, rng = ErrorModel(robot), np.random.default_rng(0)
+    campaign, _ = simulate(model, poses(robot, rng, 40), rng=rng)
+    untried = untried_effects(model, campaign, EffectSearch())
+    assert untried["thermal expansion"] == "not every row states the temperature"
+    assert untried["spring"] == "the robot file states no spring"
+    assert "compliance" not in untried

@@ -5,11 +5,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import CampaignError
+from taskcal.geometry import se3
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.file import robot_from
 from tests.laws.campaigns import measure
+from tests.laws.fields import field_through
 from tests.laws.robots import industrial, industrial_positions
 
 KINDS = {
@@ -111,3 +113,31 @@ def test_too_few_rows_to_reregister_are_refused():
     _, _, calibration, held, _ = calibrated("one target")
     with pytest.raises(CampaignError, match="too few"):
         validate(calibration, held.take(slice(0, 3)), reregister=True)
+
+
+@pytest.mark.parametrize(("rotation_sigma", "turn_mrad"), [(5e-3, 0.0), (1e-4, 2.0)], ids=["noisy", "turned"])
+def test_reregistered_positions_are_as_exact_beside_rotations(rotation_sigma, turn_mrad):
+    """Rotations that the fit took for inexact, or for turned against the positions, do not shift the positions."""
+    rng = np.random.default_rng(0)
+    model = ErrorModel(robot_from(industrial(rng)))
+    q = industrial_positions(rng, 120)
+    x = rng.normal(size=len(model)) * model.tolerances
+    campaign, _ = measure(rng, model, q, x, sigma=5e-5, pose=True, rotation_sigma=rotation_sigma)
+    turn = Rotation.from_rotvec([turn_mrad * 1e-3, 0.0, -turn_mrad * 1e-3]).as_matrix()
+    fitted, held = replace(campaign, rotations=turn @ campaign.rotations).split(0.5, rng)
+    calibration = identify(model, fitted)
+    both = validate(calibration, held, reregister=True)
+    positions = validate(calibration, replace(held, rotations=None), reregister=True)
+    assert both.mean == pytest.approx(positions.mean, rel=0.02)
+    assert both.rotations.mean() == pytest.approx(validate(calibration, held).rotations.mean(), rel=0.1)
+
+
+def test_a_reregistered_calibration_predicts_with_its_residual_field():
+    rng, _, calibration, held, _ = calibrated("poses")
+    field = field_through(held.q, rng.normal(size=(len(held), 6)) * 1e-3)
+    learned = replace(calibration, field=field)
+    T = learned.predict(held.q)
+    shown = replace(
+        held, points=T[:, None, :3, 3], rotations=se3.exp(calibration.layout.turn(calibration.z)) @ T[:, :3, :3]
+    )
+    assert validate(learned, shown, reregister=True).maximum < 1e-6

@@ -103,3 +103,22 @@ class Referee:
         if joint.mimic is None:
             return float(joint.name == motor)
         return joint.mimic.multiplier * self._share(self.tree.joints[joint.mimic.joint], motor)
+
+
+def telescopic_column() -> str:
+    """A column that lifts in two stages, the second with the first, and carries an arm of three joints."""
+    joints = [
+        ("lift", "prismatic", "0 0 0.5", "0 0 1", 0.0, 0.8, ""),
+        ("lift2", "prismatic", "0 0 0.1", "0 0 1", 0.0, 0.8, '<mimic joint="lift"/>'),
+        ("turn", "revolute", "0 0 0.2", "0 0 1", -3.0, 3.0, ""),
+        ("shoulder", "revolute", "0.1 0 0.2", "0 1 0", -3.0, 3.0, ""),
+        ("elbow", "revolute", "0 0 0.5", "0 1 0", -3.0, 3.0, ""),
+    ]
+    parts = [
+        f'<joint name="{name}" type="{kind}"><parent link="l{i}"/><child link="l{i + 1}"/><origin xyz="{xyz}"/>'
+        f'<axis xyz="{axis}"/><limit lower="{low}" upper="{high}" effort="1" velocity="1"/>{mimic}</joint>'
+        for i, (name, kind, xyz, axis, low, high, mimic) in enumerate(joints)
+    ]
+    tip = '<joint name="tip" type="fixed"><parent link="l5"/><child link="l6"/><origin xyz="0.4 0 0"/></joint>'
+    links = "".join(f'<link name="l{i}"/>' for i in range(7))
+    return f'<robot name="column">{links}{"".join(parts)}{tip}</robot>'

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taskcal.identification.effect_selection import explain
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
@@ -44,3 +45,15 @@ def test_the_panda_at_places_that_were_not_fitted(data_folder: Path, distances: 
     assert np.mean(before) > 7.0
     assert np.mean(errors) < 0.81
     assert max(errors) < 0.96
+
+
+def test_effects_that_extrapolate_worse_from_one_place_are_not_kept(data_folder: Path) -> None:
+    """At one place single rows are predicted better with effects, and sockets elsewhere much worse."""
+    folder = data_folder / "panda_sockets"
+    model = ErrorModel(load_robot(folder / "nominal.urdf"))
+    campaign = read_campaign(folder / "measurements.csv", model.robot)
+    place = place_of(campaign)
+    here, elsewhere = (campaign.take(np.flatnonzero((place == PLACES[0]) == own)) for own in (True, False))
+    found = explain(model, here)
+    assert validate(found.calibration, elsewhere).mean <= validate(identify(model, here), elsewhere).mean
+    assert "neighbouring poses left out together worse" in found.calibration.remarks[-1]

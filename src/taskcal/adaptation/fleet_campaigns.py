@@ -13,7 +13,7 @@ from taskcal.files import write_whole
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.holdout import Holdout, hold_out
-from taskcal.identification.identify import identify
+from taskcal.identification.identify import identify_parameters
 from taskcal.identification.nominal_fit import fit_nominal
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.drift import compensate_drift
@@ -95,7 +95,7 @@ def _identified(model: ErrorModel, folds: int, sent: SentFile | tuple[str, str])
 
 def _fitted(model: ErrorModel, campaign: Campaign, folds: int) -> Calibration:
     def fit(rows: Campaign) -> Calibration:
-        return identify(model, rows)
+        return identify_parameters(model, rows)
 
     def nominal(rows: Campaign) -> Calibration:
         return fit_nominal(model, rows, FitOptions())

@@ -6,7 +6,7 @@ from taskcal.adaptation.hyperparameters import known_hyperparameters
 from taskcal.errors import CampaignError
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.hyperparameters import Hyperparameters
-from taskcal.identification.identify import identify
+from taskcal.identification.identify import identify_parameters
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.registration import Registration, register
 from taskcal.measurement.station import Station
@@ -41,7 +41,7 @@ def prior_from_campaign(
     _check_targets("campaign", campaign.targets, station)
     if station is not None:
         campaign = campaign.of_targets([r.name for r in station.reflectors])
-    fitted = identify(model, campaign, noise=noise)
+    fitted = identify_parameters(model, campaign, noise=noise)
     return PlanPrior(
         hyper=known_hyperparameters(fitted, "what the campaign shows"),
         registration=register(model, campaign),

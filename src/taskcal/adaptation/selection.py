@@ -24,7 +24,7 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.cross_validation import mean_over_rows, split_postures
 from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.hyperparameters import Hyperparameters
-from taskcal.identification.identify import identify
+from taskcal.identification.identify import identify_parameters
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.virtual_cell import simulate
 from taskcal.public_names import FormerName
@@ -224,7 +224,7 @@ def design_for(
         fit = FitOptions(noise=chosen.noise)
         if sizes is not None:
             fit = replace(fit, prior=GaussianPrior.of_deviations(sizes), prior_scale=1.0)
-        whole = identify(model, campaign, options=fit)
+        whole = identify_parameters(model, campaign, options=fit)
         hyper = replace(known_hyperparameters(whole, "what the campaign shows"), own=sizes)
     by = design(
         model,

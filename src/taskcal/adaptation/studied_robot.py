@@ -105,9 +105,12 @@ def _learn(setting: StudySetting, name: str, measured: Sequence[_Measured]) -> l
     out: list[Calibration | Estimate | None] = []
     for campaign, found in zip(campaigns, together, strict=True):
         try:
-            out.append(found or _identify(model, campaign, name, options))
+            found = found or _identify(model, campaign, name, options)
         except NothingLearntError:
-            out.append(None)
+            found = None
+        if isinstance(found, Calibration) and not len(found.estimated) and options.keep != ():
+            found = None  # tracker frame and targets alone
+        out.append(found)
     return out
 
 

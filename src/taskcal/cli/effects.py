@@ -75,6 +75,8 @@ def show_explanation(explanation: Explanation) -> None:
     facts = [("explained", _sentence(explanation))]
     if explanation.collinearities:
         facts.append(("hardly told apart", _collinear(explanation)))
+    if explanation.untried:
+        facts.append(("not tried", "; ".join(f"{name}: {reason}" for name, reason in explanation.untried.items())))
     show_facts(facts)
 
 

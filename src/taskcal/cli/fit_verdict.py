@@ -56,7 +56,8 @@ def next_steps(calibration: Calibration, result: Mapping[str, Any], tracker_mm: 
     if any(target["unlocated"] for target in result["targets"].values()):
         steps.append("measure in several orientations: these poses do not locate every target")
     left = (held_out or result["fitted"])["mean_mm"]
-    if not calibration.model.effects and calibration.field is None and left > MUCH_UNEXPLAINED * tracker_mm:
+    searched = "explanation" in result or calibration.model.effects or calibration.field is not None
+    if not (searched or calibration.model.robot.driven) and left > MUCH_UNEXPLAINED * tracker_mm:
         steps.append(
             f"ask what else the joints do: --effects auto; {left:.3f} mm are left, the tracker alone would leave {tracker_mm:.3f}"
         )

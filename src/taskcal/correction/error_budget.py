@@ -12,7 +12,8 @@ SOURCES = ("geometry", "model error", "tool", "part")
 
 _REMEDIES = {
     "geometry": "the geometry is known too badly where the program works: measure more poses there (taskcal plan --calibration)",
-    "model error": "it is what the model cannot explain: identify with effects (--effects auto), or accept it",
+    "model error": "it is what the model cannot explain: accept it, or identify with effects where that was not done "
+    "(--effects auto)",
     "tool": "measure the tool against the reflectors, and state it in a cell file (--cell: reflectors_mm or flange)",
     "part": "measure the part with the tracker, or touch it with the robot, and state it in a cell file (--cell: tracker or "
     "touched_deg)",

@@ -18,7 +18,7 @@ from taskcal.identification.belief import belief_of
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.gross_errors import GROSS_SIGMAS
-from taskcal.identification.identify import identify
+from taskcal.identification.identify import identify_parameters
 from taskcal.identification.observation_layout import problem_of
 from taskcal.identification.outlier import studentise
 from taskcal.identification.packed_covariance import spread_of
@@ -94,7 +94,7 @@ def identify_in_chunks(
     if model.effects:
         raise ValueError("effects are not fitted in parts")
     options = FitOptions(noise=noise)
-    first = identify(model, campaign.sample, options=options)
+    first = identify_parameters(model, campaign.sample, options=options)
     wrong = _wrong_rows(first, campaign, noise)
     solution, precision = _fit_all(first, campaign, wrong, noise)
     if not solution.converged:

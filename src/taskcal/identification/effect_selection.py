@@ -16,15 +16,17 @@ from jaxtyping import Float, Int
 from taskcal.analysis.collinearity import Collinearity
 from taskcal.analysis.identifiability import identifiability
 from taskcal.arguments import expect_kinds
-from taskcal.errors import TaskcalError
+from taskcal.errors import CampaignError, ClosureError, FitError, TaskcalError
 from taskcal.estimation.blas import single_threaded
 from taskcal.estimation.group_variances import log_integrated
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.cross_validation import mean_over_rows, predict_left_out, split_postures
-from taskcal.identification.effect_search import EffectSearch, ExplainChoices, competing_effects
+from taskcal.identification.effect_search import EffectSearch, ExplainChoices, competing_effects, untried_effects
 from taskcal.identification.explanation import Explanation, Stage
 from taskcal.identification.fit_options import FitOptions
-from taskcal.identification.identify import identify
+from taskcal.identification.group_validation import validate_groups
+from taskcal.identification.identify import Attempt, attempt
+from taskcal.identification.neighbouring_poses import group_neighbours
 from taskcal.identification.one_search import OneModelFound, find_one_model
 from taskcal.identification.search_steps import ASKED_FOR, CHECK, GEOMETRY
 from taskcal.identification.unseen_size import with_size_held
@@ -89,6 +91,10 @@ def select_effects(
     it has the ways to its rows, thermal expansion where all rows have temperatures, or times, that differ enough. Of two that have
     parameters in common the model gets one.
 
+    All effects together are kept where they predict rows better that were not fitted, both single postures and groups of
+    neighbouring ones (`group_neighbours`); else the geometry is, or tracker frame and targets alone where no parameter of the
+    geometry explains the rows. The calibration's remarks say so.
+
     Args:
         model: the geometric model, possibly with effects that are certain, or expected whatever the data say.
         campaign: the measurements.
@@ -98,7 +104,7 @@ def select_effects(
 
     Raises:
         CampaignError: too few rows.
-        FitError: a fit did not converge.
+        FitError: nothing explains the rows, and they are farther off than the robot's tolerances allow.
         TaskcalError: effects are to be found by evidence, without a prior.
     """
     expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
@@ -110,7 +116,8 @@ def select_effects(
         )
     options = with_size_held(model, campaign, options)
     progress(GEOMETRY)
-    best = identify(model, campaign, options=options)
+    first = attempt(model, campaign, options)
+    best = first.calibration
     # rows that are wrong for the geometry are wrong for all that is tried beside it
     left_out, said = best.left_out, best.remarks[:1] if best.left_out else ()
     campaign = campaign.without(np.isin(campaign.ids, [row.id for row in left_out]))
@@ -125,14 +132,17 @@ def select_effects(
     if search.effects is None or search.field:
         selection = _find_all(selection, trial, search)
     calibration = selection.calibration
-    if calibration is not best:
-        calibration = replace(calibration, left_out=left_out, remarks=(*said, *calibration.remarks))
+    if calibration is best:
+        calibration = replace(first.checked(), remarks=(*best.remarks, *selection.remarks))
+    else:
+        calibration = replace(calibration, left_out=left_out, remarks=(*said, *calibration.remarks, *selection.remarks))
     return Explanation(
         calibration=calibration,
         effects=selection.effects,
         stages=selection.stages,
         tracker=tracker_error(campaign, options.noise),
         collinearities=_repeated_by_geometry(selection.calibration, selection.effects, campaign),
+        untried=untried_effects(model, campaign, search) if search.effects is None or search.field else {},
     )
 
 
@@ -157,18 +167,20 @@ class _Trial:
     """Rows of each fold."""
     progress: Callable[[str], None]
 
-    def fit(self, model: ErrorModel, options: FitOptions) -> Calibration:
+    def fit(self, model: ErrorModel, options: FitOptions) -> Attempt:
         """The fit of all rows."""
-        return identify(model, self.campaign, options=options)
+        return attempt(model, self.campaign, options)
 
-    def errors_left_out(self, model: ErrorModel, options: FitOptions) -> Float[np.ndarray, "rows targets"]:
-        """Errors where a row was not fitted, metres."""
+    def errors_left_out(
+        self, model: ErrorModel, options: FitOptions, parts: list[Int[np.ndarray, " _"]] | None = None
+    ) -> Float[np.ndarray, "rows targets"]:
+        """Errors where a row was not fitted, metres; of the folds, or of other parts."""
 
         def fit(campaign: Campaign) -> Calibration:
             self.progress(CHECK)
-            return identify(model, campaign, options=options)
+            return attempt(model, campaign, options).calibration
 
-        return predict_left_out(fit, self.campaign, self.parts)
+        return predict_left_out(fit, self.campaign, self.parts if parts is None else parts)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -183,6 +195,8 @@ class _Selection:
     effects: tuple[Effect, ...] = ()
     """Those that were added."""
     stages: tuple[Stage, ...]
+    remarks: tuple[str, ...] = ()
+    """Why effects are not part of it."""
 
 
 def _add(selection: _Selection, effects: Sequence[Effect], trial: _Trial) -> _Selection:
@@ -191,8 +205,11 @@ def _add(selection: _Selection, effects: Sequence[Effect], trial: _Trial) -> _Se
     for effect in effects:
         model, options = _with(model, effect, options)
     trial.progress(ASKED_FOR)
-    calibration, errors = trial.fit(model, options), trial.errors_left_out(model, options)
-    name = ", ".join(effect.name for effect in effects)
+    name, tried = ", ".join(effect.name for effect in effects), trial.fit(model, options)
+    if tried.refusal is not None:
+        remark = f"{name}: asked for, and not fitted: {_shortly(tried.refusal)}"
+        return replace(selection, remarks=(*selection.remarks, remark))
+    calibration, errors = tried.calibration, trial.errors_left_out(model, options)
     reason = "asked for, not put to the proof"
     stage = _stage(name, calibration, selection.calibration, errors, selection.errors, accepted=True, reason=reason)
     return _Selection(
@@ -209,25 +226,36 @@ def _find_all(selection: _Selection, trial: _Trial, search: EffectSearch) -> _Se
     """The one model, where it predicts better than what is there."""
     competing, instead = competing_effects(selection.model, trial.campaign, search)
     if not competing:
-        return selection
-    one = find_one_model(
-        selection.calibration,
-        trial.campaign,
-        competing,
-        instead,
-        trial.parts,
-        selection.options,
-        seed=search.seed,
-        progress=trial.progress,
-    )
+        why = untried_effects(selection.model, trial.campaign, search)
+        remark = (
+            f"no effect was tried: {'; '.join(f'{name}: {reason}' for name, reason in why.items()) or 'none competes'}"
+        )
+        return replace(selection, remarks=(*selection.remarks, remark))
+    try:
+        one = find_one_model(
+            selection.calibration,
+            trial.campaign,
+            competing,
+            instead,
+            trial.parts,
+            selection.options,
+            seed=search.seed,
+            progress=trial.progress,
+        )
+    except (FitError, ClosureError) as refusal:
+        remark = f"effects were tried and are not part of the calibration: {_shortly(refusal)}"
+        return replace(selection, remarks=(*selection.remarks, remark))
     whole = one.errors.whole
     gain, error = mean_over_rows(selection.errors - whole)
     after, before = one.calibration.log_evidence, selection.calibration.log_evidence
     for_it = gain > error if after is None or before is None else after - before > MIN_EVIDENCE_GAIN
-    better = bool(gain > 0.0 and for_it)
     reason = f"predicts rows that were not fitted {'' if gain > 0.0 else 'no '}better"
     if gain > 0.0 and not for_it:
         reason += ", but without the evidence for it"
+    beside, own = _errors_of_neighbours(selection, trial, one, search)
+    better = bool(gain > 0.0 and for_it and own <= beside)
+    if gain > 0.0 and own > beside:
+        reason += f", but neighbouring poses left out together worse: {own * 1e3:.4f} in place of {beside * 1e3:.4f} mm"
     together = _stage(
         "all effects", one.calibration, selection.calibration, whole, selection.errors, accepted=better, reason=reason
     )
@@ -235,7 +263,8 @@ def _find_all(selection: _Selection, trial: _Trial, search: EffectSearch) -> _Se
     stages = sorted(worths.values(), key=lambda stage: -(stage.worth or 0.0))
     selection = replace(selection, stages=(*selection.stages, together, *stages))
     if not better:
-        return selection
+        remark = f"effects were tried and are not part of the calibration: their model {reason}"
+        return replace(selection, remarks=(*selection.remarks, remark))
     proven = [effect for effect, stage in worths.items() if stage.accepted]
     return replace(
         selection,
@@ -244,6 +273,31 @@ def _find_all(selection: _Selection, trial: _Trial, search: EffectSearch) -> _Se
         errors=whole,
         effects=(*selection.effects, *proven),
     )
+
+
+def _errors_of_neighbours(
+    selection: _Selection, trial: _Trial, one: OneModelFound, search: EffectSearch
+) -> tuple[float, float]:
+    """Mean errors, metres, where neighbouring poses are left out together: of what is there, and of the one model.
+
+    Infinite where the other poses do not determine the frames.
+
+    Of two poses side by side, one in the fit tells the other's error: effects that follow the rows closely look good among them,
+    and need not be so where the robot was not measured.
+    """
+    group = group_neighbours(trial.campaign.q, search.folds)
+    parts = [np.flatnonzero(group == number) for number in range(group.max() + 1)]
+    try:
+        beside = trial.errors_left_out(selection.model, selection.options, parts)
+    except CampaignError:  # the others do not determine the frames
+        return np.inf, np.inf
+    own = validate_groups(one.fitted, parts, (), np.random.default_rng(search.seed)).whole
+    return mean_over_rows(beside)[0], mean_over_rows(own)[0]
+
+
+def _shortly(refusal: TaskcalError) -> str:
+    """A refusal without what it advises."""
+    return str(refusal).partition(". ")[0].partition("; ")[0]
 
 
 def _worth(effect: Effect, one: OneModelFound, *, enters: bool) -> Stage:

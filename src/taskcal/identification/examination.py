@@ -122,8 +122,8 @@ def examine(
         CampaignError: nothing was measured, or the targets are not the calibration's.
         ClosureError: a closed loop cannot be assembled at some pose.
     """
-    validation = validate(calibration, campaign, reregister=reregister)
-    fitted = reregister_frames(calibration, campaign) if reregister else calibration
+    fitted = reregister_frames(calibration, campaign, noise=noise) if reregister else calibration
+    validation = validate(fitted, campaign)
     residual = errors_on(fitted, campaign)
     width = residual.shape[2]
     covariance = campaign.covariances(noise)[..., :width, :width]

@@ -1,6 +1,7 @@
 """What a selection of effects found: a calibration with what the data prove, and the proof, step by step."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from taskcal.analysis.collinearity import Collinearity
@@ -43,6 +44,8 @@ class Explanation:
     """What the tracker's noise alone would leave, metres in space."""
     collinearities: tuple[Collinearity, ...]
     """Parameters of effects that geometry nearly repeats at the fitted poses, the most repeated first."""
+    untried: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Effects that were not tried, each with the reason."""
 
     @property
     def steps(self) -> tuple[Stage, ...]:

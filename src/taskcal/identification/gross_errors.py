@@ -38,8 +38,8 @@ class FittedRows:
     """What a fit of all rows of a campaign gives."""
 
     calibration: Calibration
-    likeliest_scale: float | None
-    """Most probable scale of the prior, where the fit was made with the expected one."""
+    unlearnt: float | None = None
+    """Model error, metres per axis, of a fit that learnt nothing and called all that was measured error; None of others."""
 
 
 Fit = Callable[[Campaign, Int[np.ndarray, " k"] | None], FittedRows]

@@ -154,9 +154,21 @@ def _mean_without(fold: GroupedFit, group: Int[np.ndarray, " k"]) -> Float[np.nd
     return fold.reduced.mean(at.mean(fold.reduced.groups.own))
 
 
+def _left(fitted: OneFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarray, "k m"]:
+    """Whitened residuals of some rows; what only they measure, such as a socket of theirs, stands where they say."""
+    left = fitted.y[part] - fitted.A[part] @ mean
+    frames = np.flatnonzero(fitted.one.group < 0)
+    others = np.delete(fitted.A[:, :, frames], part, axis=0)
+    lone = frames[~others.any(axis=(0, 1)) & fitted.A[np.ix_(part, np.arange(left.shape[1]), frames)].any(axis=(0, 1))]
+    if not len(lone):
+        return left
+    own = fitted.A[part][:, :, lone].reshape(-1, len(lone))
+    return left - (own @ np.linalg.lstsq(own, left.reshape(-1), rcond=None)[0]).reshape(left.shape)
+
+
 def _lengths(fitted: OneFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarray, "k targets"]:
     """Errors of position of some rows, metres."""
-    error = np.linalg.solve(fitted.whitener[part], (fitted.y[part] - fitted.A[part] @ mean)[..., None])[..., 0]
+    error = np.linalg.solve(fitted.whitener[part], _left(fitted, part, mean)[..., None])[..., 0]
     targets = fitted.one.problem.seen.valid.shape[1]
     return np.linalg.norm(error.reshape(len(part), targets, -1)[:, :, :3], axis=2)
 
@@ -167,7 +179,7 @@ def _judge(
     """Errors of position of some rows, and their predicted covariance."""
     A, k, m = fitted.A[part], len(part), fitted.A.shape[1]
     back = np.linalg.inv(fitted.whitener[part])
-    error = np.einsum("nij,nj->ni", back, fitted.y[part] - A @ mean)
+    error = np.einsum("nij,nj->ni", back, _left(fitted, part, mean))
     # a new pose has a weight of its own, that is told by no residual
     single = np.eye(m) * fitted.weights[part, None, None]
     spread = (A.reshape(k * m, -1) @ S).reshape(A.shape) @ np.swapaxes(A, 1, 2) + single

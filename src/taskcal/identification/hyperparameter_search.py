@@ -12,7 +12,7 @@ from taskcal.identification.belief import Belief
 from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.problem import Problem
-from taskcal.identification.weighed_fit import Fitted, fit_weighed
+from taskcal.identification.weighed_fit import SLOW, Fitted, fit_weighed
 from taskcal.measurement.observation.observation import UNMEASURED
 
 LINEAR_WITHIN = 1.0
@@ -27,10 +27,6 @@ MAX_ROUNDS = 60
 
 MANY, SOME = 5000, 1000
 """Rows from which on the search starts from what so many of them come to."""
-
-SLOW = Stopping(decrement=1e-8, iterations=500)
-"""Of a fit without a tracker: directions in which only the prior says where all that stands is turned are as curved by the rows as
-by the prior, and there Gauss–Newton's steps shrink by a constant factor alone. The last step is of 10⁻⁴ standard deviations."""
 
 UNDAMPED_END = 1e-2
 """Newton decrement at which a fit without prior ends: its next step would be a seventh of a standard deviation. Steps

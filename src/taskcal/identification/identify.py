@@ -1,13 +1,13 @@
 """The fit: a campaign and a model in, a Calibration out."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Unpack
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.arguments import expect_kinds
-from taskcal.errors import NothingLearntError
+from taskcal.errors import CampaignError, FitError, NothingLearntError
 from taskcal.estimation.blas import single_threaded
 from taskcal.identification.belief import belief_of
 from taskcal.identification.calibration import Calibration
@@ -35,6 +35,39 @@ robots repeat to some 20 µm."""
 
 WIDE_SCALE = 5.0
 """A prior scale above this calls for a look at the robot file."""
+
+CONTRADICTING = 3.0
+"""Standard deviations of what the tolerances make of the tool's position, beyond which an unexplained error is the rows' and not
+the robot's: 3σ, as for a single gross error."""
+
+JUDGED_ROWS = 100
+"""At which that is found, evenly among all."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Attempt:
+    """A calibration, or that of tracker frame and targets alone where the robot's parameters cannot be estimated."""
+
+    calibration: Calibration
+    refusal: FitError | None = None
+    """Why the parameters cannot be estimated; None where they were."""
+
+    def checked(self) -> Calibration:
+        """The calibration, unless what it leaves is more than an error of the robot.
+
+        Raises:
+            FitError: no parameter was estimated, and the rows are farther off than the robot's tolerances allow.
+        """
+        if self.refusal is None:
+            return self.calibration
+        calibration, p = self.calibration, len(self.calibration.model)
+        q = calibration.q if calibration.q is not None else np.zeros((0, len(calibration.model.robot.joints)))
+        some = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), JUDGED_ROWS)).astype(int))]
+        by_tolerance = calibration.tool_jacobian(some)[:, :3, :p] * calibration.model.tolerances
+        expected = float(np.sqrt((by_tolerance**2).sum(axis=2).mean()))
+        if calibration.model_error[0] > CONTRADICTING * expected:
+            raise self.refusal
+        return calibration
 
 
 @single_threaded
@@ -80,7 +113,8 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
             ``target_within``: how far from the tool point a target may be found, metres.
 
     Returns:
-        the calibration: estimate, covariance, residuals, and predictions with their uncertainty.
+        the calibration: estimate, covariance, residuals, and predictions with their uncertainty. Where no parameter explains the
+        rows, or their fit does not converge under its prior, it is that of tracker frame and targets alone, and a remark says so.
 
     Raises:
         CampaignError: too few rows, a row at which the nominal robot's closed loop does not close, joints and points that do
@@ -89,11 +123,60 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
             without.
         UnknownName: a name in `keep` that the model does not have.
         FitError: the fit did not converge.
-        NothingLearntError: it took everything that was measured for error.
+        NothingLearntError: it took everything that was measured for error, and more than the robot's tolerances allow.
         ValueError: an option that would silently mean something else.
     """
+    return attempt(model, campaign, FitOptions.of(**options)).checked()
+
+
+def identify_parameters(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices]) -> Calibration:
+    """Identify as `identify` does, for what needs the parameters: tracker frame and targets alone do not serve.
+
+    Raises:
+        NothingLearntError: no parameter explains the rows.
+        TaskcalError: as `identify`.
+    """
+    found = attempt(model, campaign, FitOptions.of(**options))
+    if found.refusal is not None:
+        raise found.refusal
+    return found.calibration
+
+
+@single_threaded
+def attempt(model: ErrorModel, campaign: Campaign, options: FitOptions) -> Attempt:
+    """Identify a model as `identify` does; where its parameters cannot be estimated, find tracker frame and targets alone.
+
+    Args:
+        model: the model.
+        campaign: the measurements.
+        options: of the fit.
+
+    Raises:
+        CampaignError: as `identify`.
+        FitError: a fit without prior, or that of tracker frame and targets alone, did not converge.
+    """
+    try:
+        return Attempt(calibration=_identify(model, campaign, options))
+    except FitError as refusal:
+        if options.prior is None:
+            raise
+        alone = replace(options, keep=(), prior=None, prior_scale="estimate")
+        try:
+            calibration = _identify(model, campaign, alone)
+        except (CampaignError, FitError):
+            raise refusal from None
+        what = str(refusal).partition(". ")[0] if isinstance(refusal, NothingLearntError) else str(refusal)
+        remark = f"{what}. Only tracker frame and targets were fitted: the robot stays nominal"
+        return Attempt(calibration=replace(calibration, remarks=(remark, *calibration.remarks)), refusal=refusal)
+
+
+def _identify(model: ErrorModel, campaign: Campaign, chosen: FitOptions) -> Calibration:
+    """Identify a model.
+
+    Raises:
+        NothingLearntError: it took everything that was measured for error.
+    """
     expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
-    chosen = FitOptions.of(**options)
     kept = np.arange(len(model)) if chosen.keep is None else model.indices(chosen.keep)
     check_rows(campaign)
     chosen = with_size_held(model, campaign, chosen)
@@ -115,7 +198,7 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
     else:
         rows = campaign.seen if consensus is None else consensus.rows
         fitted = fit_right_rows(fit_rows, campaign, rows, chosen.noise)
-    _check_worth(fitted, chosen)
+    _check_worth(fitted)
     calibration = fitted.calibration
     return replace(calibration, provenance=Provenance.of(model, campaign, chosen.described(model, campaign)))
 
@@ -145,8 +228,7 @@ def _fit(
         believed = belief_of(whole.frames, chosen.prior)
         hyper = fit_with_hyperparameters(whole, believed, chosen).hyper
         outcome = consider(fit, problem, belief, whole, believed, hyper)
-    likeliest = None if fit.likeliest_factor is None else float(np.sqrt(fit.likeliest_factor))
-    return FittedRows(calibration=_conclude(fit, outcome, campaign, chosen), likeliest_scale=likeliest)
+    return FittedRows(calibration=_conclude(fit, outcome, campaign, chosen), unlearnt=_unlearnt(fit, chosen))
 
 
 def _checked(registration: Registration, model: ErrorModel, campaign: Campaign, target_within: float) -> Registration:
@@ -160,18 +242,27 @@ def _checked(registration: Registration, model: ErrorModel, campaign: Campaign, 
     return registration
 
 
-def _check_worth(fitted: FittedRows, options: FitOptions) -> None:
+def _unlearnt(fit: Fitted, options: FitOptions) -> float | None:
+    """Model error of a fit that learnt nothing; None of one that did, or of which that is not asked.
+
+    Its own posterior is judged: parameters that it does not estimate, but are considered, make others uncertain that fit well.
+    """
+    if options.prior_scale != "estimate" or fit.belief.prior is None:
+        return None
+    layout, scale, error = fit.problem.frames, fit.hyper.prior_scale, fit.hyper.model_error[0]
+    k = len(layout.kept)
+    likeliest = scale if fit.likeliest_factor is None else float(np.sqrt(fit.likeliest_factor))
+    own = np.sqrt(np.maximum(np.diag(fit.posterior)[:k], 0.0))
+    return error if tells_nothing(own, layout.model.tolerances[layout.kept], scale, likeliest, error) else None
+
+
+def _check_worth(fitted: FittedRows) -> None:
     """Refuse a fit from which nothing was learnt, and which called all that was measured error."""
-    calibration = fitted.calibration
-    scale, error, k = calibration.prior_scale, calibration.model_error[0], calibration.estimated
-    if options.prior_scale != "estimate" or scale is None:
-        return
-    likeliest = scale if fitted.likeliest_scale is None else fitted.likeliest_scale
-    if tells_nothing(calibration.standard_errors[k], calibration.model.tolerances[k], scale, likeliest, error):
+    if fitted.unlearnt is not None:
         raise NothingLearntError(
-            f"nothing can be learnt from these rows: no parameter explains them, and {error * 1e3:.2f} mm per axis were taken for "
-            "error. Some rows contradict the others: look for them with a robust loss (loss=Cauchy(), --loss cauchy), check "
-            "joints and points, or compare with the nominal robot alone (keep=[], --keep none)"
+            f"nothing can be learnt from these rows: no parameter explains them, and {fitted.unlearnt * 1e3:.2f} mm per axis were "
+            "taken for error. Some rows contradict the others: look for them with a robust loss (loss=Cauchy(), --loss cauchy), "
+            "check joints and points, or compare with the nominal robot alone (keep=[], --keep none)"
         )
 
 

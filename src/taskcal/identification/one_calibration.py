@@ -13,7 +13,7 @@ from taskcal.identification.one_model import GEOMETRY, MOST_ROUNDS, OneFit
 from taskcal.identification.outlier import studentise
 from taskcal.identification.packed_covariance import spread_of
 from taskcal.identification.provenance import Provenance
-from taskcal.identification.row_errors import log_weights
+from taskcal.identification.row_errors import log_weights, of_targets
 from taskcal.measurement.campaign import Campaign
 
 DRAWS = 12
@@ -43,10 +43,10 @@ def calibrate(
     residual[~one.problem.seen.valid] = np.nan
     R = errors.covariance(at, one.problem.noise)
     followed = at.by_entry @ S @ np.swapaxes(at.by_entry, 1, 2)
-    single, tracker = _of_targets(R, targets), one.problem.noise
+    single, tracker = of_targets(R, targets), one.problem.noise
     # stretched beside the tracker's noise; where there is more than was predicted, all of it, so that none is negative
     known = max(1.0 - stretch, 0.0) * tracker
-    noise, own = known + stretch * single, known + stretch * (single - _of_targets(followed, targets))
+    noise, own = known + stretch * single, known + stretch * (single - of_targets(followed, targets))
     studentised, outliers = studentise(residual, own, noise, campaign, options.outlier_level)
     T_tracker_base, T_tool_target = layout.frames(z)
     white = [errors.position] if errors.rotation is None else [errors.position, errors.rotation]
@@ -113,13 +113,6 @@ def _considered(fitted: OneFit, S: Float[np.ndarray, "z z"]) -> Float[np.ndarray
     C[:, left] += G * variance
     C[left] += (G * variance).T
     return C + (G * variance) @ G.T
-
-
-def _of_targets(blocks: Float[np.ndarray, "n m m"], targets: int) -> Float[np.ndarray, "n targets b b"]:
-    """The block of each target alone."""
-    width = blocks.shape[1] // targets
-    parts = [slice(t * width, (t + 1) * width) for t in range(targets)]
-    return np.stack([blocks[:, part, part] for part in parts], axis=1)
 
 
 def _remarks(fitted: OneFit, z: Float[np.ndarray, " z"], S: Float[np.ndarray, "z z"]) -> tuple[str, ...]:

@@ -122,6 +122,13 @@ def log_weights(weights: Float[np.ndarray, " n"]) -> float:
     return float(0.5 * FREEDOM * (np.log(weights) - weights + 1.0).sum())
 
 
+def of_targets(blocks: Float[np.ndarray, "n m m"], targets: int) -> Float[np.ndarray, "n targets b b"]:
+    """The block of each target alone."""
+    width = blocks.shape[1] // targets
+    parts = [slice(t * width, (t + 1) * width) for t in range(targets)]
+    return np.stack([blocks[:, part, part] for part in parts], axis=1)
+
+
 def whiteners(R: Float[np.ndarray, "n m m"]) -> Float[np.ndarray, "n m m"]:
     """Lower triangular W with W·R·Wᵀ = 1 at every pose."""
     return np.linalg.inv(np.linalg.cholesky(R))

@@ -30,5 +30,5 @@ def search_steps(model: ErrorModel, campaign: Campaign, search: EffectSearch) ->
         if competing:
             steps += [TOGETHER, *(effect.name for effect in instead)]
             steps += [SHARPENING] * (SHARPENINGS if SPECTRUM in [*competing, *instead] else 0)
-            steps.append(LEAVING_OUT)
+            steps += [LEAVING_OUT, *folds]
     return tuple(steps)

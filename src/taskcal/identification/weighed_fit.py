@@ -8,13 +8,17 @@ from jaxtyping import Float
 
 from taskcal.errors import FitError
 from taskcal.estimation.evidence import Linearised
-from taskcal.estimation.least_squares import Solution, Stopping, fit
+from taskcal.estimation.least_squares import Ended, Solution, Stopping, fit
 from taskcal.estimation.loss import Loss, Squared
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.estimation.scaled import invert_positive, pseudo_invert_scaled
 from taskcal.identification.belief import Belief
 from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.problem import Problem, whitener
+
+SLOW = Stopping(decrement=1e-8, iterations=500)
+"""Of a fit whose steps shrink by a constant factor alone, as Gauss–Newton's do in directions that the rows curve as much as the
+prior holds them: without a tracker, and with fewer measured numbers than unknowns. The last step is of 10⁻⁴ standard deviations."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -140,6 +144,16 @@ def fit_weighed(
     damping = 1e-2 if belief.prior is None else 0.0
     equations = problem.equations(white, loss.code, loss.threshold)
     solution = fit(equations, z, belief.mean(problem.frames.start()), precision, scale, stopping, damping, known)
+    if (
+        solution.ended is Ended.TOO_MANY_ITERATIONS
+        and stopping.iterations < SLOW.iterations
+        and belief.prior is not None
+    ):
+        before, slow = solution.iterations, replace(SLOW, decrement=max(stopping.decrement, SLOW.decrement))
+        solution = fit(
+            equations, solution.z, belief.mean(problem.frames.start()), precision, scale, slow, damping, solution
+        )
+        solution = replace(solution, iterations=before + solution.iterations)
     if not solution.converged:
         remedy = "keep the prior, or fewer parameters" if belief.prior is None else "keep fewer parameters"
         raise FitError(

@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 
 from taskcal.identification.calibration_file import load_calibration
+from taskcal.measurement.reader import read_campaign
+from taskcal.measurement.virtual_cell import simulate
+from taskcal.measurement.writer import write_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.description import robot_toml
+from taskcal.robot.error_model import ErrorModel
 from tests.cli.conftest import IRB6660, Ended, Run
+from tests.laws.urdfs import telescopic_column
 
 ERRORS = {"mean_mm", "rms_mm", "p95_mm", "max_mm", "max_x_mm", "max_y_mm", "max_z_mm", "n"}
 
@@ -100,6 +105,38 @@ def test_every_fold_finds_its_own_effects(run: Run, cell: Path, tmp_path: Path) 
     result = identify(run, cell / "one.csv", tmp_path / "a.json", *options).json
     assert len(result["explanation"]) == 2
     assert result["held_out"]["n"] == 60
+
+
+def test_effects_that_cannot_be_tried_are_said_and_not_advised(run: Run, tmp_path: Path) -> None:
+    robot, rng = tmp_path / "column.urdf", np.random.default_rng(0)
+    robot.write_text(telescopic_column())
+    model = ErrorModel(load_robot(robot))
+    limits = np.clip(model.robot.limits, -1.5, 1.5)
+    campaign, _ = simulate(model, rng.uniform(*limits.T, (40, len(limits))), rng=rng, model_error=3e-4)
+    write_campaign(tmp_path / "column.csv", campaign, model.robot)
+    plain = identify(run, tmp_path / "column.csv", tmp_path / "a.json", robot=robot)
+    assert "--effects auto" not in plain.out
+    shown = identify(run, tmp_path / "column.csv", tmp_path / "b.json", "--effects", "auto", robot=robot)
+    assert "no effect was tried: all effects: column has joints that others drive (lift2)" in shown.err
+    assert "not tried" in shown.out
+    assert "--effects auto" not in shown.out
+    result = identify(
+        run, tmp_path / "column.csv", tmp_path / "c.json", "--effects", "auto", "--json", robot=robot
+    ).json
+    assert "lift2" in result["not_tried"]["all effects"]
+    assert "no effect was tried" in result["remarks"][-1]
+
+
+def test_advice_does_not_repeat_a_search_for_effects(run: Run, cell: Path, tmp_path: Path) -> None:
+    """Errors of single poses are nothing that an effect explains: it was asked, and is not asked for again."""
+    model, rng = ErrorModel(load_robot(IRB6660)), np.random.default_rng(0)
+    q = read_campaign(cell / "one.csv", model.robot).q
+    campaign, _ = simulate(model, q, rng=rng, model_error=3e-4)
+    write_campaign(tmp_path / "noisy.csv", campaign, model.robot)
+    assert "--effects auto" in identify(run, tmp_path / "noisy.csv", tmp_path / "a.json").out
+    ended = identify(run, tmp_path / "noisy.csv", tmp_path / "b.json", "--effects", "auto")
+    assert "effects were tried and are not part of the calibration" in ended.err
+    assert "--effects auto" not in ended.out
 
 
 def test_targets_and_kept_parameters(run: Run, cell: Path, tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ class Coupling(Effect):
 
     key = "coupling"
     label = "coupling"
+    asks_for = "the last three axes do not meet in a point, and the last joints are not of one shaft"
     summary = "joints of the wrist that move a little by each other"
 
     pairs: tuple[tuple[str, str], ...] | None = None

@@ -18,6 +18,13 @@ DEFLECTION = 3e-4
 """Default tolerance of a joint's deflection, radians: what gears and bearings of an industrial robot leave."""
 
 Quantity = Literal["approach", "move", "temperature", "time"]
+
+_SHOWN: Mapping[Quantity, str] = {
+    "approach": "side from which its joints came",
+    "move": "last move of its joints",
+    "temperature": "temperature",
+    "time": "time",
+}
 """What a campaign may tell of its rows beside joints and points: the fields of `Conditions`."""
 
 
@@ -40,6 +47,9 @@ class Effect:
     """What every row of a campaign must tell: without, it is not identified."""
     uses: ClassVar[tuple[Quantity, ...]] = ()
     """What it takes from a campaign that tells it; elsewhere it is identified as in the middle."""
+
+    asks_for: ClassVar[str] = ""
+    """What a robot lacks on which it does not compete, in words; empty where it competes on every robot."""
 
     joints: tuple[str, ...] | None = None
     """Names of the joints that have it; all by default."""
@@ -116,6 +126,20 @@ class Effect:
         """Whether a campaign under these conditions tells, in every row, what the effect needs and uses."""
         values = [getattr(conditions, quantity) for quantity in (*self.needs, *self.uses)]
         return all(value is not None and bool(np.isfinite(value).all()) for value in values)
+
+    @classmethod
+    def untried(cls, robot: Robot, conditions: Conditions) -> str:
+        """Why it does not compete on a robot measured under these conditions, in words."""
+        missing: list[Quantity] = [
+            quantity
+            for quantity in (*cls.needs, *cls.uses)
+            if (values := getattr(conditions, quantity)) is None or not np.isfinite(values).all()
+        ]
+        if missing:
+            return f"not every row states the {_SHOWN[missing[0]]}"
+        if cls.needs:
+            return f"the rows hardly differ in {_SHOWN[cls.needs[0]]}"
+        return cls.asks_for or "its parameters are part of the model, or of another effect"
 
     def referred(self, conditions: Conditions) -> "Effect":
         """The effect with what it refers to taken from a campaign that tells what it needs; by default as it is."""

@@ -23,6 +23,7 @@ class Harmonics(Effect):
 
     key = "harmonics"
     label = "gear harmonics"
+    asks_for = "no joint turns"
 
     orders: tuple[int | float, ...] = (1, 2)
     """Periods in a turn of the joint; whole numbers, but for what recurs with the turns of a motor or a gear in between."""

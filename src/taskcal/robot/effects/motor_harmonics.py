@@ -21,6 +21,7 @@ class MotorHarmonics(Effect):
 
     key = "motor"
     label = "motor harmonics"
+    asks_for = "the robot file states no gear ratio"
     summary = "once and twice in a turn of the motor, for joints whose `gear_ratio` the robot file states"
 
     orders: tuple[int, ...] = (1, 2)

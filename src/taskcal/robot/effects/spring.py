@@ -24,6 +24,7 @@ class Spring(Effect):
 
     key = "spring"
     label = "spring"
+    asks_for = "the robot file states no spring"
     summary = "the drive of axis 2 yields to a spring: that of the robot file, or one of unknown size"
 
     def suits(self, robot: Robot) -> bool:
