@@ -209,3 +209,20 @@ def test_xacro_that_is_trusted_reads_what_it_names(own):
 
 def test_xacro_that_grows_beyond_bounds_is_given_up(own):
     assert re.search(r"make more than 10 MB|take more than", shown_by(own, "${'x' * 20000000}"))
+
+
+def test_xacro_that_prints_without_end_fills_no_memory(own, monkeypatch):
+    """Messages of macros are not kept by the process that waits for them."""
+    monkeypatch.setattr(xacro, "SECONDS", 2.0)
+    kept = []
+    run = xacro.subprocess.run
+
+    def watched(*arguments, **named):
+        done = run(*arguments, **named)
+        kept.append(len(done.stderr))
+        return done
+
+    monkeypatch.setattr(xacro.subprocess, "run", watched)
+    shown_by(own, "${[xacro.message('x' * 100000) for i in python.range(200)][0]}l")
+    assert kept
+    assert max(kept) < 1000

@@ -168,6 +168,8 @@ def _fence(own: Path) -> None:
     python = xacro._global_symbols["python"]
     dict.__setitem__(python, "type", lambda value: type(value))  # that of one argument, which makes no classes
     dict.pop(python, "vars")
+    # whoever waits for this process keeps all that it prints; the file is open until it ends
+    sys.stderr = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     sys.addaudithook(_watch(own))
 
 
