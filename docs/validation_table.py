@@ -31,11 +31,13 @@ def _lines(claim: Claim) -> list[tuple[str, list[nodes.Node]]]:
     """What is said of a claim: the first word of each line, and the rest."""
     command = [nodes.literal(text=claim.command), nodes.Text(f" ({claim.takes})")]
     held_by = nodes.literal(text=claim.held_by) if claim.held_by else nodes.Text("no test; the command alone tells")
+    digits = [("Digits", [nodes.Text("those of the page are held to the shown digits")])] if claim.made_by else []
     return [
         ("Measured", [nodes.Text(_plain(claim.experiment))]),
         ("On", [nodes.Text(claim.on)]),
         ("Again", command),
         ("Held by", [held_by]),
+        *digits,
     ]
 
 

@@ -9,7 +9,7 @@ import typer
 from typer.main import get_command
 from typer.testing import CliRunner
 
-from taskcal.cli import app
+from taskcal.cli import app, main
 from taskcal.cli.option_groups import grouped
 
 
@@ -101,3 +101,35 @@ def test_a_length_an_angle_or_a_time_has_its_unit_in_the_name() -> None:
     assert len(named) > 10
     for option, metavar in named:
         assert option.endswith(units[metavar])
+
+
+@pytest.mark.parametrize("command", ["robots show {}", "poses -r {} angles.csv", "robots import {} -o robot.toml"])
+def test_a_xacro_file_is_a_program_with_trust_alone(command, tmp_path, monkeypatch, capsys) -> None:
+    (tmp_path / "own").mkdir()
+    (tmp_path / "length.yaml").write_text("0.5", encoding="utf-8")
+    xacro = tmp_path / "own" / "arm.xacro"
+    xacro.write_text(
+        """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/><link name="tool0"/>
+        <joint name="j1" type="continuous"><origin xyz="0 0 ${load_yaml('../length.yaml')}"/>
+        <parent link="base"/><child link="tool0"/><axis xyz="0 0 1"/></joint></robot>""",
+        encoding="utf-8",
+    )
+    (tmp_path / "angles.csv").write_text("id,j1_deg\n0,0\n1,90\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    arguments = command.format(xacro).split()
+    assert main(arguments) == 1
+    assert "length.yaml', which lies outside the file's own folder" in " ".join(capsys.readouterr().err.split())
+    assert main([*arguments, "--trust-xacro"]) == 0
+
+
+def test_every_command_that_takes_a_robot_takes_trust() -> None:
+    groups = commands()
+    every = {**groups, **{f"robots {name}": inner for name, inner in groups["robots"].commands.items()}}
+    takes = {
+        name: {option for parameter in command.params for option in parameter.opts} for name, command in every.items()
+    }
+    assert {name for name, options in takes.items() if "--trust-xacro" in options} == {
+        "robots import",
+        "robots show",
+        *(name for name, options in takes.items() if "--robot" in options),
+    }

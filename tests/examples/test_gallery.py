@@ -1,6 +1,7 @@
 """The gallery shows figures that its own commands make."""
 
 import importlib.util
+import re
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -8,6 +9,7 @@ from types import ModuleType
 import pytest
 
 from taskcal.cli import main
+from taskcal.identification.calibration_file import load_calibration
 from taskcal.presentation.content import Chart, Scene
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -46,6 +48,11 @@ def test_its_commands_run_and_make_the_figures_that_it_shows(
     assert len(gallery.commands()) == 3
     for words in gallery.commands():
         assert main(words) == 0
+    held_out = load_calibration("cal.json").held_out
+    nominal, after = held_out.nominal_validation.mean * 1e3, held_out.validation.mean * 1e3
+    index = re.sub(r"\s+", " ", (DOCS / "index.md").read_text(encoding="utf-8"))
+    assert f"measured at 60 poses: {nominal:.2f} mm mean error" in index
+    assert f"as they are), {after:.3f} mm calibrated (solid), at poses that were left out" in index
     shown = gallery.pictures()
     assert len(shown) == (DOCS / "gallery.md").read_text(encoding="utf-8").count("![")
     for picture, figure in shown:

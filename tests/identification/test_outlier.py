@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from taskcal.identification.outlier import studentise
+from taskcal.identification.outlier import shared_with_neighbours, studentise
 from taskcal.measurement.campaign import Campaign
 
 
@@ -53,3 +53,50 @@ def test_a_sound_campaign_names_any_outlier_as_often_as_the_level_says() -> None
     own, campaign = np.broadcast_to(np.eye(3), (40, 1, 3, 3)), campaign_of(np.zeros((40, 1, 3)))
     named = sum(bool(studentise(rng.normal(size=(40, 1, 3)), own, own, campaign, 0.1)[1]) for _ in range(1000))
     assert 70 < named < 130  # three standard deviations about 95
+
+
+def judged(residual: np.ndarray, q: np.ndarray) -> dict[int | None, bool]:
+    """Whether neighbours share the error, of every outlier by its row; unit noise."""
+    own = np.broadcast_to(np.eye(3), (*residual.shape, 3))
+    lengths, outliers = studentise(residual, own, own, campaign_of(np.zeros_like(residual)), 0.01)
+    return dict(zip((o.row for o in outliers), shared_with_neighbours(outliers, residual, lengths, q), strict=True))
+
+
+@pytest.mark.parametrize("order", ["rows", "poses"])
+def test_outliers_that_neighbours_share_are_model_error(order: str) -> None:
+    """Ten rows or poses beside each other have an error in common, the longest of which are outliers; one reading is wrong."""
+    rng = np.random.default_rng(2)
+    q = np.linspace(0.0, 3.0, 100)[:, None] * np.ones(6) + 0.01 * rng.normal(size=(100, 6))
+    residual = rng.normal(size=(100, 1, 3))
+    residual[40:50, 0] += [3.0, 3.0, 0.0]
+    residual[80, 0] = [0.0, 7.0, 0.0]
+    mixed = rng.permutation(100)
+    if order == "rows":  # poses beside each other are anywhere
+        q = q[mixed]
+    else:
+        residual, q = residual[mixed], q[mixed]
+    named = judged(residual, q)
+    wrong = 80 if order == "rows" else int(np.flatnonzero(mixed == 80)[0])
+    assert not named.pop(wrong)
+    assert 1 <= len(named) < 10
+    assert all(named.values())
+
+
+def test_outlier_of_one_posture_shot_thrice_is_a_reading() -> None:
+    """Three shots of one posture share its wrong joint values, which no neighbouring pose does."""
+    rng = np.random.default_rng(3)
+    q = np.repeat(rng.uniform(-1.0, 1.0, (30, 6)), 3, axis=0)
+    residual = rng.normal(size=(90, 1, 3))
+    residual[30:33, 0] = [8.0, 0.0, 0.0]
+    assert judged(residual, q) == {30: False, 31: False, 32: False}
+
+
+def test_sound_neighbours_seldom_excuse_a_wrong_reading() -> None:
+    rng = np.random.default_rng(4)
+    excused = 0
+    for _ in range(300):
+        residual = rng.normal(size=(60, 2, 3))
+        residual[20, 1] = 6.0 * np.array([0.0, 0.6, 0.8])
+        residual[3, 1] = np.nan
+        excused += judged(residual, rng.uniform(-1.0, 1.0, (60, 6)))[20]
+    assert excused <= 6

@@ -5,6 +5,7 @@ import pytest
 
 from taskcal.identification.comparison import ChangedParameter, Comparison, Resemblance
 from taskcal.presentation.comparison_tables import (
+    describe_chance,
     describe_comparison,
     describe_due,
     describe_resemblance,
@@ -64,3 +65,17 @@ def test_parameters_are_said_in_their_own_units():
     assert describe_resemblance(CHANGED) == "J2.rz by -0.900 mrad would explain 88 % of it"
     assert tabulate_changes(CHANGED).rows == (("J2.rz", "+1.0000", "+2.0000", "+1.0000", "mrad", "+10.0"),)
     assert [row[0] for row in tabulate_changes(CHANGED, None).rows] == ["J2.rz", "J3.tx"]
+
+
+@pytest.mark.parametrize(
+    ("chance", "said"),
+    [
+        (0.0, "below 0.001"),
+        (1.6e-146, "below 0.001"),
+        (0.00099, "below 0.001"),
+        (0.001, "of 0.001"),
+        (0.994, "of 0.99"),
+    ],
+)
+def test_chance_too_small_to_state_is_a_bound(chance: float, said: str) -> None:
+    assert describe_chance(compared(chance, 0.0)).endswith(f"with a probability {said}")

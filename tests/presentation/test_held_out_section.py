@@ -31,7 +31,7 @@ def test_the_page_shows_them_or_says_how_to_get_them(fitted):
     assert "--folds 5" in nothing.blocks[0].paragraphs[0]
     shown = held_out_section(replace(calibration, held_out=of_lengths([0.1, 0.1, 0.3, np.nan], [0, 0, 1, 2])))
     _, errors, parts = shown.blocks
-    assert [row[0] for row in errors.rows] == ["nominal robot, frames only", "calibrated"]
+    assert [row[0] for row in errors.rows] == ["nominal (registered)", "calibrated"]
     assert errors.rows[0][5] == "1.667"
     assert parts.rows == (("0", "2", "0.100", "0.100"), ("1", "1", "0.300", "0.300"))
 

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.special import chdtri
@@ -62,20 +63,39 @@ def judged(calibration: Calibration, unseen: Campaign) -> tuple[np.ndarray, np.n
     return np.linalg.norm(error, axis=1) * 1e3, square < chdtri(3.0, 0.05)
 
 
-def measure(name: str) -> str:
-    """A line of the table."""
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """A case: mean errors in space of each split, mm, or of all poses where each is held out in turn; and what goes with them."""
+
+    splits: int
+    frames: list[float]
+    geometry: list[float]
+    auto: list[float]
+    inside: list[float]
+    """Share of the points inside their regions."""
+    seconds: list[float]
+
+
+def measured(data: Path, name: str) -> Measured:
+    """One case, measured again."""
     case = CASES[name]
-    campaign, model = campaign_of(DATA, case.robot), model_of(case.robot, ())
+    campaign, model = campaign_of(data, case.robot), model_of(case.robot, ())
     results = [_results(model, *both) for both in parts(case, campaign)]
     *errors, inside, seconds = (list(column) for column in zip(*results, strict=True))
     if not case.rows:  # every pose once: one mean of all
         errors = [[np.concatenate(some)] for some in errors]
     frames, geometry, auto = ([float(np.mean(some)) for some in of_fit] for of_fit in errors)
     shares = [float(np.mean(some)) for some in inside]
+    return Measured(splits=len(results), frames=frames, geometry=geometry, auto=auto, inside=shares, seconds=seconds)
+
+
+def measure(name: str) -> str:
+    """A line of the table."""
+    one = measured(DATA, name)
     return (
-        f"{name:12} {len(results):3d} {np.median(frames):8.4f} {np.median(geometry):8.4f} "
-        f"{np.median(auto):8.4f} {min(auto):8.4f} {max(auto):8.4f} "
-        f"{np.mean(shares):7.3f} {min(shares):6.3f} {max(shares):6.3f} {np.median(seconds):7.1f}"
+        f"{name:12} {one.splits:3d} {np.median(one.frames):8.4f} {np.median(one.geometry):8.4f} "
+        f"{np.median(one.auto):8.4f} {min(one.auto):8.4f} {max(one.auto):8.4f} "
+        f"{np.mean(one.inside):7.3f} {min(one.inside):6.3f} {max(one.inside):6.3f} {np.median(one.seconds):7.1f}"
     )
 
 

@@ -15,7 +15,7 @@ from taskcal.identification.validation import validate
 from taskcal.measurement.campaign import Campaign
 from taskcal.measurement.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import PERIODIC, Backlash, Compliance, Effect, EncoderGain, Harmonics, Overshoot, Settling
+from taskcal.robot.effects import PERIODIC, Compliance, Effect, EncoderGain, Harmonics, Settling
 from taskcal.robot.error_model import ErrorModel
 
 pytestmark = pytest.mark.realdata
@@ -80,24 +80,6 @@ def test_each_pose_of_the_coupled_robot_is_predicted_from_all_others(data_folder
         fitted = identify(model, campaign.take(np.setdiff1d(np.arange(len(campaign)), [row])))
         errors.append(validate(fitted, campaign.take([row])).errors)
     assert np.concatenate(errors).mean() * 1e3 <= 0.26
-
-
-@pytest.mark.parametrize(
-    ("name", "effects", "rows", "low_mm", "high_mm"),
-    [
-        pytest.param("abb-irb120", (), 430, 0.43, 0.455, id="irb120, geometry"),
-        pytest.param("abb-irb120", (EncoderGain(), Compliance()), 430, 0.34, 0.36, id="irb120, gain and compliance"),
-        pytest.param("abb-irb120", (EncoderGain(), Compliance(), Settling()), 430, 0.295, 0.312, id="irb120, settling"),
-        pytest.param(
-            "abb-irb120", (EncoderGain(), Compliance(), Overshoot()), 430, 0.275, 0.289, id="irb120, overshoot"
-        ),
-        pytest.param("abb-irb120", (EncoderGain(), Compliance(), Overshoot()), 60, 0.32, 0.345, id="irb120, 60 rows"),
-        pytest.param("barrett-wam", (), 0.7, 2.2, 2.3, id="wam, geometry"),
-        pytest.param("barrett-wam", (Backlash(),), 0.7, 1.78, 1.88, id="wam, backlash"),
-    ],
-)
-def test_medians_of_ten_splits_are_those_of_the_documentation(data_folder, name, effects, rows, low_mm, high_mm):
-    assert low_mm <= held_out_mm(data_folder, name, effects, rows, splits=10) <= high_mm
 
 
 def test_what_remains_on_the_irb120_is_the_robot_and_goes_with_nothing_more(data_folder):

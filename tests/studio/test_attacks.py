@@ -10,12 +10,16 @@ from urllib.parse import quote, urlsplit
 import pytest
 
 from taskcal.errors import FileError
+from taskcal.studio.pages.robot_page import robot_of
 from taskcal.studio.project import Project
 from taskcal.studio.road import ROAD
+from taskcal.studio.robot_meshes import meshes_of
 from tests.studio.conftest import served
 from tests.studio.hostile_project import HERE, HOSTILE, MARKUP, write_project
 
 SECRET = "what lies beside the project"
+
+XACRO = "http://www.ros.org/wiki/xacro"
 
 WAYS_OUT = (
     "../",
@@ -139,6 +143,28 @@ def test_a_dropped_file_stays_in_its_folder_whatever_it_is_called(server: Server
     assert (server.folder / kept).read_bytes() == name.encode()
     assert set(server.folder.parent.iterdir()) == before
     Project(server.folder).choose(campaign="campaigns/measured.csv")
+
+
+@pytest.mark.parametrize(
+    "named",
+    ["{}/other/campaigns/secret.csv", "../../other/campaigns/secret.csv", "../campaigns/secret.csv", "link.csv"],
+)
+def test_a_dropped_xacro_reads_no_other_file(tmp_path: Path, named: str) -> None:
+    """Neither of the machine nor of other projects, nor of other folders of its own."""
+    for folder in ("project", "other"):
+        (tmp_path / folder / "campaigns").mkdir(parents=True)
+        (tmp_path / folder / "campaigns" / "secret.csv").write_text(SECRET)
+    project = Project(tmp_path / "project")
+    robot = (
+        f'<robot name="arm" xmlns:xacro="{XACRO}"><link name="base"/><link name="${{load_yaml(\'{named.format(tmp_path)}\')}}"/>'
+        '<joint name="j1" type="continuous"><parent link="base"/><child link="x"/><axis xyz="0 0 1"/></joint></robot>'
+    )
+    project.choose(robot=project.put("robots", "arm.xacro", robot.encode(), (".xacro",)))
+    (project.folder / "robots" / "link.csv").symlink_to(tmp_path / "other" / "campaigns" / "secret.csv")
+    for read in (robot_of, lambda project: meshes_of(project, project.choices.robot)):
+        with pytest.raises(FileError, match="lies outside the file's own folder") as refused:
+            read(project)
+        assert SECRET not in str(refused.value)
 
 
 @pytest.mark.parametrize(

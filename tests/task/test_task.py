@@ -130,6 +130,19 @@ def test_what_is_wrong_with_a_list_of_poses_is_named_with_line_and_column(tmp_pa
     assert str(caught.value).startswith(str(tmp_path / "poses.csv"))
 
 
+@pytest.mark.parametrize("named", ["../poses.csv", "{}/poses.csv", "link.csv", "link/poses.csv"])
+@pytest.mark.parametrize("key", ["poses", "path"])
+def test_task_reads_no_file_outside_its_folder(tmp_path, key, named):
+    written(tmp_path, "a-secret-of-the-machine\n", "poses.csv")
+    own = tmp_path / "own"
+    own.mkdir()
+    (own / "link.csv").symlink_to(tmp_path / "poses.csv")
+    (own / "link").symlink_to(tmp_path)
+    with pytest.raises(FileError, match="lies outside the task file's folder") as caught:
+        load_task(written(own, f'name = "listed"\n{key} = "{named.format(tmp_path)}"'))
+    assert "secret" not in str(caught.value)
+
+
 def test_a_list_of_poses_with_weights(tmp_path, model):
     T, weights = reference_task(np.radians(20.0)).workspace.sample(6), np.array([1.0, 0.0, 2.0, 1.0, 3.0, 1.0])
     written(tmp_path, listed(T, weights), "poses.csv")

@@ -17,6 +17,7 @@ from taskcal.presentation.calibration_tables import tabulate_left_out, tabulate_
 from taskcal.presentation.held_out_section import describe_held_out
 from taskcal.presentation.model_error_origin import model_error_origin, prior_scale_origin
 from taskcal.presentation.unobservable import describe_unobservable
+from taskcal.presentation.verdict import NOMINAL
 from taskcal.robot.error_model import ErrorModel
 
 MAX_SHOWN = 40
@@ -82,7 +83,7 @@ def show_report(
         tracker_mm: mean error in space that the tracker's noise alone would leave.
         parameters: whether to print the parameters, too.
     """
-    summaries = {"frames only": result["nominal"], "fitted": result["fitted"]}
+    summaries = {NOMINAL: result["nominal"], "fitted": result["fitted"]}
     if result["held_out"] is not None:
         summaries["held out"] = result["held_out"]
     say(verdict(calibration, result))

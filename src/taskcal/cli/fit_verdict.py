@@ -1,10 +1,13 @@
 """What a user wants to know of a fit first: what it was worth, and what to do next."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
+
+import numpy as np
 
 from taskcal.cli.output import started_as
 from taskcal.identification.calibration import Calibration
+from taskcal.presentation.calibration_tables import are_most
 from taskcal.presentation.verdict import verdict as sentence
 
 MUCH_WORSE = 1.6
@@ -41,11 +44,20 @@ def next_steps(calibration: Calibration, result: Mapping[str, Any], tracker_mm: 
     """
     taskcal, cal, held_out = started_as(), result["calibration"], result["held_out"]
     steps: list[str] = []
-    wrong = [row.row for row in calibration.left_out] + [o.row for o in calibration.outliers if o.row is not None]
+    mostly = are_most(len(calibration.outliers), int(np.isfinite(calibration.studentised).sum()))
+    judged = [
+        (outlier.row, mostly or alike)
+        for outlier, alike in zip(calibration.outliers, calibration.shared_outliers, strict=True)
+        if outlier.row is not None
+    ]
+    wrong = {row.row for row in calibration.left_out} | {row for row, of_model in judged if not of_model}
     if wrong:
-        rows = sorted(set(wrong))
-        more = f" and {len(rows) - MOST_NAMED} more" if len(rows) > MOST_NAMED else ""
-        steps.append(f"measure rows {', '.join(map(str, rows[:MOST_NAMED]))}{more} again, or leave them out: see below")
+        steps.append(f"measure {_rows(wrong)} again, or leave them out: see below")
+    of_model = {row for row, of_model in judged if of_model} - wrong
+    if of_model:
+        steps.append(
+            f"do not measure {_rows(of_model)} again: model error, since their neighbours err alike; see below"
+        )
     if held_out is None:
         steps.append("see what it predicts: --holdout 0.3 gives rows away for that, --folds 5 gives none away")
     elif held_out["mean_mm"] > MUCH_WORSE * result["fitted"]["mean_mm"]:
@@ -63,3 +75,9 @@ def next_steps(calibration: Calibration, result: Mapping[str, Any], tracker_mm: 
         )
     steps.append(f"look at the whole: {taskcal} report {cal}; use it: {taskcal} correct -c {cal} PROGRAM")
     return steps
+
+
+def _rows(numbers: Collection[int]) -> str:
+    rows = sorted(numbers)
+    more = f" and {len(rows) - MOST_NAMED} more" if len(rows) > MOST_NAMED else ""
+    return f"rows {', '.join(map(str, rows[:MOST_NAMED]))}{more}"

@@ -7,6 +7,7 @@ from typing import Any
 import typer
 
 from taskcal.cli.command import Command
+from taskcal.cli.option_groups import trusting
 
 SUMMARIES = {
     "demo": "Run the published procedure on a virtual robot.",
@@ -68,7 +69,7 @@ def _load(name: str) -> Any:
     app = getattr(module, "app", None)
     if app is None:
         app = typer.Typer(add_completion=False, rich_markup_mode=None)
-        app.command(name, cls=Command)(module.command)
+        app.command(name, cls=Command)(trusting(module.command))
     command: Any = typer.main.get_command(app)  # pyright: ignore
     command.name = name
     return command

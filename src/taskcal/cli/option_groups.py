@@ -4,7 +4,17 @@ from collections.abc import Callable
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, signature
-from typing import Any, get_type_hints
+from typing import Annotated, Any, get_type_hints
+
+import typer
+
+TrustOption = Annotated[
+    bool,
+    typer.Option(
+        "--trust-xacro",
+        help="Let a xacro file read files outside its own folder and the environment, as a program that you trust.",
+    ),
+]
 
 
 def grouped(command: Callable[..., None]) -> Callable[..., None]:
@@ -51,3 +61,34 @@ def _parameters(group: type) -> list[Parameter]:
 
 def _default(field: Field[Any]) -> Any:
     return Parameter.empty if field.default is MISSING else field.default
+
+
+def trusting(command: Callable[..., None]) -> Callable[..., None]:
+    """A command with ``--trust-xacro`` after its robot or its source of one; a command that takes none is left as it is.
+
+    Args:
+        command: as typer takes it, with its groups laid out.
+    """
+    hints = get_type_hints(command, include_extras=True)
+    flat = [
+        parameter.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[name])
+        for name, parameter in signature(command).parameters.items()
+    ]
+    robot = next((place for place, parameter in enumerate(flat) if parameter.name in ("robot", "source")), None)
+    if robot is None:
+        return command
+    flat.insert(robot + 1, Parameter("trust_xacro", Parameter.KEYWORD_ONLY, default=False, annotation=TrustOption))
+
+    @wraps(command)
+    def run(*, trust_xacro: bool, **given: Any) -> None:
+        if not trust_xacro:
+            return command(**given)
+        from taskcal.robot.xacro import trusting_xacro
+
+        with trusting_xacro():
+            return command(**given)
+
+    laid_out: Any = run
+    laid_out.__signature__ = Signature(flat)
+    laid_out.__annotations__ = {parameter.name: parameter.annotation for parameter in flat}
+    return run

@@ -22,7 +22,7 @@ from taskcal.identification.calibration_summary import summarise_calibration
 from taskcal.identification.field import ResidualField
 from taskcal.identification.held_out import HeldOut
 from taskcal.identification.observed_errors import residuals_by_kind
-from taskcal.identification.outlier import LeftOut, Outlier
+from taskcal.identification.outlier import LeftOut, Outlier, shared_with_neighbours
 from taskcal.identification.problem import FrameLayout
 from taskcal.identification.provenance import Provenance
 from taskcal.identification.untold_conditions import untold_covariance
@@ -113,6 +113,13 @@ class Calibration:
     def all_names(self) -> tuple[str, ...]:
         """Names of the entries of z: parameters, ``base.*``, targets."""
         return self.layout.names
+
+    @cached_property
+    def shared_outliers(self) -> tuple[bool, ...]:
+        """Whether neighbouring rows or poses have much the same error as each outlier; none where the poses are not known."""
+        if self.q is None or len(self.q) != len(self.residuals):
+            return (False,) * len(self.outliers)
+        return shared_with_neighbours(self.outliers, self.residuals, self.studentised, self.q)
 
     @cached_property
     def estimate(self) -> Float[np.ndarray, " p"]:

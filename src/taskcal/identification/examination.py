@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import CampaignError
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.outlier import Outlier, studentise
+from taskcal.identification.outlier import Outlier, shared_with_neighbours, studentise
 from taskcal.identification.prediction_errors import Validation
 from taskcal.identification.validation import errors_on, reregister_frames, validate
 from taskcal.measurement.campaign import Campaign
@@ -41,6 +41,8 @@ class Examination:
     """The same of each rotation; None for points."""
     outliers: tuple[Outlier, ...]
     """Points too far off for chance, the worst first."""
+    shared: tuple[bool, ...] = ()
+    """Whether neighbouring rows or poses have much the same error as each outlier, as those do that a model leaves."""
 
     @property
     def worst_first(self) -> Int[np.ndarray, " points"]:
@@ -133,10 +135,12 @@ def examine(
     along = np.einsum("ki,kij,kj->k", direction, covariance[rows, targets, :3, :3], direction)
     studentised = inside = rotation_inside = None
     outliers: tuple[Outlier, ...] = ()
+    shared: tuple[bool, ...] = ()
     if not (reregister or campaign.observations):
         known = [calibration.targets.index(name) for name in campaign.targets]
         stated = calibration.predict_covariance(campaign.q, campaign.conditions)[:, known, :width, :width] + covariance
         lengths, outliers = studentise(residual, stated, stated, campaign, level)
+        shared = shared_with_neighbours(outliers, residual, lengths, campaign.q)
         studentised = lengths[rows, targets]
         inside = _is_inside(error, stated[rows, targets, :3, :3])
         if width == 6:
@@ -152,6 +156,7 @@ def examine(
         inside=inside,
         rotation_inside=rotation_inside,
         outliers=outliers,
+        shared=shared,
     )
 
 

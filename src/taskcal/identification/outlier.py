@@ -1,12 +1,24 @@
 """Measured points that the fit cannot believe."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from taskcal.estimation.whitening import inverse_factors
+from taskcal.identification.neighbouring_poses import single_postures
 from taskcal.measurement.campaign import Campaign
+
+NEIGHBOURS = 4
+"""Rows before and after one, and as many of the nearest poses, that are asked whether they have its error too."""
+
+ALIKE = 0.4
+"""Part of an outlier's residual that a neighbour's has along it, to be the same error. Outliers have 4.5 standard deviations
+or more, so that an error of its own has 1.8 in that direction once in thirty times."""
+
+FEWEST_ALIKE = 2
+"""Neighbours with the same error, of `NEIGHBOURS`, that show it to be of the model: by chance once in a hundred times."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,3 +112,51 @@ def _squared_lengths(
         along, least = np.einsum("kij,ki->kj", vectors, residual[doubtful]), floor[doubtful, None]
         square[doubtful] = np.sum(np.where(values > least, along**2 / np.maximum(values, least), 0.0), axis=1)
     return square
+
+
+def shared_with_neighbours(
+    outliers: Sequence[Outlier],
+    residual: Float[np.ndarray, "n targets b"],
+    studentised: Float[np.ndarray, "n targets"],
+    q: Float[np.ndarray, "n joints"],
+) -> tuple[bool, ...]:
+    """Whether neighbours of each outlier, in the order of the rows or by their poses, have much the same error.
+
+    An error that neighbours share is what the model leaves, or something that moved for a while; a wrong reading stands alone.
+    Rows of one posture are one pose, whose joints may have been noted wrongly once for all of them: they do not count.
+
+    Args:
+        outliers: as `studentise` names them.
+        residual: that they were judged by, metres first.
+        studentised: the lengths that `studentise` gave.
+        q: joint positions, radians (metres where a joint slides).
+    """
+    if not outliers:
+        return ()
+    from scipy.spatial import KDTree
+
+    posture, shared = single_postures(q), list[bool]()
+    trees: dict[int, tuple[np.ndarray, KDTree]] = {}
+    for outlier in outliers:
+        i, t = np.unravel_index(np.nanargmin(np.abs(studentised - outlier.studentised)), studentised.shape)
+        i, t = int(i), int(t)
+        if t not in trees:
+            seen = np.flatnonzero(np.isfinite(studentised[:, t]))
+            trees[t] = seen, KDTree(q[seen])
+        seen, tree = trees[t]
+        place = int(np.searchsorted(seen, i))
+        nearest = tree.query(q[i], k=min(8 * NEIGHBOURS, len(seen)), p=np.inf)[1]
+        before, after = seen[:place][::-1], seen[place + 1 :]
+        own = np.nan_to_num(residual[i, t, :3])
+
+        def alike(
+            rows: np.ndarray, count: int, own: np.ndarray = own, mine: int = int(posture[i]), target: int = t
+        ) -> int:
+            others = rows[posture[rows] != mine][:count]
+            along = np.nan_to_num(residual[others, target, :3]) @ own
+            return int(np.sum(along >= ALIKE * float(own @ own)))
+
+        half = NEIGHBOURS // 2
+        in_order = alike(before[:50], half) + alike(after[:50], half)
+        shared.append(max(in_order, alike(seen[np.atleast_1d(nearest)], NEIGHBOURS)) >= FEWEST_ALIKE)
+    return tuple(shared)

@@ -10,6 +10,18 @@ MOST = 10
 """Parameters that are listed."""
 
 
+LEAST_STATED = 1e-3
+"""Smallest probability that is printed: it comes from the tail of a normal distribution, which no robot's errors keep farther out,
+and in the machine's numbers it ends at zero."""
+
+
+def describe_chance(comparison: Comparison) -> str:
+    """With what probability a robot that has not changed differs as much; a bound where it is small."""
+    least = comparison.chance < LEAST_STATED
+    stated = f"below {LEAST_STATED:g}" if least else f"of {comparison.chance:.2g}"
+    return f"a robot that has not changed differs as much with a probability {stated}"
+
+
 def describe_comparison(comparison: Comparison) -> str:
     """The verdict in a sentence."""
     size = f"{comparison.rms * 1e3:.3f} mm rms in space"

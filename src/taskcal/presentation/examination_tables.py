@@ -4,6 +4,7 @@ import numpy as np
 
 from taskcal.identification.acceptance import GUARD, Acceptance
 from taskcal.identification.examination import Examination
+from taskcal.presentation.calibration_tables import are_most, tabulate_judged
 from taskcal.presentation.content import Table
 
 MAX_COMPARED = 6
@@ -45,24 +46,10 @@ def tabulate_points(examination: Examination, count: int | None) -> Table:
     return Table.of_rows(title, header, rows, text_columns=(2, 3), note=note)
 
 
-def tabulate_examined_outliers(examination: Examination) -> Table:
-    """Points too far off for chance."""
-    return Table.of_rows(
-        "Outliers, too far off what was stated for chance: measure again",
-        ("row", "line", "id", "target", "error mm", "over its 1σ"),
-        [
-            (
-                str(outlier.row),
-                "–" if outlier.line is None else str(outlier.line),
-                outlier.id,
-                outlier.target,
-                f"{outlier.residual * 1e3:.3f}",
-                f"{outlier.studentised:.1f}",
-            )
-            for outlier in examination.outliers
-        ],
-        text_columns=(2, 3),
-    )
+def tabulate_examined_outliers(examination: Examination, count: int | None = None) -> Table:
+    """Points too far off for chance, and whether the reading or the model is at fault; all, or so many of the worst."""
+    mostly = are_most(len(examination.outliers), len(examination.validation))
+    return tabulate_judged(examination.outliers, examination.shared, "error mm", mostly=mostly, count=count)
 
 
 def describe_regions(examination: Examination) -> str:

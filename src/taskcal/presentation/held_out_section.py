@@ -6,6 +6,7 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.held_out import HeldOut
 from taskcal.presentation.content import Block, Section, Table, Text
 from taskcal.presentation.errors_table import tabulate_errors
+from taskcal.presentation.verdict import NOMINAL
 
 PARTS = {
     "neighbours": "groups of neighbouring poses",
@@ -43,7 +44,7 @@ def held_out_section(calibration: Calibration) -> Section:
         )
         return Section(title="Rows that were not fitted", blocks=(Text((advice,)),))
     summaries = {
-        "nominal robot, frames only": held_out.nominal_validation.summary(),
+        NOMINAL: held_out.nominal_validation.summary(),
         "calibrated": held_out.validation.summary(),
     }
     sentence = describe_held_out(held_out)

@@ -6,7 +6,7 @@ from taskcal.adaptation.task_uncertainty import Uncertainty
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.measured_errors import MeasuredErrors
 from taskcal.identification.prediction_errors import Validation
-from taskcal.presentation.calibration_tables import tabulate_left_out, tabulate_outliers
+from taskcal.presentation.calibration_tables import are_most, describe_outliers, tabulate_left_out, tabulate_outliers
 from taskcal.presentation.content import Block, Numbers, Points, Section, Text
 from taskcal.presentation.model_error_origin import model_error_origin, prior_scale_origin
 from taskcal.presentation.unobservable import describe_unobservable
@@ -59,10 +59,10 @@ def _numbers(
 ) -> tuple[tuple[str, str, str], ...]:
     """Four numbers: before, after, what 95 % stay below, and how far to trust a prediction."""
     rows = "rows that were not fitted" if calibration.held_out is not None else "the fitted rows"
-    what = "mean error in space" if after.in_space else "mean error"
-    items = [(f"{after.mean * 1e3:.3f}", "mm", f"{what} of the calibrated robot, on {rows}")]
+    what = "mean 3D prediction error" if after.in_space else "mean prediction error"
+    items = [(f"{after.mean * 1e3:.3f}", "mm", f"{what} of the calibrated model, on {rows}")]
     if before is not None:
-        items.insert(0, (f"{before.mean * 1e3:.3f}", "mm", f"mean error of the nominal robot, on {rows}"))
+        items.insert(0, (f"{before.mean * 1e3:.3f}", "mm", f"{what} of the nominal model (registered), on {rows}"))
     items.append((f"{after.p95 * 1e3:.3f}", "mm", "error that 95 % of these points stay below"))
     if over is not None:
         items.append(
@@ -80,7 +80,10 @@ def _remarks(calibration: Calibration) -> tuple[str, ...]:
     if left_out:
         said.append(f"{_counted(left_out, 'row')} left out, since no fit of the others has them there: see Outliers.")
     if outliers:
-        said.append(f"{_counted(outliers, 'point')} too far off for chance: measure again, or leave out. See Outliers.")
+        mostly = are_most(outliers, int(np.isfinite(calibration.studentised).sum()))
+        said.append(
+            f"Points: {describe_outliers(calibration.shared_outliers, mostly=mostly).rstrip('.')}. See Outliers."
+        )
     described = zip(calibration.targets, describe_unobservable(calibration.layout.registration), strict=True)
     said += [f"Target {name}: {sentence}." for name, sentence in described if sentence]
     rotation = "".join(f" and {e * 1e3:.3f} mrad" for e in calibration.model_error[1:])

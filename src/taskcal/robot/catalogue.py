@@ -8,6 +8,7 @@ from taskcal.errors import TaskcalError, UnknownName, shown
 from taskcal.robot.description import UR_YAML, WHOLE, describe_robot
 from taskcal.robot.file import read_robot, robot_from
 from taskcal.robot.robot import Robot
+from taskcal.robot.xacro import trusting_xacro
 
 
 def _folder() -> Path:
@@ -24,7 +25,9 @@ def _catalogued(name: str) -> Robot:
     return read_robot(_folder() / f"{name}.toml")
 
 
-def load_robot(source: str | Path, *, tip: str | None = None, base: str | None = None) -> Robot:
+def load_robot(
+    source: str | Path, *, tip: str | None = None, base: str | None = None, trust_xacro: bool = False
+) -> Robot:
     """A robot of the catalogue, of a robot file, or of a URDF.
 
     Args:
@@ -32,11 +35,15 @@ def load_robot(source: str | Path, *, tip: str | None = None, base: str | None =
             (``.xacro``); behind a ``#`` the tip, as in ``cell.urdf#left_tool0``.
         tip: of a URDF: the link that is the tool; by default the end of its longest chain, ``tool0`` among several.
         base: of a URDF: the link that is the robot's base; the root by default.
+        trust_xacro: whether a xacro file may read files outside its own folder and the environment, and run any code.
 
     Raises:
         UnknownName: neither the catalogue nor the disk has it, or a URDF has no such link.
         FileError: the file does not describe a robot.
     """
+    if trust_xacro:
+        with trusting_xacro():
+            return load_robot(source, tip=tip, base=base)
     text = str(source)
     if text in catalogue_names():
         return _catalogued(text)

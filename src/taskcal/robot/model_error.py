@@ -21,7 +21,7 @@ TYPICAL = ModelError(
     position=0.26e-3,
     source="median of five measured robots, which had 0.06 to 1.34 mm",
 )
-"""For a robot whose file states none. The complete geometric model left 0.064, 0.204, 0.256, 0.326 and 1.337 mm of every measured
+"""For a robot whose file states none. The complete geometric model left 0.064, 0.204, 0.255, 0.326 and 1.337 mm of every measured
 row of five robots (the documentation of the expected error names them). Those do not grow with the robots' reach (0.05, 0.05,
 0.15, 0.32 and 1.34 mm per metre), so that the figure is no share of it."""
 

@@ -1,5 +1,6 @@
 """A task: the poses that matter, how much each counts, and the accuracy needed."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -9,7 +10,7 @@ from jaxtyping import Bool, Float
 from pydantic import Field, model_validator
 
 from taskcal.arguments import expect_kinds
-from taskcal.errors import ReachError
+from taskcal.errors import FileError, ReachError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture, follow, solve_near
 from taskcal.robot.error_model import ErrorModel
@@ -267,10 +268,18 @@ class TaskFile(Section):
         return self
 
     def task(self, folder: Path) -> Task:
-        """The task it describes; files are looked for in the folder."""
+        """The task it describes; files are looked for in the folder, and no other ones are read."""
         accuracy = self.accuracy.in_space() if self.accuracy else None
         if self.workspace is None:
-            poses, weights = _read_poses(folder / (self.poses or self.path or ""))
+            named = folder / (self.poses or self.path or "")
+            own, real = Path(os.path.realpath(folder)), Path(os.path.realpath(str(named).replace("\0", "")))
+            if not real.is_relative_to(own):
+                raise FileError(
+                    named,
+                    "is named by a task, but lies outside the task file's folder; put it there, since a task that somebody else "
+                    "wrote reads no other file",
+                )
+            poses, weights = _read_poses(named)
             return Task(name=self.name, poses=poses, weights=weights, path=self.path is not None, accuracy=accuracy)
         section = self.workspace
         frame = np.eye(4)
@@ -311,7 +320,7 @@ def load_task(path: str | Path) -> Task:
     """Read a task file.
 
     Raises:
-        FileError: it is missing, no TOML, or does not describe a task.
+        FileError: it is missing, no TOML, or does not describe a task; or it names a file outside its own folder.
     """
     path = Path(path)
     described = read_toml(path, TaskFile)

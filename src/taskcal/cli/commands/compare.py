@@ -104,6 +104,7 @@ def _summary(path: Path, comparison: "Comparison", accuracy: float | None) -> di
 
 def _show(title: str, comparison: "Comparison", accuracy: float | None, *, all_parameters: bool) -> None:
     from taskcal.presentation.comparison_tables import (
+        describe_chance,
         describe_comparison,
         describe_due,
         describe_resemblance,
@@ -116,7 +117,7 @@ def _show(title: str, comparison: "Comparison", accuracy: float | None, *, all_p
     facts = [
         ("changed", describe_comparison(comparison)),
         ("largest", f"{comparison.maximum * 1e3:.3f} mm at one of {len(comparison.q)} poses"),
-        ("by chance", f"a robot that has not changed differs as much with a probability of {comparison.chance:.2g}"),
+        ("by chance", describe_chance(comparison)),
     ]
     if comparison.verdict != "unchanged" and comparison.resembles:
         facts.append(("looks like", describe_resemblance(comparison)))

@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from taskcal.cli.command import Command
-from taskcal.cli.option_groups import grouped
+from taskcal.cli.option_groups import grouped, trusting
 from taskcal.cli.options import JsonOption, OutputOptions
 from taskcal.cli.output import info, show_table, tell, write_json
 from taskcal.cli.outputs import check_outputs
@@ -69,6 +69,7 @@ def catalogue(context: typer.Context, as_json: JsonOption = False) -> None:
 
 
 @app.command("show", cls=Command)
+@trusting
 def show(
     context: typer.Context,
     robot: Annotated[
@@ -131,6 +132,7 @@ class DescriptionOptions:
 
 
 @app.command("import", cls=Command)
+@trusting
 @grouped
 def import_robot(
     context: typer.Context,

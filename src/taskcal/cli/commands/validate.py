@@ -106,6 +106,7 @@ def command(
 
 def _show(title: str, examination: "Examination", decision: "Acceptance | None", *, all_rows: bool) -> None:
     from taskcal.cli.errors_table import show_errors
+    from taskcal.presentation.calibration_tables import are_most, describe_outliers
     from taskcal.presentation.examination_tables import (
         describe_compared,
         describe_decision,
@@ -118,8 +119,9 @@ def _show(title: str, examination: "Examination", decision: "Acceptance | None",
     show_errors(title, {"predicted": examination.validation.summary()})
     show(tabulate_points(examination, None if all_rows else WORST))
     if examination.outliers:
-        show(tabulate_examined_outliers(examination))
-    outliers = f"{len(examination.outliers)} too far off for chance" if examination.outliers else "none"
+        show(tabulate_examined_outliers(examination, None if all_rows else WORST))
+    mostly = are_most(len(examination.outliers), len(examination.validation))
+    outliers = describe_outliers(examination.shared, mostly=mostly)
     facts = [("stated regions", describe_regions(examination)), ("outliers", outliers)]
     if examination.validation.compared:
         facts.insert(0, ("stated distances", describe_compared(examination)))

@@ -1,0 +1,235 @@
+"""Figures of measured robots as pages show them: ``python -m tests.realdata.figures [MAKER …]`` prints them.
+
+Each maker measures and gives parts of pages with the figures rounded to the digits that are shown; a ``*`` stands for words or for
+figures that it does not make. ``docs/claims.toml`` names the makers of a claim, and a test holds its words to what they make.
+"""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.effect_selection import explain
+from taskcal.identification.identify import identify
+from taskcal.identification.validation import validate
+from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.reader import ReadOptions, read_campaign
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.effects import PERIODIC, Backlash, Compliance, Effect, EncoderGain, Harmonics, Overshoot, Settling
+from taskcal.robot.error_model import ErrorModel
+from tests.conftest import DATA
+from tests.realdata.held_out import CASES, Case, judged, measured, parts
+from tests.realdata.model_errors import model_errors
+from tests.realdata.test_effects import campaign_of, model_of
+from tests.realdata.test_sockets import PLACES, place_of
+
+README, INDEX, EFFECTS, EXPECTED = (
+    "README.md",
+    "docs/index.md",
+    "docs/how-to/effects.md",
+    "docs/theory/expected-error.md",
+)
+
+Figure = tuple[str, str]
+"""A page, and a part of it."""
+
+
+def _means(data: Path, case: Case, effects: Sequence[Effect], keep: Sequence[str] | None = None) -> list[float]:
+    """Mean error in space of each split's held-out rows, or of all of them where every pose is held out in turn, mm."""
+    campaign, model = campaign_of(data, case.robot), model_of(case.robot, effects)
+    errors = [judged(identify(model, fitted, keep=keep), unseen)[0] for fitted, unseen in parts(case, campaign)]
+    return [float(e.mean()) for e in (errors if case.rows else [np.concatenate(errors)])]
+
+
+@cache
+def _geometry(data: Path, name: str, splits: int) -> tuple[list[float], list[float]]:
+    """With frames alone, and with all of geometry."""
+    case = replace(CASES[name], splits=splits)
+    return _means(data, case, (), keep=[]), _means(data, case, ())
+
+
+def geometry(data: Path) -> Iterator[Figure]:
+    """What is left on held-out rows by the nominal robot, registered, and by geometry alone."""
+    rows = {
+        "ur5-60": ("| UR5 | * | 60 of 1000 |", "| UR5, 60 of 1000 rows fitted |", 2),
+        "ur5-700": ("| UR5 | * | 700 of 1000 |", "", 2),
+        "ur10": ("| UR10 | * | 70 % of 1495 |", "| UR10, 70 % of 1495 |", 2),
+        "irb120-60": ("| ABB IRB 120 | * | 60 of 620 |", "| ABB IRB 120, 60 of 620 |", 2),
+        "fanuc": ("| FANUC R-2000iC/165F | * | 35 of 36 |", "| FANUC R-2000iC/165F |", 2),
+        "wam": ("| Barrett WAM, 7 joints | * | 70 % of 216 |", "| Barrett WAM, 7 joints, 70 % of 216 |", 1),
+    }
+    for name, (readme, index, digits) in rows.items():
+        nominal, fitted = (
+            f"{np.median(some):.{digits}f}" for some in _geometry(data, name, 36 if name == "fanuc" else 10)
+        )
+        yield README, f"{readme} {nominal} | {fitted} |"
+        if index:
+            yield INDEX, f"{index} {nominal} | {fitted} | *"
+    for name, words, digits in (
+        ("ur5-60", "| UR5 | 60 | 10 |", 3),
+        ("ur5-700", "| UR5 | 700 | 10 |", 3),
+        ("ur10", "| UR10 | 70 % | 3 |", 3),
+        ("irb120-60", "| ABB IRB 120 | 60 | 10 |", 3),
+        ("irb120-430", "| ABB IRB 120 | 430 | 10 |", 3),
+        ("fanuc", "| FANUC R-2000iC/165F | 35 poses | 36 poses |", 2),
+        ("wam", "| Barrett WAM | 151 | 10 |", 2),
+    ):
+        fitted = _geometry(data, name, CASES[name].splits)[1]
+        yield EFFECTS, f"{words} {np.median(fitted):.{digits}f} | *"
+
+
+def model_error(data: Path) -> Iterator[Figure]:
+    """What geometry does not explain of all rows."""
+    found = {name: 1e3 * size for name, size in model_errors(data).items()}
+    for name, words, digits in (
+        ("ur5", "UR5", 3),
+        ("fanuc-r2000ic-165f", "FANUC R-2000iC/165F", 3),
+        ("ur10", "UR10", 3),
+        ("abb-irb120", "ABB IRB 120", 3),
+        ("barrett-wam", "Barrett WAM", 2),
+    ):
+        yield EXPECTED, f"| {words} | {found[name]:.{digits}f} |*"
+    sizes = list(found.values())
+    yield (
+        README,
+        (
+            f"* {np.median(sizes):.2f} mm per axis, the median of five measured robots, which had {min(sizes):.2f} to "
+            f"{max(sizes):.2f} mm"
+        ),
+    )
+
+
+def named_effects(data: Path) -> Iterator[Figure]:
+    """What is left on held-out rows with effects that are asked for by name, beside geometry alone."""
+    gain, order = (EncoderGain(), Compliance()), Harmonics(orders=(1,))
+    harmonics, periodic = (Harmonics(), Compliance()), (PERIODIC, Compliance())
+    rows: dict[str, tuple[str, int, tuple[tuple[Effect, ...], ...]]] = {
+        "ur5-60": ("| UR5 | 60 |", 3, (periodic,)),
+        "ur5-700": ("| UR5 | 700 |", 3, (periodic, (*periodic, Backlash()))),
+        "ur10": ("| UR10 | 70 % |", 3, ((Harmonics(), *periodic),)),
+        "irb120-60": ("| ABB IRB 120 | 60 |", 3, (gain, (*gain, Settling()), (*gain, Overshoot()))),
+        "irb120-430": ("| ABB IRB 120 | 430 |", 3, (gain, (*gain, Settling()), (*gain, Overshoot()))),
+        "fanuc": (
+            "| FANUC R-2000iC/165F | 35 poses |",
+            2,
+            (harmonics, (*harmonics, Settling()), (*harmonics, Overshoot())),
+        ),
+        "wam": (
+            "| Barrett WAM | 151 |",
+            2,
+            ((Backlash(),), (order, *gain, Backlash()), (order, *gain, Backlash(), Overshoot())),
+        ),
+    }
+    for name, (words, digits, several) in rows.items():
+        case = replace(CASES[name], splits=36 if name == "fanuc" else 10)
+        plain = _geometry(data, name, case.splits)[1]
+        for number, effects in enumerate(several):
+            before = _spread(plain, digits) if not number else f"{np.median(plain):.{digits}f}"
+            yield EFFECTS, f"{words} {before} | {_spread(_means(data, case, effects), digits)} |*"
+
+
+def _spread(means: list[float], digits: int) -> str:
+    """The median, and in brackets the least and largest of several."""
+    most = f" ({min(means):.{digits}f}–{max(means):.{digits}f})" if len(means) > 1 else ""
+    return f"{np.median(means):.{digits}f}{most}"
+
+
+def all_effects(data: Path) -> Iterator[Figure]:
+    """What is left on held-out rows by all effects at once, and how many of them are in their stated regions."""
+    found = {name: measured(data, name) for name in CASES}
+    auto = {name: f"{np.median(one.auto):.{2 if name == 'wam' else 3}f}" for name, one in found.items()}
+    short = {
+        name: f"{np.median(one.auto):.{3 if name[:2] == 'ur' else 1 if name == 'wam' else 2}f}"
+        for name, one in found.items()
+    }
+    yield README, "| mm | " + " | ".join(short.values()) + " |"
+    for name, words in (
+        ("ur5-60", "| UR5, 60 of 1000 rows fitted |"),
+        ("ur10", "| UR10, 70 % of 1495 |"),
+        ("irb120-60", "| ABB IRB 120, 60 of 620 |"),
+        ("fanuc", "| FANUC R-2000iC/165F |"),
+        ("wam", "| Barrett WAM, 7 joints, 70 % of 216 |"),
+    ):
+        yield INDEX, f"{words} *| {short[name]} |"
+    for name, words in (
+        ("ur5-60", "| UR5 | 60 | 10 |"),
+        ("ur5-700", "| UR5 | 700 | 10 |"),
+        ("ur10", "| UR10 | 70 % | 3 |"),
+        ("irb120-60", "| ABB IRB 120 | 60 | 10 |"),
+        ("irb120-430", "| ABB IRB 120 | 430 | 10 |"),
+        ("wam", "| Barrett WAM | 151 | 10 |"),
+    ):
+        one, digits = found[name], 2 if name == "wam" else 3
+        yield (
+            EFFECTS,
+            (
+                f"{words} * | {auto[name]} ({min(one.auto):.{digits}f}–{max(one.auto):.{digits}f}) | "
+                f"{100 * np.mean(one.inside):.0f} % ({100 * min(one.inside):.0f}–{100 * max(one.inside):.0f}) |"
+            ),
+        )
+    region = {name: f"{100 * min(one.inside):.0f} to {100 * max(one.inside):.0f} %" for name, one in found.items()}
+    means = [100 * np.mean(found[name].inside) for name in ("ur5-60", "ur10", "irb120-60", "wam")]
+    fanuc = found["fanuc"]
+    yield (
+        README,
+        (
+            f"*{region['ur5-60']} of the held-out points of the UR5 (60 rows), {region['ur10']} of the UR10's, "
+            f"{region['irb120-60']} of the IRB 120's (60 rows), {region['wam']} of the WAM's ({min(means):.0f} to "
+            f"{max(means):.0f} % in the mean of each), and {100 * np.mean(fanuc.inside):.0f} % of the FANUC's."
+        ),
+    )
+    yield EFFECTS, f"| FANUC R-2000iC/165F | 35 poses | * | {auto['fanuc']} | {100 * np.mean(fanuc.inside):.0f} % |"
+
+
+def sockets(data: Path) -> Iterator[Figure]:
+    """What is left of the ball in its sockets, at places that were fitted and at those that were not."""
+    folder = data / "panda_sockets"
+    model = ErrorModel(load_robot(folder / "nominal.urdf"))
+    with TemporaryDirectory() as place:
+        distances = Path(place) / "distances.csv"
+        distances.write_text("socket_a,socket_b,distance_mm\n0,1,50.0\n", encoding="utf-8")
+        campaign = read_campaign(folder / "measurements.csv", model.robot, options=ReadOptions(distances=distances))
+    at = place_of(campaign)
+
+    def left(fit: Callable[[Campaign], Calibration]) -> tuple[float, float]:
+        """Of all rows fitted, and of each place predicted from the others, mm."""
+        apart = [
+            validate(fit(campaign.take(np.flatnonzero(at != name))), campaign.take(np.flatnonzero(at == name))).mean
+            for name in PLACES
+        ]
+        return validate(fit(campaign), campaign).mean * 1e3, float(np.mean(apart)) * 1e3
+
+    nominal, _ = left(lambda some: identify(model, some, keep=[], prior=None))
+    (fitted, apart), (auto, auto_apart) = (
+        left(lambda some: identify(model, some)),
+        left(lambda some: explain(model, some).calibration),
+    )
+    yield (
+        "docs/how-to/calibrate-with-sockets.md",
+        (
+            f"the ball is {nominal:.1f} mm from its mean place by the nominal robot, {fitted:.2f} mm after a fit of the geometry, "
+            f"and {apart:.2f} mm at a place that was not fitted. * leaves {auto:.2f} mm, and {auto_apart:.2f} mm at places not "
+            "fitted"
+        ),
+    )
+
+
+MAKERS: dict[str, Callable[[Path], Iterator[Figure]]] = {
+    maker.__name__: maker for maker in (geometry, model_error, named_effects, sockets, all_effects)
+}
+
+
+def main(names: Sequence[str]) -> None:
+    """Print what each maker makes."""
+    for name in names or MAKERS:
+        for page, words in MAKERS[name](DATA):
+            print(f"{page}: {words}", flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
