@@ -109,6 +109,8 @@ class Move:
     of a loop."""
     external: tuple[float, ...] = ()
     """Positions of the external axes at its end as they are written, millimetres or degrees; NaN where none is stated."""
+    external_offset: str = ""
+    """What shifts the external axes from there, by how much is not known; empty where nothing does."""
     waits: bool = True
     """Whether a program that waits where it stops does so here."""
     carrier: str = ""
