@@ -9,7 +9,7 @@ from taskcal.programs.program import Frame, Program, Waypoint
 from taskcal.programs.source import Source
 from taskcal.programs.tp.frames import Frames, world_in_base
 from taskcal.programs.tp.listing import Listing
-from taskcal.programs.tp.resolve import Findings, Resolver, assigned
+from taskcal.programs.tp.resolve import Calls, Findings, Resolver, assigned
 from taskcal.programs.tp.rewrite import Site, rewrite
 from taskcal.programs.tp.variables import is_variables, read_variables
 from taskcal.robot.robot import Robot
@@ -81,6 +81,7 @@ def read_tp(
         part=part,
     )
     changed = frozenset[int | None]().union(*(a.registers for a in own.values()))
+    calls = Calls.of(listings.values())
     findings = Findings()
     for i, listing in listings.items():
         Resolver(
@@ -92,6 +93,7 @@ def read_tp(
             listing=listing,
             assigned=own[i],
             changed_elsewhere=changed,
+            calls=calls,
         ).run()
     return TpProgram(
         sources=tuple(sources),
