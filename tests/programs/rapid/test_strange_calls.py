@@ -80,7 +80,7 @@ def test_call_by_name_may_change_what_any_routine_changes(call, nested):
     assert "calls a procedure whose name is known only at run time" in "".join(reasons(read))
 
 
-def test_call_by_name_in_a_loop_may_change_what_any_routine_changes():
+def test_call_by_name_in_a_loop_may_change_any_data():
     read = program("tA:=tB;", "WHILE n>0 DO", move(), 'CallByVar "useTool",n;', "ENDWHILE", routines=USE_TOOL)
     assert not read.moves
 
@@ -100,7 +100,7 @@ def test_motions_behind_softact_are_remarked_up_to_softdeact():
     assert soft(read) == [19, 20]
 
 
-def test_motions_behind_softact_in_a_branch_or_a_call_are_remarked():
+def test_softact_in_a_branch_or_a_call_is_remarked():
     routine = "PROC yield()\nSoftAct 3,20;\nENDPROC\n"
     assert soft(program("IF n=1 SoftAct 3,20;", move(), "SoftDeact;", move("p2"))) == [18]
     assert soft(program("yield;", move(), "SoftDeact;", move("p2"), routines=routine)) == [18]

@@ -158,7 +158,7 @@ def test_registers_are_known_behind_instructions_of_the_system(instruction):
     assert "not in the files" not in str(program.diagnostics)
 
 
-def test_registers_are_not_known_where_a_loop_leads_behind_a_strange_call():
+def test_registers_are_unknown_in_a_loop_with_a_strange_call():
     program = read("  LBL[1]", *SET, UP, "  CALL OTHER", "  JMP LBL[1]")
     assert not program.moves
 
@@ -174,7 +174,7 @@ def test_registers_are_known_behind_a_program_of_the_files():
     assert programs(MAIN=["  CALL PICK", UP], PICK=[UP]) == ["MAIN", "PICK"]
 
 
-def test_registers_are_not_known_behind_a_program_that_makes_a_strange_call():
+def test_registers_are_unknown_behind_nested_strange_calls():
     assert programs(MAIN=["  CALL PICK", UP], PICK=[UP, "  CALL OTHER"]) == []
     assert programs(MAIN=["  CALL OTHER", "  CALL PICK"], PICK=[UP]) == []
     assert programs(MAIN=[UP, "  CALL OTHER"], PICK=[UP]) == ["MAIN", "PICK"]

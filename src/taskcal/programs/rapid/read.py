@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 
 from taskcal.errors import FileError
-from taskcal.programs.program import Diagnostic, Program, Waypoint
+from taskcal.programs.program import Diagnostic, Program, Visit, Waypoint
 from taskcal.programs.rapid.base_frame import SUFFIX, base_frame
 from taskcal.programs.rapid.changes import is_strange
 from taskcal.programs.rapid.effects import effects_of
@@ -28,7 +28,7 @@ from taskcal.programs.rapid.predefined import (
 from taskcal.programs.rapid.resolve import Motion, Settings
 from taskcal.programs.rapid.rewrite import rewrite_files
 from taskcal.programs.rapid.roots import follow_program
-from taskcal.programs.rapid.sharing import Sharing
+from taskcal.programs.rapid.sharing import Sharing, visits_of
 from taskcal.programs.rapid.syntax import Instruction, Module, Problem, Unparsed
 from taskcal.programs.rapid.uses import Use, changes, uses
 from taskcal.programs.rapid.values import Values
@@ -45,6 +45,10 @@ class RapidProgram(Program):
     """The moves with their text, in the same order."""
     uses: Mapping[Symbol, tuple[Use, ...]]
     """All references to declared data."""
+    everywhere: tuple[Context, ...] = ()
+    """Modules and routines."""
+    unresolved: frozenset[Instruction] = frozenset()
+    """Motions that were not resolved, on no way that leads to them."""
 
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
@@ -63,6 +67,11 @@ class RapidProgram(Program):
     ) -> dict[int, str]:
         """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
         return Sharing(motions=self.motions, uses=self.uses, robot=robot, tolerance=tolerance).unwritable(waypoints)
+
+    def visits(self) -> Iterable[Visit]:
+        """Motions of one routine to one target; see `Program.visits`."""
+        read = ((symbol, use) for symbol, own in self.uses.items() for use in own)
+        return visits_of(self.everywhere, self.motions, self.unresolved, read)
 
     def reread(self, sources: tuple[Source, ...]) -> "RapidProgram":
         """The program of other texts of the same files; see `Program.reread`."""
@@ -108,7 +117,8 @@ def read_rapid(sources: Sequence[Source]) -> RapidProgram:
     diagnostics.sort(key=lambda diagnostic: (order[diagnostic.place.path], diagnostic.place.line))
     return RapidProgram(
         sources=tuple(sources), moves=tuple(motion.move for motion in motions), diagnostics=tuple(diagnostics),
-        motions=tuple(motions), uses=uses(everywhere, values), T_world_base=T_world_base,
+        motions=tuple(motions), uses=uses(everywhere, values), everywhere=everywhere, T_world_base=T_world_base,
+        unresolved=frozenset(findings.reasons).difference(motion.instruction for motion in motions),
     )  # fmt: skip
 
 

@@ -60,6 +60,8 @@ class Use:
     """First character of the reference."""
     path: tuple[int, ...] | None
     """The component or element; None where that is not known."""
+    type: str = ""
+    """Of what it covers, in lower case; empty where that is not known."""
 
     def overlaps(self, path: tuple[int, ...]) -> bool:
         """Whether it reads any of what stands at a path of the data."""
@@ -110,10 +112,10 @@ def uses(everywhere: Iterable[Context], values: Values) -> Mapping[Symbol, tuple
         if symbol is None or not (symbol.declaration or symbol.parameter_of):
             continue
         try:
-            path, _ = values.path(mention.reference, symbol, mention.scope)
+            path, type_ = values.path(mention.reference, symbol, mention.scope)
         except Unresolved:
-            path = None
-        use = Use(file=mention.file, start=mention.reference.start, path=path)
+            path, type_ = None, symbol.type
+        use = Use(file=mention.file, start=mention.reference.start, path=path, type=type_)
         uses_of.setdefault(symbol, []).append(use)
     return {key: tuple(value) for key, value in uses_of.items()}
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from taskcal.geometry import se3
 from taskcal.programs.call_graph import with_called
-from taskcal.programs.program import Diagnostic, Frame, Move, MoveKind, Posture, Target
+from taskcal.programs.program import Diagnostic, Frame, Move, MoveKind, Posture, Target, Visit
 from taskcal.programs.source import Place, Source
 from taskcal.programs.tp.configuration import Configuration
 from taskcal.programs.tp.frames import Frames
@@ -158,6 +158,8 @@ class Findings:
     moves: list[Move] = field(default_factory=list[Move])
     sites: list[Site] = field(default_factory=list[Site])
     diagnostics: list[Diagnostic] = field(default_factory=list[Diagnostic])
+    unresolved: list[Visit] = field(default_factory=list[Visit])
+    """Positions of the program to which motions go that could not be resolved."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -237,6 +239,11 @@ class Resolver:
             move, written = self._resolved(motion, state, place)
         except Unresolved as reason:
             self.findings.diagnostics.append(Diagnostic(place=place, text=str(reason)))
+            self.findings.unresolved.extend(
+                Visit(number=None, target=(self.number, f"P[{operand.number}]"), place=place)
+                for operand in motion.operands
+                if operand.number is not None and not operand.register
+            )
             state.last = None
             return
         state.last = None if motion.skips else len(self.findings.moves)
