@@ -247,3 +247,18 @@ def test_the_same_track_in_krl(corners, part, robot, conf, calibration):
     np.testing.assert_allclose(true[:, :3, 3], np.array(expected)[:, :3, 3], atol=1e-7)
     unsaid = mount(replace(program), Cell(T_world_base=BASE))
     assert list(unsaid.refused) == [1, 2]
+
+
+@pytest.mark.parametrize(
+    ("axes", "refused"), [((TRACK,), True), ((), True), ((replace(TRACK, carries="nothing"),), False)]
+)
+@pytest.mark.parametrize("at", [0.0, 500.0])
+def test_mount_refuses_axes_shifted_by_an_unknown_amount(axes, refused, at, corners, part):
+    """An axis that EOffsSet shifts stands nowhere that the text says, at zero neither."""
+    source = program_of(corners[:1], part, np.eye(4), external=[{0: at}])
+    shifted = read_rapid([replace(source, text=source.text.replace("ConfL", "EOffsSet [99,0,0,0,0,0]; ConfL"))])
+    mounted = mount(shifted, Cell(axes=axes))
+    assert bool(mounted.refused) == refused
+    assert (
+        not refused or "may be shifted from where the text has it (EOffsSet in part.mod:5)" in mounted.refused[0] or at
+    )

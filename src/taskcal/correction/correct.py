@@ -12,7 +12,12 @@ from taskcal.correction.cell import Cell
 from taskcal.correction.controller_trajectory import ControllerTrajectory, simulate_controller
 from taskcal.correction.correction import SHARE_OF_UNCERTAINTY, TOLERANCE, Bounds, Correction
 from taskcal.correction.correction_problem import CorrectionProblem
-from taskcal.correction.diagnostics import diagnose, diagnose_new_corners, diagnose_unused_frames
+from taskcal.correction.diagnostics import (
+    diagnose,
+    diagnose_new_corners,
+    diagnose_unchanged_files,
+    diagnose_unused_frames,
+)
 from taskcal.correction.drive_directions import DriveDirections, drive_directions, uses_directions
 from taskcal.correction.error_budget import SOURCES, budget_of
 from taskcal.correction.frame_calibration import FrameCalibration, calibrate_frames
@@ -117,6 +122,7 @@ def correct(
             *_diagnose_cell(given, program, cell, mounted, trajectory),
             *diagnose(program, trajectory, new_trajectory, rewritten.origin, written_moves, subdivision, motion),
             *([] if into is None else diagnose_new_corners(program, trajectory, new_trajectory, rewritten.origin)),
+            *([] if into is not None else diagnose_unchanged_files(program, rewritten.sources)),
         ),
         statements=_statements(frames, given, cell),
         motion=motion,

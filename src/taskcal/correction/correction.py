@@ -102,6 +102,16 @@ class Correction:
         """Whether anything was corrected by less than the calibration's own uncertainty."""
         return bool(len(self.corrected)) and self.budget.uncertain
 
+    @property
+    def why_unwritten(self) -> str:
+        """Why nothing is written: no motion was corrected, and some were refused; empty where something was corrected."""
+        refused = [f"{self.program.moves[i].place}: {why}" for i, why in sorted(self.rejected.items())]
+        refused += [str(diagnostic) for diagnostic in self.diagnostics if diagnostic.rejected]
+        if len(self.corrected) or not refused:
+            return ""
+        more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
+        return f"no motion was corrected, so that the program would be the one that was read; {refused[0]}{more}"
+
     def destinations(self, out: str | Path) -> tuple[Path, ...]:
         """Where the corrected files go: one to a file or into a folder, several into a folder, under their own names.
 
@@ -122,8 +132,10 @@ class Correction:
         """Write the corrected files, all or none; of a backup all of it, to a place that does not exist yet.
 
         Raises:
-            FileError: it would overwrite what was read, or cannot be written.
+            FileError: it would overwrite what was read, or cannot be written; or every motion was refused.
         """
+        if self.why_unwritten:
+            raise FileError(out, f"is not written: {self.why_unwritten}")
         backup = self.program.backup
         if backup is not None and len(self.sources) == len(self.program.sources):
             return (write_backup(backup, out, self.sources),)

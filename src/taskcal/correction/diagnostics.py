@@ -11,7 +11,7 @@ from taskcal.correction.rounded_path import RoundedPath
 from taskcal.correction.subdivision import Subdivision
 from taskcal.kinematics.tracing import NEARLY_SINGULAR
 from taskcal.programs.program import Diagnostic, Move, Program
-from taskcal.programs.source import Place
+from taskcal.programs.source import Place, Source
 
 
 def diagnose(
@@ -117,6 +117,26 @@ def diagnose_new_corners(
         "where that is too far, let the motion stop"
     )
     return [Diagnostic(place=program.moves[origin[rows[worst]][0]].place, text=text)]
+
+
+def diagnose_unchanged_files(program: Program, written: Sequence[Source]) -> list[Diagnostic]:
+    """Files with motions, of several that are written together, in which nothing was corrected.
+
+    Args:
+        program: as it was given.
+        written: its files as they are written, in the same order.
+    """
+    if len(written) < 2:
+        return []
+    moved = {str(move.place.path) for move in program.moves}
+    return [
+        Diagnostic(
+            place=Place(path=new.path, line=1),
+            text="no motion of this file was corrected; it is written with the others as it was read",
+        )
+        for old, new in zip(program.sources, written, strict=True)
+        if old.text == new.text and str(new.path) in moved
+    ]
 
 
 def diagnose_unused_frames(cell: Cell, program: Program) -> list[Diagnostic]:

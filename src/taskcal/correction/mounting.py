@@ -46,7 +46,7 @@ def mount(program: Program, cell: Cell) -> Mounted:
             "as it is there, or leave it out"
         )
     positions = _positions(program.moves)
-    plain = not any(move.carrier or not move.tool.stated for move in program.moves)
+    plain = not any(move.carrier or move.external_offset or not move.tool.stated for move in program.moves)
     if said is None and not cell.axes and not np.nan_to_num(positions).any() and plain:
         return Mounted(program=program, refused={}, diagnostics=())
     read_in = np.eye(4) if stated is None else stated
@@ -134,6 +134,16 @@ class _Mounting:
                 f"its part '{move.part.name}' is moved by {move.carrier}, and the cell file does not say how; write [[axis]] "
                 'number = …, carries = "part", turns_about or slides_along = [x, y, z], and frame, its place at zero'
             )
+        if move.external_offset:
+            for k in np.flatnonzero(~np.isnan(positions)):
+                axis = known.get(int(k) + 1)
+                if axis is None or axis.carries != "nothing":
+                    name = ExternalAxis(number=int(k) + 1, carries="nothing").name
+                    return (
+                        f"{name} may be shifted from where the text has it ({move.external_offset}), so that it is not known where "
+                        'robot and part are; write [[axis]] carries = "nothing" if it carries neither, or write the positions '
+                        "without the shift"
+                    )
         missing = next((axis for axis in self.relevant(move) if np.isnan(positions[axis.number - 1])), None)
         if missing is not None:
             return f"it does not say where {missing.name} stands, which carries the {missing.carries}"

@@ -10,6 +10,7 @@ from taskcal.correction.rejections import find_rejections
 from taskcal.correction.subdivision import Subdivision
 from taskcal.correction.target_changes import TargetChanges
 from taskcal.programs.program import Move, Program, Waypoint
+from taskcal.programs.unwritable import keep_together
 
 UNMOVED, UNTURNED = 1e-7, 1e-7
 """A target that moves and turns by less, metres and radians, keeps its text."""
@@ -40,9 +41,14 @@ def choose_waypoints(
     rejected = {i: why for i, why in rejected.items() if i not in kept}
     waypoints = _waypoints(moves, subdivision, changes, kept | rejected.keys())
     if program is not None:
-        shared = program.unwritable(robot, waypoints, subdivision.tolerance)
-        rejected |= shared
-        waypoints = {i: path for i, path in waypoints.items() if i not in shared}
+        visits = tuple(program.visits())
+        while True:
+            more = program.unwritable(robot, waypoints, subdivision.tolerance)
+            more = more or keep_together(visits, rejected, waypoints)
+            if not more:
+                break
+            rejected |= more
+            waypoints = {i: path for i, path in waypoints.items() if i not in more}
     return waypoints, rejected
 
 

@@ -1,7 +1,7 @@
 """A robot program as its motions: what the controller is told to do, and where that is written."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol, runtime_checkable
 
@@ -109,6 +109,8 @@ class Move:
     of a loop."""
     external: tuple[float, ...] = ()
     """Positions of the external axes at its end as they are written, millimetres or degrees; NaN where none is stated."""
+    external_offset: str = ""
+    """What shifts the external axes from there, by how much is not known; empty where nothing does."""
     waits: bool = True
     """Whether a program that waits where it stops does so here."""
     carrier: str = ""
@@ -160,6 +162,17 @@ class Diagnostic:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Visit:
+    """A motion, and a target to which its text leads, as it stands there or shifted."""
+
+    number: int | None
+    """Of the motion; None of one that was not resolved."""
+    target: Hashable
+    """Equal where motions of one path go to one target."""
+    place: Place
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Program(ABC):
     """What was read from one or several files of a robot program."""
 
@@ -205,6 +218,13 @@ class Program(ABC):
             tolerance: how far a target may be from its waypoint that is written as the shift of another one, metres.
         """
         return {}
+
+    def visits(self) -> Iterable[Visit]:
+        """Which motions of one path go to one target, some of them to a place above it: all are corrected, or none.
+
+        Otherwise the way from one to the other, such as that down to a part, would be another one than was programmed.
+        """
+        return ()
 
     @abstractmethod
     def reread(self, sources: tuple[Source, ...]) -> "Program":

@@ -1,7 +1,10 @@
 """Motions that cannot be rewritten as they should, where one that stays as it was may keep others from changing."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Hashable, Iterable, Mapping
 from typing import TypeVar
+
+from taskcal.programs.program import Visit
+from taskcal.programs.source import Place
 
 Path = TypeVar("Path")
 
@@ -25,3 +28,24 @@ def reject_in_turn(
         if not more:
             return rejected
         rejected |= more
+
+
+def keep_together(visits: Iterable[Visit], staying: Container[int], changing: Container[int]) -> dict[int, str]:
+    """Motions that have to stay because another one of their path stays that goes to the same target, and why.
+
+    Args:
+        visits: of the program.
+        staying: numbers of motions that were refused.
+        changing: numbers of motions that are to be written.
+    """
+    visits = tuple(visits)
+    stays: dict[Hashable, Place] = {}
+    for visit in visits:
+        if visit.number is None or visit.number in staying:
+            stays.setdefault(visit.target, visit.place)
+    return {
+        visit.number: f"shares its target with the motion in {stays[visit.target]}, which stays as it is: the way between them "
+        "would be another one"
+        for visit in visits
+        if visit.number is not None and visit.number in changing and visit.target in stays
+    }

@@ -183,7 +183,8 @@ def test_what_cannot_be_reached_is_named_by_file_and_line(line, words, run: Run,
     path.write_text(module(robot, *GOOD, line), newline="")
     ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.mod", "--json")
     assert ended.status == 1
-    (refused,) = ended.json["refused"]
+    *others, refused = ended.json["refused"]
+    assert all("shares its target" in other["reason"] for other in others)
     assert (refused["file"], refused["line"]) == (str(path), 9)
     assert words in refused["reason"]
     assert line in (tmp_path / "out.mod").read_text()
@@ -225,7 +226,46 @@ def test_bounds_are_kept(run: Run, cell, part, tmp_path):
     ended = run("correct", "-c", cell / "cal.json", part, "-o", out, "--max-shift-mm", "0.01")
     assert ended.status == 1
     assert "0.01 mm are allowed" in ended.err
-    assert out.read_bytes() == part.read_bytes()
+
+
+def test_correct_writes_nothing_if_every_motion_is_refused(run: Run, cell, part, tmp_path):
+    out = tmp_path / "out.mod"
+    ended = run("correct", "-c", cell / "cal.json", part, "-o", out, "--max-shift-mm", "0.01", "--json")
+    assert ended.status == 1
+    assert ended.json["written"] == []
+    assert "not written: no motion was corrected" in ended.err
+    assert f"{part}:7: would move by" in ended.err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("suffix", ["", ".zip"])
+def test_correct_writes_no_backup_if_every_motion_is_refused(run: Run, cell, part, tmp_path, suffix):
+    folder = tmp_path / "backup"
+    folder.mkdir()
+    (folder / "part.mod").write_bytes(part.read_bytes())
+    given = folder if not suffix else Path(shutil.make_archive(str(folder), "zip", folder))
+    out = tmp_path / f"out{suffix}"
+    ended = run("correct", "-c", cell / "cal.json", given, "-o", out, "--max-shift-mm", "0.01")
+    assert ended.status == 1
+    assert "not written" in ended.err
+    assert not out.exists()
+
+
+def test_correct_names_uncorrected_files_of_a_set(run: Run, cell, robot, part, tmp_path):
+    """One module is corrected; the other, whose only motion is out of reach, goes with it as it was."""
+    far = tmp_path / "far.mod"
+    lines = module(robot, "MoveL Offs(pA,9000,0,0),v50,fine,tSpindle\\WObj:=wPart;").split("\r\n")
+    text = "\r\n".join(["MODULE Far", *lines[1:]])
+    for name in ("pA", "pB", "tSpindle", "wPart"):
+        text = text.replace(name, f"{name}2")
+    far.write_bytes(text.replace("main", "far").encode())
+    (tmp_path / "out").mkdir()
+    ended = run("correct", "-c", cell / "cal.json", part, far, "-o", tmp_path / "out", "--json")
+    assert ended.status == 1
+    assert (tmp_path / "out/far.mod").read_bytes() == far.read_bytes()
+    assert (tmp_path / "out/part.mod").read_bytes() != part.read_bytes()
+    said = [r["file"] for r in ended.json["remarks"] if "no motion of this file was corrected" in r["text"]]
+    assert said == [str(far)]
 
 
 def test_the_program_itself_is_never_overwritten(run: Run, cell, part):

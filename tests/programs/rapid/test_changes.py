@@ -24,7 +24,6 @@ MOTION = "MoveL p1,v5,fine,tM\\WObj:=wM;\n"
         "SetDO doGun,,p1;",
         "IF p1.trans.x=,1 THEN",
         "k:=p1.trans.x+;",
-        "Measure tM,,wM;",
         "keep p1,,k;",
         "CASE p1:",
     ],

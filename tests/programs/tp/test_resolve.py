@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from taskcal.geometry import se3
+from taskcal.programs.tp.read import read_tp
 from taskcal.robot.error_model import ErrorModel
-from tests.programs.tp.samples import R2000, degrees, joints, pose, read
+from tests.programs.tp.samples import POSITIONS, R2000, backup, degrees, joints, listing, pose, read
 
 SET = ("  UFRAME_NUM=1", "  UTOOL_NUM=1")
 
@@ -161,3 +162,54 @@ def test_configuration_is_read_in_german_listings():
     (move,) = read(*SET, "L P[2] 10mm/sec FINE", positions=german).moves
     (english,) = read(*SET, "L P[2] 10mm/sec FINE").moves
     assert move.end.posture == english.end.posture
+
+
+UP = "L P[2] 100mm/sec FINE Offset,PR[2:up]"
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        "  CALL OTHER", "  call OTHER(1,'x')", "  RUN OTHER", "  IF R[1]=1,CALL OTHER", "  OTHER", "  OTHER(3)",
+        "L P[3] 100mm/sec CNT10 TB .10sec,CALL OTHER", "  SELECT R[1]=1,CALL OTHER",
+    ],
+)  # fmt: skip
+def test_registers_are_not_known_behind_a_strange_call(call):
+    program = read(*SET, UP, call, *SET, UP, "L P[3] 100mm/sec FINE", "J PR[1] 10% FINE")
+    assert [move.end.name for move in program.moves if move.place.line != 9] == ["P[2]", "P[3]"]
+    texts = [str(diagnostic) for diagnostic in program.diagnostics]
+    assert any("mill.ls:9: OTHER is not in the files given; behind it the active frames" in text for text in texts)
+    reason = "PR[{}]{} may be set by OTHER, which is called before and is not in the files given; pass its .ls"
+    assert any(text.endswith(": its Offset, " + reason.format(2, ",")) for text in texts)
+    assert any(text.endswith(": " + reason.format(1, "")) for text in texts)
+
+
+@pytest.mark.parametrize(
+    "instruction", ["  PAUSE", "  END", "  Weave End", "  MESSAGE[CALL OTHER]", "  !CALL OTHER", "  R[1]=2"]
+)
+def test_registers_are_known_behind_instructions_of_the_system(instruction):
+    program = read(*SET, instruction, *SET, "J PR[1] 10% FINE")
+    assert len(program.moves) == 1
+    assert "not in the files" not in str(program.diagnostics)
+
+
+def test_registers_are_unknown_in_a_loop_with_a_strange_call():
+    program = read("  LBL[1]", *SET, UP, "  CALL OTHER", "  JMP LBL[1]")
+    assert not program.moves
+
+
+def programs(**instructions):
+    """The motions of several programs, by the name of each."""
+    sources = [listing(lines, POSITIONS, name) for name, lines in instructions.items()]
+    program = read_tp([*sources, *backup()], robot=R2000)
+    return [move.routine for move in program.moves]
+
+
+def test_registers_are_known_behind_a_program_of_the_files():
+    assert programs(MAIN=["  CALL PICK", UP], PICK=[UP]) == ["MAIN", "PICK"]
+
+
+def test_registers_are_unknown_behind_nested_strange_calls():
+    assert programs(MAIN=["  CALL PICK", UP], PICK=[UP, "  CALL OTHER"]) == []
+    assert programs(MAIN=["  CALL OTHER", "  CALL PICK"], PICK=[UP]) == []
+    assert programs(MAIN=[UP, "  CALL OTHER"], PICK=[UP]) == ["MAIN", "PICK"]

@@ -82,8 +82,9 @@ class DestinationOptions:
         return correction.write(self.output)
 
     def withholds(self, correction: "Correction") -> bool:
-        """Whether the program is not written for its uncertainty."""
-        return correction.uncertain and not self.accept_uncertain and not self.dry_run
+        """Whether the program is not written: for its uncertainty, or because every motion was refused."""
+        uncertain = correction.uncertain and not self.accept_uncertain
+        return (uncertain or bool(correction.why_unwritten)) and not self.dry_run
 
 
 @grouped
@@ -127,6 +128,7 @@ def command(
     Every target becomes the pose that makes the controller, which takes its robot for nominal, drive the joints that the
     robot as calibrated needs; lines and arcs get more targets where they need them. Whatever else the files say stays,
     byte for byte. Targets that are refused stay too, are named by file and line with the reason, and make the exit status 1.
+    Where every motion is refused nothing is written.
     Motions that the text does not tell, such as those to computed targets, stay and are named.
 
     Where the uncertainty is larger than the correction nothing is written, unless asked for with --accept-uncertain;
@@ -169,6 +171,8 @@ def command(
         _show(correction, written, page.in_words(made))
     withheld = destination.withholds(correction)
     _say_uncertain(correction, withheld=withheld)
+    if withheld and correction.why_unwritten:
+        info(f"error: not written: {correction.why_unwritten}")
     if withheld or correction.rejected or any(diagnostic.rejected for diagnostic in correction.diagnostics):
         raise typer.Exit(1)
 

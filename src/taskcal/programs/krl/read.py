@@ -1,6 +1,6 @@
 """Reading KRL programs: from the routines that nothing calls through all that they call."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from taskcal.errors import FileError, TaskcalError
@@ -27,11 +27,11 @@ from taskcal.programs.krl.routines import (
     routines_of,
     unasked,
 )
-from taskcal.programs.krl.sharing import Sharing, in_data_list
+from taskcal.programs.krl.sharing import Sharing, in_data_list, visits_of
 from taskcal.programs.krl.state import State
 from taskcal.programs.krl.syntax import Begin, Motion
 from taskcal.programs.krl.walk import through
-from taskcal.programs.program import Diagnostic, Frame, Program, Waypoint
+from taskcal.programs.program import Diagnostic, Frame, Program, Visit, Waypoint
 from taskcal.programs.source import Source
 from taskcal.programs.unresolved import Unresolved
 from taskcal.robot.robot import Robot
@@ -50,6 +50,7 @@ class KrlProgram(Program):
 
     sites: tuple[Site, ...]
     """Of the moves, in their order."""
+    files: tuple[File, ...] = ()
 
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
@@ -78,6 +79,10 @@ class KrlProgram(Program):
     ) -> dict[int, str]:
         """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
         return Sharing(sites=self.sites, moves=self.moves, robot=robot).unwritable(waypoints)
+
+    def visits(self) -> Iterable[Visit]:
+        """Motions of one routine that name one point; see `Program.visits`."""
+        return visits_of(self.sites, self.moves, self.files)
 
     def reread(self, sources: tuple[Source, ...]) -> "KrlProgram":
         """The program of other texts of the same files; see `Program.reread`."""
@@ -223,5 +228,6 @@ class _Reading:
                 for file, position, text in sorted({*self.findings.diagnostics, *failed})
             ),
             sites=tuple(site for _, site in found),
+            files=self.files,
             T_world_base=T_world_base,
         )

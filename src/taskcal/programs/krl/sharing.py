@@ -5,15 +5,15 @@ Any other text can only be rewritten if all of its motions need the same.
 """
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from taskcal.programs.krl.data_lists import Datum
+from taskcal.programs.krl.data_lists import Datum, File
 from taskcal.programs.krl.rewrite import Site, Written, mentions_of, stays, values_at
-from taskcal.programs.krl.syntax import Reference
-from taskcal.programs.program import Move, Waypoint
+from taskcal.programs.krl.syntax import Assignment, Begin, Motion, Reference, Statement
+from taskcal.programs.program import Move, Visit, Waypoint
 from taskcal.programs.source import Place
 from taskcal.programs.unwritable import reject_in_turn
 from taskcal.robot.robot import Robot
@@ -165,3 +165,45 @@ def _agree(one: Values, other: Values) -> bool:
         elif any(abs(a[name] - b[name]) > SAME for name in a):
             return False
     return True
+
+
+def visits_of(sites: Sequence[Site], moves: Sequence[Move], files: Iterable[File]) -> Iterator[Visit]:
+    """Motions of one routine that name one point, or a variable that was last set by it, and those that lean on each other."""
+    numbers: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for i, site in enumerate(sites):
+        numbers[site.text].append(i)
+    for file in files:
+        for lines in _routines(file):
+            points = {name for line in lines if isinstance(line, Motion) for name in _named(line)}
+            sets: dict[str, frozenset[str]] = {}
+            for line in lines:
+                if isinstance(line, Assignment) and not line.component:
+                    named = frozenset(points.intersection(word.upper for word in line.words)) - {line.name}
+                    sets[line.name] = named.union(*(sets.get(name, ()) for name in named))
+                elif isinstance(line, Motion):
+                    named = frozenset(_named(line))
+                    for name in named.union(*(sets.get(name, ()) for name in named)):
+                        for i in numbers.get((file.number, line.start), (None,)):
+                            target = (file.number, lines[0].start, name)
+                            yield Visit(number=i, target=target, place=file.source.place(line.start))
+    for i, site in enumerate(sites):
+        for number in (i, *site.before) if site.leans else ():
+            yield Visit(number=number, target=i, place=moves[number].place)
+
+
+def _routines(file: File) -> Iterator[list[Statement]]:
+    """The lines of each routine of a file."""
+    lines: list[Statement] = []
+    for line in file.statements:
+        if isinstance(line, Begin) and lines:
+            yield lines
+            lines = []
+        lines.append(line)
+    if lines:
+        yield lines
+
+
+def _named(motion: Motion) -> Iterator[str]:
+    """Variables in the points of a motion."""
+    for operand in motion.operands:
+        yield from (part.name for part in operand.parts if isinstance(part, Reference))

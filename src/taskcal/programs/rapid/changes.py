@@ -6,7 +6,7 @@ from taskcal.programs.rapid.expressions import RESERVED
 from taskcal.programs.rapid.lexer import Token
 from taskcal.programs.rapid.motion_forms import CHANGED_BY, MOTION_FORMS, ONLY_EXTERNAL
 from taskcal.programs.rapid.names import Scope
-from taskcal.programs.rapid.predefined import CHANGING, FUNCTIONS, MOTIONLESS
+from taskcal.programs.rapid.predefined import CHANGING, FUNCTIONS, INSTRUCTIONS, MOTIONLESS, SYSTEM_MOTION
 from taskcal.programs.unresolved import Unresolved
 
 MayChange = Callable[[str, str], bool]
@@ -22,23 +22,34 @@ _BETWEEN = frozenset({"and", "or", "xor", "not", "div", "mod"})
 """Operators that are words."""
 
 
+_CALIBRATING = ("mtool", "wobjcalib")
+"""How instructions begin that change a tool or a work object."""
+
+
 def instruction_may_change(instruction: str, type_: str) -> bool:
     """Whether an instruction may change data of a type that it is given.
 
-    Motion instructions and those that hand data on to them take tools and work objects as persistent data, so that these
-    could be changed, but are not; what searches or calibrates says so in its name.
+    The system's motions take tools and work objects as persistent data, so that these could be changed, but are not; what
+    searches or calibrates says so in its name. A routine that is not in the files may change all that it is given.
     """
-    if instruction.startswith(("mtool", "wobjcalib")):
+    if instruction.startswith(_CALIBRATING) or instruction in CHANGING:
         return True
+    if type_ in ("tooldata", "wobjdata"):
+        return instruction not in INSTRUCTIONS and SYSTEM_MOTION.fullmatch(instruction) is None
     moves = instruction in MOTION_FORMS or instruction == ONLY_EXTERNAL
-    if (moves and instruction not in CHANGED_BY) or type_ in ("tooldata", "wobjdata"):
-        return False
-    return instruction not in MOTIONLESS or instruction in CHANGING
+    return instruction not in MOTIONLESS and (not moves or instruction in CHANGED_BY)
 
 
 def function_may_change(function: str, type_: str) -> bool:
-    """Whether a function may change data of a type that it is given."""
-    return function not in FUNCTIONS and type_ not in ("tooldata", "wobjdata")
+    """Whether a function may change data that it is given, of any type."""
+    return function not in FUNCTIONS
+
+
+def is_strange(called: str, scope: Scope) -> bool:
+    """Whether an instruction or a function, by its key, is neither of the system nor of the files."""
+    if called in scope.routines or called in INSTRUCTIONS or called in FUNCTIONS or called in CHANGING:
+        return False
+    return SYSTEM_MOTION.fullmatch(called) is None and not called.startswith(_CALIBRATING)
 
 
 def type_of(name: str, scope: Scope) -> str:

@@ -4,9 +4,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from taskcal.programs.call_graph import with_called
-from taskcal.programs.rapid.moving import called
+from taskcal.programs.rapid.moving import ANY_ROUTINE, may_call, nested
 from taskcal.programs.rapid.names import Context, File, Scope, Symbol
-from taskcal.programs.rapid.syntax import Routine, Statement
+from taskcal.programs.rapid.predefined import SOFTENING, STIFFENING
+from taskcal.programs.rapid.syntax import Instruction, Routine, Statement
 from taskcal.programs.rapid.uses import Changes, mentions_in, symbol_of
 
 
@@ -29,7 +30,7 @@ class Effects:
         """Data that a statement may change, with all that stands in it and all that it calls."""
         if statement not in self._of_statement:
             own = _changed([statement], scope, file, self.changes)
-            others = (self.of_routine.get(routine, frozenset[Symbol]()) for routine in called([statement], scope))
+            others = (self.of_routine.get(routine, frozenset[Symbol]()) for routine in may_call([statement], scope))
             changed = own.union(*others)
             self._of_statement[statement] = self._sets.setdefault(changed, changed)
         return self._of_statement[statement]
@@ -50,6 +51,7 @@ def effects_of(everywhere: Iterable[Context], changes: Changes) -> Effects:
         handlers = [statement for handler in routine.handlers for statement in handler]
         handled[routine] = _own(handlers, context, changes)
         own[routine] = _own([*routine.body, *handlers], context, changes)
+    own[ANY_ROUTINE] = frozenset[Symbol](), frozenset(own)
     of_routine = with_called(own)
     volatile = set[Symbol]()
     for routine, (changed, calls) in handled.items():
@@ -64,9 +66,18 @@ def _own(
 ) -> tuple[frozenset[Symbol], frozenset[Routine]]:
     block = tuple(block)
     changed = _changed(block, context.scope, context.file, changes)
-    return changed, frozenset(called(block, context.scope))
+    return changed, may_call(block, context.scope)
+
+
+SOFT = Symbol(name="SoftAct", type="bool")
+"""Whether a servo gives way."""
 
 
 def _changed(block: Iterable[Statement], scope: Scope, file: File, changes: Changes) -> frozenset[Symbol]:
+    block = tuple(block)
     symbols = (symbol_of(mention) for mention in mentions_in(block, scope, file, changes.parameters) if mention.changes)
-    return frozenset(symbol for symbol in symbols if symbol is not None)
+    soft = any(
+        isinstance(s, Instruction) and s.name.key in (SOFTENING, STIFFENING) and s.name.key not in scope.routines
+        for s in nested(block)
+    )
+    return frozenset(symbol for symbol in symbols if symbol is not None) | ({SOFT} if soft else frozenset[Symbol]())

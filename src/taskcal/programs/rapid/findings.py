@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from taskcal.programs.program import Diagnostic
+from taskcal.programs.rapid.effects import SOFT
 from taskcal.programs.rapid.held import ANY, Before, State
 from taskcal.programs.rapid.moving import is_read
 from taskcal.programs.rapid.names import Context, File, Scope
@@ -33,6 +34,8 @@ class Findings:
     by_meaning: dict[tuple[object, ...], int] = field(default_factory=dict[tuple[object, ...], int])
     reasons: dict[Instruction, tuple[File, str]] = field(default_factory=dict[Instruction, tuple[File, str]])
     """Why motions could not be resolved on some way, the first reason of each."""
+    soft: dict[Instruction, File] = field(default_factory=dict[Instruction, File])
+    """Motions in which a servo may give way."""
     seen: set[Instruction] = field(default_factory=set[Instruction])
     """Motions that some way led to."""
     late: set[Instruction] = field(default_factory=set[Instruction])
@@ -57,6 +60,8 @@ class Findings:
         except Unresolved as reason:
             self.reasons.setdefault(instruction, (context.file, str(reason)))
             return None
+        if settings.soft and (SOFT not in state.variables or state.variables[SOFT].value is True):
+            self.soft[instruction] = context.file
         return self._number(motion, state.before)
 
     def _number(self, motion: Motion, before: Before) -> int:
@@ -107,6 +112,12 @@ class Findings:
         for instruction, (file, reason) in self.reasons.items():
             where = " in some calls" if instruction in partly else ""
             text = f"{instruction.name.text} stays as it is{where}: {reason}"
+            yield Diagnostic(place=file.source.place(instruction.start), text=text)
+        for instruction, file in self.soft.items():
+            text = (
+                f"a servo may be soft here ({self.settings.soft}): the robot gives way, and the tool is not where the program "
+                "says; corrected as if it were stiff"
+            )
             yield Diagnostic(place=file.source.place(instruction.start), text=text)
 
 

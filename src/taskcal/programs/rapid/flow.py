@@ -6,11 +6,12 @@ from dataclasses import dataclass, field, replace
 from taskcal.programs.call_graph import DEEPEST
 from taskcal.programs.rapid.assigning import after_assignment, counting
 from taskcal.programs.rapid.calls import at_entry, handed_over, own_symbols
-from taskcal.programs.rapid.effects import Effects
+from taskcal.programs.rapid.effects import SOFT, Effects
 from taskcal.programs.rapid.held import ANY, NOWHERE, Before, Held, State, merged
 from taskcal.programs.rapid.motion_forms import MOTION_FORMS, ONLY_EXTERNAL
-from taskcal.programs.rapid.moving import called, calls, is_motion, is_read, moves, nested
+from taskcal.programs.rapid.moving import called, calls, is_late, is_motion, is_read, moves, nested
 from taskcal.programs.rapid.names import Context, Scope, Symbol
+from taskcal.programs.rapid.predefined import SOFTENING, STIFFENING
 from taskcal.programs.rapid.syntax import (
     Assignment,
     Branches,
@@ -142,7 +143,7 @@ class _Walk:
         """Where control may come from anywhere in the routine: what nothing ever changes still holds."""
         changed = self.flow.effects.changes.assigned.keys()
         parameters = {symbol for symbol in state.variables if self._assigned(symbol.parameter_of, symbol.name)}
-        return replace(state, before=ANY).forgotten(changed | parameters)
+        return replace(state, before=ANY).forgotten(changed | parameters | {SOFT})
 
     def _assigned(self, routine: str, parameter: str) -> bool:
         return (routine, parameter.lower()) in self.flow.effects.changes.parameters
@@ -170,7 +171,7 @@ class _Walk:
             return self._assignment(counted, scope, state)
         if key in LEAVING:
             return NOWHERE
-        if key == "%":  # a procedure whose name is known only at run time
+        if is_late(instruction, scope):
             self.flow.anywhere.update(self.flow.contexts)
             return self._lost(state)
         if key != ONLY_EXTERNAL and is_motion(instruction, scope):
@@ -178,6 +179,8 @@ class _Walk:
         moved = key == ONLY_EXTERNAL or is_motion(instruction, scope) or moves([instruction], scope)
         self.flow.anywhere.update(called([instruction], scope))
         state = state.forgotten(effects.of(instruction, scope, self.context.file))
+        if key in (SOFTENING, STIFFENING) and SOFT not in effects.volatile:
+            state = state.holding({SOFT: Held(value=key == SOFTENING)})
         return replace(state, before=ANY) if moved and state.reached else state
 
     def _call(self, instruction: Instruction, scope: Scope, state: State) -> State:

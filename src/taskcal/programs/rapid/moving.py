@@ -2,9 +2,10 @@
 
 from collections.abc import Iterable, Iterator
 
+from taskcal.programs.rapid.lexer import Token
 from taskcal.programs.rapid.motion_forms import MOTION_FORMS
 from taskcal.programs.rapid.names import Scope
-from taskcal.programs.rapid.predefined import FUNCTIONS, MOTIONLESS, MOVING
+from taskcal.programs.rapid.predefined import FUNCTIONS, LATE, MOTIONLESS, MOVING
 from taskcal.programs.rapid.syntax import (
     Argument,
     Assignment,
@@ -107,6 +108,24 @@ def calls(node: Expression, scope: Scope) -> bool:
         isinstance(part, Call) and (part.name.key in scope.routines or part.name.key not in FUNCTIONS)
         for part in parts(node)
     )
+
+
+ANY_ROUTINE = Routine(
+    start=0, end=0, name=Token("name", "", "", 0), kind="proc", local=False, parameters=(), declarations=(), body=(), handlers=(),
+)  # fmt: skip
+"""Stands for the routine that is called by a name that is not known, which may be any."""
+
+
+def may_call(block: Iterable[Statement], scope: Scope) -> frozenset[Routine]:
+    """Routines that some statements call, as `called`, and `ANY_ROUTINE` where one is called by a name that is not known."""
+    block = tuple(block)
+    late = any(isinstance(s, Instruction) and is_late(s, scope) for s in nested(block))
+    return frozenset(called(block, scope)) | ({ANY_ROUTINE} if late else frozenset[Routine]())
+
+
+def is_late(instruction: Instruction, scope: Scope) -> bool:
+    """Whether an instruction calls a procedure by a name that only the running program knows."""
+    return instruction.name.key in LATE and instruction.name.key not in scope.routines
 
 
 def called(block: Iterable[Statement], scope: Scope) -> Iterator[Routine]:

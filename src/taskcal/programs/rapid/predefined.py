@@ -3,6 +3,7 @@
 Source: RAPID reference manuals, 3HAC050917 (instructions, functions and data types).
 """
 
+import re
 from collections.abc import Mapping
 
 Value = float | bool | str | tuple["Value", ...]
@@ -78,6 +79,39 @@ _CHANGING = "tpreadfk tpreadnum tpreaddnum incr decr add clear bitset bitclear g
 CHANGING = frozenset(_CHANGING.split())
 """Of these, instructions that change what they are given."""
 
+_OTHERS = """
+    acteventbuffer aliascamera aliasio aliasioreset bookerrno checkprogref clearallintr cleariobuff clearpath closedir
+    copyfile copyrawbytes cornerpathwarning corrclear corrcon corrdiscon corrwrite deacteventbuffer dropsensor dropwobj
+    erasemodule fricidevaluate fricidinit fricidsetfriclevels getdataval getjointdata gettrapdata hollowwristreset
+    indreset inputdo iobusstart iobusstate iodisable ioenable ireadcfgdata irmqmessage isignalgo loadid makedir
+    manloadidproc matrixsolve matrixsolveqr matrixsvd mechunitload motionprocessmodeset opendir packdnheader pathacclim
+    pathlengthreset pathlengthstart pathlengthstop pathrecstart pathrecstop proccall procerrrecovery raisetouser readanybin
+    readblock readcfgdata readerrdata readrawbytes readvararr removeallcyclicbool removecyclicbool removedir removefile
+    renamefile resetaxisdistance resetaxismovetime resetppmoved resetretrycount resettorquemargin rmqemptyqueue
+    rmqfindslot rmqgetmessage rmqgetmsgdata rmqgetmsgheader rmqreadwait rmqsendmessage rmqsendwait
+    safetycontrollersyncrequest save savecfgdata sendevice setalldataval setdatasearch setdataval setleadthrough
+    setsysdata setupcyclicbool setupsuperv siclose siconnect sigetcyclic sisetcyclic skipwarn softelbow speedlimaxis
+    speedlimcheckpoint speedrefresh startmoveretry supsyncsensoroff supsyncsensoron syncmoveoff syncmoveon
+    syncmoveresume syncmovesuspend syncmoveundo synctosensor testsigndefine testsignreset texttabinstall triggdatacopy
+    triggdatareset triggstopproc tryint uimsgwriteabort unpackrawbytes waitload waitsensor waitwobj warmstart
+    writeblock writecfgdata writerawbytes writevar writevararr wzboxdef wzcyldef wzdisable wzdoset wzenable wzfree
+    wzhomejointdef wzlimjointdef wzlimsup wzsphdef exitcycle
+"""
+INSTRUCTIONS = MOTIONLESS | frozenset(_OTHERS.split())
+"""Instructions of the system that are no motions; all others are motions, or routines of a program."""
+
+LATE = ("%", "callbyvar")
+"""What calls a procedure by a name that only the running program knows."""
+
+BY_NAME = ("setdataval", "setalldataval")
+"""Instructions that change data by their names."""
+
+OFFSETTING = ("eoffson", "eoffsset")
+"""Instructions that shift the external axes."""
+
+SOFTENING, STIFFENING = "softact", "softdeact"
+"""Instructions behind which servos give way, and behind which they do not any more."""
+
 SHIFTING = ("pdispon", "pdispset")
 """Instructions that begin a program displacement: it shifts every pose behind them."""
 
@@ -90,8 +124,15 @@ MOVING = (
 )  # fmt: skip
 """How the names of the system's and its options' motion instructions begin."""
 
+SYSTEM_MOTION = re.compile(
+    r"move(j|l|c|absj|extj)(do|ao|go|sync)?|trigg(j|l|c|absj)(ios)?|search(l|c|extj)|arc(moveabsj|move[jlc](do|ao|go)?)|"
+    r"arc[lc][12]?(start|end)?[12]?|arc(moveextj|[a-z]*refl?)|spot(m?[lj])|disp[lc]|paint[lc]|cap(l|c|apcsyncset)|smove[jl](do|sync)?|"
+    r"ind[acdr]move|ind(a|c|d|r)move|egm\w+|fcpress(1l|l|c|end)|restopath|storepath|pathrecmove(bwd|fwd)|stepbwdpath|clearpath"
+)
+"""The names themselves: motions that leave tools and work objects that they are given as they are."""
+
 _FUNCTIONS = """
-    abs acos asin atan atan2 bitand bitor bitxor bitneg bitlsh bitrsh bitcheck byetostr calcjointt calcrobt clkread
+    abs acos argname asin atan atan2 bitand bitor bitxor bitneg bitlsh bitrsh bitcheck byetostr calcjointt calcrobt clkread
     cjointt cpos crobt ctool cwobj cdate ctime cspeedoverride dim distance dotprod eulerzyx exp getnextsym gettime
     ginput goutput isstopmoveact max min numtostr numtodnum dnumtonum dnumtostr offs orientzyx poseinv posemult posevect
     pow present reltool round trunc sin cos tan sqrt strfind strlen strmap strmatch strmemb strpart strtoval strtobyte

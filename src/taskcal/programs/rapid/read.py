@@ -6,19 +6,29 @@ from dataclasses import dataclass, replace
 from itertools import chain
 
 from taskcal.errors import FileError
-from taskcal.programs.program import Diagnostic, Program, Waypoint
+from taskcal.programs.program import Diagnostic, Program, Visit, Waypoint
 from taskcal.programs.rapid.base_frame import SUFFIX, base_frame
+from taskcal.programs.rapid.changes import is_strange
 from taskcal.programs.rapid.effects import effects_of
 from taskcal.programs.rapid.findings import Findings
 from taskcal.programs.rapid.lexer import Token
-from taskcal.programs.rapid.moving import nested
+from taskcal.programs.rapid.moving import is_late, nested
 from taskcal.programs.rapid.names import Context, File, Symbol, contexts
 from taskcal.programs.rapid.parser import parse
-from taskcal.programs.rapid.predefined import MOTIONLESS, MOVING, SHIFTING, TURNING
+from taskcal.programs.rapid.predefined import (
+    BY_NAME,
+    LATE,
+    MOTIONLESS,
+    MOVING,
+    OFFSETTING,
+    SHIFTING,
+    SOFTENING,
+    TURNING,
+)
 from taskcal.programs.rapid.resolve import Motion, Settings
 from taskcal.programs.rapid.rewrite import rewrite_files
 from taskcal.programs.rapid.roots import follow_program
-from taskcal.programs.rapid.sharing import Sharing
+from taskcal.programs.rapid.sharing import Sharing, visits_of
 from taskcal.programs.rapid.syntax import Instruction, Module, Problem, Unparsed
 from taskcal.programs.rapid.uses import Use, changes, uses
 from taskcal.programs.rapid.values import Values
@@ -35,6 +45,10 @@ class RapidProgram(Program):
     """The moves with their text, in the same order."""
     uses: Mapping[Symbol, tuple[Use, ...]]
     """All references to declared data."""
+    everywhere: tuple[Context, ...] = ()
+    """Modules and routines."""
+    unresolved: frozenset[Instruction] = frozenset()
+    """Motions that were not resolved, on no way that leads to them."""
 
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
@@ -53,6 +67,11 @@ class RapidProgram(Program):
     ) -> dict[int, str]:
         """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
         return Sharing(motions=self.motions, uses=self.uses, robot=robot, tolerance=tolerance).unwritable(waypoints)
+
+    def visits(self) -> Iterable[Visit]:
+        """Motions of one routine to one target; see `Program.visits`."""
+        read = ((symbol, use) for symbol, own in self.uses.items() for use in own)
+        return visits_of(self.everywhere, self.motions, self.unresolved, read)
 
     def reread(self, sources: tuple[Source, ...]) -> "RapidProgram":
         """The program of other texts of the same files; see `Program.reread`."""
@@ -98,7 +117,8 @@ def read_rapid(sources: Sequence[Source]) -> RapidProgram:
     diagnostics.sort(key=lambda diagnostic: (order[diagnostic.place.path], diagnostic.place.line))
     return RapidProgram(
         sources=tuple(sources), moves=tuple(motion.move for motion in motions), diagnostics=tuple(diagnostics),
-        motions=tuple(motions), uses=uses(everywhere, values), T_world_base=T_world_base,
+        motions=tuple(motions), uses=uses(everywhere, values), everywhere=everywhere, T_world_base=T_world_base,
+        unresolved=frozenset(findings.reasons).difference(motion.instruction for motion in motions),
     )  # fmt: skip
 
 
@@ -118,7 +138,7 @@ def _parsed(source: Source) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:
 def _settings(everywhere: Iterable[Context], values: Values) -> Settings:
     """What the instructions of the program set for all of it: where they do so sometimes, they may do so always."""
     off: set[str] = set()
-    shift = ""
+    shift = offset = soft = ""
     for file, name, options in _words(everywhere):
         if name.key == "confj" and "off" in options:
             off.add("joint")
@@ -126,10 +146,16 @@ def _settings(everywhere: Iterable[Context], values: Values) -> Settings:
             off |= {"linear", "circular"}
         elif name.key in SHIFTING and not shift:
             shift = f"a program displacement may shift it ({name.text} in {file.source.place(name.start)})"
-    return Settings(values=values, postures_off=frozenset(off), shift=shift)
+        elif name.key in OFFSETTING and not offset:
+            offset = f"{name.text} in {file.source.place(name.start)}"
+        elif name.key == SOFTENING and not soft:
+            soft = f"{name.text} in {file.source.place(name.start)}"
+    return Settings(
+        values=values, postures_off=frozenset(off), shift=shift, external_offset=offset, soft=soft,
+    )  # fmt: skip
 
 
-def _cautions(everywhere: Iterable[Context]) -> Iterator[Diagnostic]:
+def _cautions(everywhere: Sequence[Context]) -> Iterator[Diagnostic]:
     """What instructions do to motions elsewhere."""
     for file, name, options in _words(everywhere):
         if name.key in SHIFTING:
@@ -139,9 +165,31 @@ def _cautions(everywhere: Iterable[Context]) -> Iterator[Diagnostic]:
                 f"{name.text} lets the tool turn in another way along lines and arcs; "
                 "its orientation between targets is not as predicted"
             )
+        elif name.key in OFFSETTING:
+            text = f"{name.text} shifts the external axes by what is not read; where one carries robot or part, no motion is"
+        elif name.key in BY_NAME:
+            text = f"{name.text} sets data by their names; they are taken to stay as they are declared"
         else:
             continue
         yield Diagnostic(place=file.source.place(name.start), text=text)
+    for context in everywhere:
+        for statement in nested(() if context.routine is None else context.routine.statements):
+            if not isinstance(statement, Instruction):
+                continue
+            name = statement.name.text
+            if is_late(statement, context.scope):
+                name = "this" if name == LATE[0] else name
+                text = (
+                    f"{name} calls a procedure whose name is known only at run time; one that is not in the files given is "
+                    "taken to leave all data as they are"
+                )
+            elif is_strange(statement.name.key, context.scope):
+                text = (
+                    f"{name} is not in the files given; it is taken to leave all data as they are that it is not given"
+                )
+            else:
+                continue
+            yield Diagnostic(place=context.file.source.place(statement.start), text=text)
 
 
 def _words(everywhere: Iterable[Context]) -> Iterator[tuple[File, Token, frozenset[str]]]:

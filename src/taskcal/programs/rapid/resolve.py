@@ -80,6 +80,10 @@ class Settings:
     """Kinds of motion for which the controller is told to take the nearest posture (ConfJ and ConfL)."""
     shift: str
     """Why poses may be shifted; empty if they are not."""
+    external_offset: str = ""
+    """What shifts external axes, and where; empty if nothing does."""
+    soft: str = ""
+    """What lets servos give way, and where; empty if nothing does."""
     T_world_base: Float[np.ndarray, "4 4"] | None = None
     """Where the robot stands; None where it stands in the world's origin, as far as the files tell."""
     frames: dict[Frames, Frames] = field(default_factory=dict[Frames, Frames])
@@ -145,6 +149,7 @@ def resolve(instruction: Instruction, scope: Scope, file: File, settings: Settin
         stops=stops, zone=zone, follows=None, routine=routine,
         place=file.source.place(instruction.start), carrier=frames.carrier,
         external=tuple(axis if abs(axis) < NO_AXIS else math.nan for axis in end.external),
+        external_offset="" if "noeoffs" in where.options else settings.external_offset,
     )  # fmt: skip
     redefined = frozenset(MOTION_FORMS.keys() & scope.routines.keys())
     return Motion(move=move, file=file, instruction=instruction, layout=where, end=end, via=via, redefined=redefined)

@@ -5,21 +5,25 @@ changed where the call is, if nothing else reads it there; its own text only if 
 """
 
 import math
+from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from taskcal.geometry import se3
-from taskcal.programs.program import Waypoint
+from taskcal.programs.program import Visit, Waypoint
 from taskcal.programs.rapid.frames import pose_of
-from taskcal.programs.rapid.names import Symbol
+from taskcal.programs.rapid.moving import nested
+from taskcal.programs.rapid.names import Context, File, Symbol
 from taskcal.programs.rapid.numbers import Texts, agree, new_texts
 from taskcal.programs.rapid.resolve import Motion
+from taskcal.programs.rapid.syntax import Argument, Assignment, Instruction, Node, Routine
 from taskcal.programs.rapid.target_argument import TargetArgument
 from taskcal.programs.rapid.uses import Use
+from taskcal.programs.source import Place
 from taskcal.programs.unwritable import reject_in_turn
 from taskcal.robot.robot import Robot
 
@@ -114,8 +118,17 @@ class Sharing:
                     by_home[want.home].append((i, want))
         followed, lost = self._carried(carried, by_home)
         yield from lost
+        replaced = [
+            (want.target.argument_file, want.target.argument)
+            for group in by_argument.values()
+            for _, want in group
+            if want.changes
+            and want.target.origin is None
+            and want.target.shifted
+            and want.target.root.handed is not None
+        ]
         for group in by_argument.values():
-            yield from self._in_argument(group, followed)
+            yield from self._in_argument(group, followed, replaced)
         for group in by_home.values():
             yield from self._of_home(group, followed)
 
@@ -157,8 +170,13 @@ class Sharing:
                 texts = none if waypoint is None else new_texts(target, waypoint, self.robot)
                 yield Want(target=target, motion=motion, texts=texts)
 
-    def _in_argument(self, group: Sequence[tuple[int, Want]], followed: Sequence[Want]) -> Iterator[tuple[int, str]]:
-        """Motions that get their targets from one argument, each target from one place."""
+    def _in_argument(
+        self, group: Sequence[tuple[int, Want]], followed: Sequence[Want], replaced: Sequence[tuple[File, Argument]]
+    ) -> Iterator[tuple[int, str]]:
+        """Motions that get their targets from one argument, each target from one place.
+
+        What reads a parameter in text that numbers take the place of reads it no longer.
+        """
         if not any(want.changes for _, want in group):
             return
         of_home: dict[Home, list[tuple[int, Want]]] = defaultdict(list)
@@ -175,12 +193,14 @@ class Sharing:
                     group, f"its text stands for {first.motion.move.texts_motions} motions to different places"
                 )
             return
-        other = self._other_reading(group, followed)
+        other = self._other_reading(group, followed, replaced)
         if other is not None:
             place = other.file.source.place(other.start)
             yield from _all_of(group, f"what the call gives it is read for something else in {place}, too")
 
-    def _other_reading(self, group: Sequence[tuple[int, Want]], followed: Sequence[Want]) -> Use | None:
+    def _other_reading(
+        self, group: Sequence[tuple[int, Want]], followed: Sequence[Want], replaced: Sequence[tuple[File, Argument]]
+    ) -> Use | None:
         """What reads a parameter beside the motions that go to it."""
         argument = group[0][1].target.argument
         known = {(w.motion.file, w.target.read_at) for w in followed if w.carrier.argument is argument}
@@ -191,7 +211,7 @@ class Sharing:
                 known |= {*handed.reads, (want.motion.file, want.target.read_at)}
                 parameters |= set(handed.parameters)
         uses = (use for symbol in parameters for use in self.uses.get(symbol, ()))
-        return next((use for use in uses if (use.file, use.start) not in known), None)
+        return next((u for u in uses if (u.file, u.start) not in known and not _is_in(u, replaced)), None)
 
     def _of_home(self, group: Sequence[tuple[int, Want]], followed: Sequence[Want]) -> Iterator[tuple[int, str]]:
         """Motions whose targets stand in one declaration, which is what has to change where no copy can be named."""
@@ -231,10 +251,11 @@ def other_use(
     own = [(want.target.argument_file, want.target.argument) for want in wants if want.changes]
     own += [(want.target.argument_file, want.target.argument) for want in followed]
 
-    def is_own(use: Use) -> bool:
-        return any(use.file is file and argument.start <= use.start < argument.end for file, argument in own)
+    return next((use for use in uses if use.overlaps(path) and not _is_in(use, own)), None)
 
-    return next((use for use in uses if use.overlaps(path) and not is_own(use)), None)
+
+def _is_in(use: Use, arguments: Iterable[tuple[File, Argument]]) -> bool:
+    return any(use.file is file and argument.start <= use.start < argument.end for file, argument in arguments)
 
 
 def _all_of(group: Iterable[tuple[int, Want]], why: str) -> Iterator[tuple[int, str]]:
@@ -250,3 +271,119 @@ def _places(group: Iterable[tuple[int, Want]]) -> str:
             places[str(want.target.argument_file.source.place(want.target.argument.start))] = None
     shown = list(places)[:4]
     return ", ".join(shown) + (" …" if len(places) > len(shown) else "")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Stop:
+    """A motion of a routine, with data of which its targets are made."""
+
+    number: int | None
+    """None of one that was not resolved."""
+    names: frozenset[tuple[Symbol, tuple[int, ...] | None]]
+    frames: frozenset[str]
+    """Its tool and work object as they are written; of one that is not read all that it is given."""
+    given: Argument | None
+    """What a parameter that it goes to was given; None where it goes to none, or that is not known."""
+    place: Place
+
+
+def visits_of(
+    everywhere: Iterable[Context],
+    motions: Sequence[Motion],
+    unresolved: Container[Instruction],
+    uses: Iterable[tuple[Symbol, Use]],
+) -> Iterator[Visit]:
+    """Motions of one routine to one target in one tool and work object.
+
+    A motion goes to the target that it names or shifts, and to those from which a variable was set last that it names.
+
+    Args:
+        everywhere: modules and routines.
+        motions: those that were resolved.
+        unresolved: motions that were not, on no way that leads to them.
+        uses: all references to data.
+    """
+    numbers: dict[Instruction, list[int]] = defaultdict(list)
+    for i, motion in enumerate(motions):
+        numbers[motion.instruction].append(i)
+    read: dict[int, list[tuple[int, Symbol, Use]]] = defaultdict(list)
+    for symbol, use in uses:
+        if use.type in ("robtarget", "jointtarget"):
+            read[id(use.file)].append((use.start, symbol, use))
+    for own in read.values():
+        own.sort(key=lambda one: one[0])
+    for context in everywhere:
+        if context.routine is not None:
+            text = _RoutineText(file=context.file, read=read[id(context.file)], motions=motions, numbers=numbers)
+            yield from _visits(context.routine, text.stops(context.routine, unresolved))
+
+
+def _visits(routine: Routine, stops: Iterable[_Stop]) -> Iterator[Visit]:
+    by_name: dict[object, list[_Stop]] = defaultdict(list)
+    for stop in stops:
+        for name in stop.names:
+            by_name[name].append(stop)
+    for name, group in by_name.items():
+        kinds = dict.fromkeys((stop.frames, stop.given) for stop in group if stop.number is not None)
+        for stop in group:
+            for frames, given in kinds:
+                same = stop.frames == frames if stop.number is not None else stop.frames >= frames
+                if same and (stop.given is given or stop.given is None):
+                    yield Visit(number=stop.number, target=(routine, name, frames, given), place=stop.place)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _RoutineText:
+    """What the motions of a file's routines read."""
+
+    file: File
+    read: Sequence[tuple[int, Symbol, Use]]
+    """References to targets, in the order of the text."""
+    motions: Sequence[Motion]
+    numbers: Mapping[Instruction, Sequence[int]]
+
+    def stops(self, routine: Routine, unresolved: Container[Instruction]) -> Iterator[_Stop]:
+        """Its motions, in the order of the text."""
+        made_of: dict[Symbol, frozenset[tuple[Symbol, tuple[int, ...] | None]]] = {}
+        for statement in nested(routine.statements):
+            if isinstance(statement, Assignment) and not statement.target.selectors:
+                own = {symbol for symbol, _ in self._names(statement.target)}
+                named = self._names(statement.value)
+                for symbol in own:
+                    made_of[symbol] = named.union(*(made_of.get(one, ()) for one, _ in named))
+            if not isinstance(statement, Instruction):
+                continue
+            if statement in unresolved:
+                named = frozenset(name for argument in statement.arguments for name in self._names(argument))
+                yield self._stop(statement, None, named, made_of)
+            for i in self.numbers.get(statement, ()):
+                where = self.motions[i].layout
+                named = self._names(where.to) | (frozenset() if where.via is None else self._names(where.via))
+                yield self._stop(statement, i, named, made_of)
+
+    def _stop(
+        self,
+        statement: Instruction,
+        i: int | None,
+        named: frozenset[tuple[Symbol, tuple[int, ...] | None]],
+        made_of: Mapping[Symbol, frozenset[tuple[Symbol, tuple[int, ...] | None]]],
+    ) -> _Stop:
+        text, place = self.file.source.text, self.file.source.place(statement.start)
+        names = named.union(*(made_of.get(symbol, ()) for symbol, _ in named))
+        arguments = statement.arguments if i is None else (self.motions[i].layout.tool,)
+        frames = [text[a.start : a.end].lower() for a in arguments if not a.option]
+        frames += [text[a.start : a.end].lower() for a in statement.arguments if a.option == "wobj"]
+        given = None
+        if i is not None:
+            root = self.motions[i].end.root
+            given = None if root.handed is None else root.handed.argument
+            if root.origin is not None:  # the index of an element is known, which the text may not state
+                own = root.origin
+                names = frozenset((s, own.path if path is None and s is own.symbol else path) for s, path in names)
+        return _Stop(number=i, names=names, frames=frozenset(frames), given=given, place=place)
+
+    def _names(self, node: Node) -> frozenset[tuple[Symbol, tuple[int, ...] | None]]:
+        """Targets that are read in a part of the text."""
+        first = bisect_left(self.read, node.start, key=lambda one: one[0])
+        last = bisect_left(self.read, node.end, key=lambda one: one[0])
+        return frozenset((symbol, use.path) for _, symbol, use in self.read[first:last])

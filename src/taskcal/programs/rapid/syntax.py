@@ -261,6 +261,11 @@ class Routine(Node):
     handlers: tuple[tuple[Statement, ...], ...]
     """What ERROR, UNDO and BACKWARD lead to."""
 
+    @property
+    def statements(self) -> "tuple[Statement, ...]":
+        """Those of the body and of all handlers."""
+        return (*self.body, *(statement for handler in self.handlers for statement in handler))
+
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Module(Node):

@@ -59,6 +59,11 @@ class TargetArgument:
         """The pose that is meant."""
         return pose_of(self.meant[:3], self.meant[3:7])
 
+    @property
+    def root(self) -> "TargetArgument":
+        """What is shifted in the end; itself where nothing is."""
+        return self if self.base is None else self.base.root
+
     def carried(self, T_base: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "4 4"]:
         """Where it would be if what it shifts were somewhere else.
 

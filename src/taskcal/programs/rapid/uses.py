@@ -1,16 +1,19 @@
 """Where a program names its data, and where it may change them."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from taskcal.programs.rapid.changes import (
     MayChange,
     function_may_change,
     instruction_may_change,
+    is_strange,
     names_in_unparsed_text,
     type_of,
 )
+from taskcal.programs.rapid.lexer import Token
 from taskcal.programs.rapid.names import Context, File, Scope, Symbol
+from taskcal.programs.rapid.predefined import LATE
 from taskcal.programs.rapid.syntax import (
     Aggregate,
     Argument,
@@ -44,6 +47,8 @@ class Mention:
     """The value may change here."""
     unparsed: Unparsed | None = None
     """The text that was not understood, where it stands in such."""
+    lent_to: str = ""
+    """The routine that is not in the files, to which it gives a tool or a work object; empty otherwise."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,6 +60,8 @@ class Use:
     """First character of the reference."""
     path: tuple[int, ...] | None
     """The component or element; None where that is not known."""
+    type: str = ""
+    """Of what it covers, in lower case; empty where that is not known."""
 
     def overlaps(self, path: tuple[int, ...]) -> bool:
         """Whether it reads any of what stands at a path of the data."""
@@ -69,26 +76,31 @@ class Changes:
     """How each variable is assigned to first, as "is assigned to in part.mod:4"; those that keep their value are missing."""
     parameters: frozenset[tuple[str, str]]
     """Keys of routines and of those of their parameters that they assign to."""
+    lent: Mapping[Routine, Mapping[Symbol, str]] = field(default_factory=dict[Routine, Mapping[Symbol, str]])
+    """How each routine gives tools and work objects to routines that are not in the files, which may change them."""
 
 
 def changes(everywhere: Iterable[Context]) -> Changes:
     """What a program changes of its data."""
     everywhere = tuple(everywhere)
     assigned: dict[Symbol, str] = {}
+    lent: dict[Routine, dict[Symbol, str]] = {}
     parameters: frozenset[tuple[str, str]] = frozenset()
     while True:
         more: set[tuple[str, str]] = set()
-        for mention in mentions(everywhere, parameters):
-            symbol = symbol_of(mention) if mention.changes else None
-            if symbol is None:
-                continue
-            if symbol.declaration is not None and symbol.declaration.storage != "const":
-                if symbol not in assigned:
-                    assigned[symbol] = _assignment(mention)
-            elif symbol.parameter_of:
-                more.add((symbol.parameter_of, symbol.name.lower()))
+        for context in everywhere:
+            for mention in mentions([context], parameters):
+                symbol = symbol_of(mention) if mention.changes else None
+                if symbol is None:
+                    continue
+                if symbol.declaration is not None and symbol.declaration.storage != "const":
+                    routine = context.routine
+                    own = lent.setdefault(routine, {}) if mention.lent_to and routine is not None else assigned
+                    own.setdefault(symbol, _assignment(mention))
+                elif symbol.parameter_of:
+                    more.add((symbol.parameter_of, symbol.name.lower()))
         if more <= parameters:
-            return Changes(assigned=assigned, parameters=parameters)
+            return Changes(assigned=assigned, parameters=parameters, lent=lent)
         parameters |= more  # what is handed to these changes too
 
 
@@ -100,10 +112,10 @@ def uses(everywhere: Iterable[Context], values: Values) -> Mapping[Symbol, tuple
         if symbol is None or not (symbol.declaration or symbol.parameter_of):
             continue
         try:
-            path, _ = values.path(mention.reference, symbol, mention.scope)
+            path, type_ = values.path(mention.reference, symbol, mention.scope)
         except Unresolved:
-            path = None
-        use = Use(file=mention.file, start=mention.reference.start, path=path)
+            path, type_ = None, symbol.type
+        use = Use(file=mention.file, start=mention.reference.start, path=path, type=type_)
         uses_of.setdefault(symbol, []).append(use)
     return {key: tuple(value) for key, value in uses_of.items()}
 
@@ -111,6 +123,10 @@ def uses(everywhere: Iterable[Context], values: Values) -> Mapping[Symbol, tuple
 def _assignment(mention: Mention) -> str:
     source = mention.file.source
     place = source.place(mention.reference.start)
+    if mention.lent_to:
+        late = mention.lent_to == LATE[0]
+        by = "the procedure that is called by name" if late else f"{mention.lent_to}, which is not in the files given,"
+        return f"may be changed by {by} in {place}"
     if mention.unparsed is None:
         return f"is assigned to in {place}"
     return f"may be assigned to in {place}, which is not understood ({mention.unparsed.trouble(source)})"
@@ -157,8 +173,8 @@ class _Walker:
     def __init__(self, file: File, changed: frozenset[tuple[str, str]]):
         self.file, self.changed = file, changed
 
-    def mention(self, reference: Reference, scope: Scope, changes: bool) -> Iterator[Mention]:
-        yield Mention(reference=reference, scope=scope, file=self.file, changes=changes)
+    def mention(self, reference: Reference, scope: Scope, changes: bool, *, lent_to: str = "") -> Iterator[Mention]:
+        yield Mention(reference=reference, scope=scope, file=self.file, changes=changes, lent_to=lent_to)
         for selector in reference.selectors:
             if isinstance(selector, Index):
                 for item in selector.items:
@@ -168,7 +184,7 @@ class _Walker:
         for statement in block:
             match statement:
                 case Instruction():
-                    yield from self.arguments(statement.arguments, statement.name.key, instruction_may_change, scope)
+                    yield from self.arguments(statement.arguments, statement.name, instruction_may_change, scope)
                 case Assignment():
                     yield from self.mention(statement.target, scope, True)
                     yield from self.read(statement.value, scope)
@@ -193,10 +209,9 @@ class _Walker:
 
         def given(otherwise: MayChange) -> MayChange:
             def may_change(key: str, type_: str) -> bool:
-                routine = _called(key, scope)
-                if routine is None:
+                if key not in scope.routines:
                     return otherwise(key, type_)
-                return any(p.changed and (key, p.name.key) in self.changed for p in routine.parameters)
+                return any(self.sets(key, p) for routine in scope.routines[key] for p in routine.parameters)
 
             return may_change
 
@@ -206,25 +221,34 @@ class _Walker:
             yield Mention(reference=reference, scope=scope, file=self.file, changes=changes, unparsed=unparsed)
 
     def arguments(
-        self, arguments: Iterable[Argument], key: str, may_change: MayChange, scope: Scope
+        self, arguments: Iterable[Argument], name: Token, may_change: MayChange, scope: Scope
     ) -> Iterator[Mention]:
         """References in the arguments of an instruction or a function."""
-        routine = _called(key, scope)
-        required = iter([p for p in routine.parameters if not p.optional] if routine else [])
+        key = name.key
+        routines = scope.routines.get(key, ())  # several of one name: what any of them does
+        required = [iter([p for p in routine.parameters if not p.optional]) for routine in routines]
         for argument in arguments:
-            parameter: Parameter | None = None
-            if routine is not None:
-                parameter = _option(routine, argument.option) if argument.option else next(required, None)
+            parameters = [
+                _option(routine, argument.option) if argument.option else next(own, None)
+                for routine, own in zip(routines, required, strict=True)
+            ]
             match argument.value:
                 case None:
                     pass
-                case Reference() as reference if parameter is not None:
-                    changes = parameter.changed and (key, parameter.name.key) in self.changed
+                case Reference() as reference if parameters and None not in parameters:
+                    changes = any(p is not None and self.sets(key, p) for p in parameters)
                     yield from self.mention(reference, scope, changes)
                 case Reference() as reference:
-                    yield from self.mention(reference, scope, may_change(key, type_of(reference.name.text, scope)))
+                    type_ = type_of(reference.name.text, scope)
+                    changes = may_change(key, type_)
+                    lent = changes and type_ in ("tooldata", "wobjdata") and is_strange(key, scope)
+                    yield from self.mention(reference, scope, changes, lent_to=name.text if lent else "")
                 case value:
                     yield from self.read(value, scope)
+
+    def sets(self, key: str, parameter: Parameter) -> bool:
+        """Whether a routine changes what it is given for a parameter."""
+        return parameter.changed and (key, parameter.name.key) in self.changed
 
     def read(self, expression: Expression, scope: Scope) -> Iterator[Mention]:
         match expression:
@@ -240,15 +264,9 @@ class _Walker:
                 arguments = expression.arguments
                 if expression.name.key == "dim" and "dim" not in scope.routines:
                     arguments = arguments[1:]  # it reads how many elements there are, not what they hold
-                yield from self.arguments(arguments, expression.name.key, function_may_change, scope)
+                yield from self.arguments(arguments, expression.name, function_may_change, scope)
             case _:
                 pass
-
-
-def _called(key: str, scope: Scope) -> Routine | None:
-    """The one routine of the files that a call means."""
-    routines = scope.routines.get(key, ())
-    return routines[0] if len(routines) == 1 else None
 
 
 def _option(routine: Routine, name: str) -> Parameter | None:

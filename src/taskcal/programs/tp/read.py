@@ -1,15 +1,15 @@
 """Reading TP programs with the frames and registers of a backup."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from taskcal.errors import FileError
 from taskcal.geometry import se3
-from taskcal.programs.program import Frame, Program, Waypoint
+from taskcal.programs.program import Frame, Program, Visit, Waypoint
 from taskcal.programs.source import Source
 from taskcal.programs.tp.frames import Frames, world_in_base
 from taskcal.programs.tp.listing import Listing
-from taskcal.programs.tp.resolve import Findings, Resolver, assigned
+from taskcal.programs.tp.resolve import Calls, Findings, Resolver, assigned
 from taskcal.programs.tp.rewrite import Site, rewrite
 from taskcal.programs.tp.variables import is_variables, read_variables
 from taskcal.robot.robot import Robot
@@ -24,6 +24,8 @@ class TpProgram(Program):
     """Of the moves, in their order."""
     tool: Frame | None
     part: Frame | None
+    unresolved: tuple[Visit, ...] = ()
+    """Positions of motions that were not resolved."""
 
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
@@ -40,6 +42,13 @@ class TpProgram(Program):
             TaskcalError: a motion is to become one of another kind.
         """
         return rewrite(self.sources, self.sites, self.moves, robot, waypoints)
+
+    def visits(self) -> Iterable[Visit]:
+        """Motions of one listing that name one position, whatever shifts it; see `Program.visits`."""
+        for number, (site, move) in enumerate(zip(self.sites, self.moves, strict=True)):
+            for written in site.written:
+                yield Visit(number=number, target=(site.file, written.name), place=move.place)
+        yield from self.unresolved
 
     def reread(self, sources: tuple[Source, ...]) -> "TpProgram":
         """The program of other texts of the same files; see `Program.reread`."""
@@ -81,6 +90,7 @@ def read_tp(
         part=part,
     )
     changed = frozenset[int | None]().union(*(a.registers for a in own.values()))
+    calls = Calls.of(listings.values())
     findings = Findings()
     for i, listing in listings.items():
         Resolver(
@@ -92,6 +102,7 @@ def read_tp(
             listing=listing,
             assigned=own[i],
             changed_elsewhere=changed,
+            calls=calls,
         ).run()
     return TpProgram(
         sources=tuple(sources),
@@ -101,6 +112,7 @@ def read_tp(
         base_from="FANUC's world frame, on axis 1 at the height of axis 2",
         robot=robot,
         sites=tuple(findings.sites),
+        unresolved=tuple(findings.unresolved),
         tool=tool,
         part=part,
     )

@@ -1,13 +1,15 @@
 """From the instructions of a program to its motions: which position, tool and user frame each has, and what it follows."""
 
 import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
 
 from taskcal.geometry import se3
-from taskcal.programs.program import Diagnostic, Frame, Move, MoveKind, Posture, Target
+from taskcal.programs.call_graph import with_called
+from taskcal.programs.program import Diagnostic, Frame, Move, MoveKind, Posture, Target, Visit
 from taskcal.programs.source import Place, Source
 from taskcal.programs.tp.configuration import Configuration
 from taskcal.programs.tp.frames import Frames
@@ -25,6 +27,15 @@ _SETTING = re.compile(r"\s*(?P<name>UFRAME_NUM|UTOOL_NUM)\s*(?:\[\s*GP1\s*\]\s*)
 _JOIN = re.compile(r"\s*(LBL\s*\[|ELSE\b|ENDIF\b|ENDFOR\b|FOR\b|WHILE\b|ENDWHILE\b|SELECT\b|CASE\b)", re.IGNORECASE)
 _CALL = re.compile(r"\s*(CALL|RUN)\b|\bTHEN\s+CALL\b|[=,]\s*CALL\b", re.IGNORECASE)
 _MACRO = re.compile(r"\s*[A-Z_][A-Z0-9_ -]*(\(|;|$)")
+_CALLED = re.compile(r"\b(?:CALL|RUN)\s+(?P<name>[^\s;(,]+)", re.IGNORECASE)
+_BUILT_IN = re.compile(
+    r"\s*(END|PAUSE|ABORT|RETURN|(UN)?LOCK|COL|SOFTFLOAT|INDEPENDENT|SIMULTANEOUS|WEAVE|TRACK|ARC|SEARCH|TOUCH|MPASS|STOP|CLEAR|"
+    r"RESET|WAIT)\b",
+    re.IGNORECASE,
+)
+"""Instructions of the system that look like macros."""
+_REPEATS = re.compile(r"\s*(LBL\s*\[|FOR\b|WHILE\b)", re.IGNORECASE)
+"""Where control may come from further down."""
 _LEAVES = re.compile(r"\s*(JMP|END|ABORT)\b", re.IGNORECASE)
 _INSIDE = r"\s*\[(?P<inside>(?:[^\[\]]|\[[^\[\]]*\])*)\]\s*=(?!=)"
 _ASSIGNED_REGISTER = re.compile(r"\bPR" + _INSIDE, re.IGNORECASE)
@@ -58,6 +69,8 @@ class State:
     tool: int | None = None
     last: int | None = None
     """Number of the motion in whose end the robot is; None where the text does not tell."""
+    strange: str = ""
+    """A program that was called before and is not in the files, so that it may have set any register; empty where none was."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,6 +109,48 @@ def assigned(listing: Listing) -> Assigned:
     )
 
 
+def called_by(text: str) -> tuple[str, ...]:
+    """Names of programs and macros that an instruction calls, in capitals."""
+    outside = re.sub(r"\[[^\[\]]*\]", "", text)
+    names = tuple(match["name"].upper() for match in _CALLED.finditer(outside))
+    macro = not names and _MACRO.match(text) and not _JOIN.match(text) and not _BUILT_IN.match(text)
+    return (re.split(r"[(;]", text)[0].strip().upper(),) if macro else names
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Calls:
+    """Which programs call programs that are not in the files."""
+
+    within: Mapping[str, frozenset[str]]
+    """Names of these that each program calls, by itself or by others."""
+    around: Mapping[str, frozenset[str]]
+    """Names of these that are called by what calls each program, and so may have been before it begins."""
+
+    @classmethod
+    def of(cls, listings: Iterable[Listing]) -> "Calls":
+        """Those of some programs."""
+        called = {
+            listing.name.upper(): frozenset(
+                name for instruction in listing.instructions if _is_code(instruction.text)
+                for name in called_by(instruction.text)
+            )
+            for listing in listings
+        }  # fmt: skip
+        within = with_called({name: (others.difference(called), others) for name, others in called.items()})
+        callers = {name: frozenset(other for other in called if name in called[other]) for name in called}
+        ever = with_called({name: (within[name], others) for name, others in callers.items()})
+        around = {name: frozenset[str]().union(*(ever[other] for other in callers[name])) for name in called}
+        return cls(within=within, around=around)
+
+    def behind(self, called: str) -> str:
+        """What may have run behind a call that is not in the files; empty where nothing."""
+        return min(self.within[called], default="") if called in self.within else called
+
+
+def _is_code(text: str) -> bool:
+    return not text.lstrip().startswith(("!", "//", "--", "$"))
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Findings:
     """What has been read so far."""
@@ -103,6 +158,8 @@ class Findings:
     moves: list[Move] = field(default_factory=list[Move])
     sites: list[Site] = field(default_factory=list[Site])
     diagnostics: list[Diagnostic] = field(default_factory=list[Diagnostic])
+    unresolved: list[Visit] = field(default_factory=list[Visit])
+    """Positions of the program to which motions go that could not be resolved."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -119,19 +176,47 @@ class Resolver:
     assigned: Assigned
     changed_elsewhere: frozenset[int | None]
     """Registers that any of the programs sets."""
+    calls: Calls
 
     def run(self) -> None:
         """Read all instructions."""
-        state = State()
+        own = self.listing.name.upper()
+        state = State(strange=min(self.calls.around[own], default=""))
         for instruction in self.listing.instructions:
             text = instruction.text
-            if text.lstrip().startswith(("!", "//", "--", "$")):
+            if not _is_code(text):
                 continue
+            if _REPEATS.match(text):
+                state.strange = state.strange or min(self.calls.within[own], default="")
             motion = parse_motion(text, instruction.body)
             if motion is not None:
                 self._motion(motion, instruction, state)
             else:
                 self._other(text, state)
+            for called in called_by(text):
+                self._call(called, instruction, state)
+
+    def _call(self, called: str, instruction: Instruction, state: State) -> None:
+        """What does not hold any more behind a call."""
+        state.strange = self.calls.behind(called) or state.strange
+        if called not in self.calls.within:
+            text = (
+                f"{called} is not in the files given; behind it the active frames and all position registers are not known, and "
+                "the frames are taken to keep their values; pass its .ls"
+            )
+            at = instruction.body + len(instruction.text) - len(instruction.text.lstrip())
+            self.findings.diagnostics.append(Diagnostic(place=self.source.place(at), text=text))
+
+    def _refuse_strange(self, what: str, state: State) -> None:
+        """Let no register be used that a program may have set which is not in the files.
+
+        Raises:
+            Unresolved: one may have.
+        """
+        if state.strange:
+            raise Unresolved(
+                f"{what} may be set by {state.strange}, which is called before and is not in the files given; pass its .ls"
+            )
 
     def _other(self, text: str, state: State) -> None:
         """What an instruction that does not move the robot changes."""
@@ -154,6 +239,11 @@ class Resolver:
             move, written = self._resolved(motion, state, place)
         except Unresolved as reason:
             self.findings.diagnostics.append(Diagnostic(place=place, text=str(reason)))
+            self.findings.unresolved.extend(
+                Visit(number=None, target=(self.number, f"P[{operand.number}]"), place=place)
+                for operand in motion.operands
+                if operand.number is not None and not operand.register
+            )
             state.last = None
             return
         state.last = None if motion.skips else len(self.findings.moves)
@@ -165,7 +255,7 @@ class Resolver:
     def _resolved(self, motion: Motion, state: State, place: Place) -> tuple[Move, tuple[Written, ...]]:
         if motion.obstacle:
             raise Unresolved(motion.obstacle)
-        offset = self._offset(motion.offsets, motion.keyword_at)
+        offset = self._offset(motion.offsets, motion.keyword_at, state)
         written = tuple(self._written(operand, state, offset) for operand in motion.operands)
         last = written[-1]
         frame, tool = self._one_of(written)
@@ -201,7 +291,7 @@ class Resolver:
         return move, written
 
     def _offset(
-        self, offsets: tuple[Offset, ...], at: int
+        self, offsets: tuple[Offset, ...], at: int, state: State
     ) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "4 4"]]:
         """Shifts in the user frame and in the tool.
 
@@ -222,6 +312,7 @@ class Resolver:
                 )
             if np.abs(register.T[:3, :3] - np.eye(3)).max() > NO_TURN:
                 raise Unresolved(f"its {name}, PR[{offset.register}], turns the position, which is not provided for")
+            self._refuse_strange(f"its {name}, PR[{offset.register}],", state)
             self._say_registers(at)
             shifts[offset.in_tool] = register.T
         return shifts[False], shifts[True]
@@ -293,12 +384,13 @@ class Resolver:
         register = self.frames.variables.registers.get(number)
         if register is None:
             raise Unresolved(f"PR[{number}] is not known; pass the backup's posreg.va with the program")
-        self._say_registers(operand.start)
         if register.extended:
             raise Unresolved(f"PR[{number}] moves extended axes, which is not provided for")
         for what, active in (("UFRAME", state.frame), ("UTOOL", state.tool)):
             if active is None:
                 raise Unresolved(f"PR[{number}] counts from the active {what}, and which one that is is not known")
+        self._refuse_strange(f"PR[{number}]", state)
+        self._say_registers(operand.start)
         assert state.frame is not None
         assert state.tool is not None
         return Written(
