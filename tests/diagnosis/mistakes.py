@@ -89,6 +89,8 @@ def of_frames(campaign: Campaign, robot: Robot) -> Iterator[Mistake]:
         return Mistake(id=name, said=said, campaign=replace(campaign, points=points, rotations=rotations), robot=robot)
 
     yield wrong("points-in-metres", "all", campaign.points / 1e3, rotations)
+    yield wrong("points-in-other-unit", "inches as mm", campaign.points / 25.4, rotations)
+    yield wrong("points-in-other-unit", "inches as m", campaign.points / 0.0254, rotations)
     for said, mirror in (("x and y", EXCHANGE), ("-z", np.diag([1.0, 1.0, -1.0])), ("-x", np.diag([-1.0, 1.0, 1.0]))):
         turned = None if rotations is None else mirror @ rotations @ mirror
         yield wrong("left-handed", said, campaign.points @ mirror, turned)
@@ -136,8 +138,12 @@ def of_course(campaign: Campaign, robot: Robot) -> Iterator[Mistake]:
     """What happens while a campaign is measured."""
     n, targets = campaign.valid.shape
 
-    def wrong(name: str, said: str, points: np.ndarray, *subject: str) -> Mistake:
-        return Mistake(id=name, said=said, campaign=replace(campaign, points=points), robot=robot, subject=subject)
+    def wrong(name: str, said: str, measured: np.ndarray | Campaign, *subject: str) -> Mistake:
+        changed = measured if isinstance(measured, Campaign) else replace(campaign, points=measured)
+        return Mistake(id=name, said=said, campaign=changed, robot=robot, subject=subject)
+
+    def at(share: float) -> str:
+        return campaign.ids[round(share * n)]
 
     if targets > 1:
         for share in (0.5, 0.3):
@@ -155,9 +161,24 @@ def of_course(campaign: Campaign, robot: Robot) -> Iterator[Mistake]:
         late = np.arange(n) >= share * n
         points[late, 0] += turned[late] @ (ALONG * mm * 1e-3)
         yield wrong("target-slipped", f"{mm:g} mm at {share:.0%}", points, campaign.targets[0])
+    for mm, degrees, share in ((4.0, 0.2, 0.5), (20.0, 1.0, 0.3), (400.0, 25.0, 0.6)):
+        late = np.arange(n) >= round(share * n)
+        yield wrong("station-moved", f"{mm:g} mm at {share:.0%}", moved_station(campaign, late, mm, degrees), at(share))
     for mm in (5.0, 10.0):
         grown = np.linspace(0.0, 1.0, n)[:, None, None] * ALONG * mm * 1e-3
         yield wrong("drift", f"{mm:g} mm", campaign.points + grown)
+
+
+def moved_station(campaign: Campaign, late: np.ndarray, mm: float, degrees: float) -> Campaign:
+    """The campaign with the tracker somewhere else in some rows."""
+    T = se3.pose(se3.exp(np.radians(degrees) * np.array([0.48, 0.6, 0.64])), ALONG * mm * 1e-3)
+    middle = np.nanmean(campaign.points, axis=(0, 1))
+    points = campaign.points.copy()
+    points[late] = (points[late] - middle) @ T[:3, :3].T + T[:3, 3] + middle
+    turned = campaign.rotations
+    if turned is not None:
+        turned = np.where(late[:, None, None], T[:3, :3] @ turned, turned)
+    return replace(campaign, points=points, rotations=turned)
 
 
 def of_robot(campaign: Campaign, robot: Robot) -> Iterator[Mistake]:

@@ -13,7 +13,7 @@ from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
-from tests.diagnosis.mistakes import Mistake, every, paired
+from tests.diagnosis.mistakes import Mistake, every, moved_station, paired
 from tests.diagnosis.virtual_campaigns import ROWS, TARGETS, virtual
 
 
@@ -44,6 +44,12 @@ def test_a_sound_campaign_of_poses_has_no_findings():
         ("ur5", "rows-shifted", "+3"),
         ("abb-irb120", "rows-shuffled", ""),
         ("ur5", "drift", ""),
+        ("ur5", "points-in-other-unit", "inches as mm"),
+        ("abb-irb120", "points-in-other-unit", "inches as m"),
+        ("ur5", "target-slipped", "5 mm at 40%"),
+        ("ur5", "station-moved", "4 mm"),
+        ("abb-irb120", "station-moved", "20 mm"),
+        ("ur5", "station-moved", "400 mm"),
         ("ur5", "gross-rows", "50"),
         ("ur5", "duplicate-poses", ""),
     ],
@@ -84,6 +90,78 @@ def test_two_mistakes_are_found_together_and_the_mended_campaign_fits():
     assert {(f.id, f.subject) for f in found.findings[:2]} == {("joint-sign", ("J2",)), ("joint-zero", ("J4",))}
     np.testing.assert_allclose(found.campaign.q, sound.q, atol=1e-12)
     assert identify(ErrorModel(robot), found.campaign).model_error[0] < 1e-3
+
+
+@pytest.mark.parametrize("said", ["4 mm", "400 mm"])
+def test_doctor_names_the_row_and_the_parts_if_tracker_moved(said):
+    robot, sound = load_robot("ur5"), virtual("ur5", targets=2, rows=60)
+    part = sound.take(np.arange(10, 60))
+    wrong = of_id("station-moved", part, robot, said)
+    found = diagnose(wrong.campaign, robot)
+    (first,) = found.findings
+    assert (first.id, first.subject) == ("station-moved", wrong.subject)
+    row = int(wrong.subject[0])
+    assert first.fix.endswith(f"--rows 10:{row} and --rows {row}:60")
+    assert first.error_after < 0.4 * first.error_before
+    assert found.unmended == ("station-moved",)
+    for rows in (slice(0, row - 10), slice(row - 10, 50)):
+        assert diagnose(wrong.campaign.take(np.arange(50)[rows]), robot).findings == ()
+
+
+def test_doctor_finds_the_row_of_a_move_in_many_rows():
+    robot, sound = load_robot("ur5"), virtual("ur5", rows=520)
+    wrong = moved_station(sound, np.arange(520) >= 301, 5.0, 0.2)
+    assert diagnose(wrong, robot).findings[0].subject == ("301",)
+
+
+def test_doctor_names_the_parts_if_a_target_was_knocked():
+    robot = load_robot("ur5")
+    wrong = of_id("target-slipped", virtual("ur5"), robot, "10 mm at 70%")
+    first = diagnose(wrong.campaign, robot).findings[0]
+    assert (first.id, first.subject) == ("target-slipped", wrong.subject)
+    assert "before row 28 (id 28)" in first.fix
+    assert first.fix.endswith("--rows 0:28 and --rows 28:40")
+
+
+@pytest.mark.parametrize("course", [lambda t: t, lambda t: t**2, lambda t: 1.0 - np.exp(-4.0 * t)])
+def test_doctor_calls_slow_motion_drift(course):
+    robot, sound = load_robot("ur5"), virtual("ur5", rows=60)
+    grown = course(np.linspace(0.0, 1.0, 60))[:, None, None] * np.array([3.0, -3.0, 2.6]) * 1e-3
+    assert [f.id for f in diagnose(replace(sound, points=sound.points + grown), robot).findings] == ["drift"]
+
+
+def test_doctor_names_the_unit_and_the_column_of_inches():
+    robot, sound = load_robot("kuka-kr16-2"), virtual("kuka-kr16-2", targets=3)
+    points = sound.points.copy()
+    points[:, 1] /= 25.4
+    for wrong, of in ((sound.points / 25.4, ("a", "b", "c")), (points, ("b",))):
+        found = diagnose(replace(sound, points=wrong), robot)
+        (first,) = found.findings
+        assert (first.id, first.subject) == ("points-in-other-unit", of)
+        assert "in inches, not millimetres: name their columns with _in instead of _mm, such as x_in" in first.fix
+        np.testing.assert_allclose(found.campaign.points, sound.points)
+
+
+def test_doctor_finds_inches_and_radians_together():
+    robot, sound = load_robot("ur5"), virtual("ur5")
+    wrong = replace(sound, points=sound.points / 25.4, q=np.radians(sound.q))
+    assert {f.id for f in diagnose(wrong, robot).findings} == {"points-in-other-unit", "joints-in-radians"}
+
+
+@pytest.mark.parametrize(("rows", "targets"), [(3, 1), (7, 1), (5, 3)])
+def test_doctor_says_nothing_but_too_few_rows(rows, targets):
+    found = diagnose(virtual("ur5", targets=targets).take(np.arange(rows)), load_robot("ur10"))
+    (only,) = found.findings
+    assert (only.id, only.error_before, only.error_after) == ("too-few-rows", None, None)
+    assert only.fix.startswith(f"{rows} measured rows are too few")
+    assert found.unmended == ("too-few-rows",)
+
+
+def test_doctor_promises_no_smaller_error_if_nothing_helps():
+    robot, sound = load_robot("ur5"), virtual("ur5")
+    wrong = replace(sound, points=sound.points + np.random.default_rng(0).normal(size=sound.points.shape) * 0.2)
+    (only,) = diagnose(wrong, robot).findings
+    assert only.error_after is None
 
 
 def test_joint_limits_tell_half_a_turn_from_the_sign_that_leaves_the_same_error():

@@ -64,6 +64,12 @@ def test_sockets_of_other_rows_are_no_sound_campaign(sockets):
     (only,) = diagnose(shuffled, ROBOT).findings
     assert only.id == "other-robot"
     assert "check which socket" in only.fix
+    assert only.error_after is None
+
+
+def test_doctor_says_too_few_rows_of_sockets_alone(sockets):
+    (only,) = diagnose(sockets.take(np.arange(3)), ROBOT).findings
+    assert only.id == "too-few-rows"
 
 
 @pytest.mark.long

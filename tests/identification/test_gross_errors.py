@@ -133,6 +133,21 @@ def test_what_was_left_out_is_said_and_saved(model, poses, tmp_path):
     assert load_calibration(tmp_path / "cal.json").left_out == found.left_out
 
 
+@pytest.mark.parametrize("way", ["tracker", "socket", "camera", "board"])
+def test_identify_leaves_out_gross_rows_of_every_kind(way):
+    """5 mm in three rows: little beside the nominal robot's own errors, and fifty times those of the calibrated one."""
+    model, rng = ErrorModel(load_robot("ur5")), np.random.default_rng(0)
+    sound, _ = simulate(model, rng.uniform(-1.2, 1.2, (60, 6)), rng=rng, observe=way, model_error=1e-4)
+    q = sound.q.copy()
+    q[[7, 20, 41], 1] += 5e-3 / np.linalg.norm(model.poses(q[[7, 20, 41]])[:, :3, 3], axis=1)
+    found, right = identify(model, replace(sound, q=q)), identify(model, sound)
+    assert right.left_out == ()
+    assert [row.row for row in found.left_out] == [7, 20, 41]
+    assert found.remarks[0].startswith("3 of 60 rows cannot be right beside all others and were left out: row 7 ")
+    assert found.model_error[0] < 1.2 * right.model_error[0]
+    assert identify(model, replace(sound, q=q), gross_errors="keep").left_out == ()
+
+
 def test_more_wrong_rows_than_can_be_told_are_refused(model, poses):
     campaign, _ = simulate(model, poses[20.0][0], rng=np.random.default_rng(3))
     points = campaign.points.copy()

@@ -137,6 +137,12 @@ def test_reference_points_and_lost_beams_are_told_from_targets(data_folder):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("name", TABLES)
+def test_identify_leaves_no_row_of_a_measured_robot_out(data_folder, name):
+    robot = robot_of(data_folder, name, "catalogue")
+    assert identify(ErrorModel(robot), campaign_of(data_folder, name, robot)).left_out == ()
+
+
 def test_rows_chosen_by_the_expected_error_predict_the_others_better_than_rows_drawn_by_chance(data_folder):
     """60 of 700 rows of a real robot, whose model error is smooth over the joints; judged on the other 300."""
     model = ErrorModel(load_robot("ur5"))

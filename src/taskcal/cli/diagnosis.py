@@ -36,11 +36,12 @@ def with_first_finding(refusal: TaskcalError, path: Path, robot: "Robot") -> str
         findings = diagnose_file(path, robot).findings
     except TaskcalError:
         return message
-    if not findings:
+    first = findings[0] if findings else None
+    if first is None or first.error_before is None:  # too few rows, which the refusal says
         return message
-    first = findings[0]
     concerned = f" of {', '.join(first.subject[:6])}" if first.subject else ""
+    then = "" if first.error_after is None else f", then {first.error_after * 1e3:.1f} mm"
     return (
-        f"{message}\ntaskcal doctor finds {first.id}{concerned} ({first.error_before * 1e3:.1f} mm off, then "
-        f"{first.error_after * 1e3:.1f} mm; {first.confidence:.0%} sure): {first.fix}"
+        f"{message}\ntaskcal doctor finds {first.id}{concerned} ({first.error_before * 1e3:.1f} mm off{then}; "
+        f"{first.confidence:.0%} sure): {first.fix}"
     )

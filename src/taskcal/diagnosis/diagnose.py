@@ -6,24 +6,29 @@ import numpy as np
 
 from taskcal.arguments import expect_kinds
 from taskcal.diagnosis.finding import Finding
-from taskcal.diagnosis.in_course import Local, find_in_course
+from taskcal.diagnosis.in_course import Local, find_in_course, find_large_move
 from taskcal.diagnosis.observed_mistakes import explain_observed, scope_of
 from taskcal.diagnosis.search import (
+    LEAST_ROWS,
     PER_MISTAKE,
     Explanation,
     Progress,
     explain_in_pairs,
     explain_singly,
+    has_no_unit,
     held_out_distances,
     is_sound,
+    rows_to_register,
     typical,
     untold,
 )
 from taskcal.diagnosis.spread import find_narrowness
 from taskcal.diagnosis.supposition import Case
 from taskcal.diagnosis.unexplained import at_chance, extent, find_other_order, find_what_is_left
+from taskcal.errors import CampaignError
 from taskcal.estimation.blas import single_threaded
 from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.enough_rows import check_rows
 from taskcal.measurement.registration import PLAUSIBLE_SHARE
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
@@ -38,6 +43,9 @@ SHARPNESS = 3.0
 
 UNEXPLAINED_SHARE = 0.1
 """Of the reach, at which a row that is left out counts."""
+
+IN_NO_FILE = ("drift", "station-moved")
+"""What happened in the course of a campaign, and no other file mends."""
 
 
 @short_repr
@@ -63,8 +71,9 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = untold) -
 
     Every usual mistake of joints, frames, rows and robot is undone, singly and in pairs; half of the rows register the nominal
     robot, the other half say how far off it is. A mistake is believed where undoing it lowers the geometric mean of that by a
-    factor of 2.2 at least. Rows that fit in another order alone are shuffled. Then slips, drifts and gross rows are looked for
-    with the geometry's tolerances free.
+    factor of 2.2 at least. Rows that fit in another order alone are shuffled. Then slips, moves of the tracker, drifts and gross
+    rows are looked for with the geometry's tolerances free. What lowers the error by less than a factor of 1.05 is not told,
+    and of too few rows nothing but that.
 
     The confidence of a written mistake is its share among all explanations tried, each weighted with the inverse cube of its
     error (its mistakes paid for), so that two explanations that fit alike have one half each; that of slips and drifts grows
@@ -80,12 +89,19 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = untold) -
     """
     expect_kinds({"campaign": Campaign, "robot": Robot}, campaign=campaign, robot=robot)
     case = Case.of(robot, campaign)
+    if lacking := _too_few(campaign):
+        return Diagnosis(
+            findings=(lacking,), robot=robot, campaign=campaign, unmended=(lacking.id,), scope=scope_of(campaign)
+        )
     if scope := scope_of(campaign):
         return _diagnose_observed(case, scope, progress)
     found = explain_singly(case, progress)
     given = next(e for e in found if not e.mistakes)
     before = min(given.error, extent(case))
-    if not is_sound(found[0]):
+    if not is_sound(found[0]) or (found[0] is given and has_no_unit(case)):
+        moved = _moved(found, given, before)
+        if moved is not None:
+            return moved
         reordered = find_other_order(case, before) if at_chance(case) else None
         if reordered is not None:
             return Diagnosis(findings=tuple(reordered[0]), robot=robot, campaign=reordered[1], unmended=())
@@ -96,20 +112,58 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = untold) -
         reordered = find_other_order(case, before)
         if reordered is not None:
             return Diagnosis(findings=tuple(reordered[0]), robot=robot, campaign=reordered[1], unmended=())
-        left = find_what_is_left(case, before, best.error)
+        left = find_what_is_left(case, before)
         return Diagnosis(findings=(left,), robot=robot, campaign=campaign, unmended=(left.id,))
     findings = list(_written(found, best, given, before))
     mended, unmended = best.case.campaign, []
     if local is not None:
-        finding, mended = local
+        finding, without = local
         findings.append(finding)
-        unmended += [finding.id] if finding.id == "drift" else []
+        if finding.id in IN_NO_FILE:
+            unmended.append(finding.id)
+        else:
+            mended = without
     if not best.mistakes or local is None:
         lacking = _lacking(best, given)
         findings += lacking
         unmended += [finding.id for finding in lacking]
         findings += _alternatives(found, best, given, before)
     return Diagnosis(findings=tuple(findings), robot=best.case.robot, campaign=mended, unmended=tuple(unmended))
+
+
+def _too_few(campaign: Campaign) -> Finding | None:
+    """The only finding where no half of the rows can be judged by the other."""
+    fix = ""
+    if campaign.observations:
+        try:
+            check_rows(campaign)
+        except CampaignError as refusal:
+            fix = str(refusal)
+    else:
+        seen, least = int(campaign.seen.sum()), max(LEAST_ROWS, 2 * rows_to_register(campaign))
+        if seen < least:
+            fix = (
+                f"{seen} measured rows are too few to look for mistakes: one half of them registers the robot, the other half "
+                f"judges it; measure at least {least} poses, better 30 or more"
+            )
+    if not fix:
+        return None
+    return Finding(id="too-few-rows", subject=(), error_before=None, error_after=None, confidence=0.99, fix=fix)
+
+
+def _moved(found: list[Explanation], given: Explanation, before: float) -> Diagnosis | None:
+    """The diagnosis, if the tracker or the base made a large move, beside a mistake that holds for all rows or none."""
+    for best in dict.fromkeys((found[0], given)):
+        local = find_large_move(best.case)
+        if local is not None:
+            finding = local[0]
+            assert finding.error_after is not None
+            rest = replace(best, error=finding.error_after)
+            findings = (*_written(found, rest, given, before), finding)
+            return Diagnosis(
+                findings=findings, robot=best.case.robot, campaign=best.case.campaign, unmended=(finding.id,)
+            )
+    return None
 
 
 def _diagnose_observed(case: Case, scope: str, progress: Progress) -> Diagnosis:
@@ -126,7 +180,7 @@ def _diagnose_observed(case: Case, scope: str, progress: Progress) -> Diagnosis:
         id="other-robot",
         subject=(),
         error_before=given.error,
-        error_after=min(best.error, given.error),
+        error_after=None,
         confidence=0.5,
         fix=f"{case.robot.name} does not fit what was observed, whatever is examined: check which socket, anchor or landmark each "
         "row names, the order of the rows, and the lengths in the robot file",
@@ -141,7 +195,7 @@ def _lacking(best: Explanation, given: Explanation) -> list[Finding]:
             id=lack.id,
             subject=(),
             error_before=given.error,
-            error_after=best.error,
+            error_after=None,
             confidence=float(np.clip(1.0 - 0.5 * lack.share, 0.0, 0.99)),
             fix=lack.said,
         )
@@ -179,7 +233,8 @@ def _key(explanation: Explanation) -> frozenset[tuple[str, tuple[str, ...]]]:
 
 
 def _written(found: list[Explanation], best: Explanation, given: Explanation, before: float) -> list[Finding]:
-    """The mistakes of the best explanation, each with its share among all."""
+    """The mistakes of the best explanation, each with its share among all; the error before in the unit that is right."""
+    before *= float(np.prod([mistake.size for mistake in best.mistakes]))
     return [
         Finding(
             id=mistake.id,
@@ -205,7 +260,9 @@ def _alternatives(found: list[Explanation], best: Explanation, given: Explanatio
     out: list[Finding] = []
     known = set(_key(best))
     for other in found:
-        if other is best or not other.mistakes or not best.mistakes or other.rank > best.rank + ALTERNATIVES:
+        if other is best or not other.mistakes or not best.mistakes:
+            continue
+        if other.rank > min(best.rank + ALTERNATIVES, given.rank):
             continue
         for finding in _written(found, other, given, before):
             finding = replace(finding, confidence=min(_share(found, best, (finding.id, finding.subject)), 0.49))

@@ -1,14 +1,18 @@
 """Measurements in another unit, a left-handed frame, quaternions in another order, inverse poses."""
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from jaxtyping import Float
 
+from taskcal.diagnosis.joint_mistakes import unit_mistakes
 from taskcal.diagnosis.supposition import Case, Supposition
 from taskcal.geometry import se3
 from taskcal.measurement.campaign import Campaign
+from taskcal.measurement.units import LENGTHS
 
 SWAP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """x and y exchanged."""
@@ -16,6 +20,15 @@ SWAP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 NARROW, WIDE = 0.02, 5.0
 """Spreads of the points, of the reach, beyond which they may be in another unit. Any points fit any robot that hardly moves once
 they are made a thousand times smaller."""
+
+OTHER_UNITS = {unit: LENGTHS[unit] for unit in ("mm", "m", "in", "cm", "ft")}
+"""In which points are written, and taken for one another."""
+
+SCATTER_WINDOW = 2.0
+"""Largest factor between the scatter of the points and that of the nominal tool point, which a target's place on the tool and
+mistakes of the joints can explain."""
+
+_LONG = {"mm": "millimetres", "m": "metres", "in": "inches", "cm": "centimetres", "ft": "feet"}
 
 
 def frame_mistakes(case: Case) -> Iterator[Supposition]:
@@ -34,21 +47,79 @@ def frame_mistakes(case: Case) -> Iterator[Supposition]:
 
 
 def scale_mistakes(case: Case) -> Iterator[Supposition]:
-    """Another unit of the points, where their spread asks for it."""
+    """Another unit of the points, where their spread asks for it; the likeliest first."""
     names = case.campaign.targets
     spread = float(np.nanstd(case.campaign.points, axis=0).max())
     scales = (
         (1e3, "_m instead of _mm: they hold metres", spread < NARROW * case.model.robot.reach),
         (1e-3, "_mm instead of _m: they hold millimetres", spread > WIDE * case.model.robot.reach),
     )
-    for factor, said, possible in scales:
-        if possible:
-            yield Supposition(
-                id="points-in-metres",
-                subject=names,
-                measured=partial(_scaled, factor=factor),
-                fix=f"name the points' columns with {said}",
-            )
+    metric = [
+        Supposition(
+            id="points-in-metres",
+            subject=names,
+            measured=partial(_scaled, factors=np.full(len(names), factor)),
+            fix=f"name the points' columns with {said}",
+            size=factor,
+        )
+        for factor, said, possible in scales
+        if possible
+    ]
+    expected = _expected_scatter(case)
+    if expected is None:
+        yield from metric
+        return
+    scatter = np.array([_scatter(case.campaign.points[:, t]) for t in range(len(names))])
+    others = sorted(_other_units(names, expected / scatter), key=lambda found: found[0])
+    metric_off = [abs(np.log(expected / np.nanmedian(scatter) / scale[0])) for scale in scales if scale[2]]
+    if others and metric and others[0][0] < metric_off[0]:
+        yield from (supposition for _, supposition in others)
+        yield from metric
+    else:
+        yield from metric
+        yield from (supposition for _, supposition in others)
+
+
+def _other_units(names: tuple[str, ...], ratio: Float[np.ndarray, " targets"]) -> Iterator[tuple[float, Supposition]]:
+    """Units that make the scatter of the points what the joints let expect, and the logarithm of what they leave.
+
+    All targets at first; of several, those alone whose scatter asks for it.
+    """
+    for (taken, as_taken), (unit, size) in itertools.permutations(OTHER_UNITS.items(), 2):
+        if {taken, unit} == {"m", "mm"}:
+            continue
+        off = np.abs(np.log(ratio / (size / as_taken)))
+        wrong = np.asarray(off < np.log(SCATTER_WINDOW))
+        if not wrong.any() or (not wrong.all() and (np.abs(np.log(ratio[~wrong])) > np.log(SCATTER_WINDOW)).any()):
+            continue
+        subject = tuple(name for name, one in zip(names, wrong, strict=True) if one)
+        of = "" if wrong.all() else f" of {', '.join(subject)}"
+        factor = size / as_taken
+        yield (
+            float(off[wrong].max()),
+            Supposition(
+                id="points-in-other-unit",
+                subject=subject,
+                measured=partial(_scaled, factors=np.where(wrong, factor, 1.0)),
+                fix=f"the points{of} are in {_LONG[unit]}, not {_LONG[taken]}: name their columns with _{unit} instead of "
+                f"_{taken}, such as x_{unit}, or multiply them by {factor:.6g}",
+                size=factor if wrong.all() else 1.0,
+                cost=0.02,
+            ),
+        )
+
+
+def _expected_scatter(case: Case) -> float | None:
+    """Of the nominal tool point, the joints in the unit that their size asks for, metres; None where it hardly moves."""
+    for supposition in unit_mistakes(case):
+        case = supposition.undo(case)
+    scatter = _scatter(case.poses(np.arange(len(case.campaign)))[:, :3, 3])
+    return scatter if scatter > NARROW * case.model.robot.reach else None
+
+
+def _scatter(points: Float[np.ndarray, "n 3"]) -> float:
+    """Root mean square distance from the mean, metres."""
+    return float(np.sqrt(np.nanvar(points, axis=0).sum()))
 
 
 def _of_poses(names: tuple[str, ...]) -> Iterator[Supposition]:
@@ -83,9 +154,12 @@ def _of_poses(names: tuple[str, ...]) -> Iterator[Supposition]:
     )
 
 
-def _scaled(campaign: Campaign, factor: float) -> Campaign:
-    fixed = {name: places * factor for name, places in campaign.reference_points.items()}
-    return replace(campaign, points=campaign.points * factor, reference_points=fixed)
+def _scaled(campaign: Campaign, factors: Float[np.ndarray, " targets"]) -> Campaign:
+    points = campaign.points * factors[:, None]
+    if np.ptp(factors) > 0.0:  # of some targets alone
+        return replace(campaign, points=points)
+    fixed = {name: places * factors[0] for name, places in campaign.reference_points.items()}
+    return replace(campaign, points=points, reference_points=fixed)
 
 
 def _transposed(campaign: Campaign) -> Campaign:

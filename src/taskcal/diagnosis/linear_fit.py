@@ -49,6 +49,8 @@ class LinearFit:
     """How far each point is off after the robust fit, metres."""
     places: Float[np.ndarray, "m 3"]
     """Points about their centre, metres."""
+    centre: Float[np.ndarray, " 3"]
+    """In the tracker frame, metres."""
 
     @property
     def median(self) -> float:
@@ -58,6 +60,12 @@ class LinearFit:
     def objective(self, weight: Float[np.ndarray, " m"], added: Float[np.ndarray, "m 3 b"] | None = None) -> float:
         """Smallest damped sum of squares, in units of the noise, with more columns free."""
         return _solve(self.columns, self.held, self.residual, weight, self.noise, added)[1]
+
+    def rms(self, weight: Float[np.ndarray, " m"], added: Float[np.ndarray, "m 3 b"] | None = None) -> float:
+        """Root mean square distance of the points that have a weight, with more columns free, metres."""
+        A = self.columns if added is None else np.concatenate([self.columns, added], axis=2)
+        left = self.residual - A @ _solve(self.columns, self.held, self.residual, weight, self.noise, added)[0]
+        return float(np.sqrt((left[weight > 0.0] ** 2).sum(axis=1).mean()))
 
     def size(self, weight: Float[np.ndarray, " m"], added: Float[np.ndarray, "m 3 b"]) -> Float[np.ndarray, " b"]:
         """Estimates of the added columns' coefficients."""
@@ -101,6 +109,7 @@ def fit_linearly(case: Case, rows: Int[np.ndarray, " k"]) -> LinearFit | None:
         noise=noise,
         distance=distance,
         places=places,
+        centre=predicted.mean(axis=0),
     )
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.diagnosis.frame_mistakes import frame_mistakes
-from taskcal.diagnosis.joint_mistakes import joint_mistakes
+from taskcal.diagnosis.frame_mistakes import frame_mistakes, scale_mistakes
+from taskcal.diagnosis.joint_mistakes import joint_mistakes, unit_mistakes
 from taskcal.diagnosis.linear_fit import register_trimmed
 from taskcal.diagnosis.quick_fit import LEVER_SHARE, ROUNDS, SMALLEST_ERROR, misfits
 from taskcal.diagnosis.robot_mistakes import robot_mistakes
@@ -50,6 +50,9 @@ ALIKE = 0.4
 COMPARED = 24
 """How many are."""
 
+LEAST_ROWS = 6
+"""With fewer no half of the rows can be judged by the other."""
+
 CLOSELY = 300
 """Combinations of joint mistakes, of many, that are fitted robustly."""
 
@@ -80,6 +83,11 @@ def untold(step: str, done: int, of: int) -> None:
 def explain_singly(case: Case, progress: Progress = untold) -> list[Explanation]:
     """Explanations by one mistake, the best first; without mistakes among them the campaign as it is."""
     return _compared(case, _tried(case, (), progress, pairs=False), progress)
+
+
+def has_no_unit(case: Case) -> bool:
+    """Whether joints and points may both be in another unit: together they are small, and so is what is left of them."""
+    return bool(list(unit_mistakes(case))) and bool(list(scale_mistakes(case)))
 
 
 def is_sound(explanation: Explanation) -> bool:
@@ -147,7 +155,9 @@ def _together(a: Supposition, b: Supposition) -> bool:
 
 
 def _rank(error: float, mistakes: Combination) -> float:
-    return float(np.log(max(error, SMALLEST_ERROR))) + sum(PER_MISTAKE + s.cost for s in mistakes)
+    return float(np.log(max(error, SMALLEST_ERROR))) + sum(
+        PER_MISTAKE + s.cost - float(np.log(s.size)) for s in mistakes
+    )
 
 
 def _errors(case: Case, combinations: Sequence[Combination]) -> Float[np.ndarray, " h"]:
@@ -222,6 +232,13 @@ def typical(distances: Float[np.ndarray, " n"]) -> float:
     return float(np.exp(np.log(np.maximum(distances, SMALLEST_ERROR)).mean()))
 
 
+def rows_to_register(campaign: Campaign) -> int:
+    """Rows that leave something to judge once tracker frame and targets are found."""
+    numbers = 6 if campaign.rotations is not None else 3 * len(campaign.targets)
+    unknown = 12 if campaign.rotations is not None else 6 + numbers
+    return unknown // numbers + 1
+
+
 def held_out_error(case: Case) -> float:
     """Median distance of points from where the registration of the other half of the rows has them, metres."""
     return float(np.median(held_out_distances(case)))
@@ -232,7 +249,7 @@ def held_out_distances(case: Case) -> Float[np.ndarray, " n"]:
     rows = spread_rows(len(case.campaign), HELD_OUT_ROWS)
     T = case.poses(rows)
     closes = np.isfinite(T[:, 0, 3]) & case.campaign.seen[rows]
-    if closes.mean() < 0.7 or closes.sum() < 6:
+    if closes.mean() < 0.7 or closes.sum() < LEAST_ROWS:
         return np.array([np.inf])
     rows, T = rows[closes], T[closes]
     halves = np.array_split(np.random.default_rng(0).permutation(len(rows)), 2)

@@ -59,6 +59,8 @@ class Supposition:
     joints: JointMap | None = None
     measured: Callable[[Campaign], Campaign] | None = None
     robot: Robot | None = None
+    size: float = 1.0
+    """Factor of the points' size; an error counts beside it."""
     cost: float = 0.0
     """How much rarer it is than others, as a logarithm; decides where several leave the same error."""
 

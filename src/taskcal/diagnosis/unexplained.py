@@ -24,13 +24,14 @@ def find_other_order(case: Case, before: float) -> tuple[list[Finding], Campaign
         case: robot and campaign as given.
         before: error as given, metres.
     """
-    units = [*scale_mistakes(case), *unit_mistakes(case)]
+    units = [*list(scale_mistakes(case))[:1], *unit_mistakes(case)]
     in_units = case
     for supposition in units:
         in_units = supposition.undo(in_units)
     paired = pair_rows(in_units)
     if paired is None:
         return None
+    before *= extent(in_units) / extent(case)
     confidence = float(np.clip(1.0 - paired.error / paired.next_best, 0.0, 0.99))
     findings = [
         Finding(
@@ -41,18 +42,17 @@ def find_other_order(case: Case, before: float) -> tuple[list[Finding], Campaign
             confidence=confidence,
             fix=mistake.fix,
         )
-        for mistake in [*units, _order(case, paired)]
+        for mistake in [*units, *([_order(case, paired)] if len(paired.moved) else [])]
     ]
     return findings, paired.mended
 
 
-def find_what_is_left(case: Case, before: float, after: float) -> Finding:
-    """The finding of last resort.
+def find_what_is_left(case: Case, before: float) -> Finding:
+    """The finding of last resort, which nothing mends.
 
     Args:
         case: robot and campaign as given.
         before: error as given, metres.
-        after: the least error with any mistake undone, metres.
     """
     if at_chance(case):
         name = "rows-shuffled"
@@ -66,7 +66,7 @@ def find_what_is_left(case: Case, before: float, after: float) -> Finding:
             f"neither {case.robot.name} nor a robot of the catalogue fits, with any usual mistake undone: check the lengths in "
             "the robot file, or give the robot that was measured"
         )
-    return Finding(id=name, subject=(), error_before=before, error_after=min(after, before), confidence=0.5, fix=fix)
+    return Finding(id=name, subject=(), error_before=before, error_after=None, confidence=0.5, fix=fix)
 
 
 def at_chance(case: Case) -> bool:

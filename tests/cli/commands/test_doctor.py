@@ -61,6 +61,19 @@ def test_the_refusal_of_a_fit_says_what_the_doctor_finds(run: Run, reversed_j3: 
     assert "taskcal doctor finds joint-sign of J3" in ended.err
 
 
+def test_doctor_shows_too_few_rows_alone(run: Run, reversed_j3: Path, tmp_path: Path) -> None:
+    three = tmp_path / "three.csv"
+    three.write_text("".join(reversed_j3.read_text().splitlines(keepends=True)[:4]))
+    (only,) = run("doctor", three, "--robot", "ur5", "--json").json["findings"]
+    assert (only["id"], only["error_before_mm"], only["error_after_mm"]) == ("too-few-rows", None, None)
+    shown = run("doctor", three, "--robot", "ur5", "--fix", tmp_path / "mended.csv")
+    assert shown.status == 0
+    assert "too-few-rows: 3 measured rows are too few" in shown.out
+    refused = run("identify", three, "--robot", "ur5", "-o", tmp_path / "cal.json")
+    assert refused.status == 1
+    assert "doctor finds" not in refused.err
+
+
 def test_options_of_a_campaign_want_one(run: Run) -> None:
     ended = run("doctor", "--robot", "ur5")
     assert ended.status == 2

@@ -46,8 +46,8 @@ def command(
 ) -> None:
     """Find what is wrong with a campaign; without one, check the installation.
 
-    Units, signs, zeros, couplings, the order of joints and rows, frames, poses, targets that slipped, drift, gross rows, the
-    robot: every usual mistake is undone, singly and in pairs, and judged on rows held out.
+    Units, signs, zeros, couplings, the order of joints and rows, frames, poses, targets that slipped, a tracker that moved,
+    drift, gross rows, the robot: every usual mistake is undone, singly and in pairs, and judged on rows held out.
     """
     if campaign is None:
         for option, given in (("--robot", robot), ("--fix", fix)):
@@ -84,8 +84,8 @@ def _show(diagnosis: "Diagnosis", campaign: Path) -> None:
         (
             finding.id,
             ", ".join(finding.subject[:6]) + (", …" if len(finding.subject) > 6 else ""),
-            f"{finding.error_before * 1e3:.2f}",
-            f"{finding.error_after * 1e3:.2f}",
+            _millimetres(finding.error_before),
+            _millimetres(finding.error_after),
             f"{finding.confidence:.0%}",
         )
         for finding in diagnosis.findings
@@ -93,6 +93,10 @@ def _show(diagnosis: "Diagnosis", campaign: Path) -> None:
     show_table("", ("finding", "of", "before mm", "after mm", "sure"), rows, left=range(2))
     for finding in diagnosis.findings:
         tell(f"{finding.id}: {finding.fix}")
+
+
+def _millimetres(error: float | None) -> str:
+    return "–" if error is None else f"{error * 1e3:.2f}"
 
 
 def _check_installation(as_json: bool) -> None:

@@ -182,8 +182,10 @@ def _mistakes(studio: Studio, texts: Texts) -> Sequence[Mapping[str, Any]]:
         (
             f"{texts.named('doctor', finding['id'])} ({finding['id']})",
             ", ".join(finding["subject"]),
-            f"{finding['error_before_mm']:.2f}",
-            f"{finding['error_after_mm']:.2f}",
+            *(
+                "–" if error is None else f"{error:.2f}"
+                for error in (finding["error_before_mm"], finding["error_after_mm"])
+            ),
             f"{finding['confidence']:.0%}",
             mend(finding, texts),
         )
