@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from taskcal.adaptation.plan import Plan
-from taskcal.presentation.plan_figures import draw_by_count, outline
+from taskcal.presentation.plan_figures import draw_by_count
+from taskcal.presentation.space import outline
 from taskcal.task.workspace import Workspace
 
 

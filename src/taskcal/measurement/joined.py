@@ -8,7 +8,8 @@ from jaxtyping import Float
 
 from taskcal.errors import CampaignError
 from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.observation import Observation, Point, Pose
+from taskcal.measurement.observation import Point, Pose
+from taskcal.measurement.observation.observation import Observation
 from taskcal.robot.conditions import Conditions
 
 

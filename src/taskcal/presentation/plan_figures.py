@@ -67,20 +67,3 @@ def draw_by_count(plan: Plan) -> go.Figure:
     figure.update_xaxes(title_text="measured poses", range=[0, count * 1.03])
     with_decades(figure, "expected error (mm, rms)")
     return figure
-
-
-def outline(space: Workspace) -> Float[np.ndarray, "k 3"]:
-    """Edges of a workspace in the base, metres; NaN between the strokes."""
-    if space.shape == "box":
-        corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) - 0.5
-        rings = [np.c_[corners, np.full(5, side)] for side in (-0.5, 0.5)]
-        posts = [np.array([[*corner, -0.5], [*corner, 0.5]]) for corner in corners[:4]]
-    else:
-        angle = np.linspace(0.0, 2.0 * np.pi, 49)
-        circle = 0.5 * np.c_[np.cos(angle), np.sin(angle)]
-        rings = [np.c_[circle, np.full(49, side)] for side in (-0.5, 0.5)]
-        posts = [np.array([[*circle[k], -0.5], [*circle[k], 0.5]]) for k in (0, 12, 24, 36)]
-    gap = np.full((1, 3), np.nan)
-    local = np.concatenate([part for stroke in (*rings, *posts) for part in (stroke, gap)]) * space.size
-    in_frame = space.center + local @ space.turned.T
-    return in_frame @ space.T_base_frame[:3, :3].T + space.T_base_frame[:3, 3]
