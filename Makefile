@@ -72,7 +72,7 @@ bench-smoke: $(VENV)/.test  ## run every benchmark once, untimed
 	else echo "no benchmarks yet"; fi
 
 # Of the installed package, what differs where the sources do not lie beside it: files it reads, commands, pages, processes of its own.
-WHEEL_TESTS ?= -m quick tests/public tests/cli tests/robot tests/studio tests/presentation
+WHEEL_TESTS ?= -m quick tests/public tests/cli tests/robot tests/studio tests/report
 
 wheel-test: $(VENV)/.test  ## build sdist and wheel, install the wheel apart, run some tests against it; WHEEL_TESTS=tests for all
 	$(BIN)/python -m tests.installed_wheel --numprocesses auto --hypothesis-profile quick -p no:cacheprovider $(WHEEL_TESTS)

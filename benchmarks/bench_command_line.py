@@ -7,7 +7,7 @@ from importlib import import_module
 
 import pytest
 
-from taskcal.measurement.writer import write_campaign
+from taskcal.reading.writer import write_campaign
 
 START = [sys.executable, "-c", "import numpy"]
 

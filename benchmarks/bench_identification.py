@@ -8,19 +8,18 @@ import pytest
 from scipy.optimize import least_squares
 
 from taskcal.estimation.least_squares import fit
-from taskcal.geometry import walk
-from taskcal.identification.belief import BASE_PRIOR, TARGET_PRIOR
-from taskcal.identification.effect_selection import explain
-from taskcal.identification.fit_options import FitOptions
-from taskcal.identification.fitted_together import fit_together
+from taskcal.identification.batch import fit_together
+from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
-from taskcal.identification.observation_layout import layout_of, problem_of
+from taskcal.identification.layout import BASE_PRIOR, TARGET_PRIOR, layout_of, problem_of
+from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, whitener
 from taskcal.identification.validation import validate
-from taskcal.measurement.registration import register
-from taskcal.measurement.virtual_cell import simulate
+from taskcal.kernels import walk
+from taskcal.registration.registration import register
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

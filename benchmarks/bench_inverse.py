@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 from benchmarks import plain_walk
 from taskcal.kinematics.inverse import solve_near
 from taskcal.kinematics.tracing import trace
-from taskcal.measurement.virtual_cell import draw_defects
 from taskcal.robot.effects import Compliance, Harmonics
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import draw_defects
 
 MET = 1e-9
 """Metres and radians."""

@@ -7,11 +7,11 @@ import pytest
 
 from benchmarks import plain_walk
 from benchmarks.hand_written import HandWritten, MeasuredPoints, build
-from taskcal.geometry.chain import ErrorFrame, Fixed
-from taskcal.geometry.normal_equations import normal_equations
 from taskcal.identification.problem import FrameLayout, Problem, observe, whitener
-from taskcal.measurement.registration import Registration
-from taskcal.measurement.virtual_cell import TRACKER_POSE, draw_defects, simulate
+from taskcal.kernels.chain import ErrorFrame, Fixed
+from taskcal.kernels.normal_equations import normal_equations
+from taskcal.registration.registration import Registration
+from taskcal.virtual.cell import TRACKER_POSE, draw_defects, simulate
 
 NEAR_MEMORY = 3.0
 """Sensitivities take less than this many times the writing of their array."""

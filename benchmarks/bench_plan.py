@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from taskcal.adaptation.candidates import find_measurable
-from taskcal.adaptation.expected_error import design
-from taskcal.adaptation.experiment import make_experiment
-from taskcal.adaptation.hyperparameters import assumed_hyperparameters
-from taskcal.adaptation.plan_prior import PlanPrior
-from taskcal.demo.reference import reference_task
+from taskcal.demo.procedure import reference_task
 from taskcal.estimation.experiment_design import Candidates, choose
+from taskcal.planning.candidates import find_measurable
+from taskcal.planning.expected_error import PlanPrior, assumed_hyperparameters, design
+from taskcal.planning.experiment import make_experiment
 from taskcal.task.task import reach_task
 
 

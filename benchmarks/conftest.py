@@ -10,10 +10,10 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.baseline import GUARDED, TOLERANCE, Baseline
 from benchmarks.race import Race, processor_time
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.virtual_cell import simulate
+from taskcal.campaigns.campaign import Campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 
 threadpool_limits(1)  # for the BLAS libraries loaded so far …
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):

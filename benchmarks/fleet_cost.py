@@ -16,10 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import taskcal as tc
-from taskcal.adaptation.fleet import review_fleet
-from taskcal.adaptation.fleet_campaigns import identify_campaigns
-from taskcal.adaptation.fleet_files import find_fleet
-from taskcal.adaptation.fleet_outliers import judge
+from taskcal.planning.fleet import find_fleet, identify_campaigns, judge, review_fleet
 
 MANY = 100_000
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from taskcal.geometry.chain import ERROR_FRAME, FIXED, REVOLUTE
+from taskcal.kernels.chain import ERROR_FRAME, FIXED, REVOLUTE
 from taskcal.robot.error_model import ErrorModel
 
 SOURCE = Path(__file__).with_name("irb6660.cpp")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taskcal.geometry.chain import ErrorFrame, Fixed, Joint, Step
+from taskcal.kernels.chain import ErrorFrame, Fixed, Joint, Step
 from taskcal.robot.joint_side import FourBarDrive
 from taskcal.robot.robot import Robot
 

@@ -26,29 +26,14 @@ threadpool_limits(1)  # a pytest plugin may have loaded NumPy, and its BLAS, bef
 
 # Shapes and types in annotations are checked, but for these modules and all that is in these folders.
 _UNCHECKED = {
-    "compiled kernels, whose source Numba has to read, and what describes their arguments": """
-        geometry.cholesky geometry.columns geometry.compiled geometry.coordinates geometry.covariance_propagation
-        geometry.described_arrays geometry.four_bar_closure geometry.kept_points geometry.kernel_cache
-        geometry.lane_functions geometry.lane_numbers geometry.lanes geometry.linearised_observation
-        geometry.normal_equations geometry.observations geometry.point_observation geometry.point_pass
-        geometry.pose_observation geometry.pose_step geometry.products geometry.walk identification.fit_kernel
-        identification.search_kernel
-    """,
+    "compiled kernels, whose source Numba has to read, and what describes their arguments": "kernels",
     "files that pydantic checks, by annotations that it has to read": """
-        correction.cell_file robot.file robot.joint_section robot.statics_section toml_file
+        correction.cell robot.robot_file io.toml_file
     """,
     "commands, whose annotations Typer has to read": "cli",
-    "pages and tables, which get what was checked where it was computed": "demo presentation",
-    "parsing that calls itself as deeply as a text is nested, where checks would reach Python's limit first": """
-        programs.rapid.expressions programs.rapid.statements
-    """,
-    "values of RAPID, whose type refers to itself, which this check does not follow": """
-        programs.rapid.frames programs.rapid.names programs.rapid.predefined programs.rapid.resolve
-        programs.rapid.target_argument programs.rapid.values programs.rapid.held programs.rapid.calls
-        programs.rapid.computed programs.rapid.functions programs.rapid.assigning programs.rapid.flow programs.rapid.roots
-    """,
+    "pages and tables, which get what was checked where it was computed": "demo report",
     "not arrays: names, texts, messages, options and loads, which refuse wrong ones themselves": """
-        __main__ adaptation.study_options arguments effects errors performance public_names robot.load short_repr text_file
+        __main__ planning.study arguments effects errors performance public_names robot.statics short_repr io.text_file
     """,
 }
 

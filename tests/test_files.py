@@ -4,9 +4,9 @@ import sys
 
 import pytest
 
-from taskcal import files
 from taskcal.errors import FileError
-from taskcal.files import write_all, write_whole
+from taskcal.io import files
+from taskcal.io.files import write_all, write_whole
 
 
 @pytest.mark.parametrize("content", ["σ = 15 µm\n", b"\x00\xff"])

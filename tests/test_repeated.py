@@ -1,4 +1,4 @@
-from taskcal.repeated import repeated
+from taskcal.arguments import repeated
 
 
 def test_what_stands_several_times_is_told_once_in_its_order():

@@ -2,15 +2,15 @@ import os
 
 import pytest
 
-from taskcal.correction.cell_file import load_cell
+from robot_programs.core.source import read_source
+from taskcal.correction.cell import load_cell
 from taskcal.errors import FileError
-from taskcal.identification.calibration_file import load_calibration
-from taskcal.measurement.station import load_station
-from taskcal.programs.source import read_source
-from taskcal.robot.file import read_robot
-from taskcal.tabular.csv_form import read_csv
+from taskcal.identification.calibration import load_calibration
+from taskcal.io.text_file import VARIABLE, read_bytes, read_text
+from taskcal.robot.robot_file import read_robot
+from taskcal.tables.forms import read_csv
 from taskcal.task.task import load_task
-from taskcal.text_file import VARIABLE, read_bytes, read_text
+from taskcal.virtual.station import load_station
 
 READERS = {
     "csv": read_csv,

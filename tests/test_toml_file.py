@@ -7,12 +7,12 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from taskcal.correction.cell_file import CellFile
+from taskcal.correction.cell import CellFile
 from taskcal.errors import FileError
-from taskcal.measurement.station import StationFile
-from taskcal.robot.file import RobotFile
+from taskcal.io.toml_file import PLAIN, Section, explain, read_toml
+from taskcal.robot.robot_file import RobotFile
 from taskcal.task.task import TaskFile
-from taskcal.toml_file import PLAIN, Section, explain, read_toml
+from taskcal.virtual.station import StationFile
 
 
 class Small(Section):

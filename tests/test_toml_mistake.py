@@ -5,8 +5,8 @@ import tomllib
 import pytest
 
 from taskcal.errors import FileError
+from taskcal.io.toml_file import find_mistake
 from taskcal.task.task import load_task
-from taskcal.toml_mistake import find_mistake
 
 MISTAKES = {
     "name = pocket": (1, 'text needs quotes, such as "text"'),

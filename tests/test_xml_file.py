@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from taskcal.errors import FileError
-from taskcal.xml_file import DEEPEST, MOST_ELEMENTS, parse_xml
+from taskcal.io.xml_file import DEEPEST, MOST_ELEMENTS, parse_xml
 
 
 def test_elements_have_attributes_lines_and_children_in_order() -> None:

@@ -8,14 +8,12 @@ import numpy as np
 from jaxtyping import Float
 
 import taskcal as tc
-from taskcal.export.calibrated_chain import CalibratedChain
-from taskcal.export.dh_form import fit_table
-from taskcal.export.urdf_form import urdf_text
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import register
+from taskcal.campaigns.campaign import Campaign
+from taskcal.export.forms import CalibratedChain, fit_table, urdf_text
+from taskcal.registration.registration import register
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
 from taskcal.robot.joint_side import JointMap
+from taskcal.robot.robot_file import robot_from
 
 FITTED = 60
 HELD_OUT = 200

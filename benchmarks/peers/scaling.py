@@ -15,10 +15,10 @@ from threadpoolctl import threadpool_limits
 
 import taskcal as tc
 from benchmarks.peers.cases import REFLECTOR, chain_model
-from taskcal.identification.observation_layout import layout_of, problem_of
+from taskcal.campaigns.campaign import Campaign
+from taskcal.identification.layout import layout_of, problem_of
 from taskcal.identification.problem import FrameLayout, whitener
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import register
+from taskcal.registration.registration import register
 from taskcal.robot.error_model import ErrorModel
 
 BLOCK = 100_000

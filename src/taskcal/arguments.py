@@ -1,6 +1,7 @@
 """Arguments of the public functions: a thing of another kind is refused by name, and a former name is still understood."""
 
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, replace
 from functools import wraps
 from types import NoneType, UnionType
@@ -11,6 +12,7 @@ from taskcal.errors import WrongKind, shown
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
+
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -122,3 +124,13 @@ def with_choices(options: Options, choices: Mapping[str, Any], what: str) -> Opt
         if name not in names:
             raise TypeError(f"no option '{name}' of {what}; there are {', '.join(names)}")
     return replace(options, **choices)
+
+
+# Names that stand several times where each must be one's own.
+
+Item = TypeVar("Item")
+
+
+def repeated(items: Iterable[Item]) -> list[Item]:
+    """Those that are there twice and more, each once, in the order in which they come first."""
+    return [item for item, times in Counter(items).items() if times > 1]

@@ -1,7 +1,7 @@
 """Physical effects beside the geometry: `model + Thermal()`; and what an effect of your own is made from."""
 
-from taskcal.geometry.chain import Fixed as Fixed
-from taskcal.geometry.chain import Joint as Joint
+from taskcal.kernels.chain import Fixed as Fixed
+from taskcal.kernels.chain import Joint as Joint
 from taskcal.public_names import load_renamed
 from taskcal.robot.effects import GEARS as GEARS
 from taskcal.robot.effects import PERIODIC as PERIODIC
@@ -26,6 +26,6 @@ from taskcal.robot.effects import candidates as candidates
 from taskcal.robot.effects import kinds as kinds
 from taskcal.robot.effects import parse_effect as parse_effect
 from taskcal.robot.effects import ways_to_write as ways_to_write
-from taskcal.robot.load import Load as Load
+from taskcal.robot.statics import Load as Load
 
 __getattr__ = load_renamed(__name__)

@@ -20,7 +20,7 @@ RENAMED = {
         "Overshoot": "taskcal.effects.Overshoot",
         "PathPerformance": "taskcal.performance.PathPerformance",
         "PosePerformance": "taskcal.performance.PosePerformance",
-        "Registration": "taskcal.measurement.Registration",
+        "Registration": "taskcal.registration.Registration",
         "Settling": "taskcal.effects.Settling",
         "Spring": "taskcal.effects.Spring",
         "Squared": "taskcal.estimation.Squared",
@@ -29,12 +29,12 @@ RENAMED = {
         "assess_distance": "taskcal.performance.assess_distance",
         "assess_path": "taskcal.performance.assess_path",
         "assess_pose": "taskcal.performance.assess_pose",
-        "follow_nests": "taskcal.measurement.compensate_drift",
+        "follow_nests": "taskcal.campaigns.compensate_drift",
         "pose_repeatability": "taskcal.performance.pose_repeatability",
         "read_path_cycles": "taskcal.performance.read_path_cycles",
         "read_pose_cycles": "taskcal.performance.read_pose_cycles",
         "reference_task": "taskcal.demo.reference_task",
-        "register_from_circles": "taskcal.measurement.register_from_circles",
+        "register_from_circles": "taskcal.registration.register_from_circles",
         "solve_calibrated": "taskcal.correction.solve_calibrated",
         "solve_near": "taskcal.kinematics.solve_near",
     },
@@ -44,7 +44,7 @@ RENAMED = {
         "Remainder": "taskcal.identification.ResidualAnalysis",
         "examine_remainder": "taskcal.identification.analyse_residuals",
     },
-    "taskcal.measurement": {"follow_nests": "taskcal.measurement.compensate_drift"},
+    "taskcal.measurement": {"follow_nests": "taskcal.campaigns.compensate_drift"},
 }
 """Of each package: former names, which still work for one release, and what they are called now."""
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.analysis.measuring_noise import measuring_noise
-from taskcal.measurement.virtual_cell import simulate
+from taskcal.analysis.sensitivity import measuring_noise
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.model_error import TYPICAL
+from taskcal.robot.robot import TYPICAL
+from taskcal.virtual.cell import simulate
 
 MODEL = ErrorModel(load_robot("ur5"))
 Q = np.random.default_rng(0).uniform(-1.0, 1.0, size=(8, 6))

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import typer
 
-from taskcal.cli.campaign_options import CampaignOptions, MeasuredOptions
-from taskcal.cli.drift import DriftChoice
+from taskcal.cli.options.campaign import CampaignOptions, DriftChoice, MeasuredOptions
 from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import load_robot
 from tests.cli.conftest import IRB6660, Run

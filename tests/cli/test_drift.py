@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.measurement.reader import read_campaign
-from taskcal.measurement.writer import write_campaign
+from taskcal.reading.reader import read_campaign
+from taskcal.reading.writer import write_campaign
 from taskcal.robot.catalogue import load_robot
 from tests.cli.conftest import IRB6660, Run
 

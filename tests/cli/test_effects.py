@@ -5,10 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.cli.effects import read_effects, strongest_harmonics
-from taskcal.identification.calibration_file import load_calibration
-from taskcal.measurement.virtual_cell import simulate
-from taskcal.measurement.writer import write_campaign
+from taskcal.cli.options.effects import read_effects, strongest_harmonics
+from taskcal.identification.calibration import load_calibration
+from taskcal.reading.writer import write_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import (
@@ -23,6 +22,7 @@ from taskcal.robot.effects import (
     WarmUp,
 )
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 from tests.cli.conftest import Ended, Run
 
 ROBOT = "abb-irb120"

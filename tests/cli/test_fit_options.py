@@ -3,13 +3,13 @@
 import pytest
 import typer
 
-from taskcal.cli.fit_options import FitCommandOptions, FramesChoice, GrossErrorsChoice, LossChoice, PriorChoice
+from taskcal.cli.options.fit import FitCommandOptions, FramesChoice, GrossErrorsChoice, LossChoice, PriorChoice
 from taskcal.errors import TaskcalError
-from taskcal.estimation.loss import Huber
-from taskcal.identification.fit_options import FitOptions
-from taskcal.measurement.virtual_cell import simulate
+from taskcal.estimation.prior import Huber
+from taskcal.identification.options import FitOptions
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 from tests.cli.conftest import IRB6660
 
 

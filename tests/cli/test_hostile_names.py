@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from taskcal.presentation.figure_json import figure_json
+from taskcal.report.theme import figure_json
 from tests.studio.hostile_project import MARKUP, write_campaign, write_robot
 
 COMMANDS = set("\x1b\x07\x9b")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import taskcal as tc
-from taskcal.cli import identify_in_chunks
+from taskcal.cli.commands import identify as identify_in_chunks
 from tests.cli.conftest import Run
 from tests.laws.fleets import small_model
 
@@ -12,8 +12,8 @@ from tests.laws.fleets import small_model
 @pytest.fixture
 def large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(identify_in_chunks, "WHOLE_ROWS", 100)
-    monkeypatch.setattr("taskcal.measurement.chunked_campaign.PART_ROWS", 50)
-    monkeypatch.setattr("taskcal.measurement.chunked_campaign.SAMPLE_ROWS", 60)
+    monkeypatch.setattr("taskcal.reading.chunked.PART_ROWS", 50)
+    monkeypatch.setattr("taskcal.reading.chunked.SAMPLE_ROWS", 60)
     rng = np.random.default_rng(0)
     q = rng.uniform(*0.5 * small_model().robot.limits.T, size=(120, 6))
     campaign, _ = tc.simulate(small_model(), q, rng=rng)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from taskcal.cli.model_options import ModelOptions
+from taskcal.cli.options.model import ModelOptions
 from tests.cli.conftest import IRB6660
 
 

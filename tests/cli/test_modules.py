@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.measurement.virtual_cell import simulate
-from taskcal.measurement.writer import write_campaign
+from taskcal.reading.writer import write_campaign
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects import registry
+from taskcal.robot.effects import base as registry
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 from tests.cli.conftest import Run
 
 BELT = Path(__file__).parents[2] / "examples" / "belt.py"

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robot_programs.reading import read_program
 from taskcal.errors import CampaignError
 from taskcal.identification.identify import identify
-from taskcal.measurement.reader import read_campaign
-from taskcal.programs.reading import read_program
+from taskcal.reading.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.tabular.csv_form import read_csv
+from taskcal.tables.forms import read_csv
 from tests.cli.conftest import Run
 
 MODEL = ErrorModel(load_robot("abb-irb120"))

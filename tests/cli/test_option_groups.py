@@ -10,7 +10,7 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from taskcal.cli import app, main
-from taskcal.cli.option_groups import grouped
+from taskcal.cli.command import grouped
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +82,7 @@ def commands() -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", ["identify", "register", "validate", "select", "sensitivity", "plan", "report"])
 def test_every_command_that_reads_a_campaign_has_the_same_options_of_it(name: str) -> None:
-    from taskcal.cli.campaign_options import CampaignOptions
+    from taskcal.cli.options.campaign import CampaignOptions
 
     parameters = {parameter.name: parameter.opts for parameter in commands()[name].params}
     for option in fields(CampaignOptions):

@@ -203,7 +203,7 @@ def test_an_interrupt_says_what_was_not_written(
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("taskcal.robot.description.describe_robot", interrupt)
+    monkeypatch.setattr("taskcal.robot.catalogue.describe_robot", interrupt)
     robot = tmp_path / "r.toml"
     ended = run("robots", "import", table, "--convention", "dh", "-o", robot)
     assert (ended.status, ended.out) == (130, "")

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from taskcal.cli.robot_sheet import describe
+from taskcal.cli.commands.robots import describe
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from taskcal.cli.rows import choose_rows
+from taskcal.cli.options.campaign import choose_rows
 from taskcal.errors import FileError
 
 

@@ -7,8 +7,7 @@ import time
 import pytest
 
 from taskcal.cli import _takes_time
-from taskcal.cli.output import info, tell
-from taskcal.cli.sign_of_life import sign_of_life
+from taskcal.cli.output import info, sign_of_life, tell
 
 
 class Terminal(io.StringIO):
@@ -59,7 +58,7 @@ def test_help_and_completion_have_none(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_it_says_for_how_long_until_something_is_said(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sys.modules["taskcal.cli.sign_of_life"], "TICK", 0.01)
+    monkeypatch.setattr(sys.modules["taskcal.cli.output"], "TICK", 0.01)
     terminal = as_terminal(monkeypatch)
     with sign_of_life():
         until = time.monotonic() + 20.0

@@ -4,8 +4,7 @@ import re
 
 import pytest
 
-from taskcal.cli.output import working
-from taskcal.cli.steps_bar import bar_by_parts, bar_over
+from taskcal.cli.output import bar_by_parts, bar_over, working
 
 
 @pytest.fixture

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from taskcal.cli.truth_file import read_truth, truth_text
+from taskcal.cli.commands.simulate import read_truth, truth_text
 from taskcal.errors import FileError
-from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 
 TARGETS = {"a": np.array([0.1, 0.0, 0.05]), "b": np.array([-0.1, 0.08, 0.0])}
 

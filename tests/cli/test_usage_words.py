@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from taskcal.cli.usage_words import in_users_words
+from taskcal.cli.command import in_users_words
 from tests.cli.conftest import TASK, Run
 
 

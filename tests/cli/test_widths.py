@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from taskcal.cli import output
-from taskcal.cli.lazy_commands import SUMMARIES
-from taskcal.presentation import layout
+from taskcal.cli.app import SUMMARIES
+from taskcal.report import content as layout
 from tests.cli.conftest import IRB6660, Run
 from tests.laws.fleets import lay_calibrations
 

@@ -6,9 +6,9 @@ import pinocchio as pin
 from taskcal.correction.correction import Bounds
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify
-from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 from tests.correction.cells import REFLECTORS
 
 STEPS = ((0, 0, 0), (0.05, 0, 0), (0.05, 0.04, 0.01))

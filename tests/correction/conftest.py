@@ -4,19 +4,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.correction.controller_trajectory import simulate_controller
+from robot_programs.core.program import Frame, Move, Target
+from robot_programs.core.source import Place
+from taskcal.correction.controller import simulate_controller
 from taskcal.correction.subdivision import Nodes, Subdivision
-from taskcal.demo.reference import reference_task
+from taskcal.demo.procedure import reference_task
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify
-from taskcal.measurement.virtual_cell import simulate
-from taskcal.programs.program import Frame, Move, Target
-from taskcal.programs.source import Place
 from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Backlash, Compliance
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
+from taskcal.virtual.cell import simulate
 from tests.correction.cells import CUTTER, PART, REFLECTORS
 
 

@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from taskcal.correction.cell import Cell
-from taskcal.correction.controller_trajectory import simulate_controller
+from robot_programs.core.program import Frame, Move, Target
+from robot_programs.core.source import Place, Source
+from robot_programs.languages import Composition, language_of
+from robot_programs.rapid.targets import Configuration as RapidConfiguration
+from robot_programs.reading import parse_program
+from taskcal.correction.cell import Cell, ExternalAxis
+from taskcal.correction.controller import simulate_controller
 from taskcal.correction.correct import correct
-from taskcal.correction.external_axis import ExternalAxis
 from taskcal.geometry import se3
-from taskcal.programs.languages import Composition, language_of
-from taskcal.programs.program import Frame, Move, Target
-from taskcal.programs.rapid.configuration import Configuration as RapidConfiguration
-from taskcal.programs.reading import parse_program
-from taskcal.programs.source import Place, Source
 from tests.correction.by_pinocchio import COARSE, STEPS, TOOL, defective, true_tool
 
 HOME = {"abb-irb120": (0, 20, 10, 10, 50, -20), "kuka-kr16-2": (10, -70, 90, 10, 50, -20)}
@@ -125,7 +124,7 @@ def test_the_true_cutter_of_an_apt_path_is_where_its_points_are(true_robot):
 def test_the_true_tool_is_where_the_program_wants_it_on_external_axes(true_robot, name, carries):
     """On a track the robot's base moves; on a turntable, in RAPID, the part does."""
     if carries == "part" and name == "p.src":
-        pytest.skip("a base that moves is named by machine data, which tests/programs/krl reads")
+        pytest.skip("a base that moves is named by machine data, which tests/robot_programs/krl reads")
     calibration, chain, q = true_robot
     robot = calibration.model.robot
     flange = chain.pose(q) @ np.linalg.inv(robot.T_flange_tool)

@@ -5,9 +5,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from taskcal.correction.cell import Cell, Measured
-from taskcal.correction.cell_file import load_cell, write_cell
-from taskcal.correction.external_axis import ExternalAxis
+from taskcal.correction.cell import Cell, ExternalAxis, Measured, load_cell, write_cell
 from taskcal.errors import FileError
 from taskcal.geometry import se3
 

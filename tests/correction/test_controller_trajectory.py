@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from taskcal.correction.controller_trajectory import simulate_controller
+from robot_programs.core.program import Frame
+from robot_programs.rapid.targets import Configuration
+from taskcal.correction.controller import simulate_controller
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_postures
-from taskcal.programs.program import Frame
-from taskcal.programs.rapid.configuration import Configuration
 from taskcal.robot.error_model import ErrorModel
 
 

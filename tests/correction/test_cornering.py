@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from taskcal.correction.controller_trajectory import CORNER_LOST, simulate_controller
+from robot_programs.core.program import Frame, Zone
+from robot_programs.rapid.compose import compose_rapid
+from robot_programs.rapid.read import read_rapid
+from taskcal.correction.controller import CORNER_LOST, simulate_controller
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds
-from taskcal.correction.joint_motion import joint_motion
-from taskcal.correction.rounded_path import RoundedPath
+from taskcal.correction.motion import joint_motion
+from taskcal.correction.path import RoundedPath
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture
-from taskcal.programs.program import Frame
-from taskcal.programs.rapid.compose import compose_rapid
-from taskcal.programs.rapid.read import read_rapid
-from taskcal.programs.zone import Zone
 from taskcal.robot.error_model import ErrorModel
 
 MM = 1e-3

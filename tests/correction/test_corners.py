@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.correction.controller_trajectory import simulate_controller
-from taskcal.correction.corners import find_corners
+from robot_programs.core.program import Frame, Zone
+from taskcal.correction.controller import simulate_controller
+from taskcal.correction.path import find_corners
 from taskcal.geometry import se3
-from taskcal.programs.program import Frame
-from taskcal.programs.zone import Zone
 from taskcal.robot.error_model import ErrorModel
 
 
@@ -103,7 +102,7 @@ def test_a_motion_of_the_joints_is_left_and_joined_on_its_own_way(robot, make_mo
 
 
 def test_nothing_is_rounded_in_a_program_without_motions():
-    from taskcal.correction.segments import Segments
+    from taskcal.correction.path import Segments
 
     empty = Segments(start=np.zeros((0, 4, 4)), end=np.zeros((0, 4, 4)), via=np.zeros((0, 3)))
     found = find_corners([], empty, np.zeros(0, dtype=bool), lambda rows, share: np.zeros((0, 4, 4)))

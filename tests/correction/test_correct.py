@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from robot_programs.core.program import Frame
+from robot_programs.reading import read_program
 from taskcal.correction.cell import Cell, Measured
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds
 from taskcal.errors import FileError, TaskcalError
 from taskcal.geometry import se3
-from taskcal.programs.program import Frame
-from taskcal.programs.reading import read_program
 from taskcal.robot.error_model import ErrorModel
 
 HEADER = "x_mm,y_mm,z_mm,qx,qy,qz,qw,speed_mm_s,move"

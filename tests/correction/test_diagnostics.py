@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from robot_programs.core.program import Program
+from robot_programs.core.source import Source
 from taskcal.correction.cell import Cell, Measured
-from taskcal.correction.diagnostics import diagnose, diagnose_unused_frames
-from taskcal.correction.joint_motion import JointMotion
-from taskcal.programs.program import Program
-from taskcal.programs.source import Source
+from taskcal.correction.correct import diagnose, diagnose_unused_frames
+from taskcal.correction.motion import JointMotion
 
 
 class Motions(Program):

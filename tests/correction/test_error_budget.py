@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taskcal.correction.error_budget import SOURCES, budget_of
+from taskcal.correction.correction import SOURCES, budget_of
 
 
 def variances(*micrometres):

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from taskcal.correction.external_axis import ExternalAxis, carried_part, carried_robot
+from taskcal.correction.cell import ExternalAxis, carried_part, carried_robot
 from taskcal.geometry import se3
 
 

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from taskcal.correction.cell import Cell
-from taskcal.correction.fixed_frame import nominal_flange
-from taskcal.correction.frame_calibration import calibrate_frames
-from taskcal.correction.rigid_motion import fit_points
+from taskcal.correction.frames import calibrate_frames, fit_points, nominal_flange
 from taskcal.geometry import se3
 from tests.correction.cells import PART, cells
 

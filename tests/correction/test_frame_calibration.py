@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from robot_programs.core.program import Frame
 from taskcal.correction.cell import Cell, Measured
-from taskcal.correction.frame_calibration import calibrate_frames
-from taskcal.correction.rigid_motion import fit_points
+from taskcal.correction.frames import calibrate_frames, fit_points
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
-from taskcal.programs.program import Frame
 from taskcal.robot.error_model import ErrorModel
 from tests.correction.cells import REFLECTORS, cells
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taskcal.correction.frame_calibration import calibrate_frames
+from taskcal.correction.frames import calibrate_frames
 from taskcal.geometry import se3
 from tests.correction.cells import CUTTER, cells, reflectors_in
 

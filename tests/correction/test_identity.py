@@ -5,20 +5,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robot_programs.core.program import Frame, Move, Target
+from robot_programs.core.source import Place, Source
+from robot_programs.languages import Composition, language_of
+from robot_programs.reading import parse_program
+from robot_programs.tp.read import read_tp
 from taskcal.correction.correct import correct
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify
-from taskcal.programs.languages import Composition, language_of
-from taskcal.programs.program import Frame, Move, Target
-from taskcal.programs.reading import parse_program
-from taskcal.programs.source import Place, Source
-from taskcal.programs.tp.read import read_tp
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 from tests.laws.campaigns import measure
 from tests.laws.robots import industrial, industrial_positions
-from tests.programs.tp.generator import generate
-from tests.programs.tp.samples import R2000
+from tests.robot_programs.tp.generator import generate
+from tests.robot_programs.tp.samples import R2000
 
 TOOL = Frame(name="tGrip", T=se3.translation(0.02, -0.01, 0.12) @ se3.rotation("y", 0.3))
 HOME = np.radians([10.0, 15.0, -20.0, 25.0, 50.0, -35.0])

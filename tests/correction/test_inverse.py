@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.correction.inverse import solve_calibrated
+from taskcal.correction.placement import solve_calibrated
 from taskcal.geometry import se3
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel

@@ -6,20 +6,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.correction.cell import Cell, Measured
+from robot_programs.core.program import Frame
+from robot_programs.core.source import Source
+from robot_programs.krl.read import read_krl
+from robot_programs.rapid.read import read_rapid
+from robot_programs.rapid.targets import Configuration
+from robot_programs.reading import read_program
+from taskcal.correction.cell import Cell, ExternalAxis, Measured
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds
-from taskcal.correction.external_axis import ExternalAxis
 from taskcal.correction.mounting import mount
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture
-from taskcal.programs.krl.read import read_krl
-from taskcal.programs.program import Frame
-from taskcal.programs.rapid.configuration import Configuration
-from taskcal.programs.rapid.read import read_rapid
-from taskcal.programs.reading import read_program
-from taskcal.programs.source import Source
 from taskcal.robot.error_model import ErrorModel
 from tests.correction.test_correct import true_poses
 
@@ -221,7 +220,7 @@ def test_tools_that_are_loaded_have_to_be_told(tmp_path, corners, robot, calibra
 
 
 def test_the_same_track_in_krl(corners, part, robot, conf, calibration):
-    from taskcal.programs.krl.position import pose_values
+    from robot_programs.krl.data import pose_values
 
     def written(T):
         return ",".join(f"{name} {value:.9g}" for name, value in pose_values(T).items())

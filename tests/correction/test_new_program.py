@@ -5,11 +5,11 @@ import re
 import numpy as np
 import pytest
 
+from robot_programs.core.program import Frame
+from robot_programs.reading import read_program
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds
 from taskcal.geometry import se3
-from taskcal.programs.program import Frame
-from taskcal.programs.reading import read_program
 from tests.correction.test_correct import write_path
 
 WORDS = {

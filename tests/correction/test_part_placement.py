@@ -7,19 +7,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from robot_programs.core.program import Frame
+from robot_programs.core.source import Source
+from robot_programs.reading import parse_program
 from taskcal.correction.cell import Cell
-from taskcal.correction.controller_trajectory import simulate_controller
+from taskcal.correction.controller import simulate_controller
 from taskcal.correction.correct import frames_on
-from taskcal.correction.part_placement import place
-from taskcal.correction.part_region import Region
-from taskcal.correction.rigid_motion import without_rigid_motion
-from taskcal.demo.elastic_robot import elastic_robot
+from taskcal.correction.frames import without_rigid_motion
+from taskcal.correction.part_placement import Region, place
+from taskcal.demo.true_robot import elastic_robot
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import solve_near
-from taskcal.programs.program import Frame
-from taskcal.programs.reading import parse_program
-from taskcal.programs.source import Source
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
 

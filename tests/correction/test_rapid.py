@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robot_programs.core.program import Frame
+from robot_programs.core.source import Source
+from robot_programs.rapid.compose import compose_rapid
+from robot_programs.rapid.read import read_rapid
+from robot_programs.rapid.targets import Configuration
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture
-from taskcal.programs.program import Frame
-from taskcal.programs.rapid.compose import compose_rapid
-from taskcal.programs.rapid.configuration import Configuration
-from taskcal.programs.rapid.read import read_rapid
-from taskcal.programs.source import Source
 from taskcal.robot.error_model import ErrorModel
 from tests.correction.test_correct import true_poses
 

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from taskcal.correction.read_back import check_reading
+from robot_programs.core.program import Waypoint
+from robot_programs.rapid.read import read_rapid
+from taskcal.correction.correct import check_reading
 from taskcal.errors import TaskcalError
-from taskcal.programs.program import Waypoint
-from taskcal.programs.rapid.read import read_rapid
-from tests.programs.rapid.samples import POINTS, module
+from tests.robot_programs.rapid.samples import POINTS, module
 
 
 @pytest.mark.parametrize(("off_mm", "fine"), [(0.0, True), (0.02, True), (0.05, False)])

@@ -2,9 +2,8 @@
 
 import pytest
 
+from taskcal.correction.correct import find_rejections, target_changes
 from taskcal.correction.correction import Bounds
-from taskcal.correction.rejections import find_rejections
-from taskcal.correction.target_changes import target_changes
 
 
 @pytest.mark.parametrize(

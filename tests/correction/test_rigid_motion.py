@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from scipy.spatial.transform import Rotation
 
-from taskcal.correction.rigid_motion import fit_points, rigid_twists
+from taskcal.correction.frames import fit_points, rigid_twists
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from tests.laws.robots import generators

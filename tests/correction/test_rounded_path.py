@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
-from taskcal.correction.corners import Corners
-from taskcal.correction.rounded_path import RoundedPath
-from taskcal.correction.segments import Segments
+from taskcal.correction.path import Corners, RoundedPath, Segments
 from taskcal.geometry import se3
 
 NO_VIA = np.full(3, np.nan)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskcal.correction.segments import Segments
+from taskcal.correction.path import Segments
 from taskcal.geometry import se3
 
 angles = st.floats(0.05, 6.2)

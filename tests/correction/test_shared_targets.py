@@ -5,22 +5,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robot_programs.core.program import Program, angles
+from robot_programs.core.source import Source
+from robot_programs.krl.data import pose_values
+from robot_programs.krl.read import read_krl
+from robot_programs.rapid.read import read_rapid
+from robot_programs.rapid.targets import Configuration
+from robot_programs.tp.read import read_tp
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds
 from taskcal.errors import FileError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture
-from taskcal.programs.krl.position import pose_values
-from taskcal.programs.krl.read import read_krl
-from taskcal.programs.program import Program
-from taskcal.programs.rapid.configuration import Configuration
-from taskcal.programs.rapid.read import read_rapid
-from taskcal.programs.source import Source
-from taskcal.programs.tp.read import read_tp
-from taskcal.programs.zyx_angles import angles
 from taskcal.robot.error_model import ErrorModel
 from tests.correction.test_tp import calibration as tp_calibration  # noqa: F401
-from tests.programs.tp.samples import R2000, backup, listing, pose
+from tests.robot_programs.tp.samples import R2000, backup, listing, pose
 
 FREE = Bounds(tolerance=1.0, shift=0.02)
 SLOW = "v50,fine,tMill\\WObj:=wobj0;"

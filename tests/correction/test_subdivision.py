@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from taskcal.correction.controller_trajectory import simulate_controller
+from taskcal.correction.controller import simulate_controller
 from taskcal.correction.correct import wanted_segments
-from taskcal.correction.correction_problem import CorrectionProblem
 from taskcal.correction.placement import Placed, Placement
+from taskcal.correction.problem import CorrectionProblem
 from taskcal.correction.subdivision import subdivide
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taskcal.correction.target_changes import target_changes
+from taskcal.correction.correct import target_changes
 
 
 def test_changes_are_the_largest_distance_angle_and_joint_motion(robot, corrected):

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from taskcal.correction.tool_poses import find_joints, locate_tool
-from taskcal.export.calibrated_chain import spread_poses
+from taskcal.correction.placement import find_joints, locate_tool
+from taskcal.export.forms import spread_poses
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.robot.error_model import ErrorModel

@@ -3,20 +3,19 @@
 import numpy as np
 import pytest
 
+from robot_programs.core.program import Waypoint, angles
+from robot_programs.tp.read import read_tp
 from taskcal.correction.cell import Cell
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify
-from taskcal.measurement.virtual_cell import simulate
-from taskcal.programs.program import Waypoint
-from taskcal.programs.tp.read import read_tp
-from taskcal.programs.zyx_angles import angles
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 from tests.correction.cells import REFLECTORS
 from tests.correction.test_correct import true_poses
-from tests.programs.tp.samples import R2000, backup, degrees, joints, listing, pose
+from tests.robot_programs.tp.samples import R2000, backup, degrees, joints, listing, pose
 
 COARSE = Bounds(tolerance=1.0, shift=0.02)
 

@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from taskcal.correction.cell import Cell
+from robot_programs.core.program import Frame
+from robot_programs.reading import parse_program
+from robot_programs.tp.listing import Configuration
+from taskcal.correction.cell import Cell, ExternalAxis
 from taskcal.correction.correct import correct
-from taskcal.correction.external_axis import ExternalAxis
 from taskcal.geometry import se3
-from taskcal.programs.program import Frame
-from taskcal.programs.reading import parse_program
-from taskcal.programs.tp.configuration import Configuration
 from tests.correction.by_pinocchio import COARSE, STEPS, TOOL, defective, true_tool
-from tests.programs.tp.samples import listing
+from tests.robot_programs.tp.samples import listing
 
 R2000_HOME = (5, 10, -20, 10, -50, 20)
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from taskcal.demo.procedure import Procedure, run_procedure
-from taskcal.demo.reference import ROBOT, reference_task
+from taskcal.demo.procedure import ROBOT, Procedure, reference_task, run_procedure
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot

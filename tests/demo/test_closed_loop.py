@@ -6,13 +6,15 @@ from functools import partial
 import numpy as np
 import pytest
 
-from taskcal.demo.closed_loop import prepare_closed_loop, run_closed_loop, run_closed_loops
-from taskcal.demo.closed_loop_errors import (
+from taskcal.demo.closed_loop import (
     LINES,
     RADIUS_95,
     errors_by_line,
     largest_errors,
+    prepare_closed_loop,
     rms,
+    run_closed_loop,
+    run_closed_loops,
     share_within,
     stated_errors,
     summarise_runs,

@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from taskcal.demo.elastic_links import AXES, ElasticLinks, carried
-from taskcal.demo.elastic_robot import elastic_robot
+from taskcal.demo.true_robot import AXES, ElasticLinks, carried, elastic_robot
+from taskcal.robot.effects.elastic import motor_torque
 from taskcal.robot.effects.load_path import LoadPath
-from taskcal.robot.effects.motor_torque import motor_torque
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.load import Load
+from taskcal.robot.statics import Load
 
 
 def test_moments_about_the_axes_are_those_of_virtual_work(robot, q):

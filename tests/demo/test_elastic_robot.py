@@ -5,17 +5,17 @@ from functools import partial
 import numpy as np
 import pytest
 
-from taskcal.demo.elastic_robot import GEARS, STIFFNESS, WEIGHTS, elastic_model
 from taskcal.demo.model_trial import try_models
-from taskcal.demo.reference import reference_task
-from taskcal.identification.effect_selection import explain
+from taskcal.demo.procedure import reference_task
+from taskcal.demo.true_robot import GEARS, STIFFNESS, WEIGHTS, elastic_model
+from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import SOFT, EncoderGain
+from taskcal.robot.effects.elastic import motor_torque
 from taskcal.robot.effects.load_path import LoadPath
-from taskcal.robot.effects.motor_torque import motor_torque
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.load import Load
+from taskcal.robot.statics import Load
 from taskcal.task.task import reach_task
 
 GEOMETRY = ErrorModel(load_robot("abb-irb6660-205-1.9"))

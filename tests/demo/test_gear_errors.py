@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taskcal.demo.gear_errors import GearErrors
+from taskcal.demo.true_robot import GearErrors
 
 
 def test_an_unknown_ripple_is_no_sum_of_the_orders_that_compete(robot):

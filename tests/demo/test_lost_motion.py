@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taskcal.demo.lost_motion import WIDTHS, lost_motion
+from taskcal.demo.true_robot import WIDTHS, lost_motion
 
 
 def test_lost_motion_far_from_a_reversal_is_the_direction(robot):

@@ -5,14 +5,8 @@ import plotly.graph_objects as go
 import pytest
 from scipy.stats import chi2
 
-from taskcal.demo.prediction_figures import (
-    draw_coverage,
-    draw_error_over_angle,
-    draw_held_out,
-    draw_workspace,
-)
-from taskcal.demo.predictions import Predictions
-from taskcal.demo.procedure import SEVERAL, Procedure
+from taskcal.demo.procedure import SEVERAL, Predictions, Procedure
+from taskcal.demo.procedure_report import draw_coverage, draw_error_over_angle, draw_held_out, draw_workspace
 
 
 def axis_titles(figure: go.Figure) -> str:

@@ -6,7 +6,7 @@ import pytest
 from taskcal.analysis.elimination_table import published_kept
 from taskcal.demo import procedure_tables as tables
 from taskcal.demo.procedure import ONE, SEVERAL, Procedure
-from taskcal.presentation.content import Table
+from taskcal.report.content import Table
 
 
 def rows_of(table: Table) -> list[tuple[str, ...]]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 import taskcal as tc
-from taskcal.demo.reference import reference_task
+from taskcal.demo.procedure import reference_task
 
 
 def test_the_file_says_the_published_box_to_the_last_bit():

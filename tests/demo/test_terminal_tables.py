@@ -7,8 +7,7 @@ from rich.console import Console
 
 from taskcal.demo import procedure_tables as tables
 from taskcal.demo.procedure import Procedure
-from taskcal.presentation.content import Table
-from taskcal.presentation.terminal import print_tables
+from taskcal.report.content import Table, print_tables
 
 
 def printed(table: Table, width: int) -> str:

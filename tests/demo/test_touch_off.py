@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.correction.controller_trajectory import simulate_controller
+from robot_programs.rapid.read import read_rapid
+from taskcal.correction.controller import simulate_controller
 from taskcal.correction.placement import Placement
-from taskcal.demo.closed_loop import MARKS
+from taskcal.demo.closed_loop import MARKS, touch_off
 from taskcal.demo.milling import milling_program
-from taskcal.demo.reference import reference_task
-from taskcal.demo.touch_off import touch_off
+from taskcal.demo.procedure import reference_task
 from taskcal.geometry import se3
-from taskcal.programs.rapid.read import read_rapid
 from taskcal.robot.error_model import ErrorModel
 
 

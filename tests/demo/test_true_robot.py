@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 
-from taskcal.demo.elastic_links import ElasticLinks
-from taskcal.demo.gear_errors import GearErrors
-from taskcal.demo.true_robot import Sizes, draw_true_robot
-from taskcal.demo.uneven_expansion import UnevenExpansion
-from taskcal.robot.effects.registry import kinds
+from taskcal.demo.true_robot import ElasticLinks, GearErrors, Sizes, UnevenExpansion, draw_true_robot
+from taskcal.robot.effects.base import kinds
 from taskcal.robot.error_model import ErrorModel
 
 NOTHING = dict.fromkeys(("links", "drives", "gears", "lost_motion", "expansion"), 0.0)

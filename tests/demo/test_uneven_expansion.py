@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from taskcal.demo.true_robot import GROWING
-from taskcal.demo.uneven_expansion import UnevenExpansion
+from taskcal.demo.true_robot import GROWING, UnevenExpansion
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import WarmUp
 from taskcal.robot.error_model import ErrorModel

@@ -13,14 +13,14 @@ from functools import cache, partial
 import numpy as np
 
 from taskcal.analysis import published_kept
+from taskcal.campaigns.campaign import Campaign
 from taskcal.demo import GEARS, RIPPLE, elastic_model, reference_task, try_models
 from taskcal.demo.model_trial import Fit
 from taskcal.effects import PERIODIC, SOFT
 from taskcal.errors import FitError
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.effect_selection import explain
+from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
-from taskcal.measurement.campaign import Campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from taskcal.diagnosis.robot_mistakes import other_convention
+from taskcal.campaigns.campaign import Campaign
+from taskcal.diagnosis.mistakes import other_convention
 from taskcal.geometry import se3
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import register
+from taskcal.registration.registration import register
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.diagnosis.diagnose import Diagnosis, diagnose
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.reader import read_campaign
+from taskcal.reading.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.robot import Robot
 from tests.diagnosis.mistakes import Mistake, every, pairs

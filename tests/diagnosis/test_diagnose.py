@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.diagnosis.diagnose import diagnose
-from taskcal.diagnosis.finding import IDS
+from taskcal.diagnosis.hypotheses import IDS
 from taskcal.identification.identify import identify
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
+from taskcal.virtual.cell import simulate
 from tests.diagnosis.mistakes import Mistake, every, moved_station, paired
 from tests.diagnosis.virtual_campaigns import ROWS, TARGETS, virtual
 

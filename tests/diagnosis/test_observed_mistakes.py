@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.diagnosis.diagnose import diagnose
-from taskcal.diagnosis.observed_mistakes import tried_rows
-from taskcal.measurement.registration import register_observations
+from taskcal.diagnosis.diagnose import diagnose, tried_rows
+from taskcal.registration.registration import register_observations
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from tests.laws.observations import cube_campaign, socket_campaign, wire_campaign

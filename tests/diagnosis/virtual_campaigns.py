@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.virtual_cell import simulate
+from taskcal.campaigns.campaign import Campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 
 ROWS = 40
 TARGETS = {"a": np.array([0.05, 0.02, 0.1]), "b": np.array([-0.04, 0.06, 0.08]), "c": np.array([0.03, -0.07, 0.12])}

@@ -4,7 +4,7 @@ import pytest
 import scipy.linalg  # noqa: F401 - brings a BLAS of its own, which the first call would load
 from threadpoolctl import ThreadpoolController
 
-from taskcal.estimation.blas import single_threaded
+from taskcal.estimation.matrices import single_threaded
 
 
 def threads() -> set[int]:

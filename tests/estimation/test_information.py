@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from taskcal.estimation.information import Observability, observability
+from taskcal.estimation.experiment_design import Observability, observability
 from tests.laws.robots import generators
 
 

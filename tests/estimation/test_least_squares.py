@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taskcal.estimation.least_squares import Ended, Stopping, fit
-from taskcal.estimation.loss import Cauchy, Huber, Squared
+from taskcal.estimation.prior import Cauchy, Huber, Squared
 from tests.laws.robots import generators
 
 BLOCK = 3

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from taskcal.estimation.local_level import smooth
+from taskcal.campaigns.drift import smooth
 
 FAR = 100.0
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskcal.estimation.loss import Cauchy, Huber, Squared
+from taskcal.estimation.prior import Cauchy, Huber, Squared
 
 # half of ρ(z²), whose derivative by z is weight·z
 COST = {

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import LinAlgError
 
-from taskcal.estimation.scaled import invert_scaled, pseudo_invert_scaled, solve_scaled
+from taskcal.estimation.matrices import invert_scaled, pseudo_invert_scaled, solve_scaled
 from tests.laws.robots import generators
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from sklearn.gaussian_process.kernels import RBF
 
-from taskcal.estimation.squared_exponential import squared_exponential
+from taskcal.estimation.matrices import squared_exponential
 from tests.laws.robots import generators
 
 

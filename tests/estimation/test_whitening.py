@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taskcal.estimation.whitening import inverse_factors
+from taskcal.estimation.matrices import inverse_factors
 
 
 @pytest.mark.parametrize("b", [1, 3, 6])

@@ -9,8 +9,8 @@ from types import ModuleType
 import pytest
 
 from taskcal.cli import main
-from taskcal.identification.calibration_file import load_calibration
-from taskcal.presentation.content import Chart, Scene
+from taskcal.identification.calibration import load_calibration
+from taskcal.report.content import Chart, Scene
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -32,7 +32,7 @@ def test_its_commands_run_and_make_the_figures_that_it_shows(
     gallery: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A browser is not asked: which figures there are is known from the page."""
-    from taskcal.presentation import figure_files
+    from taskcal.report import page as figure_files
 
     names: list[str] = []
 

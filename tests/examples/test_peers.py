@@ -13,7 +13,7 @@ from benchmarks.peers.environments import ADAPTERS, PEERS, variables
 from benchmarks.peers.figure import draw, draw_scaling
 from benchmarks.peers.measure import JOINTS, SCALED_JOINTS, SOURCE, slope
 from benchmarks.peers.page import RESULT, placed, seconds, tables
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.export.calibrated_chain import spread_poses
-from taskcal.export.controller_offsets import fit_offsets
+from taskcal.export.controller import fit_offsets
+from taskcal.export.forms import spread_poses
 from taskcal.identification.calibration import Calibration
 from taskcal.robot.error_model import ErrorModel
 from tests.laws.calibrations import calibrated

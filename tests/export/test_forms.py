@@ -7,16 +7,13 @@ import pytest
 from hypothesis import given, settings
 
 from taskcal.errors import TaskcalError
-from taskcal.export.calibrated_chain import CalibratedChain, spread_poses
-from taskcal.export.dh_form import export_dh
-from taskcal.export.ur_form import LINKS, export_ur_yaml
-from taskcal.export.urdf_form import export_urdf, urdf_text
+from taskcal.export.forms import LINKS, CalibratedChain, export_dh, export_ur_yaml, export_urdf, spread_poses, urdf_text
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.dh_table import read_dh_table
 from taskcal.robot.effects import Harmonics
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.importers.dh import read_dh_table
 from tests.laws.calibrations import calibrated
 from tests.laws.robots import cases
 from tests.laws.urdfs import Referee

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from taskcal.errors import FileError
-from taskcal.measurement import chunked_campaign
-from taskcal.measurement.chunked_campaign import campaign_in_chunks
-from taskcal.tabular.parquet import parquet_of
+from taskcal.reading import chunked as chunked_campaign
+from taskcal.reading.chunked import campaign_in_chunks
+from taskcal.tables.parquet import parquet_of
 from tests.cli.interruptions import COMMANDS, prepare
 from tests.faults.kills import digests
 from tests.faults.uncovered import uncovered_environment
-from tests.measurement.known_campaign import ROBOT
+from tests.reading.known_campaign import ROBOT
 
 ROOM = 50
 """Bytes that a file may get; none that a command writes has fewer."""

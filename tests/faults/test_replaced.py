@@ -10,17 +10,17 @@ import zipfile
 import numpy as np
 import pytest
 
-from taskcal import files
+from robot_programs.backup import open_backup, write_backup
 from taskcal.cli import main
 from taskcal.errors import FileError
-from taskcal.files import write_all, write_whole
-from taskcal.measurement import chunked_campaign
-from taskcal.measurement.chunked_campaign import campaign_in_chunks
-from taskcal.programs.backup import open_backup, write_backup
+from taskcal.io import files
+from taskcal.io.files import write_all, write_whole
+from taskcal.reading import chunked as chunked_campaign
+from taskcal.reading.chunked import campaign_in_chunks
 from taskcal.robot.catalogue import load_robot
-from taskcal.tabular.parquet import parquet_of
+from taskcal.tables.parquet import parquet_of
 from tests.faults.kills import digests
-from tests.measurement.known_campaign import ROBOT
+from tests.reading.known_campaign import ROBOT
 
 TABLE = "joint,alpha_deg,a_mm,d_mm,theta_offset_deg\nJ1,0,500,0,0\n"
 MODULE = (
@@ -86,7 +86,7 @@ def test_what_was_left_of_a_backup_by_a_killed_process_goes_with_the_next(kind, 
         path.mkdir()
         (path / "Part.mod").write_text(MODULE)
     code = (
-        "import os, sys, signal; from taskcal.programs import backup\n"
+        "import os, sys, signal; from robot_programs import backup\n"
         "backup.os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL)\n"
         "backup.write_backup(*backup.open_backup(sys.argv[1])[:1], sys.argv[2], backup.open_backup(sys.argv[1])[1])"
     )
@@ -121,7 +121,7 @@ def test_a_clock_that_goes_backwards_changes_nothing(tmp_path, monkeypatch):
 
 
 WRITES = (
-    "import sys; from taskcal.files import write_all\n"
+    "import sys; from taskcal.io.files import write_all\n"
     "for k in range(300): write_all({name: sys.argv[1] * 20_000 for name in sys.argv[2:]})"
 )
 

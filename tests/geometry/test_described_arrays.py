@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 
 from taskcal.errors import TaskcalError
-from taskcal.geometry.described_arrays import array_of, rigid
+from taskcal.geometry.se3 import array_of, rigid
 from tests.laws.campaigns import random_pose
 from tests.laws.robots import generators
 

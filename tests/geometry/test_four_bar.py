@@ -7,9 +7,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from taskcal.errors import ClosureError
-from taskcal.geometry.compiled import compiled
 from taskcal.geometry.four_bar import FourBar, Side, can_close, close_four_bar, curvature, loop_numbers
-from taskcal.geometry.four_bar_closure import lengthened
+from taskcal.kernels.closure import lengthened
+from taskcal.kernels.compiled import compiled
 from tests.laws.robots import generators
 
 PARALLELOGRAM = FourBar(crank=0.5, rod=0.7, rocker=0.5, arm=0.7)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 from tests.laws.robots import industrial
 
 KINDS = {

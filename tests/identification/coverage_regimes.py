@@ -11,15 +11,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from taskcal.demo.reference import reference_task
-from taskcal.estimation.loss import Cauchy, Huber, Loss, Squared
+from taskcal.demo.procedure import reference_task
+from taskcal.estimation.prior import Cauchy, Huber, Loss, Squared
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.identify import identify
-from taskcal.measurement.virtual_cell import Truth, draw_defects, simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Effect, JointField
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
+from taskcal.virtual.cell import Truth, draw_defects, simulate
 
 ROBOT = load_robot("abb-irb6660-205-1.9")
 MODEL = ErrorModel(ROBOT)

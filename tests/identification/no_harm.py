@@ -13,13 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtri
 
-from taskcal.demo.elastic_robot import elastic_robot
-from taskcal.demo.reference import reference_task
+from taskcal.campaigns.campaign import Campaign
+from taskcal.demo.procedure import reference_task
+from taskcal.demo.true_robot import elastic_robot
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.effect_selection import explain
+from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import (
@@ -37,6 +36,7 @@ from taskcal.robot.effects import (
 )
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
+from taskcal.virtual.cell import draw_defects, simulate
 
 ROBOTS = "abb-irb6660-205-1.9", "abb-irb120", "ur10"
 MEASURED, NEW = 60, 100

@@ -11,11 +11,11 @@ from time import process_time
 
 import numpy as np
 
-from taskcal.adaptation.aligned_error import aligned_errors
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.identify import identify
-from taskcal.measurement.virtual_cell import Truth, simulate
-from tests.measurement.virtual_task import MODEL, postures
+from taskcal.planning.study import aligned_errors
+from taskcal.virtual.cell import Truth, simulate
+from tests.reading.virtual_task import MODEL, postures
 
 TWO_SIDED = 1.959964
 """Standard deviations of a 95 % interval."""

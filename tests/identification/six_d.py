@@ -12,16 +12,16 @@ from pathlib import Path
 
 import numpy as np
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.geometry import se3
-from taskcal.identification.effect_selection import explain
+from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.reader import read_campaign
-from taskcal.measurement.tracker import TrackerNoise
-from taskcal.measurement.virtual_cell import simulate
+from taskcal.observations.base import TrackerNoise
+from taskcal.reading.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, EncoderGain, Harmonics
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 
 ROBOTS = "abb-irb120", "ur5"
 POSES, UNSEEN = 40, 300

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from taskcal.estimation.prior import GaussianPrior
-from taskcal.identification.belief import belief_of
 from taskcal.identification.identify import identify
+from taskcal.identification.layout import belief_of
 from tests.identification.arms import arm, defects, true_points
 from tests.laws.campaigns import measure
 from tests.laws.robots import industrial_positions

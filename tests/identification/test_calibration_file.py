@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from taskcal.errors import FileError, TaskcalError
-from taskcal.identification.calibration import Calibration
-from taskcal.identification.calibration_file import load_calibration
+from taskcal.identification.calibration import Calibration, load_calibration
+from taskcal.identification.calibration_format import factor_of
 from taskcal.identification.identify import identify
-from taskcal.identification.packed_covariance import factor_of
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Harmonics
 from taskcal.robot.error_model import ErrorModel

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from taskcal.identification.calibration import Calibration
-from taskcal.identification.calibration_summary import largest_correlations
+from taskcal.identification.calibration import Calibration, largest_correlations
 from taskcal.identification.identify import identify
-from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 
 
 @pytest.fixture(scope="module")

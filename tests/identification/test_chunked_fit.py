@@ -4,9 +4,9 @@ import pytest
 import taskcal as tc
 from taskcal.errors import FileError
 from taskcal.identification.chunked_fit import identify_in_chunks
-from taskcal.measurement import chunked_campaign
-from taskcal.measurement.chunked_campaign import campaign_in_chunks
-from taskcal.measurement.reader import read_campaign
+from taskcal.reading import chunked as chunked_campaign
+from taskcal.reading.chunked import campaign_in_chunks
+from taskcal.reading.reader import read_campaign
 from tests.laws.fleets import small_model
 
 ROWS, WRONG = 1100, [770, 777]
@@ -93,6 +93,6 @@ def test_what_only_all_rows_tell_is_refused(file, tmp_path):
 
 
 def _packed(csv, parquet):
-    from taskcal.measurement.writer import as_parquet
+    from taskcal.reading.writer import as_parquet
 
     parquet.write_bytes(as_parquet(csv.read_text()))

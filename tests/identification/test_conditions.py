@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from taskcal.identification.calibration_file import load_calibration
-from taskcal.identification.effect_selection import explain
+from taskcal.identification.calibration import load_calibration
+from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
-from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Backlash, Effect, EncoderGain, Overshoot, Settling
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
+from taskcal.virtual.cell import draw_defects, simulate
 from tests.laws.campaigns import with_conditions
 from tests.laws.robots import industrial, industrial_positions
 

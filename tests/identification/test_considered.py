@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from scipy.linalg import qr
 
-from taskcal.estimation.loss import Huber, Squared
-from taskcal.estimation.prior import GaussianPrior
-from taskcal.geometry.covariance_propagation import propagate
-from taskcal.identification.belief import frame_precision
-from taskcal.identification.calibration_file import load_calibration
+from taskcal.estimation.prior import GaussianPrior, Huber, Squared
+from taskcal.identification.calibration import load_calibration
 from taskcal.identification.identify import identify
+from taskcal.identification.layout import frame_precision
 from taskcal.identification.problem import observe
-from taskcal.measurement.registration import register
+from taskcal.kernels.covariance import propagate
+from taskcal.registration.registration import register
 from tests.identification.arms import KINDS, arm, defects
 from tests.laws.campaigns import measure
 from tests.laws.robots import industrial_positions

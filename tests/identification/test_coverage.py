@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from taskcal.adaptation.expected_error import design
-from taskcal.adaptation.selection import select
 from taskcal.analysis.elimination_table import published_kept
 from taskcal.analysis.identifiability import identifiability
-from taskcal.demo.reference import reference_task
-from taskcal.identification.fit_options import FitOptions
-from taskcal.identification.fitted_together import fit_together
+from taskcal.demo.procedure import reference_task
+from taskcal.identification.batch import fit_together
 from taskcal.identification.identify import identify
-from taskcal.measurement.virtual_cell import simulate
+from taskcal.identification.options import FitOptions
+from taskcal.planning.expected_error import design
+from taskcal.planning.selection import select
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
+from taskcal.virtual.cell import simulate
 
 CAMPAIGNS = 1000
 

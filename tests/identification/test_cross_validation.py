@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.model_selection import GroupKFold
 
-from taskcal.adaptation.selection import select
 from taskcal.errors import CampaignError
-from taskcal.identification.cross_validation import mean_over_rows, predict_left_out, split_postures
+from taskcal.identification.holdout import mean_over_rows, predict_left_out, split_postures
 from taskcal.identification.identify import identify
+from taskcal.planning.selection import select
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 from taskcal.task.task import Task
 from tests.laws.campaigns import measure
 from tests.laws.robots import generators, industrial, industrial_positions

@@ -6,19 +6,18 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from taskcal.identification.calibration_file import load_calibration
-from taskcal.identification.effect_search import EffectSearch, untried_effects
-from taskcal.identification.effect_selection import explain
-from taskcal.identification.fit_options import FitOptions
+from taskcal.identification.calibration import load_calibration
+from taskcal.identification.effects import EffectSearch, explain, untried_effects
+from taskcal.identification.group_search import find_one_model
 from taskcal.identification.identify import identify
-from taskcal.identification.one_search import find_one_model
-from taskcal.measurement.virtual_cell import draw_defects, simulate
+from taskcal.identification.options import FitOptions
 from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import SOFT, Backlash, Compliance, Coupling, EncoderGain, Harmonics, Overshoot, candidates
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
+from taskcal.virtual.cell import draw_defects, simulate
 from tests.laws.fields import field_through
 from tests.laws.urdfs import telescopic_column
 
@@ -247,7 +246,7 @@ def test_explain_converges_at_fifteen_rows():
 
 
 def test_effects_are_left_out_where_neighbours_are_predicted_worse(robot, monkeypatch):
-    from taskcal.identification import effect_selection as module
+    from taskcal.identification import effects as module
 
     model, rng = ErrorModel(robot), np.random.default_rng(0)
     campaign, _ = simulate(model + Harmonics(orders=(1,)), poses(robot, rng, 60), rng=rng)

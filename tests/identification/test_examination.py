@@ -7,12 +7,10 @@ import pytest
 from scipy.stats import norm
 
 from taskcal.errors import CampaignError
-from taskcal.identification.acceptance import GUARD, STATISTICS, accept
-from taskcal.identification.examination import examine
 from taskcal.identification.identify import identify
-from taskcal.identification.validation import validate
+from taskcal.identification.validation import GUARD, STATISTICS, accept, examine, validate
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 from tests.laws.campaigns import measure
 from tests.laws.robots import industrial, industrial_positions
 

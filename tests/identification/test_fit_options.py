@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from taskcal.errors import UnknownName
-from taskcal.estimation.loss import Huber, Squared
-from taskcal.identification.effect_selection import EffectSearch, ExplainChoices, explain, select_effects
-from taskcal.identification.fit_options import FitChoices, FitOptions
+from taskcal.estimation.prior import Huber, Squared
+from taskcal.identification.effects import EffectSearch, ExplainChoices, explain, select_effects
 from taskcal.identification.identify import identify
+from taskcal.identification.options import FitChoices, FitOptions
 from taskcal.robot.effects import EncoderGain
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 from tests.laws.campaigns import measure
 from tests.laws.robots import industrial, industrial_positions
 

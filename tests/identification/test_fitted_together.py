@@ -7,19 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taskcal.demo.reference import reference_task
+from taskcal.demo.procedure import reference_task
 from taskcal.effects import Compliance
 from taskcal.errors import NothingLearntError
-from taskcal.estimation.loss import Huber
-from taskcal.estimation.prior import GaussianPrior
-from taskcal.identification.fit_options import FitOptions
-from taskcal.identification.fitted_together import fit_together
+from taskcal.estimation.prior import GaussianPrior, Huber
+from taskcal.identification.batch import fit_together
 from taskcal.identification.identify import identify
-from taskcal.measurement.tracker import TrackerNoise
-from taskcal.measurement.virtual_cell import simulate
+from taskcal.identification.options import FitOptions
+from taskcal.observations.base import TrackerNoise
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
+from taskcal.virtual.cell import simulate
 from tests.identification.arms import arm, defects
 
 NEAR = 1e-6

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.demo.reference import reference_task
+from taskcal.demo.procedure import reference_task
 from taskcal.errors import CampaignError, FitError, TaskcalError
-from taskcal.identification.calibration_file import load_calibration
+from taskcal.identification.calibration import load_calibration
 from taskcal.identification.identify import identify
-from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
+from taskcal.virtual.cell import simulate
 
 REFLECTORS = {"a": np.array([0.05, 0.0, 0.06]), "b": np.array([-0.06, 0.05, 0.0]), "c": np.array([0.0, -0.07, 0.03])}
 KINDS = {

@@ -8,16 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError
-from taskcal.identification.calibration_file import load_calibration
-from taskcal.identification.fit_options import FitOptions
+from taskcal.identification.calibration import load_calibration
 from taskcal.identification.holdout import Holdout, hold_out, with_held_out
-from taskcal.identification.identify import identify
-from taskcal.identification.nominal_fit import fit_nominal
+from taskcal.identification.identify import fit_nominal, identify
+from taskcal.identification.options import FitOptions
 from taskcal.identification.validation import validate
-from taskcal.measurement.campaign import Campaign
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 from tests.laws.campaigns import measure
 from tests.laws.robots import generators, industrial, industrial_positions
 

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.identification import gross_errors, hyperparameter_search, problem
+from taskcal.identification import hyperparameters as hyperparameter_search
+from taskcal.identification import identify as gross_errors
+from taskcal.identification import problem
 from taskcal.identification.identify import identify
 from tests.identification.arms import arm, defects
 from tests.laws.campaigns import measure

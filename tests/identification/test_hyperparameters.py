@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from taskcal.identification.identify import identify
-from taskcal.measurement.tracker import TrackerNoise
+from taskcal.observations.base import TrackerNoise
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 from tests.laws.campaigns import measure
 from tests.laws.observations import socket_campaign
 from tests.laws.robots import industrial, industrial_positions

@@ -4,16 +4,15 @@ import numpy as np
 import pytest
 import scipy.optimize
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FitError, UnknownName
-from taskcal.estimation.loss import Cauchy, Huber, Squared
-from taskcal.identification.belief import BASE_PRIOR, TARGET_PRIOR, TURN_PRIOR
+from taskcal.estimation.prior import Cauchy, Huber, Squared
 from taskcal.identification.identify import identify
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import Registration, register
-from taskcal.measurement.tracker import TrackerNoise
+from taskcal.identification.layout import BASE_PRIOR, TARGET_PRIOR, TURN_PRIOR
+from taskcal.observations.base import TrackerNoise
+from taskcal.registration.registration import Registration, register
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.error_frames import COMPONENTS
-from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.error_model import COMPONENTS, ErrorModel
 from tests.identification.arms import KINDS, arm, defects, true_points
 from tests.laws import plain
 from tests.laws.campaigns import measure
@@ -262,7 +261,7 @@ def test_a_campaign_that_is_another_robots_is_refused():
 
 
 def test_a_fit_that_does_not_converge_says_what_to_try(monkeypatch):
-    from taskcal.identification import weighed_fit as module
+    from taskcal.identification import hyperparameters as module
 
     rng, model = arm(0)
     campaign, _ = measure(rng, model, industrial_positions(rng, 40), defects(rng, model), sigma=1e-4)

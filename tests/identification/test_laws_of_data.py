@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from taskcal.estimation.prior import GaussianPrior
-from taskcal.identification.calibration_file import load_calibration
+from taskcal.identification.calibration import load_calibration
 from taskcal.identification.identify import identify
 from tests.laws.cells import STRUCTURES, cell, unseen
 

@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.identification.fit_options import FitOptions
-from taskcal.identification.identify import identify
-from taskcal.identification.measured_errors import measured_errors
-from taskcal.identification.nominal_fit import fit_nominal
-from taskcal.measurement.virtual_cell import simulate
+from taskcal.identification.identify import fit_nominal, identify
+from taskcal.identification.options import FitOptions
+from taskcal.identification.validation import measured_errors
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 
 
 @pytest.mark.parametrize("pose", [False, True])

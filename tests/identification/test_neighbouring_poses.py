@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskcal.identification.neighbouring_poses import group_neighbours
+from taskcal.identification.held_out import group_neighbours
 from tests.laws.robots import generators
 
 

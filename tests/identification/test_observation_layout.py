@@ -5,17 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taskcal.geometry import se3, walk
-from taskcal.geometry.covariance_propagation import propagate
-from taskcal.geometry.normal_equations import HUBER, SQUARED, normal_equations
-from taskcal.identification.belief import frame_precision
+from taskcal.geometry import se3
 from taskcal.identification.identify import identify
-from taskcal.identification.linearisation import linearise_rows
-from taskcal.identification.observation_layout import layout_of, problem_of
-from taskcal.identification.problem import whitener
-from taskcal.measurement.observation import Point, Pose
-from taskcal.measurement.registration import register
-from taskcal.measurement.virtual_cell import simulate
+from taskcal.identification.layout import frame_precision, layout_of, problem_of
+from taskcal.identification.problem import linearise_rows, whitener
+from taskcal.kernels import walk
+from taskcal.kernels.covariance import propagate
+from taskcal.kernels.normal_equations import HUBER, SQUARED, normal_equations
+from taskcal.observations import Point, Pose
+from taskcal.registration.registration import register
+from taskcal.virtual.cell import simulate
 from tests.identification.arms import KINDS, arm
 from tests.laws.observations import KINDS_WITHOUT_TRACKER, observed, observed_with_points
 

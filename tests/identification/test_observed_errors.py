@@ -6,13 +6,11 @@ from scipy.linalg import eigh
 
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
-from taskcal.identification.calibration_file import load_calibration
-from taskcal.identification.examination import examine
+from taskcal.identification.calibration import covariance_by_kind, load_calibration, residuals_by_kind, unknowns_of
 from taskcal.identification.holdout import with_held_out
 from taskcal.identification.identify import identify
-from taskcal.identification.observed_errors import covariance_by_kind, residuals_by_kind, unknowns_of
-from taskcal.identification.validation import validate
-from taskcal.measurement.virtual_cell import simulate
+from taskcal.identification.validation import examine, validate
+from taskcal.virtual.cell import simulate
 from tests.laws.observations import KINDS_WITHOUT_TRACKER, observed, observed_with_points
 
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, multivariate_t
 
-from taskcal.identification.calibration_file import load_calibration
-from taskcal.identification.effect_selection import explain
-from taskcal.identification.group_validation import stretch_of
+from taskcal.identification.calibration import load_calibration
+from taskcal.identification.effects import explain
+from taskcal.identification.group_model import FREEDOM, log_weights, weigh
+from taskcal.identification.group_search import stretch_of
 from taskcal.identification.identify import identify
-from taskcal.identification.row_errors import FREEDOM, log_weights, weigh
-from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import SPECTRUM, EncoderGain, Harmonics
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 
 GAIN = EncoderGain()
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from taskcal.identification.outlier import shared_with_neighbours, studentise
-from taskcal.measurement.campaign import Campaign
+from taskcal.campaigns.campaign import Campaign
+from taskcal.identification.held_out import shared_with_neighbours, studentise
 
 
 def campaign_of(points: np.ndarray) -> Campaign:

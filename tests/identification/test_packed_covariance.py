@@ -9,9 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskcal.errors import FileError, FitError, TaskcalError
-from taskcal.identification.calibration_file import load_calibration
-from taskcal.identification.identify import identify
-from taskcal.identification.packed_covariance import (
+from taskcal.identification.calibration import load_calibration
+from taskcal.identification.calibration_format import (
     PACKED_FROM,
     describe_factor,
     factor_of,
@@ -19,10 +18,11 @@ from taskcal.identification.packed_covariance import (
     unpack_covariance,
     unpack_factor,
 )
-from taskcal.measurement.virtual_cell import simulate
+from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Harmonics
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 
 
 def covariance(size, seed=0):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from taskcal.identification.calibration_file import load_calibration
+from taskcal.identification.calibration import load_calibration
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel

@@ -8,12 +8,11 @@ import pytest
 
 from taskcal.errors import CampaignError
 from taskcal.identification.identify import identify
-from taskcal.identification.regressor import Regressor, list_regressors
-from taskcal.identification.residual_analysis import analyse_residuals, fit_smooth
-from taskcal.measurement.virtual_cell import simulate
+from taskcal.identification.residual_analysis import Regressor, analyse_residuals, fit_smooth, list_regressors
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Harmonics
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 from tests.laws.campaigns import with_conditions
 
 TARGETS = {"a": np.zeros(3), "b": np.array([0.1, 0.0, 0.0]), "c": np.array([0.0, 0.12, 0.05])}

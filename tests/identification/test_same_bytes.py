@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from taskcal.geometry import chunks
 from taskcal.identification.identify import identify
-from taskcal.measurement.virtual_cell import simulate
+from taskcal.kernels import chunks
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import EncoderGain
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 
 ROOT = Path(__file__).parents[2]
 

@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from taskcal.identification.effect_search import EffectSearch
-from taskcal.identification.effect_selection import select_effects
-from taskcal.identification.search_steps import search_steps
-from taskcal.measurement.virtual_cell import simulate
+from taskcal.identification.effects import EffectSearch, search_steps, select_effects
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import SOFT, SPECTRUM, Compliance, EncoderGain
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taskcal.geometry import se3
-from taskcal.identification.calibration_file import load_calibration
+from taskcal.identification.calibration import load_calibration
 from taskcal.identification.identify import identify
 from tests.identification.six_d import KINDS, ROBOTS, virtual
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.identification.calibration_envelope import FORMAT_VERSION
-from taskcal.identification.calibration_file import load_calibration
+from taskcal.identification.calibration import load_calibration
+from taskcal.identification.calibration_format import FORMAT_VERSION
 
 STORED = Path(__file__).parent / "stored"
 VERSIONS = range(1, FORMAT_VERSION + 1)

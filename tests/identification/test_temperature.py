@@ -3,19 +3,18 @@
 import numpy as np
 import pytest
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError
-from taskcal.identification.calibration import Calibration
-from taskcal.identification.calibration_file import load_calibration
-from taskcal.identification.effect_selection import explain
+from taskcal.identification.calibration import Calibration, load_calibration
+from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.virtual_cell import Truth, draw_defects, simulate
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import EncoderGain, Thermal, WarmUp
 from taskcal.robot.effects import candidates as default_candidates
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
+from taskcal.virtual.cell import Truth, draw_defects, simulate
 from tests.laws.campaigns import with_conditions
 from tests.laws.robots import industrial, industrial_positions
 

@@ -7,9 +7,9 @@ import pytest
 
 from taskcal.identification.identify import identify
 from taskcal.identification.uncertainty_budget import budget_at
-from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 
 
 @pytest.mark.parametrize("joint_error", [(), (1e-4,) * 6])

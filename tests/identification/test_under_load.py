@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from taskcal.errors import TaskcalError
-from taskcal.identification.calibration_file import load_calibration
+from taskcal.identification.calibration import load_calibration
 from taskcal.identification.identify import identify
-from taskcal.measurement.virtual_cell import draw_defects, simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, Coupling
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
-from taskcal.robot.load import Load
+from taskcal.robot.robot_file import robot_from
+from taskcal.robot.statics import Load
+from taskcal.virtual.cell import draw_defects, simulate
 
 MASSES = (150.0, 110.0, 90.0, 30.0, 15.0, 5.0)
 CENTRES = (

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
+from taskcal.identification.calibration import untold_covariance
 from taskcal.identification.identify import identify
-from taskcal.identification.untold_conditions import untold_covariance
-from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Backlash, Settling, Thermal, WarmUp
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 
 ROBOT = load_robot("abb-irb120")
 

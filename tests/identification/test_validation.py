@@ -9,7 +9,7 @@ from taskcal.geometry import se3
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 from tests.laws.campaigns import measure
 from tests.laws.fields import field_through
 from tests.laws.robots import industrial, industrial_positions

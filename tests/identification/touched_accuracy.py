@@ -9,10 +9,10 @@ import sys
 
 import numpy as np
 
-from taskcal.adaptation.aligned_error import aligned_errors
 from taskcal.identification.identify import identify
-from taskcal.measurement.virtual_cell import simulate
-from tests.measurement.virtual_task import MODEL, postures
+from taskcal.planning.study import aligned_errors
+from taskcal.virtual.cell import simulate
+from tests.reading.virtual_task import MODEL, postures
 
 CASES = (
     ("60 of three planes", "plane", 60, 3),

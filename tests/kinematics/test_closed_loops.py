@@ -9,7 +9,7 @@ from taskcal.kinematics.inverse import closes, conditioning, find_postures, foll
 from taskcal.kinematics.tracing import trace
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 from tests.laws.robots import irb6660_description
 
 

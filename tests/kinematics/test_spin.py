@@ -10,7 +10,7 @@ from taskcal.geometry import se3
 from taskcal.kinematics.spin import GUIDE_STRIDE, choose_spin
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 from tests.laws import plain
 from tests.laws.robots import generators
 

@@ -8,11 +8,10 @@ from hypothesis import given
 
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
-from taskcal.kinematics.inverse import find_postures
-from taskcal.kinematics.stretch import stretch_of
+from taskcal.kinematics.inverse import find_postures, stretch_of
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 from tests.laws.robots import Case, cases, irb6660_description, irb6660_positions
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from taskcal.kinematics.turns import turned
+from taskcal.kinematics.tracing import turned
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 from tests.laws import plain
 from tests.laws.robots import generators, industrial, irb6660_description
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from taskcal.measurement.campaign import Campaign
+from taskcal.campaigns.campaign import Campaign
 from taskcal.robot.error_model import ErrorModel
 
 

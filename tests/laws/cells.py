@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.geometry import se3
-from taskcal.measurement.campaign import Campaign
 from taskcal.robot.effects import Effect, EncoderGain, Harmonics
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 from tests.laws.campaigns import Truth, measure, random_pose
 from tests.laws.robots import industrial, irb6660_description, irb6660_positions
 

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from taskcal.geometry import se3
-from taskcal.geometry.chain import Chain, ErrorFrame, Fixed, Joint, Step
-from taskcal.geometry.observations import Observations, Points, Walked
-from taskcal.geometry.walk import Columns
+from taskcal.kernels.chain import Chain, ErrorFrame, Fixed, Joint, Step
+from taskcal.kernels.observations import Observations, Points, Walked
+from taskcal.kernels.walk import Columns
 from tests.laws import plain
 from tests.laws.robots import generators
 

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.geometry import se3
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.observation import Boards, Cubes, Landmarks, Lengths, Planes, Point, Sockets
-from taskcal.measurement.observation.cube_size import CubeSize
-from taskcal.measurement.observation.socket_distance import SocketDistance
-from taskcal.measurement.virtual_cell import Truth
+from taskcal.observations import Boards, Cubes, Landmarks, Lengths, Planes, Point, Sockets
+from taskcal.observations.cube import CubeSize
+from taskcal.observations.socket import SocketDistance
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import Truth
 from tests.identification.arms import arm, defects
 
 KINDS_WITHOUT_TRACKER = ("socket", "distance", "landmark", "board", "plane", "cube")

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
 from taskcal.robot.robot import Robot
+from taskcal.robot.robot_file import robot_from
 
 _IRB6660 = load_robot("abb-irb6660-205-1.9").description
 

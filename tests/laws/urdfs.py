@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio
 from pytransform3d.urdf import UrdfTransformManager
 
-from taskcal.robot.urdf_file import UrdfJoint, UrdfTree, read_urdf_tree
+from taskcal.robot.importers.urdf import UrdfJoint, UrdfTree, read_urdf_tree
 
 
 def random_urdf(rng: np.random.Generator, joints: int) -> str:

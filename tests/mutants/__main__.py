@@ -27,7 +27,7 @@ from tests.mutants.mutations import Mutation, mutations
 ROOT = Path(__file__).resolve().parents[2]
 PLACE = ROOT / "build" / "mutants"
 FOUND = PLACE / "found.jsonl"
-CORE = ("geometry/*.py", "analysis/*.py", "estimation/*.py", "identification/*.py", "programs/*/rewrite.py")
+CORE = ("kernels/*.py", "geometry/*.py", "analysis/*.py", "estimation/*.py", "identification/*.py")
 WORKERS = 2
 LONGEST = 90.0
 """Seconds that the tests of one mistake take together, without the mistake; four times that at a second look."""

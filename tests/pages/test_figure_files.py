@@ -9,10 +9,8 @@ import plotly.graph_objects as go
 import pypdfium2 as pdfium
 import pytest
 
-from taskcal.presentation.browser import find_browser
-from taskcal.presentation.content import Chart, Scene, Section
-from taskcal.presentation.figure_files import draw_figures
-from taskcal.presentation.report import Page
+from taskcal.report.content import Chart, Scene, Section
+from taskcal.report.page import Page, draw_figures, find_browser
 from tests.pages.printed import share_drawn
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]

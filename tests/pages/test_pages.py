@@ -8,8 +8,8 @@ from typing import Any
 import plotly.graph_objects as go
 import pytest
 
-from taskcal.presentation.content import Chart, Scene, Section
-from taskcal.presentation.report import report_html
+from taskcal.report.content import Chart, Scene, Section
+from taskcal.report.page import report_html
 from tests.pages.conftest import quiet_tab
 from tests.pages.made_pages import PAGES
 from tests.pages.printed import Printed, squeezed

@@ -9,18 +9,18 @@ import pytest
 
 from taskcal import analysis
 from taskcal.analysis.identifiability import eliminate
+from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import UnknownName
-from taskcal.identification.calibration_file import load_calibration
+from taskcal.identification.calibration import load_calibration
 from taskcal.identification.identify import identify
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.reader import read_campaign
-from taskcal.measurement.registration import register
-from taskcal.measurement.virtual_cell import simulate
-from taskcal.measurement.writer import campaign_text
+from taskcal.reading.reader import read_campaign
+from taskcal.reading.writer import campaign_text
+from taskcal.registration.registration import register
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Overshoot, Thermal, parse_effect
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 
 ROBOT = load_robot("ur5")
 

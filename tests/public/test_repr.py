@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import taskcal as tc
-from taskcal.programs.program import Program
+from robot_programs.core.program import Program
 
 MOST = 400
 NAMESPACES = ["taskcal", *(f"taskcal.{name}" for name in set(dir(tc)) - set(tc.__all__) - {"__version__"})]
@@ -119,7 +119,7 @@ def test_no_public_type_with_arrays_prints_them(cls: type) -> None:
 
 def test_programs_of_every_language_are_short() -> None:
     for folder in ("apt", "csv_path", "krl", "rapid"):
-        import_module(f"taskcal.programs.{folder}.read")
+        import_module(f"robot_programs.{folder}.read")
     kinds = Program.__subclasses__()
     assert len(kinds) >= 4
     assert not [kind for kind in kinds if is_generated(kind)]

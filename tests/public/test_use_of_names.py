@@ -82,13 +82,13 @@ def test_a_page_uses_public_names_only(page: Path) -> None:
 @pytest.mark.parametrize(
     ("code", "wrong"),
     [
-        ("from taskcal.measurement.writer import write_campaign", ["taskcal.measurement.writer"]),
+        ("from taskcal.reading.writer import write_campaign", ["taskcal.reading.writer"]),
         ("import taskcal.robot.effects", ["taskcal.robot.effects"]),
         ("from taskcal.effects import Effct", ["taskcal.effects.Effct"]),
         ("import taskcal as tc\ntc.Backlash()", ["Backlash"]),
         ("import taskcal as tc\ntc.effects.Nothing()", ["effects.Nothing"]),
         ("import taskcal as tc\ntc.effects.Backlash(); tc.plan(model)", []),
-        ("from taskcal.programs import Frame", []),
+        ("from robot_programs import Frame", []),
     ],
 )
 def test_what_is_not_public_is_found(code: str, wrong: list[str]) -> None:

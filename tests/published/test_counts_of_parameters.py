@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from taskcal.analysis.identifiability import Identifiability, eliminate, identifiability
 from taskcal.geometry import se3
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 from tests.laws.robots import (
     generators,
     industrial,

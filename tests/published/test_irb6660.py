@@ -9,7 +9,7 @@ import pytest
 from taskcal.analysis.elimination_table import published_kept
 from taskcal.analysis.identifiability import identifiability
 from taskcal.analysis.sensitivity import sensitivity
-from taskcal.demo.reference import reference_task
+from taskcal.demo.procedure import reference_task
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.mechanism import analyse_mechanism

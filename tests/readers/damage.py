@@ -6,7 +6,7 @@ import zipfile
 
 import numpy as np
 
-from tests.programs.fuzz import mutated
+from tests.robot_programs.fuzz import mutated
 
 NUMBERS = (
     b"1e400 1e308 -1e308 nan inf 9999999999999999999999 0 -0 1e-320 1_000 0x10 \xd9\xa3 "

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from taskcal.errors import TaskcalError
-from tests.programs import fuzz as programs
 from tests.readers.damage import Files
 from tests.readers.readers import READERS
+from tests.robot_programs import fuzz as programs
 
 LONGEST = 2.0
 """Seconds of computing that no small file may take."""

@@ -12,11 +12,11 @@ import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from taskcal.measurement.reader import read_campaign
-from tests.measurement.known_campaign import ROBOT
+from taskcal.reading.reader import read_campaign
 from tests.readers.own_process import Outcome, in_own_process
 from tests.readers.readers import READERS
-from tests.tabular.test_spreadsheet import book
+from tests.reading.known_campaign import ROBOT
+from tests.tables.test_spreadsheet import book
 
 MEGABYTE = 1_000_000
 

@@ -18,7 +18,7 @@ import numpy as np
 import pyarrow
 import pyarrow.parquet
 
-from taskcal.text_file import MAX_FILE_MB
+from taskcal.io.text_file import MAX_FILE_MB
 from tests.readers.hostile import ONCE, anywhere
 from tests.readers.own_process import Outcome, in_own_process
 from tests.readers.program_readers import PROGRAM_READERS

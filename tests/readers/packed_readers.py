@@ -10,25 +10,25 @@ import pyarrow
 import pyarrow.parquet
 import trimesh
 
+from robot_programs.reading import read_program
 from taskcal.errors import TaskcalError
-from taskcal.measurement.chunked_campaign import campaign_in_chunks
-from taskcal.measurement.reader import read_campaign, read_measurements
-from taskcal.programs.reading import read_program
+from taskcal.reading.chunked import campaign_in_chunks
+from taskcal.reading.reader import read_campaign, read_measurements
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.urdf_visuals import Visual
+from taskcal.robot.importers.urdf_visuals import Visual
+from taskcal.studio.files import unpack_robot
 from taskcal.studio.project import Project
-from taskcal.studio.robot_archive import unpack_robot
 from taskcal.studio.robot_meshes import MESH_ENDINGS, meshes_of, put_mesh, triangles_of
-from taskcal.tabular.parquet import parquet_of
-from tests.measurement.known_campaign import DEG, JOINTS, MM, ROBOT
-from tests.programs.apt.generator import generate as apt
-from tests.programs.krl.generator import generate as krl
-from tests.programs.rapid.generator import generate as rapid
-from tests.programs.tp.generator import generate as tp
+from taskcal.tables.parquet import parquet_of
 from tests.readers.damage import NUMBERS, Content, Files, damaged, damaged_zip
 from tests.readers.reader import Reader
+from tests.reading.known_campaign import DEG, JOINTS, MM, ROBOT
 from tests.robot.test_urdf_visuals import ARM
-from tests.tabular.test_spreadsheet import book
+from tests.robot_programs.apt.generator import generate as apt
+from tests.robot_programs.krl.generator import generate as krl
+from tests.robot_programs.rapid.generator import generate as rapid
+from tests.robot_programs.tp.generator import generate as tp
+from tests.tables.test_spreadsheet import book
 
 HEADER = ["id", *JOINTS, "x_mm", "y_mm", "z_mm"]
 ROWS = [[f"p{k}", *DEG[k].tolist(), *MM[k].tolist()] for k in range(6)]

@@ -1,11 +1,11 @@
-"""Readers of robot programs, for what is tried with every file; their random damage is `tests.programs.fuzz`."""
+"""Readers of robot programs, for what is tried with every file; their random damage is `tests.robot_programs.fuzz`."""
 
 import numpy as np
 
-from taskcal.programs.reading import read_program
-from tests.programs.fuzz import LANGUAGES, language
+from robot_programs.reading import read_program
 from tests.readers.damage import Files
 from tests.readers.reader import Reader
+from tests.robot_programs.fuzz import LANGUAGES, language
 
 
 def _reader(name: str) -> Reader:

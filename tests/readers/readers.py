@@ -7,45 +7,44 @@ from pathlib import Path
 
 import numpy as np
 
-from taskcal.cli.report_header import read_header
-from taskcal.cli.rows import choose_rows
-from taskcal.cli.truth_file import read_truth, truth_text
-from taskcal.correction.cell_file import load_cell
-from taskcal.export.ur_form import export_ur_yaml
-from taskcal.identification.calibration_file import load_calibration
+from taskcal.campaigns.performance import read_path_cycles, read_pose_cycles
+from taskcal.cli.commands.simulate import read_truth, truth_text
+from taskcal.cli.options.campaign import choose_rows
+from taskcal.cli.options.page import read_header
+from taskcal.correction.cell import load_cell
+from taskcal.export.forms import export_ur_yaml
+from taskcal.identification.calibration import load_calibration
 from taskcal.identification.identify import identify
-from taskcal.measurement.cycles import read_path_cycles, read_pose_cycles
-from taskcal.measurement.observation.socket_distances import read_distances
-from taskcal.measurement.reader import ReadOptions, read_campaign
-from taskcal.measurement.registration import register
-from taskcal.measurement.registration_file import load_registration, save_registration
-from taskcal.measurement.station import load_station
-from taskcal.measurement.virtual_cell import simulate
-from taskcal.robot.catalogue import catalogue_names, load_robot
-from taskcal.robot.description import describe_robot, robot_toml
-from taskcal.robot.dh_table import read_dh_table
+from taskcal.io.toml_file import read_toml
+from taskcal.reading.reader import ReadOptions, read_campaign
+from taskcal.reading.stated_scale import read_distances
+from taskcal.registration.registration import register
+from taskcal.registration.registration_file import load_registration, save_registration
+from taskcal.robot.catalogue import catalogue_names, describe_robot, load_robot, robot_toml
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.importers.dh import read_dh_table
+from taskcal.robot.robot_file import robot_from
 from taskcal.studio.project import Choices
-from taskcal.tabular.column_groups import ColumnGroups
-from taskcal.tabular.csv_form import read_csv
-from taskcal.task.pose_table import read_tool_poses
+from taskcal.tables.column_groups import ColumnGroups
+from taskcal.tables.forms import read_csv
+from taskcal.task.orientation import read_tool_poses
 from taskcal.task.task import load_task
-from taskcal.toml_file import read_toml
+from taskcal.virtual.cell import simulate
+from taskcal.virtual.station import load_station
+from tests.campaigns.test_cycles import PATH, PATH_ROWS, POSE_ROWS, POSES
 from tests.laws.calibrations import calibrated
 from tests.laws.urdfs import random_urdf
-from tests.measurement import test_forms_people_write as forms
-from tests.measurement import test_tables_with_surroundings as surroundings
-from tests.measurement.known_campaign import DEG, JOINTS, MM, ROBOT, N
-from tests.measurement.test_cycles import PATH, PATH_ROWS, POSE_ROWS, POSES
-from tests.measurement.test_station import STATION
 from tests.readers.damage import Files
 from tests.readers.packed_readers import PACKED_READERS, read_either
 from tests.readers.reader import Reader, named
+from tests.reading import test_forms_people_write as forms
+from tests.reading import test_tables_with_surroundings as surroundings
+from tests.reading.known_campaign import DEG, JOINTS, MM, ROBOT, N
 from tests.robot.test_ur_files import CONF
-from tests.tabular.test_labelled_values import LOG
-from tests.tabular.test_motion_capture import EXPORT
+from tests.tables.test_labelled_values import LOG
+from tests.tables.test_motion_capture import EXPORT
 from tests.task.task_files import BOX, CYLINDER
+from tests.virtual.test_station import STATION
 
 
 def _campaigns() -> Files:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from taskcal.text_file import MAX_FILE_MB
+from taskcal.io.text_file import MAX_FILE_MB
 from tests.readers.oversized import (
     KINDS,
     MOST_MB,

@@ -13,12 +13,12 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.effect_selection import explain
+from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.reader import ReadOptions, read_campaign
+from taskcal.reading.reader import ReadOptions, read_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import PERIODIC, Backlash, Compliance, Effect, EncoderGain, Harmonics, Overshoot, Settling
 from taskcal.robot.error_model import ErrorModel

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 from scipy.special import chdtri
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.effect_selection import explain
+from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
-from taskcal.measurement.campaign import Campaign
 from taskcal.robot.error_model import ErrorModel
 from tests.conftest import DATA
 from tests.realdata.test_effects import campaign_of, model_of

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from taskcal.identification.identify import identify
-from taskcal.measurement.reader import read_campaign
+from taskcal.reading.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from tests.conftest import DATA

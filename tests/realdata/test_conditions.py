@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taskcal.campaigns.campaign import Campaign
+from taskcal.campaigns.drift import compensate_drift
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.drift import compensate_drift
-from taskcal.measurement.reader import read_campaign
+from taskcal.reading.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import (
     PERIODIC,

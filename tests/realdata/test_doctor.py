@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.diagnosis.diagnose import diagnose
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.reader import read_campaign
+from taskcal.reading.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.dh_table import read_dh_table
+from taskcal.robot.importers.dh import read_dh_table
 from taskcal.robot.robot import Robot
 
 pytestmark = pytest.mark.realdata

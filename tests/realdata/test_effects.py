@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from taskcal.identification.effect_selection import explain
+from taskcal.campaigns.campaign import Campaign
+from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
 from taskcal.identification.residual_analysis import analyse_residuals
 from taskcal.identification.validation import validate
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.reader import read_campaign
+from taskcal.reading.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import PERIODIC, Compliance, Effect, EncoderGain, Harmonics, Settling
 from taskcal.robot.error_model import ErrorModel

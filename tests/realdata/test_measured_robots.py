@@ -5,15 +5,15 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from taskcal.adaptation.plan import plan
+from taskcal.campaigns.campaign import Campaign
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.reader import read_campaign
-from taskcal.measurement.registration import register
+from taskcal.planning.plan import plan
+from taskcal.reading.reader import read_campaign
+from taskcal.registration.registration import register
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.dh_table import read_dh_table
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.importers.dh import read_dh_table
 from taskcal.robot.robot import Robot
 from taskcal.task.task import Task
 from tests.laws.plain import product, shift, turn

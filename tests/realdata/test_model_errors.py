@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.robot.model_error import TYPICAL
+from taskcal.robot.robot import TYPICAL
 from tests.realdata.model_errors import model_errors
 
 pytestmark = pytest.mark.realdata

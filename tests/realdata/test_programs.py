@@ -3,7 +3,7 @@
 import pytest
 
 from taskcal.robot.catalogue import load_robot
-from tests.programs.shares import programs, share_of
+from tests.robot_programs.shares import programs, share_of
 
 pytestmark = pytest.mark.realdata
 

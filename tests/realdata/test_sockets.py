@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.identification.effect_selection import explain
+from taskcal.campaigns.campaign import Campaign
+from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.reader import ReadOptions, read_campaign
+from taskcal.reading.reader import ReadOptions, read_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 

@@ -2,7 +2,7 @@ import numpy as np
 
 from taskcal.robot.approach import conditions_in_order, drive_motion
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 
 
 def arm(*angles, signs=()):

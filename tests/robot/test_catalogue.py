@@ -3,8 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError, TaskcalError, UnknownName
-from taskcal.robot.catalogue import catalogue_names, load_robot
-from taskcal.robot.description import robot_toml
+from taskcal.robot.catalogue import catalogue_names, load_robot, robot_toml
 from taskcal.robot.error_model import ErrorModel
 from tests.laws import plain
 from tests.laws.robots import irb6660_positions

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from taskcal.geometry.chain import Joint
+from taskcal.kernels.chain import Joint
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.importers.urdf import describe_tree
 from taskcal.robot.robot import Robot
-from taskcal.robot.urdf import describe_tree
+from taskcal.robot.robot_file import robot_from
 from tests.laws.urdfs import Referee
 
 FORWARD = np.eye(7)

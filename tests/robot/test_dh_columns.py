@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given
 
 from taskcal.errors import FileError, TaskcalError, UnknownName
-from taskcal.robot.dh_table import read_dh_table
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.importers.dh import read_dh_table
 from tests.laws.robots import generators
-from tests.programs.fuzz import mutated
+from tests.robot_programs.fuzz import mutated
 
 ROWS = np.array(
     [[-90.0, 150, 450, 0], [0, 600, 0, -90], [-90, 120, 0, 0], [90, 0, 640, 0], [-90, 0, 0, 0], [0, 0, 100, 180]]

@@ -4,10 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taskcal.errors import FileError
-from taskcal.robot.catalogue import load_robot
-from taskcal.robot.description import robot_toml
-from taskcal.robot.dh_table import describe_dh_table, read_dh_table
+from taskcal.robot.catalogue import load_robot, robot_toml
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.importers.dh import describe_dh_table, read_dh_table
 from tests.laws.plain import product, shift, turn
 from tests.laws.robots import generators
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from taskcal.geometry import walk
-from taskcal.geometry.chain import Chain, ErrorFrame, Joint
+from taskcal.kernels import walk
+from taskcal.kernels.chain import Chain, ErrorFrame, Joint
 from taskcal.robot.catalogue import catalogue_names, load_robot
-from taskcal.robot.error_frames import COMPONENTS, defect_steps, length_steps
+from taskcal.robot.error_model import COMPONENTS, defect_steps, length_steps
 
 
 @pytest.mark.parametrize("name", catalogue_names())

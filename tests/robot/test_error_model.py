@@ -2,13 +2,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from taskcal.demo.elastic_robot import elastic_model
+from taskcal.demo.true_robot import elastic_model
 from taskcal.errors import ClosureError, UnknownName
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.effects import Compliance, EncoderGain
-from taskcal.robot.error_frames import COMPONENTS
-from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.error_model import COMPONENTS, ErrorModel
+from taskcal.robot.robot_file import robot_from
 from tests.laws import plain
 from tests.laws.robots import cases, four_bar_cases, irb6660_description, irb6660_positions
 

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taskcal.errors import RobotError, UnknownName
-from taskcal.robot.expression import parse_linear
+from taskcal.robot.robot_file import parse_linear
 
 NAMES = ("J1", "J2", "slide", "J10")
 

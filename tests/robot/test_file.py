@@ -7,7 +7,7 @@ import tomli_w
 from taskcal.errors import FileError, RobotError
 from taskcal.geometry import se3
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.file import read_robot, robot_from
+from taskcal.robot.robot_file import read_robot, robot_from
 from taskcal.robot.statics import Body
 
 SOUND = {

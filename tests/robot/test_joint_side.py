@@ -6,9 +6,9 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from taskcal.errors import ClosureError
-from taskcal.geometry.chunks import CHUNK
 from taskcal.geometry.four_bar import FourBar, can_close, close_four_bar
-from taskcal.geometry.lanes import LANES
+from taskcal.kernels.chunks import CHUNK
+from taskcal.kernels.lanes import LANES
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.joint_side import FourBarDrive, JointMap, JointSide

@@ -5,7 +5,7 @@ import pytest
 
 from taskcal.errors import TaskcalError
 from taskcal.robot.effects import Compliance, effect_from
-from taskcal.robot.load import Load
+from taskcal.robot.statics import Load
 from tests.robot.effects.loads import LOAD
 
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from taskcal.errors import RobotError
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.file import robot_from
 from taskcal.robot.mechanism import LoopFreedom, analyse_mechanism, loop_screws, screw
+from taskcal.robot.robot_file import robot_from
 from tests.laws.robots import irb6660_description
 
 

@@ -5,11 +5,11 @@ import pytest
 
 from taskcal.errors import FileError
 from taskcal.identification.identify import identify
-from taskcal.measurement.reader import read_campaign
+from taskcal.reading.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import read_robot
-from taskcal.robot.model_error import TYPICAL, model_error_of
+from taskcal.robot.robot import TYPICAL, model_error_of
+from taskcal.robot.robot_file import read_robot
 
 MEASURED = {
     "ur5": "ur5_tracker",

@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given
 
 from taskcal.errors import ReachError
-from taskcal.geometry import walk
-from taskcal.geometry.chain import Chain
+from taskcal.kernels import walk
+from taskcal.kernels.chain import Chain
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 from tests.laws import plain
 from tests.laws.robots import cases, four_bar_cases, irb6660_description
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from scipy.spatial.transform import Rotation
 
-from taskcal.robot.rotation_steps import steps_of
+from taskcal.robot.importers.urdf import steps_of
 from tests.laws import plain
 from tests.laws.chains import rigid
 from tests.laws.robots import generators

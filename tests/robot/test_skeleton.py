@@ -5,8 +5,8 @@ import pytest
 
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.mechanism import trace_skeleton
 from taskcal.robot.robot import Robot
-from taskcal.robot.skeleton import trace_skeleton
 
 
 def _poses(robot: Robot) -> np.ndarray:

@@ -3,16 +3,14 @@ import pytest
 from hypothesis import given
 
 from taskcal.errors import FileError, TaskcalError
-from taskcal.export.calibrated_chain import spread_poses
-from taskcal.export.ur_form import export_ur_yaml
-from taskcal.robot.catalogue import load_robot
-from taskcal.robot.description import describe_robot
+from taskcal.export.forms import export_ur_yaml, spread_poses
+from taskcal.robot.catalogue import describe_robot, load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 from tests.laws.calibrations import calibrated
 from tests.laws.plain import product, shift, turn
 from tests.laws.robots import generators
-from tests.programs.fuzz import mutated
+from tests.robot_programs.fuzz import mutated
 
 CONF = """[mounting]
 delta_theta = [ 1.1e-05, -0.81, 0.53, 0.28, -2.0e-05, 1.5e-05]

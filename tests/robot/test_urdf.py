@@ -6,15 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskcal.errors import FileError, TaskcalError, UnknownName
-from taskcal.robot.catalogue import load_robot
-from taskcal.robot.description import robot_toml
+from taskcal.robot.catalogue import load_robot, robot_toml
 from taskcal.robot.effects import Harmonics
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
-from taskcal.robot.urdf import choose_tip, describe_tree, describe_urdf
+from taskcal.robot.importers.urdf import choose_tip, describe_tree, describe_urdf
+from taskcal.robot.robot_file import robot_from
 from tests.laws.robots import generators
 from tests.laws.urdfs import Referee, random_urdf
-from tests.programs.fuzz import mutated
+from tests.robot_programs.fuzz import mutated
 
 ARM = """<robot name="arm">
  <link name="base"/><link name="upper"/><link name="fore"/><link name="hand"/>

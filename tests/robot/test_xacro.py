@@ -4,8 +4,8 @@ import time
 import pytest
 
 from taskcal.errors import FileError
-from taskcal.robot import xacro
 from taskcal.robot.catalogue import load_robot
+from taskcal.robot.importers import xacro
 
 MACRO = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
  <xacro:macro name="arm" params="prefix length">

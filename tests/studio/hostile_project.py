@@ -28,10 +28,10 @@ def write_campaign(file: Path, rows: int = 40) -> None:
     """Points of a UR5, whose rows, target and one more column are named by an attacker."""
     import numpy as np
 
-    from taskcal.measurement.virtual_cell import simulate
-    from taskcal.measurement.writer import campaign_text
+    from taskcal.reading.writer import campaign_text
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
+    from taskcal.virtual.cell import simulate
 
     model = ErrorModel(load_robot("ur5"))
     rng = np.random.default_rng(0)

@@ -12,8 +12,8 @@ import pytest
 from taskcal.errors import FileError
 from taskcal.studio.pages.robot_page import robot_of
 from taskcal.studio.project import Project
-from taskcal.studio.road import ROAD
 from taskcal.studio.robot_meshes import meshes_of
+from taskcal.studio.server import ROAD
 from tests.studio.conftest import served
 from tests.studio.hostile_project import HERE, HOSTILE, MARKUP, write_project
 

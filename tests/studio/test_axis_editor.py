@@ -6,13 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taskcal.correction.cell import Cell
-from taskcal.correction.cell_file import load_cell
-from taskcal.correction.external_axis import ExternalAxis
+from robot_programs.reading import read_program
+from taskcal.correction.cell import Cell, ExternalAxis, load_cell
 from taskcal.correction.mounting import mount
-from taskcal.programs.reading import read_program
 from taskcal.robot.catalogue import load_robot
-from taskcal.studio.axis_editor import WAYS, asked_axes, stated_axis, with_axis
+from taskcal.studio.editors import WAYS, asked_axes, stated_axis, with_axis
 
 RAPID = """MODULE m
   CONST robtarget p:=[[900,0,900],[0,0,1,0],[0,0,0,0],[9E9,250,9E9,9E9,0,9E9]];

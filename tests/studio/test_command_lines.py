@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from taskcal.studio.pages import identify_page, program_page, report_page
-from taskcal.studio.program_task import read_together
 from taskcal.studio.project import Choices, Project
+from taskcal.studio.task_box import read_together
 
 
 def test_files_of_one_program_are_read_together(tmp_path: Path) -> None:

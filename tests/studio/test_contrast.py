@@ -8,11 +8,24 @@ import numpy as np
 import pytest
 
 import taskcal.studio
-from taskcal.studio.beam_view import KEEP_OUT, SEEN, TRACKER
-from taskcal.studio.box_view import AXES, CONE
 from taskcal.studio.pages.program_page import HIGH, LOW
-from taskcal.studio.point_view import ARROW, CONCERNED, INK, PICKED, linear
-from taskcal.studio.robot_view import BACKGROUND, BOX, JOINT, LINK, LOOP
+from taskcal.studio.views import (
+    ARROW,
+    AXES,
+    BACKGROUND,
+    BOX,
+    CONCERNED,
+    CONE,
+    INK,
+    JOINT,
+    KEEP_OUT,
+    LINK,
+    LOOP,
+    PICKED,
+    SEEN,
+    TRACKER,
+    linear,
+)
 
 TEXT, MARK = 4.5, 3.0
 """Least contrast of text and of what is drawn (WCAG 2.2, 1.4.3 and 1.4.11)."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from taskcal.presentation.errors_table import tabulate_errors
+from taskcal.report.calibration import tabulate_errors
 from tests.studio.conftest import open_tab, served
 from tests.studio.test_fit_in_browser import command_line
 from tests.studio.test_robot_in_browser import serious

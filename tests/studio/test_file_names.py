@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taskcal.errors import TaskcalError
-from taskcal.studio.file_names import LONGEST, free_name, plain_name
+from taskcal.studio.project import LONGEST, free_name, plain_name
 
 
 @given(st.text(max_size=200))

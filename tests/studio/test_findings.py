@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.studio.pages.measurements_page import concerned_rows
+from taskcal.virtual.cell import simulate
 
 
 def test_rows_are_found_by_their_ids_and_other_subjects_are_no_rows() -> None:

@@ -10,8 +10,8 @@ import numpy as np
 import psutil
 import pytest
 
-from taskcal.measurement.reader import read_campaign
-from taskcal.presentation.errors_table import tabulate_errors
+from taskcal.reading.reader import read_campaign
+from taskcal.report.calibration import tabulate_errors
 from taskcal.robot.catalogue import load_robot
 from tests.studio.conftest import Tab, open_tab, served
 from tests.studio.test_robot_in_browser import serious

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from taskcal.errors import FileError
-from taskcal.studio.folder_lock import FolderLock
+from taskcal.studio.project import FolderLock
 
-HOLD = "import sys, time; from pathlib import Path; from taskcal.studio.folder_lock import FolderLock; "
+HOLD = "import sys, time; from pathlib import Path; from taskcal.studio.project import FolderLock; "
 HOLD += (
     "lock = FolderLock(Path(sys.argv[1])); lock.tell('http://127.0.0.1:1/'); print('held', flush=True); time.sleep(60)"
 )

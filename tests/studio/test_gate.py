@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from taskcal.studio.gate import Gate, cookie_name
+from taskcal.studio.server import Gate, cookie_name
 
 HERE = {"host": "127.0.0.1:8421"}
 WITH_COOKIE = {"host": "lab:1", "cookie": f"{cookie_name('secret')}=secret"}

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from starlette.requests import Request
 
-from taskcal.studio.given_files import giver
+from taskcal.studio.files import giver
 from taskcal.studio.project import Project
 from taskcal.studio.studio import Studio
 

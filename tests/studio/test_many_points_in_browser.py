@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taskcal.measurement.virtual_cell import simulate
-from taskcal.measurement.writer import campaign_text
+from taskcal.reading.writer import campaign_text
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 from tests.studio.conftest import open_tab, served, server_of
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]

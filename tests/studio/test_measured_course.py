@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.measurement.repeated_poses import pose_repeatability
-from taskcal.measurement.virtual_cell import simulate
-from taskcal.measurement.writer import write_joints
+from taskcal.campaigns.performance import pose_repeatability
+from taskcal.reading.writer import write_joints
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 
 pytest.importorskip("nicegui", reason="the extra 'studio' is not installed")
 
-from taskcal.studio.measured_course import draw_drift, draw_repeatability
+from taskcal.studio.pages.measurements_page import draw_drift, draw_repeatability
 from taskcal.studio.pages.plan_page import read_plan
 from taskcal.studio.texts import Texts
 

@@ -10,8 +10,8 @@ import psutil
 import pytest
 
 import taskcal.studio.server as server
-from taskcal.studio.example_project import begin_example
-from taskcal.studio.road import ROAD
+from taskcal.studio.project import begin_example
+from taskcal.studio.server import ROAD
 from taskcal.studio.studio import Studio
 from tests.studio.conftest import open_tab
 

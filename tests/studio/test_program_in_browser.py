@@ -7,9 +7,9 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from taskcal.correction.cell_file import load_cell
-from taskcal.studio.example_project import begin_example
-from taskcal.studio.gate import MAX_BODY_BYTES
+from taskcal.correction.cell import load_cell
+from taskcal.studio.project import begin_example
+from taskcal.studio.server import MAX_BODY_BYTES
 from tests.laws.calibrations import calibrated
 from tests.studio.conftest import open_tab, served
 from tests.studio.test_fit_in_browser import ROBOT, command_line

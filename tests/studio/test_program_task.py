@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robot_programs.reading import read_program
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
-from taskcal.programs.reading import read_program
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.studio.program_task import program_poses, task_files
+from taskcal.studio.task_box import program_poses, task_files
 from taskcal.task.task import load_task, reach_task
 
 ROBOT = "abb-irb6660-205-1.9"

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taskcal.measurement.virtual_cell import simulate
-from taskcal.measurement.writer import campaign_text
+from taskcal.reading.writer import campaign_text
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.studio.example_project import begin_example
-from taskcal.studio.folder_lock import NAME as LOCK
+from taskcal.studio.project import NAME as LOCK
+from taskcal.studio.project import begin_example
 from taskcal.studio.texts import Texts
+from taskcal.virtual.cell import simulate
 from tests.studio.conftest import Tab, comes_true, open_tab, served, server_of
 from tests.studio.test_robot_in_browser import serious
 

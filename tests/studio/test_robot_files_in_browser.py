@@ -9,9 +9,8 @@ from urllib.request import urlopen
 import pytest
 import trimesh
 
-from taskcal.robot.catalogue import load_robot
-from taskcal.robot.description import describe_robot
-from taskcal.robot.file import robot_from
+from taskcal.robot.catalogue import describe_robot, load_robot
+from taskcal.robot.robot_file import robot_from
 from tests.pages.made_pages import TABLE
 from tests.robot.test_urdf_visuals import ARM
 from tests.studio.conftest import comes_true, open_tab, served

@@ -9,8 +9,8 @@ import pytest
 import trimesh
 
 from taskcal.errors import TaskcalError
+from taskcal.studio.files import unpack_robot
 from taskcal.studio.project import Project
-from taskcal.studio.robot_archive import unpack_robot
 from taskcal.studio.robot_meshes import MESH_ENDINGS, meshes_of, put_mesh, triangles_of
 from tests.robot.test_urdf_visuals import ARM
 

@@ -10,12 +10,12 @@ import pytest
 
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.skeleton import trace_skeleton
-from taskcal.studio.example_project import begin_example
+from taskcal.robot.mechanism import trace_skeleton
 from taskcal.studio.pages.task_page import posture
 from taskcal.studio.pages.weight_page import weigh
-from taskcal.studio.robot_view import VIEWS
+from taskcal.studio.project import begin_example
 from taskcal.studio.task_box import box_of
+from taskcal.studio.views import VIEWS
 from taskcal.task.task import load_task
 from tests.studio.conftest import comes_true, open_tab, served, server_of
 from tests.studio.test_fit_in_browser import ROBOT, command_line

@@ -7,8 +7,8 @@ from string import Formatter
 import numpy as np
 
 import taskcal.studio
-from taskcal.adaptation.candidates import find_measurable
-from taskcal.diagnosis.finding import IDS
+from taskcal.diagnosis.hypotheses import IDS
+from taskcal.planning.candidates import find_measurable
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.studio.pages.measurements_page import mend

@@ -4,11 +4,11 @@ from hypothesis import given
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError
-from taskcal.tabular.column_groups import ColumnGroups
-from taskcal.tabular.csv_form import read_csv
-from taskcal.task.pose_table import read_tool_poses
+from taskcal.tables.column_groups import ColumnGroups
+from taskcal.tables.forms import read_csv
+from taskcal.task.orientation import read_tool_poses
 from tests.laws.robots import generators
-from tests.programs.fuzz import mutated
+from tests.robot_programs.fuzz import mutated
 
 R = Rotation.from_euler("ZYX", [30.0, -20.0, 10.0], degrees=True)
 QUATERNION = ",".join(map(repr, R.as_quat().tolist()))

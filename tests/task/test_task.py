@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from taskcal.demo.reference import reference_task
+from taskcal.demo.procedure import reference_task
 from taskcal.errors import FileError, ReachError
 from taskcal.geometry import se3
 from taskcal.robot.catalogue import load_robot

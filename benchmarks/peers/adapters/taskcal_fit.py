@@ -7,9 +7,9 @@ from protocol import Fitted, main
 
 import taskcal as tc
 from taskcal.estimation.least_squares import fit
-from taskcal.identification.observation_layout import layout_of, problem_of
+from taskcal.identification.layout import layout_of, problem_of
 from taskcal.identification.problem import whitener
-from taskcal.measurement.registration import register
+from taskcal.registration.registration import register
 
 
 def calibrate(case, given: bool) -> Fitted:

@@ -9,13 +9,12 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.analysis.collinearity import LEVEL, Collinearity, find_collinearities
-from taskcal.analysis.told_apart import ToldApart, find_told_apart
+from taskcal.analysis.distinguishable_directions import ToldApart, find_told_apart
 from taskcal.arguments import expect_kinds, warn_renamed
 from taskcal.errors import shortened
-from taskcal.estimation.information import Observability, observability
+from taskcal.estimation.experiment_design import Observability, observability
 from taskcal.geometry import se3
-from taskcal.robot.error_frames import COMPONENTS
-from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.error_model import COMPONENTS, ErrorModel
 
 NEGLIGIBLE = 1e-9
 """Share of the largest singular value, or column, under which one counts as zero."""

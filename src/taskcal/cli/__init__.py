@@ -11,12 +11,9 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from taskcal.cli.interrupts import INTERRUPTED, leave, prompt
-from taskcal.cli.lazy_commands import SUMMARIES, LazyCommands
-from taskcal.cli.modules import import_modules
-from taskcal.cli.output import MESSAGE_CHARACTERS, error, for_terminal, info
+from taskcal.cli.app import INTERRUPTED, SUMMARIES, LazyCommands, import_modules, leave, prompt
+from taskcal.cli.output import MESSAGE_CHARACTERS, clear_sign, error, for_terminal, info, sign_of_life
 from taskcal.cli.outputs import begin_account, interrupted
-from taskcal.cli.sign_of_life import clear_sign, sign_of_life
 from taskcal.errors import TaskcalError, shortened
 
 

@@ -1,13 +1,58 @@
 """A command of the command line: its former option names still work, and its help ends with the effects it can take."""
 
-from collections.abc import Iterable
-from typing import Any
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import MISSING, Field, fields, is_dataclass
+from functools import wraps
+from inspect import Parameter, Signature, signature
+from typing import Annotated, Any, get_type_hints
 
+import typer
 from typer import BadParameter
 from typer.core import TyperCommand
 
 from taskcal.cli.output import info, show_log
-from taskcal.cli.usage_words import in_users_words
+from taskcal.errors import shown
+
+# What is wrong with an option's value, in users' words: the parser of options says it in those of its validator.
+
+_WORDS = (
+    (re.compile(r"Value error, (.*?)\.?"), r"\1"),
+    (re.compile(r"Input should be a valid integer.*"), "is not a whole number; write for example 10"),
+    (re.compile(r"Input should be a valid number.*"), "is not a number; write for example 0.5"),
+    (re.compile(r"Input should be a finite number.*"), "is not a finite number"),
+    (re.compile(r"Input should be greater than or equal to (.*)"), r"must be \1 or more"),
+    (re.compile(r"Input should be less than or equal to (.*)"), r"must be \1 or less"),
+    (re.compile(r"Input should be greater than (.*)"), r"must be above \1"),
+    (re.compile(r"Input should be less than (.*)"), r"must be below \1"),
+)
+"""How the validator says it, and how to say it."""
+
+
+def in_users_words(message: str, names: Sequence[str], arguments: Sequence[str]) -> str:
+    """A message about a value, with the value before it where the message does not have it.
+
+    Args:
+        message: the validator's, or one of our own, which stays as it is.
+        names: of the option, such as ``--count`` and ``-n``.
+        arguments: as they were typed.
+    """
+    for said, words in _WORDS:
+        if found := said.fullmatch(message):
+            plain = found.expand(words)
+            value = _typed(names, arguments)
+            return plain if value is None or plain.startswith("'") else f"'{shown(value)}' {plain}"
+    return message
+
+
+def _typed(names: Sequence[str], arguments: Sequence[str]) -> str | None:
+    """What was typed as the value of an option, the last time."""
+    for k in range(len(arguments) - 1, -1, -1):
+        name, equals, value = arguments[k].partition("=")
+        if name in names:
+            return value if equals else next(iter(arguments[k + 1 :]), None)
+    return None
+
 
 RENAMED = {
     "--accuracy": "--accuracy-mm",
@@ -69,3 +114,92 @@ def with_new_names(arguments: Iterable[str], options: set[str]) -> list[str]:
         info(f"warning: {former} is called {name} now; the old name goes with the next release")
         out.append(f"{name}{equals}{value}")
     return out
+
+
+# Options that belong together, as one frozen value: each field of a dataclass is an option, and a command takes the
+# whole.
+
+TrustOption = Annotated[
+    bool,
+    typer.Option(
+        "--trust-xacro",
+        help="Let a xacro file read files outside its own folder and the environment, as a program that you trust.",
+    ),
+]
+
+
+def grouped(command: Callable[..., None]) -> Callable[..., None]:
+    """A command whose groups are laid out as the single options that the command line reads.
+
+    Where an annotation is a dataclass, every field of it, annotated like a parameter, stands in its place; the command gets
+    the dataclass, which may check its values against one another as it is made.
+
+    Args:
+        command: takes options, arguments and groups by keyword.
+
+    Raises:
+        ValueError: two groups have an option of one name.
+    """
+    hints = get_type_hints(command, include_extras=True)
+    groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
+    flat: list[Parameter] = []
+    for name, parameter in signature(command).parameters.items():
+        if name in groups:
+            flat += _parameters(groups[name])
+        else:
+            flat.append(parameter.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[name]))
+
+    @wraps(command)
+    def run(**given: Any) -> None:
+        for name, kind in groups.items():
+            given[name] = kind(**{field.name: given.pop(field.name) for field in fields(kind)})
+        command(**given)
+
+    laid_out: Any = run
+    laid_out.__signature__ = Signature(flat)
+    laid_out.__annotations__ = {parameter.name: parameter.annotation for parameter in flat}
+    return run
+
+
+def _parameters(group: type) -> list[Parameter]:
+    """One for each field."""
+    hints = get_type_hints(group, include_extras=True)
+    return [
+        Parameter(field.name, Parameter.KEYWORD_ONLY, default=_default(field), annotation=hints[field.name])
+        for field in fields(group)
+    ]
+
+
+def _default(field: Field[Any]) -> Any:
+    return Parameter.empty if field.default is MISSING else field.default
+
+
+def trusting(command: Callable[..., None]) -> Callable[..., None]:
+    """A command with ``--trust-xacro`` after its robot or its source of one; a command that takes none is left as it is.
+
+    Args:
+        command: as typer takes it, with its groups laid out.
+    """
+    hints = get_type_hints(command, include_extras=True)
+    flat = [
+        parameter.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[name])
+        for name, parameter in signature(command).parameters.items()
+    ]
+    robot = next((place for place, parameter in enumerate(flat) if parameter.name in ("robot", "source")), None)
+    if robot is None:
+        return command
+    flat.insert(robot + 1, Parameter("trust_xacro", Parameter.KEYWORD_ONLY, default=False, annotation=TrustOption))
+
+    @wraps(command)
+    def run(*, trust_xacro: bool, **given: Any) -> None:
+        if not trust_xacro:
+            return command(**given)
+        from taskcal.robot.importers.xacro import trusting_xacro
+
+        with trusting_xacro():
+            return command(**given)
+
+    laid_out: Any = run
+    laid_out.__signature__ = Signature(flat)
+    laid_out.__annotations__ = {parameter.name: parameter.annotation for parameter in flat}
+    return run

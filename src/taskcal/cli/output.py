@@ -7,20 +7,89 @@ import re
 import shlex
 import shutil
 import sys
+import time
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING, Any, TextIO
 
-from taskcal.cli.progress_lines import report_step
-from taskcal.cli.sign_of_life import clear_sign
 from taskcal.errors import printable, shortened
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from taskcal.presentation.content import Table
+    from taskcal.report.content import Table
+
+
+# How far a command is, a line of JSON for each step on standard error, for a program that started it and asks for
+# them.
+
+VARIABLE = "TASKCAL_PROGRESS"
+"""Environment variable; ``lines`` asks for them."""
+
+
+def report_step(step: str, done: int, of: int | None) -> None:
+    """Say that a step begins, where that is asked for.
+
+    Args:
+        step: what is being done.
+        done: steps before it.
+        of: how many there are; None where that is not known.
+    """
+    if os.environ.get(VARIABLE) != "lines":
+        return
+    with suppress(OSError):
+        print(json.dumps({"step": step, "done": done, "of": of}), file=sys.stderr, flush=True)
+
+
+# A word on the terminal as soon as a command begins, while the libraries that it needs are still being imported.
+
+TICK = 1.0
+"""Seconds after which the word says anew for how long."""
+
+_shown = [False]
+"""Whether the word stands there."""
+_writing = Lock()
+
+
+@contextmanager
+def sign_of_life() -> Generator[None, None, None]:
+    """Say that something is being done, and for how long, where standard error is a terminal, until anything else is said."""
+    ended = Event()
+    if sys.stderr.isatty():
+        _shown[0] = True
+        _write("working …")
+        Thread(target=_tick, args=(ended, time.monotonic()), daemon=True).start()
+    try:
+        yield
+    finally:
+        ended.set()
+        clear_sign()
+
+
+def clear_sign() -> None:
+    """Take the word away again; to be called before anything is written."""
+    with _writing:
+        if _shown[0]:
+            _shown[0] = False
+            _write("\r\x1b[K")
+
+
+def _tick(ended: Event, start: float) -> None:
+    while not ended.wait(TICK):
+        with _writing:
+            if not _shown[0]:
+                return
+            _write(f"\rworking … {time.monotonic() - start:.0f} s")
+
+
+def _write(text: str) -> None:
+    with suppress(OSError):
+        sys.stderr.write(text)
+        sys.stderr.flush()
+
 
 MESSAGE_CHARACTERS = 4000
 """Of one message; whatever it repeats of its input is cut."""
@@ -46,7 +115,7 @@ def tell(line: str = "") -> None:
 
 def say(text: str) -> None:
     """A sentence of the result, folded between words whatever reads it."""
-    from taskcal.presentation.layout import fold
+    from taskcal.report.content import fold
 
     clear_sign()
     for line in fold(for_terminal(text), line_width()):
@@ -57,7 +126,7 @@ def _folded(text: str, stream: TextIO) -> str:
     """A message cut between words for a terminal, which would cut within them; whole where programs read it."""
     if not stream.isatty():
         return text
-    from taskcal.presentation.layout import fold
+    from taskcal.report.content import fold
 
     width = line_width()
     return "\n".join(part for line in text.split("\n") for part in (fold(line, width) if len(line) > width else [line]))
@@ -106,7 +175,7 @@ def working(step: str, steps: int | None = None) -> Generator[Callable[[str], No
     Yields:
         how to say which step begins.
     """
-    from taskcal.cli.progress_bar import progress_bar
+    pass
 
     with progress_bar(for_terminal(step), steps) as update:
         report_step(step, 0, steps)
@@ -177,7 +246,7 @@ def show_table(
     spare: Sequence[int] = (),
 ) -> None:
     """Print a table; columns are flush right but for those in `left`, and those in `spare` go first where it is too wide."""
-    from taskcal.presentation.layout import fold, lay_out_table
+    from taskcal.report.content import fold, lay_out_table
 
     clear_sign()
     width = line_width()
@@ -207,8 +276,104 @@ def show(table: "Table") -> None:
 
 def show_facts(facts: Iterable[tuple[str, str]]) -> None:
     """Print labelled lines."""
-    from taskcal.presentation.layout import lay_out_facts
+    from taskcal.report.content import lay_out_facts
 
     clear_sign()
     for line in lay_out_facts([(for_terminal(label), for_terminal(text)) for label, text in facts], line_width()):
         print(line)
+
+
+# The table of position errors on the terminal.
+
+
+def show_errors(title: str, summaries: Mapping[str, Mapping[str, float | int]]) -> None:
+    """Print a row for each labelled `Validation.summary`; axes are those of the robot's base."""
+    from taskcal.report.calibration import tabulate_errors
+
+    show(tabulate_errors(title, summaries))
+
+
+# The line on a terminal that shows how far a command is.
+
+Update = Callable[[int, str, int | None], None]
+"""Of the steps that are done, what is being done now, and how many steps there are."""
+
+
+@contextmanager
+def progress_bar(text: str, total: int | None) -> Generator[Update, None, None]:
+    """A line on standard error with what is being done, a bar and the time; nothing where that is not a terminal.
+
+    Args:
+        text: what is being done, fit for a terminal.
+        total: steps to the end; a wheel turns in place of the bar where that is not known.
+
+    Yields:
+        how to say how many steps are done, what is being done now, and how many there are.
+    """
+    if not _is_watched():
+        yield _say_nothing
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    clear_sign()
+    described = TextColumn("{task.description} …", markup=False)
+    counted = (described, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (SpinnerColumn(), described, TimeElapsedColumn()) if total is None else counted
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(text, total=total)
+        yield lambda done, now, of: bar.update(task, completed=done, description=now, total=of, refresh=True)
+
+
+def _is_watched() -> bool:
+    return bool(os.environ.get("FORCE_COLOR")) or sys.stderr.isatty()
+
+
+def _say_nothing(done: int, now: str, of: int | None) -> None:
+    """Nobody watches; a terminal alone needs Rich, which takes a while to import."""
+
+
+# Bars for work whose steps are known: beforehand, or as each part of it begins.
+
+
+@contextmanager
+def bar_over(steps: Sequence[str]) -> Generator[Callable[[str], None], None, None]:
+    """A bar on standard error that is full behind the last step, where that is a terminal; yields how to say which one begins.
+
+    A step may stand several times, and steps may be passed over. What is not among those that are left changes the words alone.
+    """
+    with progress_bar(for_terminal(steps[0]), len(steps)) as update:
+        report_step(steps[0], 0, len(steps))
+        begun = 0
+
+        def begin(step: str) -> None:
+            nonlocal begun
+            done = max(begun - 1, 0)
+            if step in steps[begun:]:
+                done = steps.index(step, begun)
+                begun = done + 1
+            update(done, for_terminal(step), len(steps))
+            report_step(step, done, len(steps))
+
+        yield begin
+        update(len(steps), for_terminal(steps[-1]), len(steps))
+
+
+@contextmanager
+def bar_by_parts(first: str) -> Generator[Callable[[str, int, int], None], None, None]:
+    """A bar on standard error for work that says how far each part of it is, where that is a terminal.
+
+    Args:
+        first: what is done before any part is said.
+
+    Yields:
+        how to say the part, how many of its steps are done, and how many it has.
+    """
+    with progress_bar(for_terminal(first), 1) as update:
+        report_step(first, 0, None)
+
+        def show(part: str, done: int, of: int) -> None:
+            update(done, for_terminal(part), of)
+            report_step(part, done, of)
+
+        yield show

@@ -14,9 +14,18 @@ from typing import Any
 
 import typer
 
-from taskcal.cli.state_folder import state_folder
 from taskcal.errors import FileError
-from taskcal.files import write_all, write_whole
+from taskcal.io.files import write_all, write_whole
+
+# Where the commands keep what they remember from one run to the next.
+
+
+def state_folder() -> Path:
+    """The folder that ``TASKCAL_STATE_DIR`` names, or the system's own for a user's programs."""
+    import platformdirs
+
+    return Path(os.environ.get("TASKCAL_STATE_DIR") or platformdirs.user_state_path("taskcal"))
+
 
 RECORDS = 2000
 """Files that are remembered; beyond it, those that are no longer there are forgotten."""

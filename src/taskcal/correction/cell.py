@@ -1,13 +1,76 @@
 """What was measured of the tools and parts that programs speak of."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal, Self
 
 import numpy as np
+import tomli_w
 from jaxtyping import Float
+from pydantic import Field, model_validator
 
-from taskcal.correction.external_axis import ExternalAxis
+from taskcal.arguments import repeated
+from taskcal.errors import FileError
+from taskcal.geometry import se3
+from taskcal.io.files import write_whole
+from taskcal.io.toml_file import Finite, NotNegative, Quaternion, Section, read_toml
 from taskcal.short_repr import short_repr
+
+# External axes of a cell: what they carry, and where that is at their positions.
+
+Carries = Literal["nothing", "robot", "part"]
+
+AXES = 6
+"""External axes of a target, in RAPID (eax_a … eax_f) as in KRL (E1 … E6)."""
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ExternalAxis:
+    """One external axis, as the controller counts it."""
+
+    number: int
+    """1 for eax_a and E1."""
+    carries: Carries
+    turns: bool = False
+    """It turns, and its positions are degrees; otherwise it slides, and they are millimetres."""
+    direction: Float[np.ndarray, " 3"] | None = None
+    """In which it slides, or about which it turns, of unit length in its frame; None of an axis that carries nothing."""
+    T_frame: Float[np.ndarray, "4 4"] | None = None
+    """Where its frame is with all axes at zero: in the world, or in what the axis before it carries; None for the same place."""
+    unit: str = ""
+    """Name of its mechanical unit, by which RAPID's work objects call it; empty for whichever they name."""
+
+    @property
+    def name(self) -> str:
+        """As both languages call it."""
+        return f"external axis {self.number} (eax_{'abcdef'[self.number - 1]}, E{self.number})"
+
+    def motion(self, position: float) -> Float[np.ndarray, "4 4"]:
+        """What it carries at a position, against where that is at zero, in its frame."""
+        if self.direction is None:
+            return np.eye(4)
+        if self.turns:
+            return se3.pose(se3.exp(self.direction * np.radians(position)), np.zeros(3))
+        return se3.pose(np.eye(3), self.direction * position * 1e-3)
+
+
+def carried_robot(axes: Sequence[ExternalAxis], positions: Float[np.ndarray, " axes"]) -> Float[np.ndarray, "4 4"]:
+    """Motion of the robot's base in the world, against where it stands with all axes at zero."""
+    T, frame = np.eye(4), np.eye(4)
+    for axis in axes:
+        frame = frame if axis.T_frame is None else frame @ axis.T_frame
+        T = T @ frame @ axis.motion(float(positions[axis.number - 1])) @ se3.inverse(frame)
+    return T
+
+
+def carried_part(axes: Sequence[ExternalAxis], positions: Float[np.ndarray, " axes"]) -> Float[np.ndarray, "4 4"]:
+    """Pose in the world of what axes that carry each other, in this order, carry."""
+    T = np.eye(4)
+    for axis in axes:
+        T = (T if axis.T_frame is None else T @ axis.T_frame) @ axis.motion(float(positions[axis.number - 1]))
+    return T
 
 
 @short_repr
@@ -54,3 +117,222 @@ class Cell:
     def part(self, name: str) -> Measured:
         """What was measured of a part."""
         return self.parts.get(name.casefold(), Measured(name=name))
+
+
+# The cell file: its schema, and the cell it describes.
+
+MIN_POINTS = 3
+"""Points that locate a frame."""
+
+MIN_DIRECTION = 1e-6
+"""A direction is longer."""
+
+Point = tuple[Finite, Finite, Finite]
+
+MOST_NAMED = 1000
+"""Tools of a cell, and parts: a tool changer holds some dozen."""
+
+
+class PoseSection(Section):
+    """A pose."""
+
+    position_mm: Point
+    quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+    def pose(self) -> Float[np.ndarray, "4 4"]:
+        """As a transform, metres."""
+        return se3.pose(se3.from_quaternion(np.array(self.quaternion)), np.array(self.position_mm) * 1e-3)
+
+
+class MeasuredSection(Section):
+    """A tool or a part."""
+
+    name: str = Field(min_length=1)
+    controller: PoseSection | None = None
+    tracker: PoseSection | None = None
+    touched_deg: Annotated[tuple[tuple[Finite, ...], ...], Field(min_length=MIN_POINTS)] | None = None
+    touched_with: str = ""
+    flange: PoseSection | None = None
+    target: PoseSection | None = None
+    reflectors_mm: Annotated[dict[str, Point], Field(min_length=MIN_POINTS)] | None = None
+    uncertainty_mm: NotNegative | None = None
+
+    @model_validator(mode="after")
+    def _measured_once(self) -> Self:
+        options = ("tracker", "touched_deg", "flange", "target", "reflectors_mm")
+        given = [key for key in options if getattr(self, key) is not None]
+        if len(given) > 1:
+            raise ValueError(f"'{self.name}' is measured in one way only: keep one of {' and '.join(given)}")
+        if (self.touched_deg is None) != (not self.touched_with):
+            raise ValueError(f"'{self.name}': touched_deg and touched_with, the tool that touched, belong together")
+        if self.touched_deg and len({len(row) for row in self.touched_deg}) > 1:
+            raise ValueError(f"'{self.name}': the rows of touched_deg differ in length; each has one angle per joint")
+        if self.uncertainty_mm is not None and not given:
+            raise ValueError(f"'{self.name}': uncertainty_mm is of what is measured: give one of {', '.join(options)}")
+        return self
+
+    def measured(self) -> Measured:
+        """What it says, in metres and radians."""
+
+        def pose(section: PoseSection | None) -> Float[np.ndarray, "4 4"] | None:
+            return None if section is None else section.pose()
+
+        return Measured(
+            name=self.name,
+            controller=pose(self.controller),
+            in_tracker=pose(self.tracker),
+            touched=None if self.touched_deg is None else np.radians(np.array(self.touched_deg)),
+            touched_with=self.touched_with,
+            in_flange=pose(self.flange),
+            in_target=pose(self.target),
+            reflectors={name: np.array(p) * 1e-3 for name, p in (self.reflectors_mm or {}).items()},
+            uncertainty=(self.uncertainty_mm or 0.0) * 1e-3,
+        )
+
+
+class RobotSection(Section):
+    """Where the robot stands."""
+
+    base: PoseSection
+
+
+class AxisSection(Section):
+    """An external axis."""
+
+    number: Annotated[int, Field(ge=1, le=AXES)]
+    carries: Carries
+    slides_along: Point | None = None
+    turns_about: Point | None = None
+    frame: PoseSection | None = None
+    unit: str = ""
+
+    @model_validator(mode="after")
+    def _moves_one_way(self) -> Self:
+        ways = [key for key in ("slides_along", "turns_about") if getattr(self, key) is not None]
+        if self.carries == "nothing":
+            if ways or self.frame or self.unit:
+                raise ValueError(
+                    f"axis {self.number} carries nothing: leave out slides_along, turns_about, frame and unit"
+                )
+        elif len(ways) != 1:
+            raise ValueError(
+                f"axis {self.number} carries the {self.carries}: state either slides_along = [x, y, z] or turns_about = [x, y, z]"
+            )
+        elif np.linalg.norm(getattr(self, ways[0])) < MIN_DIRECTION:
+            raise ValueError(f"axis {self.number}: {ways[0]} has no length, so that it is not a direction")
+        if self.unit and self.carries != "part":
+            raise ValueError(f"axis {self.number}: unit is for axes that carry the part")
+        return self
+
+    def axis(self) -> ExternalAxis:
+        """What it says, in metres and with a direction of unit length."""
+        way = self.turns_about or self.slides_along
+        return ExternalAxis(
+            number=self.number,
+            carries=self.carries,
+            turns=self.turns_about is not None,
+            direction=None if way is None else np.array(way) / np.linalg.norm(way),
+            T_frame=None if self.frame is None else self.frame.pose(),
+            unit=self.unit,
+        )
+
+
+class CellFile(Section):
+    """A cell file."""
+
+    robot: RobotSection | None = None
+    axis: tuple[AxisSection, ...] = ()
+    tool: Annotated[tuple[MeasuredSection, ...], Field(max_length=MOST_NAMED)] = ()
+    part: Annotated[tuple[MeasuredSection, ...], Field(max_length=MOST_NAMED)] = ()
+
+    @model_validator(mode="after")
+    def _names(self) -> Self:
+        for kind, sections in (("tools", self.tool), ("parts", self.part)):
+            names = [section.name.casefold() for section in sections]
+            if twice := repeated(names):
+                raise ValueError(f"two {kind} are named '{twice[0]}'")
+        if twice := repeated(section.number for section in self.axis):
+            raise ValueError(f"axis {twice[0]} is stated twice")
+        return self
+
+
+def load_cell(path: str | Path) -> Cell:
+    """Read a cell file (TOML).
+
+    Raises:
+        FileError: it is missing, no TOML, or not a cell file; or a tool that touched is not in it.
+    """
+    path = Path(path)
+    content = read_toml(path, CellFile)
+    cell = Cell(
+        tools={section.name.casefold(): section.measured() for section in content.tool},
+        parts={section.name.casefold(): section.measured() for section in content.part},
+        T_world_base=None if content.robot is None else content.robot.base.pose(),
+        axes=tuple(section.axis() for section in sorted(content.axis, key=lambda section: section.number)),
+    )
+    for part in cell.parts.values():
+        toucher = part.touched_with.casefold()
+        tool = cell.tools.get(toucher)
+        if toucher and (tool is None or (tool.controller is None and tool.in_flange is None)):
+            raise FileError(
+                path,
+                f"part '{part.name}' was touched with '{part.touched_with}', of which the file does not say where the controller "
+                "has it; add a [[tool]] of that name with controller = { position_mm = …, quaternion = … }",
+            )
+    return cell
+
+
+def write_cell(path: str | Path, cell: Cell) -> None:
+    """Write a cell file that `load_cell` reads back.
+
+    Raises:
+        FileError: the folder is missing or not writable.
+    """
+    write_whole(path, cell_text(cell))
+
+
+def cell_text(cell: Cell) -> str:
+    """What `write_cell` writes."""
+    sections = {
+        kind: [_section(measured) for measured in among.values()]
+        for kind, among in (("tool", cell.tools), ("part", cell.parts))
+    }
+    own: dict[str, object] = {} if cell.T_world_base is None else {"robot": {"base": _pose(cell.T_world_base)}}
+    if cell.axes:
+        own["axis"] = [_axis(axis) for axis in cell.axes]
+    return tomli_w.dumps({**own, **{kind: tables for kind, tables in sections.items() if tables}})
+
+
+def _pose(T: Float[np.ndarray, "4 4"]) -> dict[str, object]:
+    return {"position_mm": (T[:3, 3] * 1e3).tolist(), "quaternion": se3.to_quaternion(T[:3, :3]).tolist()}
+
+
+def _axis(axis: ExternalAxis) -> dict[str, object]:
+    out: dict[str, object] = {"number": axis.number, "carries": axis.carries}
+    if axis.direction is not None:
+        out["turns_about" if axis.turns else "slides_along"] = axis.direction.tolist()
+    if axis.T_frame is not None:
+        out["frame"] = _pose(axis.T_frame)
+    if axis.unit:
+        out["unit"] = axis.unit
+    return out
+
+
+def _section(measured: Measured) -> dict[str, object]:
+    out: dict[str, object] = {"name": measured.name}
+    poses = {
+        "controller": measured.controller,
+        "tracker": measured.in_tracker,
+        "flange": measured.in_flange,
+        "target": measured.in_target,
+    }
+    for key, T in poses.items():
+        if T is not None:
+            out[key] = _pose(T)
+    if measured.touched is not None:
+        out |= {"touched_deg": np.degrees(measured.touched).tolist(), "touched_with": measured.touched_with}
+    if measured.reflectors:
+        out["reflectors_mm"] = {name: (p * 1e3).tolist() for name, p in measured.reflectors.items()}
+    if measured.uncertainty:
+        out["uncertainty_mm"] = measured.uncertainty * 1e3
+    return out

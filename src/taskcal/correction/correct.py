@@ -1,39 +1,581 @@
 """Correcting a program: every target becomes the pose at which a nominal controller moves to the joints the true robot needs."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from robot_programs.core.program import Diagnostic, Move, Program, Waypoint, keep_together
+from robot_programs.core.source import Place, Source
+from robot_programs.languages import language_of
+from robot_programs.reading import compose_program, parse_program
 from taskcal.arguments import expect_kinds
-from taskcal.correction.assessment import assess
 from taskcal.correction.cell import Cell
-from taskcal.correction.controller_trajectory import ControllerTrajectory, simulate_controller
-from taskcal.correction.correction import SHARE_OF_UNCERTAINTY, TOLERANCE, Bounds, Correction
-from taskcal.correction.correction_problem import CorrectionProblem
-from taskcal.correction.diagnostics import (
-    diagnose,
-    diagnose_new_corners,
-    diagnose_unchanged_files,
-    diagnose_unused_frames,
+from taskcal.correction.controller import ControllerTrajectory, simulate_controller
+from taskcal.correction.correction import (
+    SHARE_OF_UNCERTAINTY,
+    SOURCES,
+    TOLERANCE,
+    Bounds,
+    Correction,
+    assess,
+    budget_of,
 )
-from taskcal.correction.drive_directions import DriveDirections, drive_directions, uses_directions
-from taskcal.correction.error_budget import SOURCES, budget_of
-from taskcal.correction.frame_calibration import FrameCalibration, calibrate_frames
-from taskcal.correction.joint_motion import joint_motion
+from taskcal.correction.frames import FrameCalibration, calibrate_frames
+from taskcal.correction.motion import (
+    TURN_SPEED,
+    DriveDirections,
+    JointMotion,
+    drive_directions,
+    joint_motion,
+    uses_directions,
+)
 from taskcal.correction.mounting import Mounted, ask_for_base, base_statement, mount
+from taskcal.correction.path import RoundedPath, Segments
 from taskcal.correction.placement import Placed
-from taskcal.correction.rewritten_program import rewrite_program
-from taskcal.correction.rounded_path import RoundedPath
-from taskcal.correction.segments import Segments
-from taskcal.correction.subdivision import subdivide
-from taskcal.correction.target_changes import target_changes
-from taskcal.correction.waypoints import choose_waypoints
+from taskcal.correction.problem import CorrectionProblem
+from taskcal.correction.spinning import with_spins, with_spins_near
+from taskcal.correction.subdivision import Subdivision, subdivide
 from taskcal.errors import TaskcalError
+from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
-from taskcal.programs.program import Diagnostic, Move, Program
-from taskcal.programs.spinning import with_spins
+from taskcal.kinematics.inverse import closes, conditioning
+from taskcal.kinematics.tracing import NEARLY_SINGULAR
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot import Robot
+
+# How far a correction moves the targets of a program.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TargetChanges:
+    """How far the nodes of every motion are from where the tool is wanted."""
+
+    shift: Float[np.ndarray, " m"]
+    """Largest distance that a node is moved by, metres."""
+    turn: Float[np.ndarray, " m"]
+    """Largest angle that a node is turned by, radians."""
+    joint: Float[np.ndarray, " m"]
+    """Largest change of a revolute joint at the motion's end, radians; NaN where it is not known."""
+
+
+def target_changes(robot: Robot, subdivision: Subdivision, trajectory: ControllerTrajectory) -> TargetChanges:
+    """How far each motion is changed.
+
+    Args:
+        robot: the robot.
+        subdivision: the corrected motions.
+        trajectory: the controller's, of the program as it was given.
+    """
+    nodes, m = subdivision.nodes, len(trajectory.end)
+    shift, turn, joint = np.zeros(m), np.zeros(m), np.full(m, np.nan)
+    np.maximum.at(shift, nodes.move, np.linalg.norm(nodes.T[:, :3, 3] - nodes.wanted[:, :3, 3], axis=1))
+    angle = np.linalg.norm(se3.log(nodes.T[:, :3, :3] @ np.swapaxes(nodes.wanted[:, :3, :3], 1, 2)), axis=1)
+    np.maximum.at(turn, nodes.move, angle)
+    ends = nodes.share == 1.0
+    move = nodes.move[ends]
+    revolute = [j for j, slides in enumerate(robot.prismatic) if not slides]
+    joint[move] = np.abs(nodes.q[ends] - trajectory.end[move])[:, revolute].max(axis=1, initial=0.0)
+    return TargetChanges(shift=shift, turn=turn, joint=joint)
+
+
+# Which motions are not corrected, and why.
+
+SWINGING_RATIO = 0.1
+"""Ratio of the Jacobian's singular values under which a large motion of the joints is put down to a singular posture."""
+
+
+def find_rejections(
+    robot: Robot,
+    subdivision: Subdivision,
+    changes: TargetChanges,
+    bounds: Bounds,
+) -> dict[int, str]:
+    """Motions that are not corrected, and why."""
+    nodes = subdivision.nodes
+    reasons: dict[int, str] = {}
+    for k in np.flatnonzero(~nodes.reached):
+        if changes.shift[nodes.move[k]] <= bounds.shift:
+            reasons.setdefault(int(nodes.move[k]), _why_unreached(robot, nodes.q[k]))
+    for i in np.flatnonzero(subdivision.pieces):
+        if i in reasons:
+            continue
+        if changes.shift[i] > bounds.shift:
+            reasons[int(i)] = (
+                f"would move by {changes.shift[i] * 1e3:.2f} mm, and {bounds.shift * 1e3:g} mm are allowed; look at where "
+                "the cell file has its tool and part, or widen the bound (--max-shift-mm) if that is right"
+            )
+        elif changes.turn[i] > bounds.turn:
+            reasons[int(i)] = (
+                f"would turn by {np.degrees(changes.turn[i]):.2f}°, and {np.degrees(bounds.turn):g}° are allowed; widen the bound "
+                "(--max-turn-deg) if that is right"
+            )
+        elif changes.joint[i] > bounds.joint:
+            reasons[int(i)] = (
+                f"would move a joint by {np.degrees(changes.joint[i]):.1f}°, and {np.degrees(bounds.joint):g}° are allowed "
+                f"(--max-joint-deg){_why_joints_swing(robot, nodes.q[nodes.move == i][-1])}"
+            )
+        elif not np.isfinite(subdivision.deviation[i]):
+            reasons[int(i)] = (
+                "the nominal robot cannot follow the corrected path; it passes too near to a singular posture"
+            )
+    return reasons
+
+
+def _why_joints_swing(robot: Robot, q: Float[np.ndarray, " joints"]) -> str:
+    """What to add where a joint moves far for a small correction."""
+    if conditioning(ErrorModel(robot), q[None])[0] > SWINGING_RATIO:
+        return ""
+    return "; near a singular posture a small correction swings the joints"
+
+
+def _why_unreached(robot: Robot, q: Float[np.ndarray, " joints"]) -> str:
+    """Why the calibrated robot does not reach a node, by the joint positions nearest to it that were found."""
+    outside = robot.outside_limits(q[None])
+    if outside:
+        return f"the calibrated robot reaches it outside its limits only: {outside[0][1]}"
+    model = ErrorModel(robot)
+    if not closes(model, q[None])[0] or conditioning(model, q[None])[0] > NEARLY_SINGULAR:
+        return "is out of the calibrated robot's reach in this posture"
+    return "lies at a singular posture, where the calibrated robot does not reach it"
+
+
+# What is written for the motions that a correction changes.
+
+UNMOVED, UNTURNED = 1e-7, 1e-7
+"""A target that moves and turns by less, metres and radians, keeps its text."""
+
+
+def choose_waypoints(
+    problem: CorrectionProblem,
+    subdivision: Subdivision,
+    changes: TargetChanges,
+    bounds: Bounds,
+    *,
+    keep_joints: bool,
+    program: Program | None,
+) -> tuple[dict[int, tuple[Waypoint, ...]], dict[int, str]]:
+    """What is written, by number of the motion, and the motions that are left as they are, with the reason.
+
+    Args:
+        problem: what is corrected.
+        subdivision: as corrected.
+        changes: how far that moves the targets.
+        bounds: how far they may be moved.
+        keep_joints: leave motions to joint positions as they are.
+        program: the one whose own text is rewritten; None where a new one is written.
+    """
+    moves, robot = problem.moves, problem.robot
+    kept = {i for i, move in enumerate(moves) if keep_joints and move.kind == "axes"}
+    rejected = problem.trajectory.rejected | find_rejections(robot, subdivision, changes, bounds)
+    rejected = {i: why for i, why in rejected.items() if i not in kept}
+    waypoints = _waypoints(moves, subdivision, changes, kept | rejected.keys())
+    if program is not None:
+        visits = tuple(program.visits())
+        while True:
+            more = program.unwritable(robot, waypoints, subdivision.tolerance)
+            more = more or keep_together(visits, rejected, waypoints)
+            if not more:
+                break
+            rejected |= more
+            waypoints = {i: path for i, path in waypoints.items() if i not in more}
+    return waypoints, rejected
+
+
+def _waypoints(
+    moves: Sequence[Move], subdivision: Subdivision, changes: TargetChanges, kept: Set[int]
+) -> dict[int, tuple[Waypoint, ...]]:
+    """What is written for every motion that changes.
+
+    Args:
+        moves: the motions of the program.
+        subdivision: as corrected.
+        changes: how far that moves them.
+        kept: numbers of motions that stay as they are.
+    """
+    nodes = subdivision.nodes
+    first = np.searchsorted(nodes.move, np.arange(len(moves) + 1))
+    waypoints: dict[int, tuple[Waypoint, ...]] = {}
+    for i, move in enumerate(moves):
+        rows = range(first[i], first[i + 1])
+        unchanged = subdivision.pieces[i] == 1 and changes.shift[i] < UNMOVED and changes.turn[i] < UNTURNED
+        if i in kept or not rows or unchanged:
+            continue
+        if move.kind == "axes":
+            waypoints[i] = (Waypoint(kind="axes", q=nodes.q[rows[-1]], T=None),)
+            continue
+        if move.via is None:
+            waypoints[i] = tuple(
+                Waypoint(
+                    kind=move.kind,
+                    q=nodes.q[k],
+                    T=nodes.T[k],
+                    external=_external(moves, i, nodes.share[k]),
+                    share=float(nodes.share[k]),
+                )
+                for k in rows
+            )
+            continue
+        waypoints[i] = tuple(
+            Waypoint(
+                kind="circular",
+                q=nodes.q[k],
+                T=nodes.T[k],
+                via=Waypoint(kind="circular", q=nodes.q[k - 1], T=nodes.T[k - 1]),
+                external=_external(moves, i, nodes.share[k]),
+                share=float(nodes.share[k]),
+            )
+            for k in rows[1::2]
+        )
+    return waypoints
+
+
+def _external(moves: Sequence[Move], i: int, share: float) -> tuple[float, ...]:
+    """Positions of the external axes at a share of a motion's length; empty where they stay, or their start is not known.
+
+    A controller moves them in step with the way of the tool.
+    """
+    follows = moves[i].follows
+    start, end = () if follows is None else moves[follows].external, moves[i].external
+    if share >= 1.0 or start == end or len(start) != len(end):
+        return ()
+    return tuple(b if np.isnan(a) else a + share * (b - a) for a, b in zip(start, end, strict=True))
+
+
+# What the user of a corrected program should know, by file and line.
+
+
+def diagnose(
+    program: Program,
+    trajectory: ControllerTrajectory,
+    new_trajectory: ControllerTrajectory,
+    origin: Sequence[tuple[int, float, float]],
+    written: Sequence[Move],
+    subdivision: Subdivision,
+    motion: JointMotion,
+) -> tuple[Diagnostic, ...]:
+    """What the user should know, by file and line.
+
+    Args:
+        program: as it was given.
+        trajectory: the controller's, of that program.
+        new_trajectory: the controller's, of the corrected program.
+        origin: for each motion of the corrected program, the one it comes from, and the shares of its length.
+        written: motions of the corrected program.
+        subdivision: the corrected motions.
+        motion: how the corrected program moves the joints.
+    """
+    moves = program.moves
+    out = list(program.diagnostics)
+    out += [Diagnostic(place=moves[i].place, text=text) for i, text in sorted(trajectory.warnings.items())]
+    for k, text in sorted(new_trajectory.rejected.items()):
+        i = origin[k][0]
+        if i not in trajectory.rejected:
+            out.append(Diagnostic(place=moves[i].place, text=f"as corrected, {text}"))
+    for i, move in enumerate(moves):
+        if move.kind in ("linear", "circular") and subdivision.pieces[i] and np.isnan(trajectory.start[i, 0]):
+            text = "begins where the text does not tell: corrected at its points, not looked at between them"
+            out.append(Diagnostic(place=move.place, text=text))
+        elif move.kind in ("linear", "circular") and subdivision.pieces[i] and move.texts_motions > 1:
+            text = f"stands for {move.texts_motions} motions, so that it is not divided: corrected at its points alone"
+            out.append(Diagnostic(place=move.place, text=text))
+        elif move.kind in ("linear", "circular") and subdivision.pieces[i] and not move.divisible:
+            text = "does something once along its way, so that it is not divided: corrected at its points alone"
+            out.append(Diagnostic(place=move.place, text=text))
+    for i in np.flatnonzero(np.isfinite(subdivision.deviation) & (subdivision.deviation > subdivision.tolerance)):
+        text = f"leaves its path by {subdivision.deviation[i] * 1e3:.3f} mm between corrected targets, however finely it is divided"
+        if trajectory.corners.after[i] >= 0 or trajectory.corners.before[i] >= 0:
+            text += "; its rounded corners stay clear of further targets"
+        out.append(Diagnostic(place=moves[int(i)].place, text=text))
+    unknown = [
+        moves[i]
+        for (i, _, end), move in zip(origin, written, strict=True)
+        if end == 1.0 and not move.stops and move.zone is None
+    ]
+    if unknown:
+        others = f", as {len(unknown) - 1} others do" if len(unknown) > 1 else ""
+        text = (
+            f"passes by its target in a corner whose size is not known{others}: assessed as if the tool went through the "
+            "target"
+        )
+        out.append(Diagnostic(place=unknown[0].place, text=text))
+    if motion.nearest_singular is not None and motion.conditioning < NEARLY_SINGULAR:
+        out.append(
+            Diagnostic(
+                place=moves[origin[motion.nearest_singular][0]].place,
+                text=f"passes near a singular posture (ratio {motion.conditioning:.3f}), where small corrections take large joint "
+                "motions",
+            )
+        )
+    if motion.turn_speed_assumed is not None:
+        out.append(
+            Diagnostic(
+                place=moves[origin[motion.turn_speed_assumed][0]].place,
+                text=f"states no reorientation speed; joint speeds are those at {np.degrees(TURN_SPEED):.0f}°/s from here on, "
+                "wherever the path speed would turn the tool faster",
+            )
+        )
+    for joint, speed, limit in zip(motion.robot.joint_names, motion.speed, motion.robot.speed_limits, strict=True):
+        if speed > limit:
+            text = f"{joint} would have to turn {speed / limit:.2f} times as fast as it can, at the programmed speed"
+            out.append(Diagnostic(place=moves[0].place, text=text))
+    return tuple(out)
+
+
+def diagnose_new_corners(
+    program: Program,
+    trajectory: ControllerTrajectory,
+    new_trajectory: ControllerTrajectory,
+    origin: Sequence[tuple[int, float, float]],
+) -> list[Diagnostic]:
+    """Corners that a new program rounds, and the path that it was made of does not.
+
+    Args:
+        program: the path.
+        trajectory: the controller's, of the path.
+        new_trajectory: the controller's, of the new program.
+        origin: for each of its motions, the one it comes from, and the shares of its length.
+    """
+    ends = [k for k, (i, _, end) in enumerate(origin) if end == 1.0 and trajectory.corners.after[i] < 0]
+    rows = np.array([k for k in ends if new_trajectory.corners.after[k] >= 0], dtype=np.int64)
+    if not len(rows):
+        return []
+    path = RoundedPath(segments=new_trajectory.segments, corners=new_trajectory.corners)
+    past = np.linalg.norm((path.at(rows, np.ones(len(rows))) - path.segments.end[rows])[:, :3, 3], axis=1)
+    worst = int(np.argmax(past))
+    text = (
+        f"the new program does not stop here, and passes by at {past[worst] * 1e3:.3f} mm, the farthest of {len(rows)} corners; "
+        "where that is too far, let the motion stop"
+    )
+    return [Diagnostic(place=program.moves[origin[rows[worst]][0]].place, text=text)]
+
+
+def diagnose_unchanged_files(program: Program, written: Sequence[Source]) -> list[Diagnostic]:
+    """Files with motions, of several that are written together, in which nothing was corrected.
+
+    Args:
+        program: as it was given.
+        written: its files as they are written, in the same order.
+    """
+    if len(written) < 2:
+        return []
+    moved = {str(move.place.path) for move in program.moves}
+    return [
+        Diagnostic(
+            place=Place(path=new.path, line=1),
+            text="no motion of this file was corrected; it is written with the others as it was read",
+        )
+        for old, new in zip(program.sources, written, strict=True)
+        if old.text == new.text and str(new.path) in moved
+    ]
+
+
+def diagnose_unused_frames(cell: Cell, program: Program) -> list[Diagnostic]:
+    """Tools and parts of the cell that no motion speaks of, which may be misspelled."""
+    tools = {move.tool.name.casefold() for move in program.moves}
+    parts = {move.part.name.casefold() for move in program.moves}
+    toucher = {measured.touched_with.casefold() for measured in cell.parts.values()}
+    place = Place(path=program.sources[0].path, line=1)
+    out: list[Diagnostic] = []
+    for kind, frames, used in (("tool", cell.tools, tools | toucher), ("part", cell.parts, parts)):
+        for key, measured in frames.items():
+            if key not in used:
+                names = ", ".join(sorted(used - {""})) or "none"
+                text = f"no motion has the cell's {kind} '{measured.name}'; the program's: {names}"
+                out.append(Diagnostic(place=place, text=text))
+    return out
+
+
+# Corrected motions as a new program, for tool paths that no controller reads as they are.
+
+
+def compose_new_program(
+    into: Path,
+    robot: Robot,
+    program: Program,
+    waypoints: Mapping[int, tuple[Waypoint, ...]],
+    trajectory: ControllerTrajectory,
+) -> Source:
+    """A new program of the corrected motions.
+
+    Raises:
+        TaskcalError: the program is more than its motions; a motion cannot be executed, so that nothing can be written for it;
+            or its language cannot say it.
+    """
+    _check_plain(program)
+    written: list[Move] = []
+    q: list[np.ndarray] = []
+    for i, move in enumerate(program.moves):
+        if i not in waypoints:
+            if i in trajectory.rejected:
+                raise TaskcalError(f"{move.place}: {trajectory.rejected[i]}; a new program has no place for it")
+            written.append(move)
+            q.append(trajectory.end[i])
+            continue
+        for waypoint in waypoints[i]:
+            end = replace(move.end, name="", T=waypoint.T, q=waypoint.q if waypoint.T is None else None, posture=None)
+            via = None if waypoint.via is None else replace(end, T=waypoint.via.T)
+            written.append(replace(move, kind=waypoint.kind, end=end, via=via))
+            q.append(waypoint.q)
+    return compose_program(into, robot, written, q=np.array(q))
+
+
+def _check_plain(program: Program) -> None:
+    """See that nothing but motions would be lost.
+
+    Raises:
+        TaskcalError: the program has logic, or parts that were not read.
+    """
+    path = program.sources[0].path
+    language = language_of(path)
+    if language.declares_frames:
+        raise TaskcalError(
+            f"{path} is {language.name}, whose logic a new program would lose; name an output of the same language"
+        )
+    if program.diagnostics:
+        raise TaskcalError(
+            f"{program.diagnostics[0]}; a new program would lose it: take it out of the path, or read it"
+        )
+
+
+# Whether a rewritten program, read again, says what was to be written.
+
+ROUNDING = 1e-5
+"""Numbers are written to this at least, metres."""
+
+
+def check_reading(
+    moves: Sequence[Move],
+    pieces: Int[np.ndarray, " m"],
+    waypoints: Mapping[int, tuple[Waypoint, ...]],
+    tolerance: float,
+) -> None:
+    """See that rewritten motions go where they should: what they share with others may have been changed for those.
+
+    Args:
+        moves: of the rewritten program, as read again.
+        pieces: into how many of them each motion of the given program became.
+        waypoints: what was to be written, by number of the motion.
+        tolerance: how far a target may be off that goes with another one, metres.
+
+    Raises:
+        TaskcalError: one does not.
+    """
+    first = np.cumsum(pieces) - pieces
+    for i, path in waypoints.items():
+        for move, waypoint in zip(moves[first[i] : first[i] + pieces[i]], path, strict=True):
+            if waypoint.T is None or move.end.T is None:
+                continue
+            off = float(np.linalg.norm(move.end.T[:3, 3] - waypoint.T[:3, 3]))
+            if off > tolerance + ROUNDING:
+                raise TaskcalError(
+                    f"{move.place}: the corrected program reads {off * 1e3:.3f} mm beside what it should say; nothing was written"
+                )
+
+
+# The corrected program: written, and read again from what was written.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RewrittenProgram:
+    """The corrected program."""
+
+    sources: tuple[Source, ...]
+    program: Program
+    """As read again from its sources."""
+    refused: dict[int, str]
+    """Its motions of which it is not known where they lead."""
+    pieces: Int[np.ndarray, " m"]
+    """Into how many motions each of the given program became."""
+    origin: tuple[tuple[int, float, float], ...]
+    """For each of its motions, the one it comes from and the shares of that one's length where it begins and ends."""
+
+    def near(self, trajectory: ControllerTrajectory) -> Float[np.ndarray, "m joints"]:
+        """Where each of its motions ends, about, radians: in the target of the one it comes from, as the controller goes there."""
+        return trajectory.end[[number for number, _, _ in self.origin]]
+
+
+def rewrite_program(
+    given: Program,
+    program: Program,
+    robot: Robot,
+    cell: Cell,
+    waypoints: Mapping[int, tuple[Waypoint, ...]],
+    trajectory: ControllerTrajectory,
+    *,
+    into: str | Path | None,
+    tolerance: float,
+) -> RewrittenProgram:
+    """Write the corrected files, and read the program from them again.
+
+    Args:
+        given: the program as it was read, whose frames are those of the files.
+        program: with its frames in the robot's base.
+        robot: the robot.
+        cell: where the robot stands, and what its external axes carry.
+        waypoints: what to write, by number of the motion.
+        trajectory: of the controller in the program.
+        into: file of a new program; None to rewrite the program's own files.
+        tolerance: how far a target may be off that goes with another one, metres.
+
+    Raises:
+        TaskcalError: it cannot be written, or does not read as what was written.
+    """
+    if into is None:
+        sources = program.rewrite(robot, waypoints)
+        again = program.reread(sources)
+    else:
+        first = given.moves[0]
+        sources = (compose_new_program(Path(into), robot, _with_frames_of(given, program), waypoints, trajectory),)
+        declares = language_of(Path(into)).declares_frames
+        tool, part = (None, None) if declares else (first.tool, first.part)
+        again = parse_program(sources, robot=robot, tool=tool, part=part)
+    pieces = np.array([len(waypoints.get(i, (1,))) for i in range(len(program.moves))], dtype=np.int64)
+    origin = _origins(len(program.moves), waypoints)
+    if len(origin) != len(again.moves):
+        raise TaskcalError(
+            f"the corrected program reads as {len(again.moves)} motions instead of {len(origin)}; nothing was written"
+        )
+    if into is None:
+        again = with_spins_near(again, _wanted_poses(program, waypoints))
+    mounted = mount(again, cell)
+    if into is None:
+        check_reading(mounted.program.moves, pieces, waypoints, tolerance)
+    return RewrittenProgram(
+        sources=sources, program=mounted.program, refused=mounted.refused, pieces=pieces, origin=origin
+    )
+
+
+def _wanted_poses(
+    program: Program, waypoints: Mapping[int, tuple[Waypoint, ...]]
+) -> list[list[Float[np.ndarray, "4 4"] | None]]:
+    """Of each motion of a rewritten program, where its via point and its end were to be."""
+    poses: list[list[Float[np.ndarray, "4 4"] | None]] = []
+    for i, move in enumerate(program.moves):
+        for wanted in waypoints.get(i, (move,)):
+            end = wanted.end.T if isinstance(wanted, Move) else wanted.T
+            poses.append([end] if wanted.via is None else [wanted.via.T, end])
+    return poses
+
+
+def _with_frames_of(given: Program, program: Program) -> Program:
+    """A program with the frames as they were read, for a new program that counts them as that one did."""
+    moves = tuple(
+        replace(move, tool=read.tool, part=read.part) for move, read in zip(program.moves, given.moves, strict=True)
+    )
+    return replace(program, moves=moves)
+
+
+def _origins(m: int, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[tuple[int, float, float], ...]:
+    """For each motion of a rewritten program the one of m it comes from, and its shares where it begins and ends."""
+    out: list[tuple[int, float, float]] = []
+    for i in range(m):
+        ends = [waypoint.share for waypoint in waypoints.get(i, ())] or [1.0]
+        out += [(i, begin, end) for begin, end in zip([0.0, *ends[:-1]], ends, strict=True)]
+    return tuple(out)
+
 
 MAX_REASONS = 3
 """Diagnostics that are shown where no motion could be resolved."""

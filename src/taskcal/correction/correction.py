@@ -1,23 +1,206 @@
 """A Correction: a program rewritten for the robot as calibrated, and what that does to its accuracy."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from taskcal.correction.assessment import Deviations
-from taskcal.correction.error_budget import ErrorBudget
-from taskcal.correction.joint_motion import JointMotion
-from taskcal.correction.rounded_path import RoundedPath
+from robot_programs.backup import write_backup
+from robot_programs.core.program import Diagnostic, Move, Program
+from robot_programs.core.source import Source
+from taskcal.correction.controller import ControllerTrajectory
+from taskcal.correction.motion import JointMotion
+from taskcal.correction.path import RoundedPath
+from taskcal.correction.placement import Placed
 from taskcal.errors import FileError, shortened
-from taskcal.files import write_all
-from taskcal.programs.backup import write_backup
-from taskcal.programs.program import Diagnostic, Move, Program
-from taskcal.programs.source import Source
+from taskcal.geometry import se3
+from taskcal.identification.uncertainty_budget import UNEXPLAINED, Evaluation, UncertaintyBudget, budget_of_parts
+from taskcal.io.files import write_all
 from taskcal.public_names import FormerName
+from taskcal.short_repr import short_repr
+
+# How far the true tool is from where a program wants it, at its targets and between them.
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Deviations:
+    """Where the true tool is against where the program wants it."""
+
+    move: Int[np.ndarray, " k"]
+    """Motion of the program as it was given."""
+    share: Float[np.ndarray, " k"]
+    """Share of its length."""
+    at_target: Bool[np.ndarray, " k"]
+    """At the motion's end, which is in its target or in the middle of the corner there; elsewhere the component along the path is
+    left out of the error."""
+    q: Float[np.ndarray, "k joints"]
+    """Joint positions of the controller, radians."""
+    error: Float[np.ndarray, "k 3"]
+    """True less wanted position of the tool point in the part's axes, metres."""
+    turn: Float[np.ndarray, " k"]
+    """Angle between true and wanted orientation, radians."""
+
+    def of_moves(self, moves: Bool[np.ndarray, " m"]) -> "Deviations":
+        """Those in some of the motions."""
+        rows = moves[self.move]
+        return Deviations(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
+    @property
+    def length(self) -> Float[np.ndarray, " k"]:
+        """Of the errors, in space, metres."""
+        return np.linalg.norm(self.error, axis=1)
+
+
+def assess(
+    placed: Placed,
+    wanted: RoundedPath,
+    trajectory: ControllerTrajectory,
+    origin: Sequence[tuple[int, float, float]] | None = None,
+) -> Deviations:
+    """Compare the true tool with the path that a program asks for; between targets only where a segment's start is known.
+
+    Args:
+        placed: the motions of the program as it was given, on the robot as calibrated, or as it truly is.
+        wanted: the path that it asks for, tool in part.
+        trajectory: where the controller moves its joints, in this program or in a rewritten one.
+        origin: for each motion of the rewritten program, the one it comes from, and the shares of its length where it
+            begins and ends; the program itself by default.
+    """
+    table = np.array([(i, 0.0, 1.0) for i in range(len(trajectory.end))] if origin is None else origin, dtype=float)
+    table = table.reshape(-1, 3)
+    source = table[:, 0].astype(np.int64)
+    unsampled = np.isfinite(trajectory.end[:, 0])
+    unsampled[trajectory.move] = False  # a sampled motion has its end among the samples
+    single = np.flatnonzero(unsampled)
+    move = np.concatenate([trajectory.move, single])
+    share = np.concatenate([trajectory.share, np.ones(len(single))])
+    q = np.concatenate([trajectory.q, trajectory.passes[single]])
+    order = np.lexsort((share, move))
+    move, share, q = move[order], share[order], q[order]
+    first, last = table[move, 1], table[move, 2]
+    original, along = source[move], first + share * (last - first)
+    at_target = along >= 1.0 - 1e-12
+    assessable = at_target | np.isfinite(wanted.segments.start[original, 0, 0])
+    original, along, q, at_target = original[assessable], along[assessable], q[assessable], at_target[assessable]
+    T = wanted.at(original, along)
+    true = placed.tool_in_part(original, along, q)
+    error = true[:, :3, 3] - T[:, :3, 3]
+    between = np.flatnonzero(~at_target)
+    tangent = wanted.direction(original[between], along[between])
+    error[between] -= (error[between] * tangent).sum(axis=1, keepdims=True) * tangent
+    turn = np.linalg.norm(se3.log(true[:, :3, :3] @ np.swapaxes(T[:, :3, :3], 1, 2)), axis=1)
+    return Deviations(move=original, share=along, at_target=at_target, q=q, error=error, turn=turn)
+
+
+# The error to be expected along a corrected program, and what it comes from.
+
+SOURCES = ("geometry", "model error", "tool", "part")
+
+_REMEDIES = {
+    "geometry": "the geometry is known too badly where the program works: measure more poses there (taskcal plan --calibration)",
+    "model error": "it is what the model cannot explain: accept it, or identify with effects where that was not done "
+    "(--effects auto)",
+    "tool": "measure the tool against the reflectors, and state it in a cell file (--cell: reflectors_mm or flange)",
+    "part": "measure the part with the tracker, or touch it with the robot, and state it in a cell file (--cell: tracker or "
+    "touched_deg)",
+}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ErrorBudget:
+    """Mean squares over the targets of a program, in space, metres²."""
+
+    correction: float
+    """Of the error that is predicted for the program as it was given."""
+    left: float
+    """Of the error that is predicted for the corrected program."""
+    variances: Mapping[str, float]
+    """Of what the calibration must expect beyond its prediction, by `SOURCES`."""
+
+    @property
+    def uncertainty(self) -> float:
+        """What the calibration must expect beyond its prediction, rms in space, metres."""
+        return float(np.sqrt(sum(self.variances.values())))
+
+    @property
+    def before(self) -> float:
+        """Error to be expected of the program as it was given, rms in space, metres."""
+        return float(np.sqrt(self.correction + self.uncertainty**2))
+
+    @property
+    def after(self) -> float:
+        """Error to be expected of the corrected program, rms in space, metres."""
+        return float(np.sqrt(self.left + self.uncertainty**2))
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether the uncertainty is larger than the correction, so that nobody can tell if it makes the program better."""
+        return bool(self.uncertainty > np.sqrt(self.correction))
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """What part of the variance each source has."""
+        total = sum(self.variances.values())
+        return {name: value / total if total else 0.0 for name, value in self.variances.items()}
+
+    @property
+    def remedy(self) -> str:
+        """What would lower the largest share."""
+        return _REMEDIES[max(self.variances, key=lambda name: self.variances[name])]
+
+    def of_targets(self, model_error: Evaluation) -> UncertaintyBudget:
+        """How far the tool may be from a corrected target, one line for each source (JCGM 100:2008, GUM).
+
+        Args:
+            model_error: whether what the model cannot explain was estimated (A) or given (B).
+        """
+        return budget_of_parts(
+            [
+                ("parameters and tracker frame, as the data tell them", "A", self.variances["geometry"]),
+                (UNEXPLAINED, model_error, self.variances["model error"]),
+                ("where the tool is on the flange", "B", self.variances["tool"]),
+                ("where the part is", "B", self.variances["part"]),
+                (
+                    "what is left of the predicted error: digits of the numbers, motions that stay as they are",
+                    "B",
+                    self.left,
+                ),
+            ]
+        )
+
+    def summary(self) -> dict[str, object]:
+        """In millimetres."""
+        return {
+            "before_mm": self.before * 1e3,
+            "after_mm": self.after * 1e3,
+            "correction_mm": float(np.sqrt(self.correction)) * 1e3,
+            "uncertainty_mm": self.uncertainty * 1e3,
+            "shares": self.shares,
+        }
+
+
+def budget_of(
+    before: Float[np.ndarray, " b"], after: Float[np.ndarray, " a"], variances: Float[np.ndarray, "m sources"]
+) -> ErrorBudget:
+    """The budget over a program.
+
+    Args:
+        before: lengths of the predicted errors at its targets, metres.
+        after: the same, corrected.
+        variances: by source at every target, metres²; NaN where it is not known.
+    """
+    known = variances[np.isfinite(variances).all(axis=1)]
+    means = known.mean(axis=0) if len(known) else np.zeros(len(SOURCES))
+    return ErrorBudget(
+        correction=float(np.mean(before**2)) if len(before) else 0.0,
+        left=float(np.mean(after**2)) if len(after) else 0.0,
+        variances=dict(zip(SOURCES, means.tolist(), strict=True)),
+    )
+
 
 TOLERANCE = 2e-5
 """Of the true tool's distance from its path between corrected targets, metres."""

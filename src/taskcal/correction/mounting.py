@@ -7,12 +7,11 @@ from typing import TypeVar
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.correction.cell import Cell
-from taskcal.correction.external_axis import AXES, ExternalAxis, carried_part, carried_robot
+from robot_programs.core.program import Diagnostic, Frame, Move, Program
+from robot_programs.languages import language_of
+from taskcal.correction.cell import AXES, Cell, ExternalAxis, carried_part, carried_robot
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
-from taskcal.programs.languages import language_of
-from taskcal.programs.program import Diagnostic, Frame, Move, Program
 
 P = TypeVar("P", bound=Program)
 

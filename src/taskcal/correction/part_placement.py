@@ -7,35 +7,110 @@ about the vertical through the middle of the targets. Motions to joint positions
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.arguments import expect_kinds
-from taskcal.correction.assessment import assess
+from robot_programs.core.program import THROUGH_TARGET, Frame, Move, Program, Target
+from robot_programs.core.source import Place
+from taskcal.arguments import expect_kinds, with_choices
 from taskcal.correction.cell import Cell
-from taskcal.correction.controller_trajectory import ControllerTrajectory, simulate_controller
+from taskcal.correction.controller import ControllerTrajectory, simulate_controller
 from taskcal.correction.correct import frames_on, place_motions, variances_at, wanted_segments
+from taskcal.correction.correction import assess
+from taskcal.correction.frames import on_touched_parts, without_rigid_motion
 from taskcal.correction.mounting import mount
-from taskcal.correction.part_region import Region
-from taskcal.correction.placement_options import PlacementChoices, PlacementOptions
-from taskcal.correction.rigid_motion import without_rigid_motion
-from taskcal.correction.rounded_path import RoundedPath
-from taskcal.correction.touched_off import on_touched_parts
+from taskcal.correction.path import RoundedPath
+from taskcal.correction.spinning import with_spins
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.inverse import conditioning, solve_near
-from taskcal.programs.program import Frame, Move, Program, Target
-from taskcal.programs.source import Place
-from taskcal.programs.spinning import with_spins
-from taskcal.programs.zone import THROUGH_TARGET
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.load import Load
 from taskcal.robot.robot import Robot
+from taskcal.robot.statics import Load
 from taskcal.short_repr import short_repr
 from taskcal.task.task import Task, reach_task
+
+# Where a part may be put: a grid of shifts and turns from where it stands.
+
+MOST_PLACEMENTS = 5000
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Region:
+    """How far a part may be moved from where it stands.
+
+    Raises:
+        TaskcalError: a bound is not a number or above the other one, or the grid has no or too many placements.
+    """
+
+    low: Float[np.ndarray, " 3"]
+    """Along the axes of the robot's base, metres."""
+    high: Float[np.ndarray, " 3"]
+    turn: tuple[float, float] = (0.0, 0.0)
+    """About the vertical through the middle of the targets, radians."""
+    steps: tuple[int, int] = (5, 3)
+    """Placements along each axis along which it may be moved, and turns, where it may be turned."""
+
+    def __post_init__(self) -> None:
+        for low, high in (*zip(self.low, self.high, strict=True), self.turn):
+            if not (np.isfinite(low) and np.isfinite(high) and low <= high):
+                raise TaskcalError(f"a region goes from {low:g} to {high:g}; give the smaller number first")
+        if min(self.steps) < 1:
+            raise TaskcalError(f"a region has {self.steps[0]} steps and {self.steps[1]} turns; give 1 or more of each")
+        if len(self.grid()) > MOST_PLACEMENTS:
+            raise TaskcalError(
+                f"a region has {len(self.grid())} placements; give fewer steps, for {MOST_PLACEMENTS} at most"
+            )
+
+    def grid(self) -> Float[np.ndarray, "n 4"]:
+        """Shifts and turns, metres and radians."""
+        bounds = [*zip(self.low, self.high, strict=True), self.turn]
+        counts = [self.steps[0]] * 3 + [self.steps[1]]
+        axes = [np.linspace(a, b, n if b > a else 1) for (a, b), n in zip(bounds, counts, strict=True)]
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
+
+
+# How placements of a part are looked at: one frozen value.
+
+
+class PlacementChoices(TypedDict, total=False):
+    """`PlacementOptions` by keywords: all of them at once, some of them, or some that replace those of a whole."""
+
+    options: "PlacementOptions | None"
+    force: tuple[float, float, float] | None
+    touched_off: bool
+    count: int
+    seed: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlacementOptions:
+    """Options of placements; `dataclasses.replace` gives others."""
+
+    force: tuple[float, float, float] | None = None
+    """Of the process on the tool, newtons, in axes of the base. The calibration needs a `Compliance` effect for it, and without
+    one the robot's file stiffnesses."""
+    touched_off: bool = False
+    """The part is touched off or measured where it is put, so that what is common to all targets, a shift and a turn of the part,
+    does not count."""
+    count: int = 30
+    """Poses of a task."""
+    seed: int = 0
+    """Of their choice."""
+
+    @classmethod
+    def of(cls, **choices: Unpack[PlacementChoices]) -> "PlacementOptions":
+        """Options by keywords, those not named as in ``options``, or as by default.
+
+        Raises:
+            TypeError: an option that does not exist; the message names all.
+        """
+        return with_choices(choices.pop("options", None) or cls(), choices, "placements")
+
 
 NEAR_SINGULAR = 0.02
 """Placements whose nearest posture to a singular one has a smaller ratio of singular values are not recommended."""

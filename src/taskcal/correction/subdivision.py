@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.correction.correction_problem import CorrectionProblem
-from taskcal.correction.inverse import solve_calibrated
-from taskcal.correction.segments import Segments
+from robot_programs.core.program import Move, Target
+from taskcal.correction.path import Segments
+from taskcal.correction.placement import solve_calibrated
+from taskcal.correction.problem import CorrectionProblem
 from taskcal.kinematics.inverse import solve_near
-from taskcal.programs.program import Move, Target
 from taskcal.robot.error_model import ErrorModel
 
 MAX_PIECES = 4096

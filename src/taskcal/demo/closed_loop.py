@@ -6,43 +6,148 @@ reflectors, and the robot touches the parts off with them. What counts is the pa
 program as it was written, in the same program with its parts touched off, and in that one corrected.
 """
 
+import hashlib
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from scipy.special import chdtri
 
-from taskcal.adaptation.plan import plan
-from taskcal.adaptation.workers import side_by_side
-from taskcal.correction.assessment import Deviations, assess
+from robot_programs.core.program import Move, Program
+from robot_programs.rapid.read import read_rapid
+from taskcal.campaigns.campaign import Campaign
 from taskcal.correction.cell import Cell, Measured
-from taskcal.correction.controller_trajectory import ControllerTrajectory, simulate_controller
+from taskcal.correction.controller import ControllerTrajectory, simulate_controller
 from taskcal.correction.correct import correct, wanted_segments
-from taskcal.correction.correction import TOLERANCE, Bounds, Correction
+from taskcal.correction.correction import TOLERANCE, Bounds, Correction, Deviations, assess
+from taskcal.correction.frames import fit_points
+from taskcal.correction.path import RoundedPath
 from taskcal.correction.placement import Placed, Placement
-from taskcal.correction.rounded_path import RoundedPath
-from taskcal.demo.kept_fits import KeptFits
 from taskcal.demo.milling import ROWS, Milling, milling_program, with_part_frames
-from taskcal.demo.reference import reference_task
-from taskcal.demo.touch_off import TouchedPart, touch_off
+from taskcal.demo.procedure import reference_task
 from taskcal.demo.true_robot import Sizes, TrueRobot, draw_true_robot
+from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
-from taskcal.identification.calibration import Calibration
-from taskcal.identification.effect_selection import select_effects
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.station import Reflector, Station
-from taskcal.measurement.virtual_cell import simulate
-from taskcal.programs.program import Program
-from taskcal.programs.rapid.read import read_rapid
+from taskcal.identification.calibration import Calibration, load_calibration
+from taskcal.identification.effects import select_effects
+from taskcal.identification.provenance import package_version
+from taskcal.io.files import write_whole
+from taskcal.kinematics.inverse import solve_near
+from taskcal.planning.plan import plan
+from taskcal.planning.workers import side_by_side
 from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.effects import Compliance, Harmonics
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
+from taskcal.virtual.cell import simulate
+from taskcal.virtual.station import Reflector, Station
+
+# Calibrations that are kept as they are found, so that a long run goes on where it was interrupted.
+
+DIGITS = 16
+"""Of the digest that names a file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeptFits:
+    """A fit that is made once for each campaign by each version of the package.
+
+    Who works on the fit itself deletes the folder: within a version its files are taken as they are.
+    """
+
+    folder: Path
+    """Where the calibrations are, named by what they were fitted to; made if absent."""
+    fit: Callable[[ErrorModel, Campaign], Calibration]
+
+    def __call__(self, model: ErrorModel, campaign: Campaign) -> Calibration:
+        """The calibration, from its file if there is one."""
+        path = self.folder / f"{digest(model, campaign)}.json"
+        if not path.exists():
+            calibration = self.fit(model, campaign)
+            self.folder.mkdir(parents=True, exist_ok=True)
+            write_whole(path, calibration.to_text())
+        return load_calibration(path)
+
+
+def digest(model: ErrorModel, campaign: Campaign) -> str:
+    """A name for what is fitted: the version of the package, the model, and all numbers of the campaign."""
+    conditions = campaign.conditions
+    parts = [package_version(), repr(model), *campaign.targets]
+    arrays = [
+        campaign.q,
+        campaign.points,
+        conditions.approach,
+        conditions.move,
+        conditions.temperature,
+        conditions.time,
+    ]
+    h = hashlib.sha256("\n".join(parts).encode())
+    for array in arrays:
+        h.update(b"none" if array is None else np.ascontiguousarray(array).tobytes())
+    return h.hexdigest()[:DIGITS]
+
+
+# Touching off: the controller's frames of parts, set by the robot's own cutter at marks on them.
+
+ROUNDS = 4
+"""Of jogging: the robot's error changes by a thousandth of each step, so that fewer would do."""
+
+Poses = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TouchedPart:
+    """A part that the robot has touched."""
+
+    T: Float[np.ndarray, "4 4"]
+    """Its frame in the base, as the controller then has it."""
+    q: Float[np.ndarray, "marks joints"]
+    """Joint positions at its marks, in the order in which they were touched, radians."""
+
+
+def touch_off(
+    robot: Robot,
+    move: Move,
+    near: Float[np.ndarray, " joints"],
+    placement: Placement,
+    true_poses: Poses,
+    marks: Float[np.ndarray, "marks 3"],
+) -> TouchedPart:
+    """Touch a part with the cutter of a motion, jogged to each mark, and set the controller's frame by it.
+
+    The frame is where the controller then believes the marks to be. What the robot's errors have in common there is so
+    removed from the program.
+
+    Args:
+        robot: as its controller knows it.
+        move: whose tool touches, and whose part is touched.
+        near: joint positions over the part, radians.
+        placement: where both truly are.
+        true_poses: joint positions (n, joints) to poses (n, 4, 4) of the true robot's tool in its base.
+        marks: where the cutter truly stands, upright, when it touches each, in the part's frame, metres.
+
+    Raises:
+        TaskcalError: the robot does not reach the marks.
+    """
+    nominal = ErrorModel(robot)
+    upright = np.repeat(se3.rotation("x", np.pi)[None], len(marks), axis=0)
+    believed, reached, q = marks, marks, np.repeat(near[None], len(marks), axis=0)
+    for _ in range(ROUNDS):
+        upright[:, :3, 3] = believed
+        jogged = solve_near(nominal, move.flange(upright) @ robot.T_flange_tool, q)
+        if not jogged.reached.all():
+            raise TaskcalError(f"the robot does not reach the marks on '{move.part.name}'; move the workspace")
+        q, reached = jogged.q, believed
+        believed = believed + marks - placement.tool_in_part(true_poses(q))[:, :3, 3]
+    return TouchedPart(T=move.part.T @ fit_points(marks, reached)[0], q=q)
+
 
 REFLECTORS: Mapping[str, tuple[float, float, float]] = {
     "smr1": (0.06, 0.0, -0.12), "smr2": (-0.05, 0.11, -0.2), "smr3": (-0.05, -0.11, -0.2),
@@ -293,3 +398,56 @@ def _measure_cell(
                 name=part, touched=parts[part].q, touched_with=name, uncertainty=TOUCHED_PART
             )
     return Cell(tools=tools, parts=touched)
+
+
+# How far the true cutter of a closed loop is from its path, in a few numbers, and how far it was said to be.
+
+LINES: tuple[str, str, str] = "as programmed", "touched off", "corrected"
+"""What is told of every robot."""
+
+RADIUS_95 = float(np.sqrt(chdtri(3, 1.0 - 0.95) / 3.0))
+"""Within which 95 % of errors lie that are alike in all directions, as a multiple of their root mean square in space."""
+
+
+def errors_by_line(run: LoopRun) -> dict[str, Deviations]:
+    """Errors of the true cutter on the true parts, by what was done against them."""
+    return dict(zip(LINES, (run.before, run.touched_off, run.after), strict=True))
+
+
+def largest_errors(runs: Sequence[LoopRun]) -> dict[str, Float[np.ndarray, " runs"]]:
+    """The largest error of every robot in each line of `LINES`, and the ``stated`` radius of 95 % at the worst target, metres."""
+    largest = {line: np.array([errors_by_line(run)[line].length.max() for run in runs]) for line in LINES}
+    return {**largest, "stated": np.array([RADIUS_95 * stated_errors(run).max() for run in runs])}
+
+
+def rms(values: Float[np.ndarray, " k"]) -> float:
+    """Root mean square."""
+    return float(np.sqrt((values**2).mean()))
+
+
+def stated_errors(run: LoopRun) -> Float[np.ndarray, " k"]:
+    """Root mean square of the error in space that the correction states for every point of `LoopRun.after`, metres."""
+    return run.correction.uncertainty[run.after.move]
+
+
+def share_within(run: LoopRun) -> float:
+    """Share of the points of the corrected program at which the true error is within the stated radius of 95 %."""
+    return float((run.after.length <= RADIUS_95 * stated_errors(run)).mean())
+
+
+def summarise_runs(runs: Sequence[LoopRun]) -> list[dict[str, Any]]:
+    """Largest and root-mean-square errors of every robot, millimetres, what was stated, and the effects that were found."""
+    names = dict(zip(LINES, ("before", "touched_off", "after"), strict=True))
+    return [
+        {
+            **{f"{names[line]}_max_mm": float(e.length.max() * 1e3) for line, e in errors_by_line(run).items()},
+            **{f"{names[line]}_rms_mm": rms(e.length) * 1e3 for line, e in errors_by_line(run).items()},
+            "stated_mm": float(stated_errors(run).max() * 1e3),
+            "stated_rms_mm": rms(stated_errors(run)) * 1e3,
+            "stated_95_mm": float(RADIUS_95 * stated_errors(run).max() * 1e3),
+            "within_95": share_within(run),
+            "effects": [effect.name for effect in run.calibration.model.effects],
+            "refused": float(len(run.correction.rejected)),
+        }
+        for run in runs
+    ]

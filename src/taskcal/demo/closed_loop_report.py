@@ -1,17 +1,28 @@
 """The closed loop on virtual robots: how far the true cutter is from its way, as programmed, touched off and corrected."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import plotly.graph_objects as go
 from jaxtyping import Float
 
-from taskcal.demo.closed_loop import ClosedLoop, LoopRun
-from taskcal.demo.closed_loop_errors import LINES, errors_by_line, largest_errors, rms, share_within, stated_errors
-from taskcal.presentation.content import Chart, Commands, Numbers, Section, Table, Text
-from taskcal.presentation.correction_figures import draw_errors, with_decades
-from taskcal.presentation.report import report_html
-from taskcal.presentation.theme import BLUE, GREY, INK, ORANGE, VERMILION, styled
+from taskcal.correction.cell import cell_text
+from taskcal.demo.closed_loop import (
+    LINES,
+    ClosedLoop,
+    LoopRun,
+    errors_by_line,
+    largest_errors,
+    rms,
+    share_within,
+    stated_errors,
+)
+from taskcal.identification.provenance import package_version
+from taskcal.report.content import Chart, Commands, Numbers, Section, Table, Text
+from taskcal.report.correction import draw_errors, with_decades
+from taskcal.report.page import report_html
+from taskcal.report.theme import BLUE, GREY, INK, ORANGE, VERMILION, styled
 
 MARKERS = {
     "as programmed": (VERMILION, "circle-open"),
@@ -144,3 +155,44 @@ def closed_loop_html(loop: ClosedLoop, runs: Sequence[LoopRun], *, next_steps: s
         lead=f"{len(runs)} virtual robots of the kind {loop.robot.title or loop.robot.name}.",
         footer=f"Page by Taskcal {version}.",
     )
+
+
+# What a closed loop leaves in a folder: the program, what belongs to the first robot, and the page.
+
+NAMES = {
+    "program": "Milling.mod",
+    "touched-off program": "Milling-touched-off.mod",
+    "corrected program": "Milling-corrected.mod",
+    "calibration for milling": "calibration-milling.json",
+    "cell": "cell.toml",
+    "page of the closed loop": "closed-loop.html",
+}
+
+
+def closed_loop_files(folder: Path) -> dict[str, Path]:
+    """The files by what they hold."""
+    return {label: folder / name for label, name in NAMES.items()}
+
+
+def closed_loop_contents(
+    loop: ClosedLoop, runs: Sequence[LoopRun], files: Mapping[str, Path], *, next_steps: str
+) -> dict[Path, str | bytes]:
+    """What is to be written in each.
+
+    Args:
+        loop: what the robots have in common.
+        runs: one for each robot.
+        files: as `closed_loop_files` names them.
+        next_steps: commands to go on with, for the page.
+    """
+    first = runs[0]
+    return {
+        files["program"]: loop.milling.source.encode(),
+        files["touched-off program"]: first.correction.program.sources[0].encode(),
+        files["corrected program"]: first.correction.sources[0].encode(),
+        files["calibration for milling"]: first.calibration.to_text(),
+        files["cell"]: cell_text(first.cell),
+        files["page of the closed loop"]: closed_loop_html(
+            loop, runs, next_steps=next_steps, version=package_version()
+        ),
+    }

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from robot_programs.core.source import Source
+from robot_programs.rapid.targets import Configuration
+from robot_programs.rapid.values import quaternion_texts, real
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture
 from taskcal.kinematics.tracing import trace
-from taskcal.programs.rapid.configuration import Configuration
-from taskcal.programs.rapid.real import quaternion_texts, real
-from taskcal.programs.source import Source
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.task.task import Task

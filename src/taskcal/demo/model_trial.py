@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.demo.tool_point_errors import Errors, errors_in_base
+from taskcal.campaigns.campaign import Campaign
+from taskcal.demo.procedure import Errors, errors_in_base
 from taskcal.identification.calibration import Calibration
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 
 Fit = Callable[[Campaign], Calibration]
 

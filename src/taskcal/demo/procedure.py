@@ -8,27 +8,136 @@ measurements allow: errors on poses that were not measured, inside the workspace
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from importlib import resources
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
+from scipy.special import chdtri
 
 from taskcal.analysis.elimination_table import EliminationTable, published_kept, tabulate_elimination
 from taskcal.analysis.sensitivity import Sensitivity, sensitivity
-from taskcal.demo.axis_sweeps import sweep_motors
-from taskcal.demo.predictions import Predictions
-from taskcal.demo.reference import reference_task
-from taskcal.demo.tool_point_errors import Errors, errors_in_base
+from taskcal.campaigns.campaign import Campaign
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.fit_options import FitOptions
 from taskcal.identification.identify import identify
-from taskcal.measurement.axis_circles import AxisCircle, find_circles, register_from_circles
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import Registration
-from taskcal.measurement.virtual_cell import Truth, draw_defects, simulate
+from taskcal.identification.options import FitOptions
+from taskcal.registration.circles import AxisCircle, find_circles, register_from_circles
+from taskcal.registration.registration import Registration
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.mechanism import Mechanism, analyse_mechanism
-from taskcal.task.task import TaskPoses, reach_task
+from taskcal.robot.robot import Robot
+from taskcal.task.task import Task, TaskPoses, load_task, reach_task
+from taskcal.virtual.cell import Truth, draw_defects, simulate
+
+# Sweeps of single motors about a pose, as the publication's figure 6 needs them to register the tracker.
+
+HALF_SWEEP, PER_MOTOR = np.radians(40.0), 12
+"""How far each motor turns to both sides, radians, and at how many angles it is measured."""
+
+
+def sweep_motors(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "m joints"]:
+    """Each motor alone, the others as at that one of some poses that is nearest to their middle; within the limits."""
+    middle = q[int(np.argmin(np.linalg.norm(q - q.mean(axis=0), axis=1)))]
+    turns = np.linspace(-HALF_SWEEP, HALF_SWEEP, PER_MOTOR)
+    rows = np.concatenate([middle + turns[:, None] * motor for motor in np.eye(len(middle))])
+    return rows[robot.inside_limits(rows)]
+
+
+def frame_error(found: Float[np.ndarray, "4 4"], true: Float[np.ndarray, "4 4"]) -> tuple[float, float]:
+    """How far a frame is off, metres, and by how much it is turned, radians."""
+    off = se3.inverse(true) @ found
+    return float(np.linalg.norm(off[:3, 3])), float(np.linalg.norm(se3.log(off[None, :3, :3])))
+
+
+# Predictions of new poses beside what was true there.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Predictions:
+    """One calibration on poses that it was not fitted to."""
+
+    campaign: str
+    """Which poses were measured for it."""
+    model: str
+    """Which parameters were identified, and how."""
+    where: str
+    """Which new poses these are."""
+    q: Float[np.ndarray, "n joints"]
+    """Of the new poses, radians."""
+    position: Float[np.ndarray, "n 3"]
+    """Nominal tool points in the base, metres."""
+    angle: Float[np.ndarray, " n"]
+    """Rotation of the tool from a reference orientation, radians."""
+    error: Float[np.ndarray, "n 3"]
+    """True less predicted tool point in the tracker frame, metres."""
+    covariance: Float[np.ndarray, "n 3 3"]
+    """Of that error, as the calibration states it, m²."""
+
+    @property
+    def length(self) -> Float[np.ndarray, " n"]:
+        """Error in space, metres."""
+        return np.linalg.norm(self.error, axis=1)
+
+    @property
+    def stated(self) -> Float[np.ndarray, " n"]:
+        """Stated standard uncertainty in space, metres."""
+        return np.sqrt(np.trace(self.covariance, axis1=1, axis2=2))
+
+    @property
+    def squared_distance(self) -> Float[np.ndarray, " n"]:
+        """Squared Mahalanobis distance of every error: χ² with three degrees of freedom where the statement is right."""
+        white = np.linalg.solve(self.covariance, self.error[..., None])[..., 0]
+        return np.einsum("ni,ni->n", self.error, white)
+
+    def share_inside(self, probability: float) -> float:
+        """Share of the errors inside the stated ellipsoid of a probability."""
+        return float(np.mean(self.squared_distance <= chdtri(3, 1.0 - probability)))
+
+
+# Errors of the tool point in a few numbers.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Errors:
+    """Errors of the predicted tool point against the true one, in the robot's base axes, metres."""
+
+    mean: float
+    maximum: float
+    per_axis: tuple[float, float, float]
+
+
+def errors_in_base(in_tracker: Float[np.ndarray, "n 3"], calibration: Calibration) -> Errors:
+    """The size of errors, along the robot's base axes.
+
+    Args:
+        in_tracker: errors of the tool point in the tracker frame, metres.
+        calibration: says how the base lies in it.
+    """
+    in_base = in_tracker @ calibration.T_tracker_base[:3, :3]
+    length = np.linalg.norm(in_base, axis=1)
+    x, y, z = np.abs(in_base).max(axis=0)
+    return Errors(mean=float(length.mean()), maximum=float(length.max()), per_axis=(float(x), float(y), float(z)))
+
+
+# The reference task of the published procedure: a box in front of an IRB 6660-205/1.9, worked in one tool
+# orientation.
+
+ROBOT = "abb-irb6660-205-1.9"
+"""Catalogue name of the robot whose workspace it is."""
+
+
+def reference_task(spread: float = 0.0) -> Task:
+    """The reference machining workspace of the IRB 6660-205/1.9.
+
+    Args:
+        spread: how far the tool tilts and turns about its one orientation, radians.
+    """
+    task = load_task(Path(str(resources.files("taskcal.demo"))) / "reference-task.toml")
+    assert task.workspace is not None
+    orientations = tuple(replace(o, cone=spread, spin=spread) for o in task.workspace.orientations)
+    return replace(task, workspace=replace(task.workspace, orientations=orientations))
+
 
 ONE, SEVERAL = "one orientation", "±20°"
 SPREAD = np.radians(20.0)

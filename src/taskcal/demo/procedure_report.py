@@ -1,20 +1,417 @@
 """The published procedure as a page: what was done, what was found, and what to make of it, in short sentences."""
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
+import plotly.graph_objects as go
+from jaxtyping import Float
+from plotly.subplots import make_subplots
+from scipy.special import chdtri
 
 from taskcal.analysis.elimination_table import published_kept
 from taskcal.demo import procedure_tables as tables
-from taskcal.demo.number_text import power_text, um
-from taskcal.demo.procedure import ONE, SEVERAL, Procedure
-from taskcal.demo.procedure_results import (
-    held_out_section,
-    identification_section,
-    parameters_section,
-    uncertainty_section,
-)
-from taskcal.presentation.content import Chart, Commands, Numbers, Points, Section, Table, Text
-from taskcal.presentation.model_figures import draw_sensitivities, draw_singular_values
-from taskcal.presentation.report import report_html
+from taskcal.demo.procedure import ONE, SEVERAL, Fitted, Predictions, Procedure
+from taskcal.report.content import MICROMETRES, Chart, Commands, Numbers, Points, Section, Table, Text
+from taskcal.report.fit_figures import draw_parameters, draw_residuals, draw_sensitivities, draw_singular_values
+from taskcal.report.page import report_html
+from taskcal.report.theme import BLUE, GREY, INK, SERIES, VERMILION, label_panels, styled, styled_space, switch
+
+# Figures of predictions on poses that were not measured: how large the errors are, where, and whether it was
+# foreseen.
+
+LEVELS = np.linspace(0.0, 1.0, 101)
+TICKS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000]
+
+
+def draw_held_out(fits: Sequence[Fitted]) -> go.Figure:
+    """Mean and largest error of every model, inside the measured orientations and outside."""
+    campaigns = list(dict.fromkeys(f.campaign for f in fits))
+    titles = [
+        f"measured in {campaign}: {where}"
+        for campaign in campaigns
+        for where in ("same orientations", "turned farther")
+    ]
+    figure = make_subplots(
+        rows=len(campaigns),
+        cols=2,
+        shared_yaxes=True,
+        shared_xaxes="all",  # pyright: ignore[reportArgumentType]
+        subplot_titles=titles,
+        horizontal_spacing=0.04,
+        vertical_spacing=0.14,
+    )
+    for row, campaign in enumerate(campaigns, start=1):
+        mine = [f for f in fits if f.campaign == campaign]
+        names = [f.model for f in mine]
+        for col, errors in enumerate(([f.inside for f in mine], [f.outside for f in mine]), start=1):
+            mean, largest = np.array([[e.mean, e.maximum] for e in errors]).T * 1e6
+            first = row == col == 1
+            for name, low, high in zip(names, mean, largest, strict=True):
+                figure.add_scatter(
+                    x=[low, high],
+                    y=[name, name],
+                    mode="lines",
+                    line={"color": "#b8c1ca", "width": 5},
+                    showlegend=False,
+                    hoverinfo="skip",
+                    row=row,
+                    col=col,
+                )
+            for values, label, colour, symbol, side in (
+                (mean, "mean", BLUE, "circle", "middle left"),
+                (largest, "largest", VERMILION, "diamond", "middle right"),
+            ):
+                figure.add_scatter(
+                    x=values,
+                    y=names,
+                    mode="markers+text",
+                    text=[f" {v:.0f} " for v in values],
+                    textposition=side,
+                    textfont={"size": 13},
+                    marker={"color": colour, "symbol": symbol, "size": 11},
+                    name=label,
+                    legendgroup=label,
+                    showlegend=first,
+                    hovertemplate="%{y}: %{x:.1f} µm<extra>" + label + "</extra>",
+                    cliponaxis=False,
+                    row=row,
+                    col=col,
+                )
+    styled(figure, height=230 * len(campaigns) + 130, top=90)
+    errors = [value * 1e6 for f in fits for e in (f.inside, f.outside) for value in (e.mean, e.maximum)]
+    span = [np.log10(min(errors)) - 0.35, np.log10(max(errors)) + 0.35]
+    figure.update_xaxes(type="log", range=span, tickvals=TICKS, tickfont={"size": 12})
+    figure.update_xaxes(title_text="error of the predicted tool point (µm)", row=len(campaigns))
+    figure.update_yaxes(autorange="reversed", ticks="")
+    figure.update_layout(legend={"y": 1.07})
+    return label_panels(figure)
+
+
+def draw_error_over_angle(predictions: Sequence[Predictions]) -> go.Figure:
+    """Error of every new pose over the rotation of its tool from the one measured orientation."""
+    figure = go.Figure()
+    shapes = ("circle", "diamond", "square", "cross")
+    for k, label in enumerate(dict.fromkeys(_fit_label(p) for p in predictions)):
+        mine = [p for p in predictions if _fit_label(p) == label]
+        figure.add_scatter(
+            x=np.degrees(np.concatenate([p.angle for p in mine])),
+            y=np.concatenate([p.length for p in mine]) * 1e6,
+            mode="markers",
+            name=label,
+            marker={"color": SERIES[k % len(SERIES)], "symbol": shapes[k % len(shapes)], "size": 5, "opacity": 0.65},
+            hovertemplate="%{x:.1f}°: %{y:.1f} µm<extra>" + label + "</extra>",
+        )
+    styled(figure, height=440)
+    figure.update_xaxes(title_text="rotation of the tool from the single measured orientation (°)")
+    figure.update_yaxes(title_text="error of the predicted tool point (µm)", type="log", tickvals=TICKS)
+    return figure
+
+
+def draw_coverage(predictions: Sequence[Predictions]) -> go.Figure:
+    """Whether errors are as large as was stated: beside the stated uncertainty, and inside the stated ellipsoids."""
+    figure = make_subplots(
+        rows=1, cols=2, horizontal_spacing=0.12, subplot_titles=["pose by pose", "share inside the stated ellipsoid"]
+    )
+    limits = chdtri(3, 1.0 - LEVELS)
+    low = high = 1.0
+    for k, p in enumerate(predictions):
+        colour, label = SERIES[k % len(SERIES)], f"{_fit_label(p)}; {p.where}"
+        stated, actual = p.stated * 1e6, p.length * 1e6
+        low, high = min(low, stated.min()), max(high, stated.max(), actual.max())
+        figure.add_scatter(
+            x=stated,
+            y=actual,
+            mode="markers",
+            name=label,
+            legendgroup=label,
+            marker={"color": colour, "size": 4, "opacity": 0.5},
+            hovertemplate="stated %{x:.1f} µm, actual %{y:.1f} µm<extra>" + label + "</extra>",
+            row=1,
+            col=1,
+        )
+        figure.add_scatter(
+            x=100.0 * LEVELS,
+            y=100.0 * np.mean(p.squared_distance[:, None] <= limits, axis=0),
+            mode="lines",
+            name=label,
+            legendgroup=label,
+            showlegend=False,
+            line={"color": colour, "width": 2.5},
+            hovertemplate="%{x:.0f} % ellipsoid holds %{y:.0f} %<extra>" + label + "</extra>",
+            row=1,
+            col=2,
+        )
+    for col, ends in ((1, [low, high]), (2, [0.0, 100.0])):
+        figure.add_scatter(
+            x=ends,
+            y=ends,
+            mode="lines",
+            line={"color": INK, "width": 1.2, "dash": "dash"},
+            name="as stated",
+            showlegend=col == 1,
+            hoverinfo="skip",
+            row=1,
+            col=col,
+        )
+    styled(figure, height=560, top=70)
+    figure.update_layout(legend={"y": -0.17, "yanchor": "top", "itemsizing": "constant"}, margin={"b": 150})
+    figure.update_xaxes(
+        title_text="stated standard uncertainty in space (µm)", type="log", tickvals=TICKS, row=1, col=1
+    )
+    figure.update_yaxes(title_text="actual error in space (µm)", type="log", tickvals=TICKS, row=1, col=1)
+    figure.update_xaxes(title_text="stated probability (%)", range=[0, 100], row=1, col=2)
+    figure.update_yaxes(title_text="new poses inside (%)", range=[0, 102], row=1, col=2)
+    return label_panels(figure)
+
+
+def draw_workspace(predictions: Sequence[Predictions], measured: Mapping[str, Float[np.ndarray, "n 3"]]) -> go.Figure:
+    """New poses where they are in the workspace, coloured by the error of their prediction.
+
+    Args:
+        predictions: views to choose from; all share one logarithmic scale of colours.
+        measured: for each campaign, the tool points that were measured, in the base, metres.
+    """
+    figure = go.Figure()
+    top = float(np.ceil(2.0 * np.log10(max(p.length.max() for p in predictions) * 1e6)) / 2.0)
+    for k, p in enumerate(predictions):
+        x, y, z = p.position.T * 1e3
+        figure.add_scatter3d(
+            x=x,
+            y=y,
+            z=z,
+            mode="markers",
+            name="new poses",
+            visible=k == 0,
+            marker={
+                "size": 5,
+                "color": np.log10(np.maximum(p.length * 1e6, 1e-3)),
+                "colorscale": "Viridis",
+                "cmin": 0.0,
+                "cmax": top,
+                "colorbar": {
+                    "title": {"text": "error (µm)"},
+                    "tickvals": np.log10(TICKS).tolist(),
+                    "ticktext": [str(t) for t in TICKS],
+                    "len": 0.8,
+                },
+            },
+            customdata=np.stack([p.length * 1e6, np.degrees(p.angle)], axis=1),
+            hovertemplate="%{customdata[0]:.1f} µm, turned %{customdata[1]:.0f}°<extra></extra>",
+        )
+        x, y, z = measured[p.campaign].T * 1e3
+        figure.add_scatter3d(
+            x=x,
+            y=y,
+            z=z,
+            mode="markers",
+            name="measured poses",
+            visible=k == 0,
+            marker={"size": 3, "symbol": "cross", "color": GREY},
+            hoverinfo="skip",
+        )
+    styled_space(figure, distance=1.6)
+    if len(predictions) > 1:
+        count = 2 * len(predictions)
+        choices = {
+            f"{_fit_label(p)}; {p.where}": ({"visible": [j // 2 == k for j in range(count)]},)
+            for k, p in enumerate(predictions)
+        }
+        switch(figure, choices, y=1.02)
+    return figure
+
+
+def _fit_label(p: Predictions) -> str:
+    return f"measured in {p.campaign}, {p.model}"
+
+
+# Numbers as the demonstration's page says them.
+
+
+def rms(values: Float[np.ndarray, " n"]) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def length_text(metres: float) -> str:
+    """A length with its unit."""
+    return f"{um(metres)} µm" if metres < 1e-3 else f"{metres * 1e3:.3g} mm"
+
+
+def power_text(value: float) -> str:
+    """A number as a power of ten."""
+    digits, exponent = f"{value:.1e}".split("e")
+    return f"{digits}·10" + str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def um(metres: float) -> str:
+    """A length in micrometres, without the unit."""
+    return f"{metres * 1e6:.0f}" if metres >= 2e-5 else f"{metres * 1e6:.1f}"
+
+
+# The second half of the procedure's page: identification, errors on new poses, uncertainty, parameters.
+
+
+def identification_section(procedure: Procedure) -> Section:
+    """What was fitted, and what each model leaves of the measurements."""
+    panels = {
+        label: {f.model: f.calibration for f in procedure.fits if f.campaign == label} for label in procedure.campaigns
+    }
+    return Section(
+        title="Identification and residuals",
+        blocks=(
+            Text(
+                (
+                    "The tracker frame and the target are fitted together with the parameters; nothing has to be registered "
+                    "beforehand. The publication registers the tracker from circles that single motors draw; that way, held, "
+                    "stands beside it. “Damped, no prior” is after the published way, Levenberg–Marquardt without a prior; it ends "
+                    "early, once the objective falls by less than a millionth of itself or the next step is small beside the "
+                    "standard errors.",
+                    "All models of defects with fitted frames leave nearly the same residuals, close to the tracker's noise; "
+                    "the lengths alone do not. Residuals therefore "
+                    "cannot say which model is better; new poses can. The published residuals are those of a real robot, with "
+                    "gravity and all else that geometry does not explain, so they are larger.",
+                )
+            ),
+            tables.tabulate_registration(procedure),
+            tables.tabulate_residuals(procedure),
+            Chart(
+                title="Residuals, pose by pose",
+                figure=draw_residuals(panels, "all", MICROMETRES),
+                note="Measured less predicted, along the robot's base axes. The list at the right changes the model.",
+            ),
+        ),
+    )
+
+
+def held_out_section(procedure: Procedure) -> Section:
+    """Errors on poses that were not measured."""
+    kept = len(published_kept(procedure.model))
+    whole = [p for p in procedure.predictions if p.model.startswith("all")]
+    undamped = [
+        p for p in procedure.predictions if p.model.startswith(f"published {kept}, damped") and p.campaign == ONE
+    ]
+    base = {label: found.T[:, :3, 3] for label, found in procedure.poses.items()}
+    return Section(
+        title="Errors on poses that were not measured",
+        blocks=(
+            Text(
+                (
+                    "This is what counts: new poses, and the true robot. In the measured orientation even a redundant model "
+                    "predicts well, because what it confuses acts alike there.",
+                    "One orientation is good inside and poor outside for a simple reason. With the tool always turned alike, "
+                    "defects of the wrist and the tool move the tool point like defects of the arm. The fit may blame either; "
+                    "when the tool turns, the two part company. No fit can repair that, only measuring in several orientations. "
+                    "Without prior the blame goes anywhere; with it, to where the tolerances make it likely, which need not be "
+                    "where it belongs: with another seed the prior helps more, or not at all.",
+                )
+            ),
+            tables.tabulate_held_out(procedure),
+            Chart(
+                title="Mean and largest error of each model on new poses",
+                figure=draw_held_out(procedure.fits),
+                note="Logarithmic scale. Same orientations: those of the campaign. Turned farther: tilted by up to 40° and "
+                "turned by up to 40° about the tool's axis. The largest errors can come from poses near the wrist's "
+                "singularity, where its joints turn farther than at any measured pose.",
+            ),
+            Chart(
+                title="Error against the rotation of the tool",
+                figure=draw_error_over_angle([*whole, *undamped]),
+                note="Every point is a new pose. Measured in one orientation, the error grows with the rotation away from it.",
+            ),
+            Chart(
+                title="Where the errors are in the workspace",
+                figure=draw_workspace(whole, base),
+                note="Turn it with the mouse. All views share one scale of colours; crosses are the measured poses, in base "
+                "coordinates.",
+            ),
+        ),
+    )
+
+
+def uncertainty_section(procedure: Procedure) -> Section:
+    """Whether the stated uncertainty is as large as the errors."""
+    kept = len(published_kept(procedure.model))
+    chosen = [p for p in procedure.predictions if p.model.startswith("all")]
+    far = next(p for p in chosen if p.campaign == ONE and "farther" in p.where)
+    undamped = [
+        p
+        for p in procedure.predictions
+        if p.model.startswith(f"published {kept}, damped") and p.campaign == ONE and "farther" in p.where
+    ]
+    rows = [
+        (
+            f"{p.model}, {p.campaign}",
+            p.where,
+            f"{rms(p.stated) * 1e6:.1f}",
+            f"{rms(p.length) * 1e6:.1f}",
+            f"{100 * p.share_inside(0.95):.0f} %",
+        )
+        for p in (*chosen, *undamped)
+    ]
+    return Section(
+        title="Does the calibration know how wrong it is?",
+        blocks=(
+            Text(
+                (
+                    "A calibration states an uncertainty for every pose, measured or not: an ellipsoid about the predicted "
+                    "tool point. It comes from the tracker's noise, from the poses that were measured and from the prior.",
+                    "With the prior, the statement grows where the tool turns away from what was measured "
+                    f"({length_text(rms(far.stated))} stated, {length_text(rms(far.length))} actual, "
+                    "root mean square). Out there it rests on the tolerances, not on measurements, and one robot can be luckier "
+                    "or unluckier than its tolerances say; where poses were measured it rests on them."
+                    + _without_prior(undamped),
+                    "All errors here come from one robot and one campaign, so they rise and fall together: a curve may leave "
+                    "the diagonal by chance. Another seed draws another robot, and gives other curves.",
+                )
+            ),
+            Table.of_rows(
+                "Stated uncertainty and actual error (µm, root mean square in space)",
+                ("calibration", "new poses", "stated", "actual", "in 95 % ellipsoid"),
+                rows,
+                text_columns=(0, 1),
+                note="Where the statement is right, stated and actual agree, and 95 % of the poses lie inside.",
+            ),
+            Chart(
+                title="Stated uncertainty against actual error",
+                figure=draw_coverage(chosen),
+                note="Left: points about the dashed line are as wrong as stated. Right: a curve above the dashed line is "
+                "cautious, one below it overconfident.",
+            ),
+        ),
+    )
+
+
+def parameters_section(procedure: Procedure) -> Section:
+    """Estimates beside the truth."""
+    whole = {f.campaign: f.calibration for f in procedure.fits if f.parameters == len(procedure.model)}
+    return Section(
+        title="What was found of the parameters",
+        blocks=(
+            Text(
+                (
+                    "Parameters that repeat each other share what is found; their standard errors stay near the tolerance and "
+                    "say so. Combinations that matter to the tool point are known far better than any one of them. J1.tz and "
+                    "J1.rz repeat the tracker frame, which is fitted too. Read the predictions, not the single parameters.",
+                )
+            ),
+            Chart(
+                title="Estimated parameters and the truth",
+                figure=draw_parameters(whole, procedure.truth.x),
+                note="All parameters with their prior. Bars are two standard errors: about one truth in twenty lies outside.",
+            ),
+            tables.tabulate_parameters(procedure),
+        ),
+    )
+
+
+def _without_prior(predictions: Sequence[Predictions]) -> str:
+    if not predictions:
+        return ""
+    stated, actual = rms(predictions[0].stated), rms(predictions[0].length)
+    return (
+        " Without prior, nothing holds the directions that the poses do not determine, and the statement means nothing: "
+        f"{length_text(stated)} stated, {length_text(actual)} actual."
+    )
 
 
 def procedure_html(procedure: Procedure, *, next_steps: str, version: str) -> str:

@@ -1,12 +1,9 @@
 """Tables of the published procedure, the same for the page and for the terminal."""
 
 from taskcal.analysis.elimination_table import published_kept
-from taskcal.demo.axis_sweeps import frame_error
-from taskcal.demo.procedure import CIRCLES, ONE, Procedure
-from taskcal.demo.tool_point_errors import Errors
-from taskcal.presentation.content import Table
-from taskcal.robot.error_frames import COMPONENTS
-from taskcal.robot.error_model import ErrorModel
+from taskcal.demo.procedure import CIRCLES, ONE, Errors, Procedure, frame_error
+from taskcal.report.content import Table
+from taskcal.robot.error_model import COMPONENTS, ErrorModel
 from taskcal.robot.parameter import Parameter
 
 PUBLISHED_RESIDUALS = "180.3", "95.7", "122.2", "91.9"

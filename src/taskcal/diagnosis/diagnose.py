@@ -1,16 +1,29 @@
 """What is wrong with a campaign."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from taskcal.arguments import expect_kinds
-from taskcal.diagnosis.finding import Finding
-from taskcal.diagnosis.in_course import Local, find_in_course, find_large_move
-from taskcal.diagnosis.observed_mistakes import explain_observed, scope_of
+from taskcal.campaigns.campaign import Campaign, check_rows
+from taskcal.diagnosis.course import Local, Pairing, find_in_course, find_large_move, pair_rows
+from taskcal.diagnosis.fits import LEVER_SHARE, SMALLEST_ERROR, misfits
+from taskcal.diagnosis.hypotheses import Case, Finding, Supposition
+from taskcal.diagnosis.mistakes import (
+    common_shift,
+    joint_mistakes,
+    robot_mistakes,
+    scale_mistakes,
+    shift_fix,
+    unit_mistakes,
+)
 from taskcal.diagnosis.search import (
     LEAST_ROWS,
+    OUTSIDE_LIMITS,
     PER_MISTAKE,
+    TRIED_ROWS,
     Explanation,
     Progress,
     explain_in_pairs,
@@ -19,19 +32,284 @@ from taskcal.diagnosis.search import (
     held_out_distances,
     is_sound,
     rows_to_register,
+    spread_rows,
     typical,
     untold,
 )
-from taskcal.diagnosis.spread import find_narrowness
-from taskcal.diagnosis.supposition import Case
-from taskcal.diagnosis.unexplained import at_chance, extent, find_other_order, find_what_is_left
-from taskcal.errors import CampaignError
-from taskcal.estimation.blas import single_threaded
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.enough_rows import check_rows
-from taskcal.measurement.registration import PLAUSIBLE_SHARE
+from taskcal.errors import CampaignError, UnitError
+from taskcal.estimation.matrices import single_threaded
+from taskcal.registration.registration import PLAUSIBLE_SHARE, register_observations
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
+
+# Whether a campaign's poses are spread enough to tell frames and targets apart.
+
+LEAST_SPREAD = 0.07
+"""Of the reach, standard deviation of the positions along their longest direction: within less, an error of the base's place
+passes for one of the geometry. Measured campaigns of five robots, taken to calibrate them, have 0.08 at least."""
+
+LEAST_TURN = 0.005
+"""1 − cos² of the spread of orientations, 4° about each axis: within less a target's place is uncertain by ten times the error of
+a measured point."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Narrowness:
+    """What a campaign lacks."""
+
+    id: str
+    share: float
+    """Of what is needed, that it has."""
+    said: str
+
+
+def find_narrowness(case: Case) -> list[Narrowness]:
+    """What the poses lack, the worst first."""
+    T = case.poses(np.arange(len(case.campaign)))
+    T = T[np.isfinite(T[:, 0, 3]) & case.campaign.seen]
+    if len(T) < 2:
+        return []
+    p, R = T[:, :3, 3], T[:, :3, :3].mean(axis=0)
+    spread = float(np.linalg.svd(p - p.mean(axis=0), compute_uv=False)[0] / np.sqrt(len(p)) / case.model.robot.reach)
+    turn = float(np.linalg.eigvalsh(np.eye(3) - R.T @ R)[0])
+    out: list[Narrowness] = []
+    if spread < LEAST_SPREAD:
+        size = spread * case.model.robot.reach * 1e3
+        said = (
+            f"the positions spread by {size:.0f} mm only: measure poses over the whole task's workspace, "
+            f"{LEAST_SPREAD * case.model.robot.reach * 1e3:.0f} mm (1σ) at least"
+        )
+        out.append(Narrowness(id="small-workspace", share=spread / LEAST_SPREAD, said=said))
+    if turn < LEAST_TURN and _can_turn(case):
+        degrees = np.degrees(np.sqrt(max(turn, 0.0)))
+        said = (
+            f"about one axis the orientations spread by {degrees:.1f}° only: measure poses that turn the tool by 10° and more "
+            "about all axes"
+        )
+        out.append(Narrowness(id="few-orientations", share=turn / LEAST_TURN, said=said))
+    return sorted(out, key=lambda n: n.share)
+
+
+def _can_turn(case: Case) -> bool:
+    """Whether the robot can turn its tool about all axes at all."""
+    q = case.campaign.q.mean(axis=0) + np.random.default_rng(0).uniform(-0.5, 0.5, (50, case.campaign.q.shape[1]))
+    T = case.model.poses(q) if case.robot.four_bar is None else np.tile(np.eye(4), (1, 1, 1))
+    R = T[:, :3, :3].mean(axis=0)
+    return case.robot.four_bar is not None or float(np.linalg.eigvalsh(np.eye(3) - R.T @ R)[0]) > LEAST_TURN
+
+
+# What is told where no usual mistake explains a campaign: rows in another order, or a robot that is not known.
+
+AT_CHANCE = 0.7
+"""Of the error of points that were given out at random: rows with as much have nothing to do with each other."""
+
+
+def find_other_order(case: Case, before: float) -> tuple[list[Finding], Campaign] | None:
+    """The findings, and the campaign in another order of its measurements, if one fits.
+
+    Args:
+        case: robot and campaign as given.
+        before: error as given, metres.
+    """
+    units = [*list(scale_mistakes(case))[:1], *unit_mistakes(case)]
+    in_units = case
+    for supposition in units:
+        in_units = supposition.undo(in_units)
+    paired = pair_rows(in_units)
+    if paired is None:
+        return None
+    before *= extent(in_units) / extent(case)
+    confidence = float(np.clip(1.0 - paired.error / paired.next_best, 0.0, 0.99))
+    findings = [
+        Finding(
+            id=mistake.id,
+            subject=mistake.subject,
+            error_before=before,
+            error_after=paired.error,
+            confidence=confidence,
+            fix=mistake.fix,
+        )
+        for mistake in [*units, *([_order(case, paired)] if len(paired.moved) else [])]
+    ]
+    return findings, paired.mended
+
+
+def find_what_is_left(case: Case, before: float) -> Finding:
+    """The finding of last resort, which nothing mends.
+
+    Args:
+        case: robot and campaign as given.
+        before: error as given, metres.
+    """
+    if at_chance(case):
+        name = "rows-shuffled"
+        fix = (
+            "joints and points have no more to do with each other than rows drawn by lot, and no order of them fits: pair them "
+            "again, by name or time"
+        )
+    else:
+        name = "other-robot"
+        fix = (
+            f"neither {case.robot.name} nor a robot of the catalogue fits, with any usual mistake undone: check the lengths in "
+            "the robot file, or give the robot that was measured"
+        )
+    return Finding(id=name, subject=(), error_before=before, error_after=None, confidence=0.5, fix=fix)
+
+
+def at_chance(case: Case) -> bool:
+    """Whether the rows fit no better than rows that are paired by lot."""
+    return _error_at(case, None) > AT_CHANCE * _error_at(case, np.random.default_rng(0))
+
+
+def _order(case: Case, paired: Pairing) -> Supposition:
+    by = common_shift(paired.source)
+    if by is not None:
+        return Supposition(id="rows-shifted", subject=(f"{by:+d}",), fix=shift_fix(by))
+    rows = paired.moved
+    fix = (
+        f"the measurements of {len(rows)} rows stand beside the joints of other rows: pair them again by name or time, or take "
+        "the order of --fix, the only one that fits"
+    )
+    return Supposition(id="rows-shuffled", subject=_names(case, rows), fix=fix)
+
+
+def extent(case: Case) -> float:
+    """Median distance of the points from their middle: what is off without any robot, metres."""
+    points = case.campaign.points
+    return float(np.nanmedian(np.linalg.norm(points - np.nanmedian(points, axis=0), axis=2)))
+
+
+def _names(case: Case, rows: np.ndarray) -> tuple[str, ...]:
+    """Ids of some rows; none where they are all."""
+    return () if len(rows) > 0.9 * len(case.campaign) else tuple(case.campaign.ids[i] for i in rows)
+
+
+def _error_at(case: Case, rng: np.random.Generator | None) -> float:
+    """Of the quick fit as given, or the median of rows that are paired by lot, metres."""
+    rows = spread_rows(len(case.campaign), 60)
+    T, campaign = case.poses(rows), case.campaign.take(rows)
+    orders = [np.arange(len(rows))] if rng is None else [rng.permutation(len(rows)) for _ in range(15)]
+    points: Float[np.ndarray, "h n t 3"] = np.stack([campaign.points[order] for order in orders])
+    poses = np.broadcast_to(T, (len(orders), *T.shape))
+    return float(np.median(misfits(poses, points, None, LEVER_SHARE * case.model.robot.reach)))
+
+
+# Mistakes of joints and robot in what was observed without a tracker: sockets, wires, landmarks, boards.
+
+CONTINUED = 4
+"""Single mistakes beside which a second is looked for."""
+
+
+ENOUGH_ROWS = 12
+"""Of one thing, to find it without a guess."""
+
+_QUICK = frozenset({"socket"})
+"""Kinds that are placed in a millisecond, so that all mistakes and their pairs can be tried."""
+
+_OFTEN = frozenset({"joints-in-radians", "joint-sign", "joint-zero"})
+"""What is tried of the others."""
+
+
+def scope_of(campaign: Campaign) -> str:
+    """What the doctor can say of a campaign without a tracker; nothing of one that a tracker measured."""
+    kinds = dict.fromkeys(one.key for one in campaign.observations if not one.in_tracker)
+    if not kinds:
+        return ""
+    if _is_quick(campaign):
+        examined, left = "the joints (units, signs, zeros, couplings, order) and the robot, in pairs too", "frames"
+    else:
+        examined, left = (
+            "units, signs and zeros of the joints, one at a time",
+            "couplings and order of the joints, the robot, frames",
+        )
+    return (
+        f"observed without a tracker ({', '.join(kinds)}), it is examined for mistakes of {examined}; {left}, the order of rows, "
+        "slips, drift and single rows are not"
+    )
+
+
+def _is_quick(campaign: Campaign) -> bool:
+    return all(one.key in _QUICK for one in campaign.observations)
+
+
+def explain_observed(case: Case, progress: Progress = untold) -> list[Explanation]:
+    """Explanations by one mistake of joints or robot, and by two where one is not enough, the best first.
+
+    Each is ranked by how far the registered nominal robot misses the observations, over how far it moved: joints that are too
+    small leave little to miss.
+    """
+    quick, joints = _is_quick(case.campaign), list(joint_mistakes(case))
+    suppositions = [*joints, *robot_mistakes(case)] if quick else [s for s in joints if s.id in _OFTEN]
+    found = _ranked(case, [(), *((s,) for s in suppositions)], progress)
+    if is_sound(found[0]) or not quick:
+        return found
+    pairs = [
+        (*e.mistakes, s) for e in found[:CONTINUED] for s in suppositions if e.mistakes and _together(e.mistakes[0], s)
+    ]
+    return sorted([*found, *_ranked(case, pairs, progress)], key=lambda e: e.rank)
+
+
+def _together(a: Supposition, b: Supposition) -> bool:
+    return (a.id, a.subject) != (b.id, b.subject) and (a.robot is None or b.robot is None)
+
+
+def _ranked(case: Case, combinations: Sequence[Sequence[Supposition]], progress: Progress) -> list[Explanation]:
+    out: list[Explanation] = []
+    for number, combination in enumerate(combinations):
+        progress(f"mistakes, {max(map(len, combinations))} at a time", number, len(combinations))
+        out.append(_explanation(case, tuple(combination)))
+    return sorted(out, key=lambda e: e.rank)
+
+
+def _explanation(case: Case, mistakes: tuple[Supposition, ...]) -> Explanation:
+    # the robot first: joints are undone for whichever it is
+    for mistake in sorted(mistakes, key=lambda s: s.robot is None):
+        case = mistake.undo(case)
+    error, moved = _error(case, as_given=not mistakes)
+    outside = 1.0 - float(case.robot.inside_limits(case.campaign.q, slack=0.02).mean())
+    cost = sum(PER_MISTAKE + s.cost for s in mistakes) + OUTSIDE_LIMITS * min(1.0, 5.0 * outside)
+    level = max(error, SMALLEST_ERROR) / max(moved, SMALLEST_ERROR)
+    return Explanation(mistakes=mistakes, case=case, error=error, rank=float(np.log(level)) + cost)
+
+
+def tried_rows(campaign: Campaign) -> Int[np.ndarray, " k"]:
+    """Some of the rows, evenly spread, and enough of every anchor, landmark, plane … to find it."""
+    rows = spread_rows(len(campaign), TRIED_ROWS)
+    parts = [rows]
+    for kind in campaign.observations:
+        if kind.of is not None and kind.key not in _QUICK:
+            for k in range(int(kind.of.max()) + 1):
+                own = np.flatnonzero(kind.of == k)
+                if (kind.of[rows] == k).sum() < ENOUGH_ROWS:
+                    parts.append(own[spread_rows(len(own), ENOUGH_ROWS)])
+    return np.unique(np.concatenate(parts))
+
+
+def _error(case: Case, *, as_given: bool) -> tuple[float, float]:
+    """Median distance of the registered nominal robot from what was observed, and how far the tool moved, metres.
+
+    Where it cannot be registered both are the same.
+
+    Raises:
+        UnitError: of the campaign as it is given, lengths in another unit.
+    """
+    rows = tried_rows(case.campaign)
+    T = case.poses(rows)
+    closes = np.isfinite(T[:, 0, 3]) & case.campaign.seen[rows]
+    if closes.mean() < 0.7:
+        return case.model.robot.reach, case.model.robot.reach
+    rows, T = rows[closes], T[closes]
+    moved = float(np.sqrt(((T[:, :3, 3] - T[:, :3, 3].mean(axis=0)) ** 2).sum(axis=1).mean()))
+    try:
+        off = register_observations(T, case.campaign.take(rows), case.model)[1]
+    except UnitError:
+        if as_given:  # nothing can be said of the joints before that is mended
+            raise
+        return moved, moved
+    except (CampaignError, np.linalg.LinAlgError):
+        return moved, moved
+    return float(np.median(off)), moved
+
 
 ALTERNATIVES = 0.6
 """Logarithm of how much worse an explanation may be that is told beside the best."""

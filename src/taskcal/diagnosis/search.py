@@ -7,16 +7,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.diagnosis.frame_mistakes import frame_mistakes, scale_mistakes
-from taskcal.diagnosis.joint_mistakes import joint_mistakes, unit_mistakes
-from taskcal.diagnosis.linear_fit import register_trimmed
-from taskcal.diagnosis.quick_fit import LEVER_SHARE, ROUNDS, SMALLEST_ERROR, misfits
-from taskcal.diagnosis.robot_mistakes import robot_mistakes
-from taskcal.diagnosis.row_mistakes import row_mistakes
-from taskcal.diagnosis.supposition import Case, JointMap, Supposition, nominal_poses
+from taskcal.campaigns.campaign import Campaign
+from taskcal.diagnosis.fits import LEVER_SHARE, QUICK_ROUNDS, SMALLEST_ERROR, misfits, register_trimmed
+from taskcal.diagnosis.hypotheses import Case, JointMap, Supposition, nominal_poses
+from taskcal.diagnosis.mistakes import (
+    frame_mistakes,
+    joint_mistakes,
+    robot_mistakes,
+    row_mistakes,
+    scale_mistakes,
+    unit_mistakes,
+)
 from taskcal.errors import CampaignError
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.registration import Registration, register_closely
+from taskcal.registration.registration import Registration, register_closely
 from taskcal.robot.robot import TWO_TURNS
 
 Progress = Callable[[str, int, int], None]
@@ -171,7 +174,9 @@ def _errors(case: Case, combinations: Sequence[Combination]) -> Float[np.ndarray
     return out
 
 
-def _quick_errors(case: Case, combinations: Sequence[Combination], rounds: int = ROUNDS) -> Float[np.ndarray, " h"]:
+def _quick_errors(
+    case: Case, combinations: Sequence[Combination], rounds: int = QUICK_ROUNDS
+) -> Float[np.ndarray, " h"]:
     rows = spread_rows(len(case.campaign), TRIED_ROWS)
     campaign = case.campaign.take(rows)
     maps = [_composed(combination, campaign.q.shape[1]) for combination in combinations]

@@ -20,8 +20,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from taskcal.estimation.scaled import invert_positive
-from taskcal.geometry.chunks import in_chunks
+from taskcal.estimation.matrices import invert_positive
+from taskcal.kernels.chunks import in_chunks
 
 LONGEST_STEP = 2.5
 """Of a log variance in one step of the scoring."""

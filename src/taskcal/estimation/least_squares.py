@@ -6,8 +6,8 @@ from enum import Enum
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.estimation.scaled import solve_scaled
-from taskcal.geometry.normal_equations import WhitenedEquations
+from taskcal.estimation.matrices import solve_scaled
+from taskcal.kernels.normal_equations import WhitenedEquations
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,8 +15,20 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from taskcal.errors import ClosureError
-from taskcal.geometry.coordinates import Coordinates, Drive, Wanted, fill_coordinates
-from taskcal.geometry.four_bar_closure import BY_ANGLE, BY_LENGTH, NUMBERS, OPEN, ROUNDING, STATE, TURN, LoopNumbers
+from taskcal.kernels.closure import (
+    BY_ANGLE,
+    BY_LENGTH,
+    NUMBERS,
+    OPEN,
+    ROUNDING,
+    STATE,
+    TURN,
+    Coordinates,
+    Drive,
+    LoopNumbers,
+    Wanted,
+    fill_coordinates,
+)
 
 REMEDY = (
     "the loop is singular where rod and arm line up with the levers: keep the two angles well under 90° apart and check the "

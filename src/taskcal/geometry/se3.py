@@ -3,8 +3,12 @@
 SciPy's rotations would do as much, but their import takes longer than all else that refuses a wrong file.
 """
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float
+
+from taskcal.errors import TaskcalError
 
 
 def translation(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Float[np.ndarray, "4 4"]:
@@ -167,3 +171,53 @@ def _of_unit(q: Float[np.ndarray, "*b 4"]) -> Float[np.ndarray, "*b 3 3"]:
     R[..., 0, 2], R[..., 2, 0] = 2.0 * (x * z + w * y), 2.0 * (x * z - w * y)
     R[..., 2, 1], R[..., 1, 2] = 2.0 * (y * z + w * x), 2.0 * (y * z - w * x)
     return R
+
+
+# Arrays and rigid transforms as files describe them: nested lists, checked.
+
+RIGID_TOLERANCE = 1e-6
+"""How far a transform's rotation may be from one; files keep sixteen digits."""
+
+
+def array_of(key: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """Nested lists of numbers as an array; NaN for null.
+
+    Raises:
+        TaskcalError: they have another shape, or none; the message names the key.
+    """
+    try:
+        array = np.array(values, dtype=float)
+    except ValueError as error:
+        raise TaskcalError(f"the rows of '{key}' differ in length") from error
+    if array.size == 0 and 0 in shape:  # nothing was estimated: JSON has no empty matrix
+        array = np.zeros(shape)
+    return of_shape(key, array, shape)
+
+
+def of_shape(key: str, array: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """An array, where it has this shape.
+
+    Raises:
+        TaskcalError: it has another.
+    """
+    if array.shape != shape:
+        raise TaskcalError(f"'{key}' has shape {array.shape}, not {shape}")
+    return array
+
+
+def rigid(key: str, T: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4"]:
+    """Transforms, where they neither scale, shear nor reflect.
+
+    Raises:
+        TaskcalError: one of them does.
+    """
+    for number, one in enumerate(T.reshape(-1, 4, 4), start=1):
+        R = one[:3, :3]
+        off = float(np.abs(R.T @ R - np.eye(3)).max())
+        if off > RIGID_TOLERANCE or np.linalg.det(R) < 0.0 or (one[3] != (0.0, 0.0, 0.0, 1.0)).any():
+            place = f"'{key}'" if T.ndim == 2 else f"'{key}' {number}"
+            scale = float(np.linalg.norm(R) / np.sqrt(3.0))
+            raise TaskcalError(
+                f"{place} is not a rigid transform: its axes have length {scale:.6g} and are {off:.2g} off"
+            )
+    return T

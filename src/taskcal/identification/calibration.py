@@ -1,35 +1,456 @@
 """A Calibration: what was identified, how well, and what the robot does with it."""
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from jaxtyping import Float, Int
+from pydantic import Field, ValidationError
 
-from taskcal.errors import CampaignError, TaskcalError
-from taskcal.estimation.blas import single_threaded
-from taskcal.files import write_whole
-from taskcal.geometry import se3, walk
-from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
-from taskcal.geometry.covariance_propagation import propagate
-from taskcal.geometry.observations import Points
-from taskcal.identification.calibration_content import describe_calibration
-from taskcal.identification.calibration_summary import summarise_calibration
+from taskcal.campaigns.campaign import Campaign
+from taskcal.errors import CampaignError, FileError, TaskcalError, shown
+from taskcal.estimation.matrices import factor_positive, single_threaded
+from taskcal.geometry import se3
+from taskcal.geometry.se3 import array_of, of_shape, rigid
+from taskcal.identification.calibration_format import (
+    FORMAT,
+    FORMAT_VERSION,
+    describe_factor,
+    factor_of,
+    read_envelope,
+    unpack_covariance,
+    unpack_factor,
+)
 from taskcal.identification.field import ResidualField
-from taskcal.identification.held_out import HeldOut
-from taskcal.identification.observed_errors import residuals_by_kind
-from taskcal.identification.outlier import LeftOut, Outlier, shared_with_neighbours
-from taskcal.identification.problem import FrameLayout
+from taskcal.identification.held_out import HeldOut, LeftOut, Outlier, shared_with_neighbours
+from taskcal.identification.hyperparameters import spread_out
+from taskcal.identification.layout import ObservationLayout
+from taskcal.identification.problem import FrameLayout, joint_columns, observe
 from taskcal.identification.provenance import Provenance
-from taskcal.identification.untold_conditions import untold_covariance
-from taskcal.measurement.campaign import Campaign
+from taskcal.io.files import write_whole
+from taskcal.io.toml_file import Finite, NotNegative, Section, explain
+from taskcal.kernels import walk
+from taskcal.kernels.chain import Chain, ErrorFrame, Fixed
+from taskcal.kernels.covariance import propagate
+from taskcal.kernels.observations import Points
+from taskcal.observations import Observation, kind_of
+from taskcal.registration.registration_file import RegistrationSection, describe_registration
 from taskcal.robot.conditions import Conditions
+from taskcal.robot.effects import Effect, LinearTerm, effect_from
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.load import Load
+from taskcal.robot.parameter import ShownUnit, current_parameter
+from taskcal.robot.robot_file import robot_from
+from taskcal.robot.statics import Load
+
+# What a calibration file holds: numbers, names and texts of a calibration, as JSON has them.
+
+
+def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
+    """The content of a calibration's file."""
+    return {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "provenance": asdict(calibration.provenance),
+        "robot": dict(calibration.model.robot.description),
+        "lengths_only": calibration.model.lengths_only,
+        "units": "metres and radians",
+        "effects": [effect.to_json() for effect in calibration.model.effects],
+        "kept": list(calibration.kept),
+        "targets": list(calibration.targets),
+        "pose": calibration.layout.pose,
+        "observations": _describe_observations(calibration),
+        "fixed_frames": calibration.layout.fixed_frames,
+        "turned": calibration.layout.turned,
+        "registration": describe_registration(calibration.layout.registration),
+        "names": list(calibration.all_names),
+        "estimate": calibration.z.tolist(),
+        "covariance_factor": describe_factor(calibration.z_spread),
+        "T_tracker_base": calibration.T_tracker_base.tolist(),
+        "T_tool_target": calibration.T_tool_target.tolist(),
+        "model_error": list(calibration.model_error),
+        "joint_error": list(calibration.joint_error),
+        "prior_scale": calibration.prior_scale,
+        "group_deviations": None if calibration.group_deviations is None else calibration.group_deviations.tolist(),
+        "log_evidence": calibration.log_evidence,
+        "field": None if calibration.field is None else calibration.field.to_json(),
+        "ids": list(calibration.ids),
+        "q": None if calibration.q is None else calibration.q.tolist(),
+        "residuals": _without_nan(calibration.residuals),
+        "studentised": _without_nan(calibration.studentised),
+        "outliers": [asdict(outlier) for outlier in calibration.outliers],
+        "left_out": [asdict(row) for row in calibration.left_out],
+        "held_out": None if calibration.held_out is None else _describe_held_out(calibration.held_out),
+        "iterations": calibration.iterations,
+        "rounds": calibration.rounds,
+        "reason": calibration.reason,
+        "remarks": list(calibration.remarks),
+    }
+
+
+def _describe_held_out(held_out: "HeldOut") -> dict[str, Any]:
+    return {
+        "by": held_out.by,
+        "folds": held_out.folds,
+        "rows": held_out.rows.tolist(),
+        "part": held_out.part.tolist(),
+        "residuals": _without_nan(held_out.residuals),
+        "nominal": _without_nan(held_out.nominal),
+    }
+
+
+def _describe_observations(calibration: "Calibration") -> list[dict[str, Any]]:
+    """How each target was observed; none where a tracker measured all."""
+    layout = calibration.layout
+    if not isinstance(layout, ObservationLayout):
+        return []
+    unknowns = layout.unknowns(calibration.z)
+    return [
+        {"kind": kind.key, "options": kind.describe(), "unknowns": unknown.tolist()}
+        for kind, unknown in zip(layout.kinds, unknowns, strict=True)
+    ]
+
+
+def _without_nan(array: np.ndarray) -> list[Any]:
+    out = array.astype(object)
+    out[np.isnan(array)] = None
+    return out.tolist()
+
+
+# Which parameters the data of a calibration inform, and which its prior alone holds.
+
+UNSEEN_SHARE = 0.95
+"""Share of the prior's standard deviation from which on a standard error says that nothing was learnt."""
+
+WORTHLESS_SIZE = 3e-4
+"""Model error, metres per axis, with which a robot that shows none of its tolerances is not a nearly perfect one."""
+
+
+def informed_parameters(calibration: "Calibration") -> dict[str, bool | None]:
+    """For each kept parameter whether its standard error fell below that of the prior.
+
+    None where that cannot be said: without a prior, or with one that is not the tolerances'.
+    """
+    scale = calibration.prior_scale
+    if scale is None or calibration.provenance.options.get("prior") == "given":
+        return dict.fromkeys(calibration.kept)
+    own = calibration.group_deviations
+    limit = UNSEEN_SHARE * (scale * calibration.model.tolerances if own is None else own)
+    return {calibration.names[i]: bool(calibration.standard_errors[i] < limit[i]) for i in calibration.estimated}
+
+
+def tells_nothing(
+    standard_errors: Float[np.ndarray, " k"],
+    tolerances: Float[np.ndarray, " k"],
+    scale: float,
+    likeliest_scale: float,
+    model_error: float,
+) -> bool:
+    """Whether a fit learnt nothing, and called all that was measured error.
+
+    The rows tell nothing where every parameter is as uncertain as its prior of the most probable scale, which is next to
+    zero then; of the expected one, which allows for what the rows do not exclude, they would always seem to tell a little.
+
+    Args:
+        standard_errors: of the parameters that were estimated.
+        tolerances: of these.
+        scale: of the prior's standard deviations, as expected.
+        likeliest_scale: the most probable one.
+        model_error: metres per axis.
+    """
+    if not len(standard_errors) or model_error < WORTHLESS_SIZE:
+        return False
+    told = np.maximum(standard_errors**-2 - (scale * tolerances) ** -2, 0.0)
+    unseen = 1.0 / np.sqrt(1.0 + told * (likeliest_scale * tolerances) ** 2)
+    return bool((unseen > UNSEEN_SHARE).all())
+
+
+# What a calibration reports: parameters with their standard errors, model error, correlations, points that do not
+# fit.
+
+CORRELATIONS = 6
+"""How many of the largest correlations are named."""
+
+
+def summarise_calibration(calibration: "Calibration") -> dict[str, Any]:
+    """The report of a calibration, in millimetres and milliradians."""
+    rotation = calibration.model_error[1:]
+    return {
+        "robot": calibration.model.robot.name,
+        "effects": [effect.to_json() for effect in calibration.model.effects],
+        "field": calibration.field is not None or any(effect.key == "field" for effect in calibration.model.effects),
+        "model_error_mm": calibration.model_error[0] * 1e3,
+        **({"model_error_mrad": rotation[0] * 1e3} if rotation else {}),
+        "prior_scale": calibration.prior_scale,
+        "parameters": list_parameters(calibration),
+        "correlations": [
+            {"a": a, "b": b, "correlation": value} for a, b, value in largest_correlations(calibration, CORRELATIONS)
+        ],
+        "left_out": [
+            {
+                "row": row.row,
+                "line": row.line,
+                "id": row.id,
+                "distance_mm": row.distance * 1e3,
+                "studentised": row.studentised,
+            }
+            for row in calibration.left_out
+        ],
+        "outliers": [
+            {
+                "row": outlier.row,
+                "line": outlier.line,
+                "id": outlier.id,
+                "target": outlier.target,
+                "residual_mm": outlier.residual * 1e3,
+                "studentised": outlier.studentised,
+            }
+            for outlier in calibration.outliers
+        ],
+        "reason": calibration.reason,
+        "remarks": list(calibration.remarks),
+        "iterations": calibration.iterations,
+        "rounds": calibration.rounds,
+    }
+
+
+def list_unknowns(calibration: "Calibration") -> list[dict[str, Any]]:
+    """What stands where a tracker did not measure all: sockets, anchors …, each number with its standard error.
+
+    Millimetres, milliradians, or parts per million, as the keys say; directions as they are.
+    """
+    layout = calibration.layout
+    if not isinstance(layout, ObservationLayout):
+        return []
+    deviation = np.sqrt(np.maximum(np.diag(calibration.z_covariance), 0.0))
+    out: list[dict[str, Any]] = []
+    for target, kind, own, values in zip(
+        layout.targets, layout.kinds, layout.own, layout.unknowns(calibration.z), strict=True
+    ):
+        errors = np.full(len(values), np.nan) if layout.fixed_frames else deviation[own]
+        unknowns = {
+            name: _in_unit(kind.units.get(name.rpartition(".")[2], ShownUnit.of("m")), float(value), float(error))
+            for name, value, error in zip(kind.unknowns, values, errors, strict=True)
+        }
+        out.append({"target": target, "kind": kind.key, "tells_scale": kind.tells_scale, "unknowns": unknowns})
+    return out
+
+
+def _in_unit(unit: ShownUnit, value: float, error: float) -> dict[str, float | None]:
+    key = f"_{unit.key}" if unit.name else ""
+    return {
+        f"value{key}": value * unit.factor,
+        f"standard_error{key}": None if np.isnan(error) else error * unit.factor,
+    }
+
+
+def list_parameters(calibration: "Calibration") -> list[dict[str, Any]]:
+    """Estimate, standard error and tolerance of every estimated parameter, each in the unit that its key ends with."""
+    out: list[dict[str, Any]] = []
+    informed = informed_parameters(calibration)
+    for i in calibration.estimated:
+        p = calibration.model.parameters[i]
+        unit = p.shown
+        values = {
+            f"estimate_{unit.key}": float(calibration.estimate[i]) * unit.factor,
+            f"standard_error_{unit.key}": float(calibration.standard_errors[i]) * unit.factor,
+            f"tolerance_{unit.key}": p.tolerance * unit.factor,
+        }
+        out.append({"name": p.name, "symbol": p.symbol, "unit": unit.name, **values, "seen": informed[p.name]})
+    return out
+
+
+def largest_correlations(calibration: "Calibration", count: int) -> list[tuple[str, str, float]]:
+    """The largest posterior correlations between estimated parameters, tracker frame and targets, by absolute value.
+
+    Args:
+        calibration: the calibration.
+        count: how many at most.
+    """
+    p, size = len(calibration.model), len(calibration.all_names)
+    fitted = np.concatenate([calibration.estimated, np.arange(p, size)])
+    names = [calibration.all_names[i] for i in fitted]
+    correlation = calibration.correlation[np.ix_(fitted, fitted)]
+    i, j = np.triu_indices(len(names), 1)
+    largest = np.argsort(-np.abs(correlation[i, j]), kind="stable")[:count]
+    return [(names[i[k]], names[j[k]], float(correlation[i[k], j[k]])) for k in largest]
+
+
+# What a calibration says of observations of any kind: their residuals, and how sure it is of what it predicts of
+# them.
+
+
+def residuals_by_kind(
+    calibration: "Calibration",
+    campaign: Campaign,
+    frame: Literal["tracker", "base"] = "tracker",
+    *,
+    settled: bool = False,
+) -> Float[np.ndarray, "n targets b"]:
+    """Measured less predicted; NaN where nothing was measured, zero for what a kind does not measure of its block.
+
+    Args:
+        calibration: of these targets.
+        campaign: observations of them.
+        frame: whose axes the first three numbers are in.
+        settled: let what stands (sockets, anchors …) be where this campaign says, given the calibrated robot; else only what the
+            calibration does not know of it.
+
+    Raises:
+        CampaignError: a target that the calibration does not know.
+        ClosureError: a closed loop cannot be assembled at some pose.
+    """
+    ends = calibration.target_poses(campaign.q, campaign.conditions)[:, calibration.rows_of(campaign.targets)]
+    unknowns = unknowns_of(calibration, campaign, settled=settled)
+    b = 3 if campaign.rotations is None else 6
+    out = np.full((*campaign.valid.shape, b), np.nan)
+    R = calibration.T_tracker_base[:3, :3] if frame == "base" else np.eye(3)
+    for t, (kind, unknown) in enumerate(zip(campaign.observations, unknowns, strict=True)):
+        seen = campaign.valid[:, t]
+        residual = kind.differentiate(ends[:, t], unknown, campaign.read(t)).residual[seen]
+        out[seen, t] = 0.0
+        out[seen, t, : residual.shape[1]] = residual
+        if kind.along_axes:
+            for first in range(0, kind.width, 3):
+                out[seen, t, first : first + 3] = out[seen, t, first : first + 3] @ R
+    return out
+
+
+def unknowns_of(
+    calibration: "Calibration", campaign: Campaign, *, settled: bool = False
+) -> tuple[Float[np.ndarray, " _"], ...]:
+    """What each kind does not know, from the calibration, or from the campaign's own rows where the calibration cannot tell.
+
+    Args:
+        calibration: of these targets.
+        campaign: observations of them.
+        settled: take all from the campaign's rows.
+    """
+    numbers = calibration.rows_of(campaign.targets)
+    ends = calibration.target_poses(campaign.q, campaign.conditions)[:, numbers]
+    out: list[np.ndarray] = []
+    layout = calibration.layout
+    for t, kind in enumerate(campaign.observations):
+        known = np.full(len(kind.unknowns), np.nan)
+        if isinstance(layout, ObservationLayout) and layout.kinds[numbers[t]].key == kind.key:
+            known = kind.named_like(layout.kinds[numbers[t]], layout.unknowns(calibration.z)[numbers[t]])
+        if not settled and np.isfinite(known).all():
+            out.append(known)
+            continue
+        found = kind.settle(ends[:, t], campaign.read(t), known)
+        first, second = (found, known) if settled else (known, found)
+        out.append(np.where(np.isnan(first), second, first))
+    return tuple(out)
+
+
+def covariance_by_kind(calibration: "Calibration", campaign: Campaign) -> Float[np.ndarray, "n targets b b"]:
+    """Covariance of each observation about what the calibration predicts, its own noise not included.
+
+    Raises:
+        ClosureError: a closed loop cannot be assembled at some pose.
+    """
+    layout = calibration.layout
+    assert isinstance(layout, ObservationLayout)
+    kinds = tuple(
+        kind.numbered_like(layout.kinds[t])
+        for kind, t in zip(campaign.observations, calibration.rows_of(campaign.targets), strict=True)
+    )
+    at = layout.walked(campaign.q, calibration.z, calibration.model.prepare(campaign.q, campaign.conditions))
+    covariance = propagate(
+        at, layout.linearised(at, calibration.z, observe(campaign), kinds), calibration.z_covariance
+    )[1]
+    for t, kind in enumerate(kinds):
+        error = np.repeat(np.square(calibration.model_error), 3)[: kind.width]
+        covariance[:, t, range(kind.width), range(kind.width)] += error
+    return np.where(campaign.valid[..., None, None], covariance, np.eye(covariance.shape[2]))
+
+
+# What is uncertain of a pose where it is not known how it is reached, or how warm the robot is.
+#
+# What is not told counts by its expectation, and adds its variance. With ξ the parameters of the effects that
+# depend on conditions, m and S their estimate and covariance, and J_c the derivative of a target by them under a
+# condition c of mean zero,
+#
+#     E[(J_c·ξ)(J_c·ξ)ᵀ] = E[J_c·(m·mᵀ + S)·J_cᵀ],
+#
+# so that effects which are hardly known add their uncertainty, too.
+
+
+def untold_covariance(
+    calibration: "Calibration", q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+) -> Float[np.ndarray, "n targets b b"]:
+    """Covariance of the targets by what is not told of the poses, metres² (and radians², for poses), tracker frame.
+
+    A joint whose side is not told came from either one with even chance. Its share of the largest move is evenly spread
+    between nothing and all, so that the mean of its square is 1/3, and of its product with the side 1/2. What an effect
+    needs and is not told is as far from its reference as the effect says (`Effect.off_reference`).
+
+    Args:
+        calibration: with effects that depend on conditions.
+        q: joint positions, radians.
+        conditions: what is told; nothing by default.
+    """
+    terms = [term for term in calibration.model.terms if isinstance(term, LinearTerm) and term.given is not None]
+    index = {name: i for i, name in enumerate(calibration.all_names)}
+    own = np.array([index[name] for term in terms for name in term.names])
+    second = calibration.z_covariance[np.ix_(own, own)] + np.outer(calibration.z[own], calibration.z[own])
+    at = calibration.layout.walked(q, calibration.z, calibration.model.prepare(q, conditions))
+    angular = calibration.layout.pose
+    columns = np.stack([joint_columns(at, offset, angular=angular) for offset in at.points.position], axis=1)
+    out = np.zeros((*columns.shape[:3], columns.shape[2]))
+    for probe, weight in _probes(calibration, len(q), conditions or Conditions()):
+        rows = np.flatnonzero(weight)
+        if not len(rows):
+            continue
+        J = _derivative(terms, q[rows], probe.take(rows), columns[rows])
+        out[rows] += weight[rows, None, None, None] * (J @ second @ np.swapaxes(J, -1, -2))
+    return out
+
+
+def _derivative(
+    terms: list[LinearTerm],
+    q: Float[np.ndarray, "k joints"],
+    conditions: Conditions,
+    columns: Float[np.ndarray, "k targets b coordinates"],
+) -> Float[np.ndarray, "k targets b p"]:
+    """Of the targets, by the parameters of terms under conditions."""
+    parts: list[np.ndarray] = []
+    for term in terms:
+        factor = term.prepare(q, conditions)
+        part = np.zeros((*columns.shape[:3], len(term.names)))
+        for k, (coordinate, parameter) in enumerate(term.pairs):
+            part[..., parameter] += columns[..., coordinate] * factor[:, None, None, k]
+        parts.append(part)
+    return np.concatenate(parts, axis=3)
+
+
+def _probes(
+    calibration: "Calibration", count: int, conditions: Conditions
+) -> Iterator[tuple[Conditions, Float[np.ndarray, " n"]]]:
+    """Conditions, and with which weight the square of what each does counts at every pose.
+
+    Of a side a and a move b, where neither is told, (a + b)², a² and b² with ½, ½ and −1/6 are a² + 2·½·a·b + ⅓·b².
+    """
+    joints = len(calibration.model.robot.joints)
+    nothing = np.zeros((count, joints))
+    side = nothing if conditions.approach is None else conditions.approach
+    move = nothing if conditions.move is None else conditions.move
+    no_side, no_move = side == 0.0, np.broadcast_to((move == 0.0).all(axis=1, keepdims=True), move.shape)
+    for j in range(joints):
+        way = np.zeros((count, joints))
+        way[:, j] = 1.0
+        a, b = no_side[:, j], no_move[:, j]
+        yield Conditions(approach=way, move=way), np.where(a & b, 0.5, 0.0)
+        yield Conditions(approach=way), np.where(a, np.where(b, 0.5, 1.0), 0.0)
+        yield Conditions(move=way), np.where(b, np.where(a, -1.0 / 6.0, 1.0 / 3.0), 0.0)
+    for effect in calibration.model.effects:
+        off = effect.off_reference(count)
+        if off is not None:
+            told = [getattr(conditions, quantity) for quantity in effect.needs]
+            yield off, np.max([np.ones(count) if t is None else ~np.isfinite(t) for t in told], axis=0).astype(float)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -351,7 +772,7 @@ class Calibration:
         Raises:
             TaskcalError: the file would be refused on reading, or hold another calibration.
         """
-        from taskcal.identification.calibration_file import expect_readable
+        pass
 
         try:
             text = json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n"
@@ -368,3 +789,404 @@ class Calibration:
 def _held(points: Points) -> Points:
     """Targets none of whose coordinates is a column, and no turn of what was measured."""
     return Points(position=points.position, columns=np.full_like(points.columns, -1))
+
+
+# How a target was observed without a tracker, as a calibration's file has it.
+
+
+class ObservationSection(Section):
+    """How a target was observed without a tracker."""
+
+    kind: str
+    options: dict[str, Any]
+    unknowns: list[Finite]
+
+    def observation(self) -> Observation:
+        """The kind, without rows.
+
+        Raises:
+            TaskcalError: there is no such kind, or its options are not its own.
+        """
+        kind = kind_of(self.kind)
+        try:
+            made = kind.of_description(self.options)
+        except (KeyError, TypeError, ValueError) as error:
+            raise TaskcalError(
+                f"the options of its observation '{shown(self.kind)}' are none: {shown(error)}"
+            ) from error
+        if len(made.unknowns) != len(self.unknowns):
+            raise TaskcalError(
+                f"its observation '{self.kind}' has {len(self.unknowns)} unknowns, where {len(made.unknowns)} belong"
+            )
+        return made
+
+
+# The calibration file: its schema, and the calibration it describes.
+
+SYMMETRY_TOLERANCE = 1e-6
+"""Of a covariance, relative to the two standard deviations; rounding of the fit leaves 10⁻⁹ at the worst."""
+
+FACTOR_FROM = 7
+"""Format version from which on a file holds a factor of the covariance."""
+
+Count = Annotated[int, Field(strict=True, ge=0, le=10**9)]
+Real = Annotated[float, Field(strict=True, ge=-1e300, le=1e300, allow_inf_nan=False)]
+AboveZero = Annotated[float, Field(strict=True, gt=0, le=1e6, allow_inf_nan=False)]
+Ratio = Annotated[float, Field(strict=True, ge=0, le=1e300, allow_inf_nan=False)]
+Flag = Annotated[bool, Field(strict=True)]
+Texts = list[str]
+Vector = list[Finite]
+Matrix = list[list[Finite]]
+
+
+class FieldSection(Section):
+    """A residual field."""
+
+    q: Matrix
+    weights: Matrix
+    lengths: list[AboveZero]
+    deviation: list[AboveZero]
+    noise: list[NotNegative]
+
+
+class OutlierSection(Section):
+    """A point that the fit cannot believe."""
+
+    row: Count | None
+    line: Count | None = None
+    id: str
+    target: str
+    studentised: Ratio
+    residual: NotNegative
+
+    def outlier(self, version: int) -> Outlier:
+        """The outlier; in a file of an older version it has its id, but no row of the campaign."""
+        content = self.model_dump()
+        if version < 3:
+            content["row"] = None
+        return Outlier(**content)
+
+
+class LeftOutSection(Section):
+    """A row that was not fitted."""
+
+    row: Count
+    line: Count | None = None
+    id: str
+    distance: NotNegative
+    studentised: Ratio
+
+
+class HeldOutSection(Section):
+    """Rows that were not fitted, and what was predicted of them."""
+
+    by: Literal["neighbours", "blocks", "rows", "chosen"]
+    folds: Count
+    rows: list[Count] = Field(min_length=1)
+    part: list[Count]
+    residuals: list[list[list[Finite | None]]]
+    nominal: list[list[list[Finite | None]]]
+
+    def held_out(self, targets: int, width: int, kinds: tuple[type[Observation], ...]) -> HeldOut:
+        """What it describes, of targets that were observed so.
+
+        Raises:
+            TaskcalError: the parts do not belong together.
+        """
+        n = len(self.rows)
+        shape = n, targets, width
+        of_shape("held_out, part", np.array(self.part), (n,))
+        if max(self.part) >= n:
+            raise TaskcalError(f"'held_out, part' counts {max(self.part) + 1} parts of {n} rows")
+        residuals = array_of("held_out, residuals", self.residuals, shape)
+        if not np.isfinite(residuals[..., 0]).any():
+            raise TaskcalError("'held_out, residuals' holds not a single measured point")
+        return HeldOut(
+            by=self.by,
+            folds=self.folds,
+            rows=np.array(self.rows),
+            part=np.array(self.part),
+            residuals=residuals,
+            nominal=array_of("held_out, nominal", self.nominal, shape),
+            kinds=kinds,
+        )
+
+
+class ProvenanceSection(Section):
+    """Where a calibration comes from."""
+
+    robot: str
+    robot_digest: str
+    campaign: str
+    campaign_digest: str
+    rows: Count
+    version: str
+    created: str
+    options: dict[str, Any]
+    notes: tuple[str, ...] = ()
+
+
+class CalibrationFile(Section):
+    """A calibration file."""
+
+    format: str
+    format_version: int
+    provenance: ProvenanceSection
+    robot: dict[str, Any]
+    lengths_only: Flag
+    units: Literal["metres and radians"]
+    effects: list[dict[str, Any]]
+    kept: Texts
+    targets: Texts = Field(min_length=1)
+    pose: Flag
+    observations: list[ObservationSection] = Field(default=[])
+    fixed_frames: Flag
+    turned: Flag = Field(default=False)
+    registration: RegistrationSection
+    names: Texts
+    estimate: Vector
+    covariance: Matrix | None = None
+    covariance_factor: list[Vector] | None = None
+    T_tracker_base: Matrix
+    T_tool_target: list[Matrix]
+    model_error: list[NotNegative]
+    joint_error: list[NotNegative] = Field(default=[])
+    prior_scale: AboveZero | None
+    group_deviations: list[AboveZero] | None = Field(default=None)
+    log_evidence: Real | None
+    field: FieldSection | None
+    ids: Texts
+    q: Matrix | None = None
+    residuals: list[list[list[Finite | None]]]
+    studentised: list[list[Ratio | None]]
+    outliers: list[OutlierSection]
+    left_out: list[LeftOutSection] = Field(default=[])
+    held_out: HeldOutSection | None = None
+    iterations: Count
+    rounds: Count
+    reason: str
+    remarks: Texts
+
+    def calibration(self, effects: Sequence[Effect]) -> Calibration:
+        """The calibration it describes, with its effects.
+
+        Raises:
+            TaskcalError: the robot or a parameter is not one, or the parts do not belong together.
+        """
+        try:
+            robot = robot_from(self.robot)
+        except TaskcalError as error:
+            raise TaskcalError(f"its robot: {error}") from error
+        if robot.digest != self.provenance.robot_digest:
+            raise TaskcalError(
+                f"its robot was changed: its digest is {robot.digest}, that of the robot that was fitted "
+                f"'{shown(self.provenance.robot_digest)}'"
+            )
+        model = ErrorModel(robot, lengths_only=self.lengths_only, effects=effects)
+        layout = self._layout(model)
+        estimated = model.indices(map(current_parameter, self.kept))
+        written = layout if self.format_version > 1 else replace(layout, kept=estimated)
+        size, rows, width = len(written.names), len(self.ids), layout.block_size
+        self._same_names(written.names)
+        of_shape("model_error", np.array(self.model_error), (width // 3,))
+        if self.joint_error:
+            of_shape("joint_error", np.array(self.joint_error), (len(robot.joints),))
+        if self.provenance.rows < rows:
+            raise TaskcalError(f"'ids' names {rows} rows, 'provenance' {self.provenance.rows}")
+        z = array_of("estimate", self.estimate, (size,))
+        return Calibration(
+            model=model,
+            layout=layout,
+            estimated=estimated,
+            z=spread_out(z, written, layout),
+            z_spread=spread_out(self._spread(written.names), written, layout),
+            T_tracker_base=rigid("T_tracker_base", array_of("T_tracker_base", self.T_tracker_base, (4, 4))),
+            T_tool_target=rigid(
+                "T_tool_target", array_of("T_tool_target", self.T_tool_target, (len(self.targets), 4, 4))
+            ),
+            residuals=array_of("residuals", self.residuals, (rows, len(self.targets), width)),
+            studentised=array_of("studentised", self.studentised, (rows, len(self.targets))),
+            outliers=tuple(section.outlier(self.format_version) for section in self.outliers),
+            left_out=tuple(LeftOut(**section.model_dump()) for section in self.left_out),
+            ids=tuple(self.ids),
+            q=None if self.q is None else array_of("q", self.q, (rows, len(robot.joints))),
+            held_out=None
+            if self.held_out is None
+            else self.held_out.held_out(len(self.targets), width, layout.observed),
+            model_error=tuple(self.model_error),
+            joint_error=tuple(self.joint_error),
+            prior_scale=self.prior_scale,
+            group_deviations=self._group_deviations(len(model)),
+            log_evidence=self.log_evidence,
+            field=self._field(len(robot.joints), width),
+            iterations=self.iterations,
+            rounds=self.rounds,
+            reason=self.reason,
+            remarks=tuple(self.remarks),
+            provenance=Provenance(**self.provenance.model_dump()),
+        )
+
+    def _layout(self, model: ErrorModel) -> FrameLayout:
+        registration = self.registration.registration(len(self.targets))
+        layout = FrameLayout(
+            model=model,
+            kept=np.arange(len(model)),
+            registration=registration,
+            targets=tuple(self.targets),
+            pose=self.pose,
+            fixed_frames=self.fixed_frames,
+            turned=self.turned,
+        )
+        if not self.observations:
+            return layout
+        if len(self.observations) != len(self.targets):
+            raise TaskcalError(f"it has {len(self.observations)} observations for {len(self.targets)} targets")
+        shared = {f.name: getattr(layout, f.name) for f in fields(FrameLayout)}
+        unknowns = tuple(np.array(section.unknowns, dtype=float) for section in self.observations)
+        shared["registration"] = replace(registration, unknowns=unknowns)
+        return ObservationLayout(**shared, kinds=tuple(section.observation() for section in self.observations))
+
+    def _same_names(self, expected: tuple[str, ...]) -> None:
+        """Estimate and covariance stand in the order of the names, so that others would give other parameters."""
+        if len(self.names) != len(expected):
+            raise TaskcalError(
+                f"'names' has {len(self.names)} entries, the parameters kept and frames are {len(expected)}"
+            )
+        for number, (name, wanted) in enumerate(zip(self.names, expected, strict=True), start=1):
+            if wanted not in (name, current_parameter(name)):
+                raise TaskcalError(f"'names' {number} is '{shown(name)}', where '{wanted}' belongs")
+
+    def _spread(self, names: tuple[str, ...]) -> Float[np.ndarray, "z z"]:
+        """Factor of the covariance; in a file of an older version of the covariance that it holds."""
+        size = len(names)
+        if self.format_version >= FACTOR_FROM:
+            if self.covariance_factor is None:
+                raise TaskcalError("'covariance_factor' is missing")
+            return factor_of(self.covariance_factor, size)
+        if self.covariance is None:
+            raise TaskcalError("'covariance' is missing")
+        C = _covariance(array_of("covariance", self.covariance, (size, size)), names)
+        return factor_positive(0.5 * (C + C.T), SYMMETRY_TOLERANCE * size)
+
+    def _group_deviations(self, parameters: int) -> Float[np.ndarray, " p"] | None:
+        if self.group_deviations is None:
+            return None
+        return array_of("group_deviations", self.group_deviations, (parameters,))
+
+    def _field(self, joints: int, width: int) -> ResidualField | None:
+        if self.field is None:
+            return None
+        rows = len(self.field.q)
+        shapes = {
+            "q": (rows, joints),
+            "weights": (rows, width),
+            "lengths": (joints,),
+            "deviation": (width,),
+            "noise": (width,),
+        }
+        return ResidualField.from_json({
+            name: array_of(f"field, {name}", getattr(self.field, name), shape) for name, shape in shapes.items()
+        })  # fmt: skip
+
+
+def _covariance(C: Float[np.ndarray, "z z"], names: tuple[str, ...]) -> Float[np.ndarray, "z z"]:
+    """A covariance, where it is one: symmetric and nowhere negative."""
+    if not len(C):
+        return C
+    variance = np.diag(C)
+    if (variance < 0.0).any():
+        i = int(variance.argmin())
+        raise TaskcalError(f"'covariance' is none: the variance of '{names[i]}' is {variance[i]:g}")
+    deviation = np.sqrt(variance)
+    # an entry held exactly has no variance, and then no covariance
+    scale = np.where(deviation > 0.0, deviation, 1.0)
+    correlation = C / scale / scale[:, None]
+    i, j = np.unravel_index(int(np.abs(correlation - correlation.T).argmax()), C.shape)
+    if abs(correlation[i, j] - correlation[j, i]) > SYMMETRY_TOLERANCE:
+        raise TaskcalError(
+            f"'covariance' is none: of '{names[i]}' and '{names[j]}' it is {C[i, j]:g}, the other way round {C[j, i]:g}"
+        )
+    lowest = float(np.linalg.eigvalsh((correlation + correlation.T) / 2.0).min(initial=0.0))
+    if lowest < -SYMMETRY_TOLERANCE * len(C):
+        raise TaskcalError(
+            f"'covariance' is none: a combination of the parameters has the variance {lowest:.2g} of theirs"
+        )
+    return C
+
+
+def load_calibration(path: str | Path) -> Calibration:
+    """Read a calibration saved by `Calibration.save`.
+
+    Raises:
+        FileError: the file is missing, truncated, of another format or version, or inconsistent in itself; the message
+            names the key and its value.
+    """
+    path = Path(path)
+    data = read_envelope(path)
+    try:
+        return calibration_from(data)
+    except TaskcalError as error:
+        raise FileError(path, str(error)) from error
+
+
+def calibration_from(data: dict[str, Any], kinds: Sequence[type[Effect]] | None = None) -> Calibration:
+    """The calibration that the content of a file describes.
+
+    Args:
+        data: the content.
+        kinds: of its effects; by default those that are registered under their names.
+
+    Raises:
+        TaskcalError: it is inconsistent in itself; the message names the key and its value.
+    """
+    try:
+        if isinstance(packed := data.get("covariance_factor"), dict):
+            data = {**data, "covariance_factor": unpack_factor(packed)}
+        if isinstance(packed := data.get("covariance"), dict):
+            data = {**data, "covariance": unpack_covariance(packed).tolist()}
+    except TaskcalError as error:
+        raise TaskcalError(f"{error}; it may have been edited: identify again") from error
+    try:
+        content = CalibrationFile.model_validate(data)
+    except ValidationError as error:
+        raise TaskcalError(f"{explain(error, CalibrationFile)}; it may have been edited: identify again") from error
+    effects = [
+        _effect(number, effect, None if kinds is None else kinds[number - 1])
+        for number, effect in enumerate(content.effects, start=1)
+    ]
+    try:
+        return content.calibration(effects)
+    except TaskcalError as error:
+        raise TaskcalError(f"is inconsistent: {error}; it may have been edited: identify again") from error
+
+
+def expect_readable(text: str, calibration: Calibration) -> None:
+    """Read the text of a calibration's file back before it is written.
+
+    Raises:
+        TaskcalError: it would be refused, or be another calibration.
+    """
+    try:
+        again = calibration_from(json.loads(text), [type(effect) for effect in calibration.model.effects])
+        for name in ("z", "z_spread", "T_tracker_base", "T_tool_target"):
+            if not np.array_equal(getattr(again, name), getattr(calibration, name)):
+                raise TaskcalError(f"'{name}' is read back as something else")
+    except TaskcalError as error:
+        raise TaskcalError(f"the calibration is not written, for its file could not be read: {error}") from error
+
+
+def _effect(number: int, described: Mapping[str, Any], kind: type[Effect] | None) -> Effect:
+    """An effect of a file.
+
+    Raises:
+        TaskcalError: it is not known, comes from a module that is not imported, or its options are not its own.
+    """
+    try:
+        if kind is None:
+            return effect_from(described)
+        return kind.from_json({name: value for name, value in described.items() if name not in ("kind", "module")})
+    except KeyError as error:
+        raise TaskcalError(f"effect {number} lacks {error}; it may have been edited: identify again") from error
+    except (TypeError, ValueError, AttributeError) as error:
+        message = f"effect {number} is none: {shown(error)}; it may have been edited: identify again"
+        raise TaskcalError(message) from error

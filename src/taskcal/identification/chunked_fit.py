@@ -9,23 +9,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import FitError
-from taskcal.estimation.blas import single_threaded
 from taskcal.estimation.least_squares import Solution, fit
-from taskcal.estimation.scaled import invert_positive
-from taskcal.geometry.normal_equations import SQUARED
-from taskcal.identification.belief import belief_of
+from taskcal.estimation.matrices import invert_positive, single_threaded
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.fit_options import FitOptions
-from taskcal.identification.gross_errors import GROSS_SIGMAS
-from taskcal.identification.identify import identify_parameters
-from taskcal.identification.observation_layout import problem_of
-from taskcal.identification.outlier import studentise
-from taskcal.identification.packed_covariance import spread_of
+from taskcal.identification.calibration_format import spread_of
+from taskcal.identification.held_out import studentise
+from taskcal.identification.identify import GROSS_SIGMAS, identify_parameters
+from taskcal.identification.layout import belief_of, problem_of
+from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import whitener
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.chunked_campaign import ChunkedCampaign
-from taskcal.measurement.tracker import TrackerNoise
+from taskcal.kernels.normal_equations import SQUARED
+from taskcal.observations.base import TrackerNoise
+from taskcal.reading.chunked import ChunkedCampaign
 from taskcal.robot.error_model import ErrorModel
 
 

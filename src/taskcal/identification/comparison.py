@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import TaskcalError
-from taskcal.estimation.blas import single_threaded
+from taskcal.estimation.matrices import single_threaded
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.robot.parameter import ShownUnit

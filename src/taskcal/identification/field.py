@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.estimation.squared_exponential import squared_exponential
+from taskcal.estimation.matrices import squared_exponential
 from taskcal.short_repr import short_repr
 
 if TYPE_CHECKING:

@@ -1,14 +1,126 @@
 """What a fit predicted of rows that it had not seen."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.identification.prediction_errors import Validation
-from taskcal.measurement.observation import Observation
+from taskcal.campaigns.campaign import Campaign
+from taskcal.campaigns.performance import group_postures
+from taskcal.estimation.matrices import inverse_factors
+from taskcal.observations import Compared, Observation
 from taskcal.short_repr import short_repr
+
+# What measured points lie off what was predicted, in the form a metrologist reports it.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Validation:
+    """Errors, measured less predicted."""
+
+    errors: Float[np.ndarray, " points"]
+    """Length of every point's error, metres."""
+    components: Float[np.ndarray, "points 3"]
+    """The errors in the axes of the robot's base, metres; NaN for kinds of observation that measure along no axes of it."""
+    rotations: Float[np.ndarray, " points"] | None
+    """Angle of every pose's orientation error, radians; None for points."""
+    rows: tuple[int, ...]
+    """Row of the campaign that each point belongs to."""
+    in_space: bool = True
+    """Whether every error is a distance in space; of a kind that measures one number, such as a length, it is that number's."""
+    remarks: tuple[str, ...] = ()
+    """What a user should look at before believing the result."""
+    compared: tuple[Compared, ...] = ()
+    """Lengths that are stated, such as distances of sockets, beside those that were found."""
+
+    def __repr__(self) -> str:
+        remarks = f", {len(self.remarks)} remarks" if self.remarks else ""
+        return (
+            f"Validation({len(self)} points: mean {self.mean * 1e3:.4f} mm, rms {self.rms * 1e3:.4f} mm, 95 % "
+            f"{self.p95 * 1e3:.4f} mm, largest {self.maximum * 1e3:.4f} mm{remarks})"
+        )
+
+    @classmethod
+    def of_residuals(
+        cls,
+        residual: Float[np.ndarray, "n targets b"],
+        base: Float[np.ndarray, "3 3"],
+        kinds: Sequence[type[Observation]] = (),
+    ) -> "Validation":
+        """Errors from residuals in the tracker's frame.
+
+        Args:
+            residual: measured less predicted, metres (then radians, for poses); NaN for lost beams.
+            base: rotation of the robot's base in the tracker frame.
+            kinds: of observation of each target; none where a tracker measured all.
+        """
+        rows, targets = np.nonzero(~np.isnan(residual[..., 0]))
+        error, turn = residual[rows, targets, :3], residual[rows, targets, 3:]
+        components = error @ base
+        components[~np.array([kind.along_axes for kind in kinds] or [True] * residual.shape[1])[targets]] = np.nan
+        return cls(
+            errors=np.linalg.norm(error, axis=1),
+            components=components,
+            rotations=np.linalg.norm(turn, axis=1) if turn.shape[1] else None,
+            rows=tuple(int(row) for row in rows),
+            in_space=all(kind.width >= 3 for kind in kinds),
+        )
+
+    def __len__(self) -> int:
+        return len(self.errors)
+
+    @property
+    def mean(self) -> float:
+        """Mean error, metres."""
+        return float(self.errors.mean())
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the error, metres."""
+        return float(np.sqrt(np.mean(self.errors**2)))
+
+    @property
+    def p95(self) -> float:
+        """Error that 95 % of the points stay below, metres."""
+        return float(np.percentile(self.errors, 95))
+
+    @property
+    def maximum(self) -> float:
+        """Largest error, metres."""
+        return float(self.errors.max())
+
+    @property
+    def per_axis(self) -> Float[np.ndarray, " 3"]:
+        """Largest |x|, |y| and |z| in the robot's base axes, metres; NaN where nothing was measured along them."""
+        along = self.components[~np.isnan(self.components[:, 0])]
+        return np.abs(along).max(axis=0) if len(along) else np.full(3, np.nan)
+
+    @property
+    def has_axes(self) -> bool:
+        """Whether anything was measured along the axes of the robot's base."""
+        return not np.isnan(self.components).all()
+
+    def summary(self) -> dict[str, float | int]:
+        """The report in millimetres (and milliradians), without the axes where nothing was measured along them."""
+        out: dict[str, float | int] = {
+            "mean_mm": self.mean * 1e3,
+            "rms_mm": self.rms * 1e3,
+            "p95_mm": self.p95 * 1e3,
+            "max_mm": self.maximum * 1e3,
+        }
+        if self.has_axes:
+            out |= {f"max_{axis}_mm": float(value) * 1e3 for axis, value in zip("xyz", self.per_axis, strict=True)}
+        out["n"] = len(self)
+        if self.rotations is not None:
+            out["mean_mrad"] = float(self.rotations.mean() * 1e3)
+            out["max_mrad"] = float(self.rotations.max() * 1e3)
+        if self.compared:
+            off = np.abs([one.found - one.stated for one in self.compared]) * 1e3
+            out["distance_mean_mm"], out["distance_max_mm"] = float(off.mean()), float(off.max())
+        return out
+
 
 Grouping = Literal["neighbours", "blocks", "rows"]
 """What is held out together: neighbouring poses, rows that follow each other, or nothing but the row itself."""
@@ -85,3 +197,215 @@ class HeldOut:
             "standard_error_mm": self.standard_error * 1e3,
             "part_means_mm": means.tolist(),
         }
+
+
+# Groups of poses that lie next to each other, by cutting what was measured in two again and again.
+#
+# Each cut is square to the direction in which the joint positions spread most, so that a trajectory falls into
+# pieces and a cloud of poses into cells, all with about as many rows.
+
+SAME_POSTURE_RAD = float(np.radians(0.5))
+"""Rows whose joints all differ by less are one posture, radians (metres where a joint slides)."""
+
+WIDEST = 3.0
+"""Times that angle, over which a chain of rows may reach and still be one posture; a longer one is a trajectory."""
+
+
+def group_neighbours(q: Float[np.ndarray, "n joints"], count: int) -> Int[np.ndarray, " n"]:
+    """The group of every row, counted from 0; rows of one posture are in one group.
+
+    Args:
+        q: joint positions, radians (metres where a joint slides).
+        count: of the groups; there are fewer where there are fewer postures.
+    """
+    posture = single_postures(q)
+    rows = np.bincount(posture)
+    centres = np.stack([np.bincount(posture, weights=column) for column in q.T], axis=1) / rows[:, None]
+    group = np.empty(len(rows), dtype=int)
+    for number, members in enumerate(_cut(centres, rows, np.arange(len(rows)), min(count, len(rows)))):
+        group[members] = number
+    return group[posture]
+
+
+def single_postures(q: Float[np.ndarray, "n joints"]) -> Int[np.ndarray, " n"]:
+    """The posture of every row, counted from 0: rows half a degree apart, but every row of a trajectory for itself."""
+    chain = group_postures(q, SAME_POSTURE_RAD)
+    reach = np.zeros(chain.max(initial=-1) + 1)
+    for label in np.flatnonzero(np.bincount(chain) > 1):
+        reach[label] = np.ptp(q[chain == label], axis=0).max()
+    alone = reach[chain] > WIDEST * SAME_POSTURE_RAD
+    label = np.where(alone, len(reach) + np.arange(len(q)), chain)
+    return np.unique(label, return_inverse=True)[1].reshape(-1)
+
+
+def _cut(
+    centres: Float[np.ndarray, "k joints"], rows: Int[np.ndarray, " k"], members: Int[np.ndarray, " m"], count: int
+) -> list[Int[np.ndarray, " _"]]:
+    """Members in `count` groups of about as many rows."""
+    if count == 1:
+        return [members]
+    first = count // 2
+    away = centres[members] - np.average(centres[members], axis=0, weights=rows[members])
+    along = np.linalg.svd(away, full_matrices=False)[2][0]
+    order = np.argsort(away @ along * np.sign(along[np.argmax(np.abs(along))]), kind="stable")
+    reached = np.cumsum(rows[members][order])
+    cut = int(np.argmin(np.abs(reached - reached[-1] * first / count))) + 1
+    cut = min(max(cut, first), len(members) - (count - first))
+    return [
+        *_cut(centres, rows, members[order[:cut]], first),
+        *_cut(centres, rows, members[order[cut:]], count - first),
+    ]
+
+
+# Measured points that the fit cannot believe.
+
+NEIGHBOURS = 4
+"""Rows before and after one, and as many of the nearest poses, that are asked whether they have its error too."""
+
+ALIKE = 0.4
+"""Part of an outlier's residual that a neighbour's has along it, to be the same error. Outliers have 4.5 standard deviations
+or more, so that an error of its own has 1.8 in that direction once in thirty times."""
+
+FEWEST_ALIKE = 2
+"""Neighbours with the same error, of `NEIGHBOURS`, that show it to be of the model: by chance once in a hundred times."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outlier:
+    """A measured point that the fit cannot believe."""
+
+    row: int | None
+    """Row of the whole campaign, counted from 0, whichever rows were fitted; None where a file of an older version counted the
+    fitted rows alone."""
+    line: int | None = None
+    """Line of the campaign's file, counted from 1; None where it is not known."""
+    id: str
+    target: str
+    studentised: float
+    """Length of its residual over that residual's standard deviation."""
+    residual: float
+    """Length of its position residual, metres."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeftOut:
+    """A row that was not fitted, since it cannot be right."""
+
+    row: int
+    """Row of the whole campaign, counted from 0, whichever rows were to be fitted."""
+    line: int | None = None
+    """Line of the campaign's file, counted from 1; None where it is not known."""
+    id: str
+    distance: float
+    """How far its farthest point is from where the fit of the others has it, metres."""
+    studentised: float
+    """The same over its standard deviation."""
+
+
+def studentise(
+    residual: Float[np.ndarray, "n targets b"],
+    own: Float[np.ndarray, "n targets b b"],
+    covariance: Float[np.ndarray, "n targets b b"],
+    campaign: Campaign,
+    level: float,
+) -> tuple[Float[np.ndarray, "n targets"], tuple[Outlier, ...]]:
+    """Length of each residual over its own standard deviation, and the points too long for chance.
+
+    The level is shared among all points (Bonferroni), so that a sound campaign names any at all with that probability.
+
+    Args:
+        residual: measured less predicted, metres (and radians, for poses).
+        own: covariance of the residuals after the fit.
+        covariance: of the measurements, model error included: the scale below which a direction has no residual to judge.
+        campaign: the measurements.
+        level: chance of naming any where there is none.
+    """
+    valid, out = campaign.valid, np.full(campaign.valid.shape, np.nan)
+    widths = np.array([one.width for one in campaign.observations] or [residual.shape[2]] * valid.shape[1])
+    for b in np.unique(widths):  # numbers that were measured of a block
+        judged = valid & (widths == b)
+        floor = 1e-6 * np.trace(covariance[judged][:, :b, :b], axis1=1, axis2=2) / b
+        square = _squared_lengths(residual[judged][:, :b], own[judged][:, :b, :b], floor)
+        out[judged] = np.sqrt(square)
+    from scipy.special import chdtri
+
+    limit = np.sqrt(chdtri(widths, level / max(int(valid.sum()), 1)))
+    rows = [(float(out[i, t]), int(i), int(t)) for i, t in zip(*np.nonzero(out > limit), strict=True)]
+    named = [
+        Outlier(
+            row=campaign.row_of(i),
+            line=campaign.line_of(i),
+            id=campaign.ids[i],
+            target=campaign.targets[t],
+            studentised=s,
+            residual=float(np.linalg.norm(residual[i, t, :3])),
+        )
+        for s, i, t in sorted(rows, reverse=True)
+    ]
+    return out, tuple(named)
+
+
+def _squared_lengths(
+    residual: Float[np.ndarray, "k b"], own: Float[np.ndarray, "k b b"], floor: Float[np.ndarray, " k"]
+) -> Float[np.ndarray, " k"]:
+    """Of residuals in units of their own covariances; directions whose variance is below the floor do not count.
+
+    The fit follows those entirely: they have no residual to judge.
+    """
+    W = inverse_factors(own)
+    square = np.sum((W @ residual[:, :, None])[:, :, 0] ** 2, axis=1)
+    # the smallest variance is at least 1/tr(own⁻¹) = 1/|W|²
+    doubtful = ~(np.einsum("kij,kij->k", W, W) * floor < 1.0)
+    if doubtful.any():
+        values, vectors = np.linalg.eigh(own[doubtful])
+        along, least = np.einsum("kij,ki->kj", vectors, residual[doubtful]), floor[doubtful, None]
+        square[doubtful] = np.sum(np.where(values > least, along**2 / np.maximum(values, least), 0.0), axis=1)
+    return square
+
+
+def shared_with_neighbours(
+    outliers: Sequence[Outlier],
+    residual: Float[np.ndarray, "n targets b"],
+    studentised: Float[np.ndarray, "n targets"],
+    q: Float[np.ndarray, "n joints"],
+) -> tuple[bool, ...]:
+    """Whether neighbours of each outlier, in the order of the rows or by their poses, have much the same error.
+
+    An error that neighbours share is what the model leaves, or something that moved for a while; a wrong reading stands alone.
+    Rows of one posture are one pose, whose joints may have been noted wrongly once for all of them: they do not count.
+
+    Args:
+        outliers: as `studentise` names them.
+        residual: that they were judged by, metres first.
+        studentised: the lengths that `studentise` gave.
+        q: joint positions, radians (metres where a joint slides).
+    """
+    if not outliers:
+        return ()
+    from scipy.spatial import KDTree
+
+    posture, shared = single_postures(q), list[bool]()
+    trees: dict[int, tuple[np.ndarray, KDTree]] = {}
+    for outlier in outliers:
+        i, t = np.unravel_index(np.nanargmin(np.abs(studentised - outlier.studentised)), studentised.shape)
+        i, t = int(i), int(t)
+        if t not in trees:
+            seen = np.flatnonzero(np.isfinite(studentised[:, t]))
+            trees[t] = seen, KDTree(q[seen])
+        seen, tree = trees[t]
+        place = int(np.searchsorted(seen, i))
+        nearest = tree.query(q[i], k=min(8 * NEIGHBOURS, len(seen)), p=np.inf)[1]
+        before, after = seen[:place][::-1], seen[place + 1 :]
+        own = np.nan_to_num(residual[i, t, :3])
+
+        def alike(
+            rows: np.ndarray, count: int, own: np.ndarray = own, mine: int = int(posture[i]), target: int = t
+        ) -> int:
+            others = rows[posture[rows] != mine][:count]
+            along = np.nan_to_num(residual[others, target, :3]) @ own
+            return int(np.sum(along >= ALIKE * float(own @ own)))
+
+        half = NEIGHBOURS // 2
+        in_order = alike(before[:50], half) + alike(after[:50], half)
+        shared.append(max(in_order, alike(seen[np.atleast_1d(nearest)], NEIGHBOURS)) >= FEWEST_ALIKE)
+    return tuple(shared)

@@ -5,23 +5,118 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import ClosureError
-from taskcal.estimation.whitening import inverse_factors
-from taskcal.geometry import se3, walk
-from taskcal.geometry.chain import Chain, ErrorFrame, Fixed
-from taskcal.geometry.covariance_propagation import propagate
-from taskcal.geometry.normal_equations import SQUARED, WhitenedEquations, normal_equations
-from taskcal.geometry.observations import Observations, Points, Walked
-from taskcal.geometry.walk import Columns
-from taskcal.identification.kept_rows import MOST_NUMBERS, KeptRows
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.observation import Observation
-from taskcal.measurement.registration import Registration
+from taskcal.estimation.matrices import inverse_factors
+from taskcal.geometry import se3
+from taskcal.kernels import walk
+from taskcal.kernels.chain import Chain, ErrorFrame, Fixed
+from taskcal.kernels.covariance import propagate
+from taskcal.kernels.normal_equations import SQUARED, WhitenedEquations, normal_equations
+from taskcal.kernels.observations import Observations, Points, Walked
+from taskcal.kernels.walk import Columns
+from taskcal.observations import Observation
+from taskcal.observations.pose import turn_by_rotation
+from taskcal.registration.registration import Registration
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.error_frames import COMPONENTS
-from taskcal.robot.error_model import ErrorModel, Prepared
+from taskcal.robot.error_model import COMPONENTS, ErrorModel, Prepared
+
+# The rows of a campaign about an estimate, kept: a fit of few rows weighs and propagates the same ones again and
+# again.
+
+MOST_NUMBERS = 1_000_000
+"""Of the derivatives that are kept (8 MB). More are streamed: to read them again would take longer than to work them out."""
+
+
+class KeptRows(NamedTuple):
+    """What was seen, linearised by all that is unknown."""
+
+    valid: Bool[np.ndarray, "n targets"]
+    residual: Float[np.ndarray, "seen b"]
+    """Measured less predicted, of every target that was seen at a pose."""
+    by_entry: Float[np.ndarray, "seen b z"]
+    """Derivative of what is predicted."""
+
+    @classmethod
+    def of(cls, walked: Walked, seen: Observations) -> "KeptRows":
+        """Of points and poses of a tracker, or of observations that are linearised by the twist of the chain's end."""
+        if seen.linear is None:
+            residual, columns = (rows[seen.valid] for rows in tracker_rows(walked, seen))
+            if seen.rotation is not None:
+                columns[:, 3:] = turn_by_rotation(residual[:, 3:]) @ columns[:, 3:]
+            return cls(seen.valid, residual, columns)
+        n, targets, b = seen.linear.residual.shape
+        return cls(
+            seen.valid,
+            seen.linear.residual[seen.valid],
+            by_entry(walked, seen).reshape(n, targets, b, -1)[seen.valid],
+        )
+
+    def equations(
+        self, whitener: Float[np.ndarray, "n targets b b"]
+    ) -> tuple[float, Float[np.ndarray, " z"], Float[np.ndarray, "z z"]]:
+        """Cost, gradient and information of the squared whitened residuals, as of `normal_equations`."""
+        W = whitener[self.valid]
+        r = (W @ self.residual[:, :, None]).reshape(-1)
+        A = (W @ self.by_entry).reshape(len(r), self.by_entry.shape[2])
+        return 0.5 * float(r @ r), A.T @ r, A.T @ A
+
+    def propagate(
+        self, covariance: Float[np.ndarray, "z z"]
+    ) -> tuple[Float[np.ndarray, "n targets b"], Float[np.ndarray, "n targets b b"]]:
+        """Residuals, and the covariance of what is predicted; NaN where nothing was measured. As `propagate` of the geometry."""
+        shape, b = self.valid.shape, self.residual.shape[1]
+        residual, propagated = np.full((*shape, b), np.nan), np.full((*shape, b, b), np.nan)
+        residual[self.valid] = self.residual
+        moved = self.by_entry.reshape(self.residual.size, len(covariance)) @ covariance
+        propagated[self.valid] = moved.reshape(self.by_entry.shape) @ np.swapaxes(self.by_entry, 1, 2)
+        return residual, 0.5 * (propagated + np.swapaxes(propagated, -1, -2))
+
+    def moved(self, step: Float[np.ndarray, " z"]) -> Float[np.ndarray, "n targets b"]:
+        """By how much what is predicted moves with a step of the estimate, to first order; zero where nothing was measured."""
+        out = np.zeros((*self.valid.shape, self.residual.shape[1]))
+        out[self.valid] = self.by_entry @ step
+        return out
+
+
+def by_entry(walked: Walked, seen: Observations) -> Float[np.ndarray, "n m z"]:
+    """Derivative of what is predicted by the entries of an estimate, the blocks of a pose's targets one behind another."""
+    assert seen.linear is not None
+    n, targets, b = seen.linear.residual.shape
+    twist = walk.columns(walked.chain, walked.s, walked.e, walked.layout, walked.factor, angular=True)
+    out = seen.linear.by_end.reshape(n, targets * b, 6) @ twist
+    for t, columns in enumerate(seen.linear.columns):
+        own = columns >= 0
+        out[:, t * b : (t + 1) * b, columns[own]] += seen.linear.by_unknown[:, t][:, :, own]
+    return out
+
+
+def tracker_rows(
+    walked: Walked, seen: Observations
+) -> tuple[Float[np.ndarray, "n targets b"], Float[np.ndarray, "n targets b z"]]:
+    """Measured less predicted of a tracker's points or poses, and the derivative of what is predicted by the entries of z.
+
+    What belongs to a target that was not seen means nothing. A rotation is derived as a turn of what is predicted.
+    """
+    T, pose = walk.poses(walked.chain, walked.s, walked.e), seen.rotation is not None
+    n, targets, b, points = len(T), seen.valid.shape[1], seen.rows, walked.points
+    residual, out = np.empty((n, targets, b)), np.empty((n, targets, b, walked.layout.count))
+    for t, offset in enumerate(points.position):
+        columns = walk.columns(
+            walked.chain, walked.s, walked.e, walked.layout, walked.factor, angular=pose, point=offset
+        )
+        residual[:, t, :3] = seen.position[:, t] - T[:, :3, 3] - T[:, :3, :3] @ offset
+        if seen.rotation is not None:
+            turned = seen.rotation @ np.swapaxes(points.turn @ T[:, :3, :3], 1, 2)
+            turned[~seen.valid[:, t]] = np.eye(3)
+            residual[:, t, 3:] = se3.log(turned)
+            columns[:, 3:] = points.turn @ columns[:, 3:]
+        if points.columns[t, 0] >= 0:
+            columns[:, b - 3 :, points.columns[t]] = points.turning if pose else T[:, :3, :3]
+        out[:, t] = columns
+    return residual, out
 
 
 class StatedRows(NamedTuple):
@@ -329,3 +424,76 @@ def whitener(covariance: Float[np.ndarray, "n targets b b"]) -> Float[np.ndarray
     if np.isnan(W[..., -1, -1]).any():
         raise np.linalg.LinAlgError("a covariance is not positive definite")
     return W
+
+
+# A campaign's residuals and their derivatives at an estimate, as one dense block a pose.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Linearisation:
+    """What every pose says; m numbers a pose, those of its targets one behind another, zero where a beam was lost."""
+
+    residual: Float[np.ndarray, "n m"]
+    """Measured less predicted in the tracker frame, metres (then radians, for poses)."""
+    by_entry: Float[np.ndarray, "n m z"]
+    """Derivative of what is predicted by the entries of z."""
+    by_joint: Float[np.ndarray, "n m joints"]
+    """Derivative of what is predicted by the joints' true positions."""
+    seen: Bool[np.ndarray, "n m"]
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "Linearisation":
+        """Some of the poses."""
+        return Linearisation(
+            residual=self.residual[rows],
+            by_entry=self.by_entry[rows],
+            by_joint=self.by_joint[rows],
+            seen=self.seen[rows],
+        )
+
+
+def linearise_rows(problem: Problem, z: Float[np.ndarray, " z"]) -> Linearisation:
+    """The rows of a problem about an estimate.
+
+    Raises:
+        ClosureError: a closed loop cannot be assembled at some pose.
+    """
+    if problem.kinds:
+        return _linearise_kinds(problem, z)
+    at, pose = problem.walked(z), problem.frames.pose
+    joints = len(problem.frames.model.robot.joints)
+    residual, by_z = tracker_rows(at, problem.seen)
+    n, _, width = residual.shape
+    moved = [joint_columns(at, offset, angular=pose)[:, :, :joints] for offset in at.points.position]
+    if pose:
+        moved[0][:, 3:] = at.points.turn @ moved[0][:, 3:]
+    seen = np.repeat(problem.seen.valid, width, axis=1)
+    made = (residual.reshape(n, -1), by_z.reshape(n, seen.shape[1], -1), np.concatenate(moved, axis=1))
+    for array in made:
+        array[~seen] = 0.0
+    return Linearisation(residual=made[0], by_entry=made[1], by_joint=made[2], seen=seen)
+
+
+def _linearise_kinds(problem: Problem, z: Float[np.ndarray, " z"]) -> Linearisation:
+    """The same where what was seen is linearised by the twist of the tool."""
+    at = problem.walked(z)
+    seen, tool = problem.linearised(at, z), np.zeros(3)
+    assert seen.linear is not None
+    joints = joint_columns(at, tool, angular=True)[:, :, : len(problem.frames.model.robot.joints)]
+    n, targets, b = seen.linear.residual.shape
+    made = (
+        seen.linear.residual.reshape(n, -1),
+        by_entry(at, seen),
+        seen.linear.by_end.reshape(n, targets * b, 6) @ joints,
+    )
+    valid = np.repeat(seen.valid, b, axis=1)
+    for array in made:
+        array[~valid] = 0.0
+    return Linearisation(residual=made[0], by_entry=made[1], by_joint=made[2], seen=valid)
+
+
+def joint_columns(
+    at: Walked, offset: Float[np.ndarray, " 3"], *, angular: bool
+) -> Float[np.ndarray, "n rows coordinates"]:
+    """Derivative of a target by the coordinates of the chain."""
+    layout = walk.Columns.of_joints(at.chain)
+    return walk.columns(at.chain, at.s, at.e, layout, np.ones_like(at.s), angular=angular, point=offset)

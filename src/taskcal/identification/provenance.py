@@ -7,7 +7,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-from taskcal.measurement.campaign import Campaign
+from taskcal.campaigns.campaign import Campaign
 from taskcal.robot.error_model import ErrorModel
 
 

@@ -1,31 +1,35 @@
 """How well a calibration predicts a campaign."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any, Literal, get_args
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from taskcal.arguments import expect_kinds
+from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FitError
 from taskcal.estimation.least_squares import Stopping, fit
-from taskcal.estimation.scaled import invert_positive
-from taskcal.geometry.normal_equations import SQUARED
-from taskcal.geometry.observations import Walked
-from taskcal.identification.belief import frame_precision
-from taskcal.identification.calibration import Calibration
-from taskcal.identification.linearisation import linearise_rows
-from taskcal.identification.observation_layout import layout_of, problem_of
-from taskcal.identification.observed_errors import residuals_by_kind, unknowns_of
-from taskcal.identification.prediction_errors import Validation
-from taskcal.identification.problem import Problem, whitener
-from taskcal.identification.row_errors import LEAST, RowErrors, of_targets
-from taskcal.identification.weighed_fit import SLOW
-from taskcal.measurement.campaign import Campaign
-from taskcal.measurement.observation import Compared
-from taskcal.measurement.plausibility import check_plausible
-from taskcal.measurement.registration import PLAUSIBLE_SHARE, Registration, register
-from taskcal.measurement.tracker import TrackerNoise
+from taskcal.estimation.matrices import invert_positive
+from taskcal.geometry import se3
+from taskcal.identification.calibration import Calibration, residuals_by_kind, unknowns_of
+from taskcal.identification.group_model import LEAST, RowErrors, of_targets
+from taskcal.identification.held_out import Outlier, Validation, shared_with_neighbours, studentise
+from taskcal.identification.hyperparameters import SLOW
+from taskcal.identification.identify import fit_nominal
+from taskcal.identification.layout import ObservationLayout, frame_precision, layout_of, problem_of
+from taskcal.identification.options import FitOptions
+from taskcal.identification.problem import Problem, linearise_rows, whitener
+from taskcal.kernels.normal_equations import SQUARED
+from taskcal.kernels.observations import Walked
+from taskcal.observations import Compared
+from taskcal.observations.base import TrackerNoise
+from taskcal.registration.consensus import check_plausible
+from taskcal.registration.registration import PLAUSIBLE_SHARE, Registration, register
+from taskcal.robot.error_model import ErrorModel
+from taskcal.short_repr import short_repr
 
 
 def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool = False) -> Validation:
@@ -186,3 +190,314 @@ def _without_field(calibration: Calibration, campaign: Campaign, registration: R
     if rotations is not None:
         rotations = ends[1][:, 0, :3, :3] @ np.swapaxes(ends[0][:, 0, :3, :3], 1, 2) @ rotations
     return replace(campaign, points=campaign.points - (ends[0] - ends[1])[..., :3, 3], rotations=rotations)
+
+
+# A calibration put to the test by a campaign that it has not seen: point by point, with what it stated of its own
+# uncertainty.
+
+REGION = 0.95
+"""Share of points that a stated region is to hold."""
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Examination:
+    """Every measured point beside what was predicted of it."""
+
+    campaign: Campaign
+    validation: Validation
+    targets: Int[np.ndarray, " points"]
+    """Number of each point's target in the campaign."""
+    uncertainty: Float[np.ndarray, " points"]
+    """Standard uncertainty of the measurement along each error, metres."""
+    signed: Float[np.ndarray, " points"]
+    """Each error with its sign where one number was measured, metres; NaN where more were."""
+    studentised: Float[np.ndarray, " points"] | None
+    """Length of each error (rotation included, for poses) over its stated standard deviation; None where the frames were
+    refitted, or what stands was found anew, for which the calibration states nothing."""
+    inside: Bool[np.ndarray, " points"] | None
+    """Whether each position is in the 95 % region that is stated for it, the tracker's noise included."""
+    rotation_inside: Bool[np.ndarray, " points"] | None
+    """The same of each rotation; None for points."""
+    outliers: tuple[Outlier, ...]
+    """Points too far off for chance, the worst first."""
+    shared: tuple[bool, ...] = ()
+    """Whether neighbouring rows or poses have much the same error as each outlier, as those do that a model leaves."""
+
+    @property
+    def worst_first(self) -> Int[np.ndarray, " points"]:
+        """Numbers of the points by their error."""
+        return np.argsort(-self.validation.errors, kind="stable")
+
+    def points(self) -> list[dict[str, Any]]:
+        """Every point in millimetres and milliradians, in the order of the campaign.
+
+        Of a kind that measures one number its error with its sign; along the axes of the base only what was measured along them.
+        """
+        return [self._point(k) for k in range(len(self.validation))]
+
+    def _point(self, k: int) -> dict[str, Any]:
+        validation, row = self.validation, self.validation.rows[k]
+        out: dict[str, Any] = {
+            "row": self.campaign.row_of(row),
+            "line": self.campaign.line_of(row),
+            "id": self.campaign.ids[row],
+            "target": self.campaign.targets[self.targets[k]],
+            "error_mm": float(validation.errors[k]) * 1e3,
+        }
+        if np.isfinite(self.signed[k]):
+            out["signed_mm"] = float(self.signed[k]) * 1e3
+        if np.isfinite(validation.components[k]).all():
+            out |= {
+                f"{axis}_mm": float(value) * 1e3 for axis, value in zip("xyz", validation.components[k], strict=True)
+            }
+        if validation.rotations is not None:
+            out["error_mrad"] = float(validation.rotations[k]) * 1e3
+        if self.studentised is not None and self.inside is not None:
+            out |= {"studentised": float(self.studentised[k]), "inside": bool(self.inside[k])}
+        return out
+
+    def summary(self) -> dict[str, Any]:
+        """What `Validation.summary` says, the share inside the stated regions, the outliers, and every point."""
+        compared = [
+            {"name": one.name, "stated_mm": one.stated * 1e3, "found_mm": one.found * 1e3}
+            for one in self.validation.compared
+        ]
+        return {
+            **self.validation.summary(),
+            "inside_share": None if self.inside is None else float(self.inside.mean()),
+            "rotation_inside_share": None if self.rotation_inside is None else float(self.rotation_inside.mean()),
+            "outliers": [
+                {
+                    "row": outlier.row,
+                    "line": outlier.line,
+                    "id": outlier.id,
+                    "target": outlier.target,
+                    "residual_mm": outlier.residual * 1e3,
+                    "studentised": outlier.studentised,
+                }
+                for outlier in self.outliers
+            ],
+            **({"distances": compared} if compared else {}),
+            "rows": self.points(),
+        }
+
+
+def examine(
+    calibration: Calibration,
+    campaign: Campaign,
+    *,
+    reregister: bool = False,
+    noise: TrackerNoise | None = None,
+    level: float = 0.01,
+) -> Examination:
+    """Compare a campaign with the calibration's predictions, point by point.
+
+    Args:
+        calibration: the calibration.
+        campaign: measurements, of the calibration's own targets unless `reregister`.
+        reregister: refit tracker frame and targets to this campaign, with the robot's geometry frozen.
+        noise: the tracker's, where the campaign does not state uncertainties.
+        level: chance of naming any outlier where there is none.
+
+    Raises:
+        CampaignError: nothing was measured, or the targets are not the calibration's.
+        ClosureError: a closed loop cannot be assembled at some pose.
+    """
+    fitted = reregister_frames(calibration, campaign, noise=noise) if reregister else calibration
+    validation = validate(fitted, campaign)
+    residual = errors_on(fitted, campaign)
+    width = residual.shape[2]
+    covariance = campaign.covariances(noise)[..., :width, :width]
+    rows, targets = np.nonzero(campaign.valid)
+    error = residual[rows, targets, :3]
+    direction = error / np.maximum(np.linalg.norm(error, axis=1), 1e-300)[:, None]
+    along = np.einsum("ki,kij,kj->k", direction, covariance[rows, targets, :3, :3], direction)
+    studentised = inside = rotation_inside = None
+    outliers: tuple[Outlier, ...] = ()
+    shared: tuple[bool, ...] = ()
+    if not (reregister or campaign.observations):
+        known = [calibration.targets.index(name) for name in campaign.targets]
+        stated = calibration.predict_covariance(campaign.q, campaign.conditions)[:, known, :width, :width] + covariance
+        lengths, outliers = studentise(residual, stated, stated, campaign, level)
+        shared = shared_with_neighbours(outliers, residual, lengths, campaign.q)
+        studentised = lengths[rows, targets]
+        inside = _is_inside(error, stated[rows, targets, :3, :3])
+        if width == 6:
+            rotation_inside = _is_inside(residual[rows, targets, 3:], stated[rows, targets, 3:, 3:])
+    one_number = np.array([kind.width == 1 for kind in campaign.kinds] or [False] * len(campaign.targets))
+    return Examination(
+        campaign=campaign,
+        validation=validation,
+        targets=targets,
+        signed=np.where(one_number[targets], error[:, 0], np.nan),
+        uncertainty=np.sqrt(along),
+        studentised=studentised,
+        inside=inside,
+        rotation_inside=rotation_inside,
+        outliers=outliers,
+        shared=shared,
+    )
+
+
+def _is_inside(error: Float[np.ndarray, "points 3"], covariance: Float[np.ndarray, "points 3 3"]) -> np.ndarray:
+    """Whether each error is in the ellipsoid that holds 95 % of a normal distribution of this covariance."""
+    try:
+        solved = np.linalg.solve(covariance, error[..., None])[..., 0]
+    except np.linalg.LinAlgError as singular:
+        raise CampaignError(
+            "the calibration and the campaign state no uncertainty at some point; state one (column u_mm)"
+        ) from singular
+    from scipy.special import chdtri
+
+    return np.einsum("ki,ki->k", error, solved) <= chdtri(3, 1.0 - REGION)
+
+
+# Whether a calibrated robot is accurate enough: pass or fail by a limit and a guard band.
+#
+# Decision rule (JCGM 106:2012, 8.3.2, guarded acceptance): a point is accepted where its measured error and 1.645
+# standard uncertainties of the measurement stay within the limit together, so that of points right at the limit at
+# most 5 % are accepted that are beyond it. The errors of the measurement are taken as all in one direction, the
+# worst case for a mean.
+
+GUARD = 1.645
+"""Standard uncertainties in the guard band: one side of a normal distribution, 95 %."""
+
+Statistic = Literal["max", "p95", "rms", "mean"]
+
+STATISTICS: tuple[Statistic, ...] = get_args(Statistic)
+
+_VALUES: dict[str, Callable[[np.ndarray], float]] = {
+    "max": lambda errors: float(errors.max()),
+    "p95": lambda errors: float(np.percentile(errors, 95)),
+    "rms": lambda errors: float(np.sqrt(np.mean(errors**2))),
+    "mean": lambda errors: float(errors.mean()),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Acceptance:
+    """The decision."""
+
+    limit: float
+    """Metres."""
+    of: Statistic
+    """What of the errors is held against the limit."""
+    value: float
+    """As measured, metres."""
+    least: float
+    """What it may be, if all errors were measured 1.645 standard uncertainties too large, metres."""
+    most: float
+    """What it may be, if all errors were measured 1.645 standard uncertainties too small, metres: value and guard band."""
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it is within the limit beyond reasonable doubt."""
+        return self.most <= self.limit
+
+    @property
+    def decision(self) -> Literal["pass", "fail", "undecided"]:
+        """``undecided`` is not accepted either: the measurement is too uncertain to tell."""
+        if self.accepted:
+            return "pass"
+        return "fail" if self.least > self.limit else "undecided"
+
+    def summary(self) -> dict[str, Any]:
+        """The decision, in millimetres."""
+        return {
+            "limit_mm": self.limit * 1e3,
+            "of": self.of,
+            "value_mm": self.value * 1e3,
+            "guard_band_mm": (self.most - self.value) * 1e3,
+            "decision": self.decision,
+            "accepted": self.accepted,
+        }
+
+
+def accept(examination: Examination, limit: float, of: Statistic = "max") -> Acceptance:
+    """Decide whether a calibration keeps a limit on the campaign that it was examined with.
+
+    Args:
+        examination: the points.
+        limit: of the error in space, metres.
+        of: what is held against it: the largest error, the 95th percentile, the root mean square or the mean.
+
+    Raises:
+        ValueError: a limit that is not above zero, or another statistic.
+    """
+    if of not in STATISTICS:
+        raise ValueError(f"of is {of!r}; give {', '.join(STATISTICS)}")
+    if not 0.0 < limit < np.inf:
+        raise ValueError(f"limit is {limit!r}; give metres above zero")
+    errors, guard = examination.validation.errors, GUARD * examination.uncertainty
+    value = _VALUES[of]
+    return Acceptance(
+        limit=limit,
+        of=of,
+        value=value(errors),
+        least=value(np.maximum(errors - guard, 0.0)),
+        most=value(errors + guard),
+    )
+
+
+# What a calibration left of the errors at the rows that it was fitted to, beside what the nominal robot leaves there.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MeasuredErrors:
+    """Measured less predicted at the fitted rows, in the axes of the robot's base."""
+
+    q: Float[np.ndarray, "n joints"]
+    """Radians."""
+    points: Float[np.ndarray, "n targets 3"]
+    """Where the calibrated robot predicts the targets, in the robot's base, metres."""
+    before: Float[np.ndarray, "n targets b"]
+    """Of the nominal robot with its own tracker frame and targets, metres (then radians, for poses)."""
+    after: Float[np.ndarray, "n targets b"]
+    """Of the calibrated robot."""
+
+
+def measured_errors(calibration: Calibration) -> MeasuredErrors | None:
+    """Errors before and after, from what the calibration itself holds.
+
+    What was measured is what is predicted and what it left. Where effects depend on how a pose is reached, which is not kept, the
+    prediction is that of the middle of their range.
+
+    Args:
+        calibration: the calibration.
+
+    Returns:
+        None where the calibration does not hold its poses, or was not fitted to what a tracker measured.
+    """
+    q = calibration.q
+    if q is None or isinstance(calibration.layout, ObservationLayout):
+        return None
+    residual, R = calibration.residuals, calibration.T_tracker_base[:3, :3]
+    ends = calibration.target_poses(q)
+    campaign = _as_measured(calibration, q, ends)
+    nominal = fit_nominal(ErrorModel(calibration.model.robot), campaign, FitOptions())
+    after = np.concatenate([residual[..., k : k + 3] @ R for k in range(0, residual.shape[2], 3)], axis=2)
+    base = se3.inverse(calibration.T_tracker_base)
+    return MeasuredErrors(
+        q=q, points=se3.apply(base, ends[..., :3, 3]), before=nominal.residuals_on(campaign, frame="base"), after=after
+    )
+
+
+def _as_measured(
+    calibration: Calibration, q: Float[np.ndarray, "n joints"], ends: Float[np.ndarray, "n targets 4 4"]
+) -> Campaign:
+    """The campaign, from predictions and residuals."""
+    residual = calibration.residuals
+    rotations = None
+    if calibration.layout.pose:
+        rotations = np.full((len(q), 3, 3), np.nan)
+        seen = np.isfinite(residual[:, 0, 0])
+        turned = se3.exp(calibration.layout.turn(calibration.z)) @ ends[seen, 0, :3, :3]
+        rotations[seen] = se3.exp(residual[seen, 0, 3:]) @ turned
+    return Campaign(
+        ids=calibration.ids,
+        q=q,
+        targets=calibration.targets,
+        points=ends[..., :3, 3] + residual[..., :3],
+        rotations=rotations,
+    )

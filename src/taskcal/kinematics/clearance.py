@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from taskcal.geometry import se3, walk
-from taskcal.geometry.chain import Chain, Joint, Step
+from taskcal.geometry import se3
+from taskcal.kernels import walk
+from taskcal.kernels.chain import Chain, Joint, Step
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Part
 from taskcal.short_repr import short_repr

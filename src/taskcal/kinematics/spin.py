@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
-from taskcal.geometry.pose_step import RADIANS_PER_METRE
+from taskcal.kernels.pose_step import RADIANS_PER_METRE
 from taskcal.kinematics.inverse import JUMP_RAD, SAME_POSTURE_RAD, find_postures, posture_margin, solve_near
 from taskcal.kinematics.tracing import rejections, trace
 from taskcal.robot.error_model import ErrorModel

@@ -3,12 +3,96 @@
 from functools import cache
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
-from taskcal.errors import TaskcalError, UnknownName, shown
-from taskcal.robot.description import UR_YAML, WHOLE, describe_robot
-from taskcal.robot.file import read_robot, robot_from
+import tomli_w
+
+from taskcal.errors import FileError, TaskcalError, UnknownName, shown
+from taskcal.robot.importers.dh import describe_dh_table
+from taskcal.robot.importers.ur import describe_calibration_conf, describe_kinematics_yaml
+from taskcal.robot.importers.urdf import describe_tree, describe_urdf, parse_urdf_tree
+from taskcal.robot.importers.xacro import expand_xacro, trusting_xacro
 from taskcal.robot.robot import Robot
-from taskcal.robot.xacro import trusting_xacro
+from taskcal.robot.robot_file import read_robot, robot_from
+
+# Robots from files of other programs: which form a file has, and what a robot file says of the same robot.
+
+URDF, XACRO, TABLE = (".urdf", ".xml"), (".xacro",), (".csv", ".txt")
+UR_YAML, UR_CONF = (".yaml", ".yml"), (".conf",)
+"""Endings of files, in small letters."""
+
+WHOLE = (*URDF, *XACRO)
+"""Of files that say by themselves all that there is to know."""
+
+FORMS = (
+    "URDF (.urdf), xacro (.xacro), a Denavit–Hartenberg table (.csv), and UR's kinematics (.yaml) and calibration.conf"
+)
+
+TAKEN = {
+    URDF: ("tip", "base"),
+    XACRO: ("tip", "base"),
+    TABLE: ("convention", "units"),
+    UR_YAML: (),
+    UR_CONF: ("nominal",),
+}
+"""Options that a form has a use for."""
+
+
+def describe_robot(
+    path: str | Path,
+    *,
+    convention: str | None = None,
+    tip: str | None = None,
+    base: str | None = None,
+    name: str | None = None,
+    units: str | None = None,
+    nominal: Robot | None = None,
+) -> dict[str, Any]:
+    """A robot file's content from a file of another form.
+
+    Args:
+        path: URDF or xacro, a table, or a file of Universal Robots.
+        convention: of a table.
+        tip: of a URDF: the link that is the tool; by default the end of its longest chain.
+        base: of a URDF: the link that is the robot's base; the root by default.
+        name: the robot's name; the one in the file, or the file's, by default.
+        units: of a table whose columns do not state theirs, such as ``m,rad``.
+        nominal: of a ``calibration.conf``: the robot to which its deltas are added.
+
+    Raises:
+        FileError: it is none of these, or wrong; or it lacks what it needs, or has no use for what was stated.
+        UnknownName: a URDF has no such link.
+    """
+    path = Path(path)
+    ending = path.suffix.lower()
+    taken = next((options for endings, options in TAKEN.items() if ending in endings), None)
+    if taken is None:
+        raise FileError(path, f"has an ending that no robot's description has; Taskcal reads {FORMS}")
+    stated = {"tip": tip, "base": base, "convention": convention, "units": units, "nominal": nominal}
+    surplus = [option for option, value in stated.items() if value is not None and option not in taken]
+    if surplus:
+        raise FileError(path, f"has no use for --{surplus[0]}, by its ending {shown(ending, 20)}; leave it out")
+    if ending in URDF:
+        return describe_urdf(path, tip=tip, base=base, name=name)
+    if ending in XACRO:
+        return describe_tree(parse_urdf_tree(path, expand_xacro(path)), tip=tip, base=base, name=name)
+    if ending in TABLE:
+        if convention is None:
+            raise FileError(path, "is a table; state its convention, --convention dh or --convention mdh")
+        return describe_dh_table(path, convention, name, units)
+    described = (
+        describe_kinematics_yaml(path, name) if ending in UR_YAML else describe_calibration_conf(path, nominal, name)
+    )
+    try:
+        robot_from(described)
+    except TaskcalError as error:
+        raise FileError(path, str(error)) from error
+    return described
+
+
+def robot_toml(described: dict[str, Any]) -> str:
+    """The text of a robot file, as read by `taskcal.load_robot`."""
+    return tomli_w.dumps(described)
 
 
 def _folder() -> Path:

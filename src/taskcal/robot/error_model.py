@@ -6,20 +6,68 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.arguments import expect_kinds, warn_renamed
+from taskcal.arguments import expect_kinds, repeated, warn_renamed
 from taskcal.errors import TaskcalError, UnknownName
-from taskcal.geometry import walk
-from taskcal.geometry.chain import Chain, Step
-from taskcal.geometry.chunks import in_chunks
-from taskcal.repeated import repeated
+from taskcal.kernels import walk
+from taskcal.kernels.chain import Chain, ErrorFrame, Joint, Step
+from taskcal.kernels.chunks import in_chunks
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Effect, LinearTerm
-from taskcal.robot.effects.declared_term import terms_on
-from taskcal.robot.error_frames import defect_steps, length_steps
+from taskcal.robot.effects.base import terms_on
 from taskcal.robot.joint_side import JointSide, JointTerm, Slope, Walk
-from taskcal.robot.load import Load
 from taskcal.robot.parameter import Parameter, current_parameter, overrides_of, parameters_of
-from taskcal.robot.robot import Robot
+from taskcal.robot.robot import Part, Robot
+from taskcal.robot.statics import Load
+
+# Where a robot's chain has error frames, and which of their slots are parameters.
+
+COMPONENTS = ("tx", "ty", "tz", "rx", "ry", "rz")
+
+
+def defect_steps(robot: Robot) -> tuple[list[Step], list[list[str]]]:
+    """Steps with an error frame behind every joint, driven ones included, and the tool, and the names of each frame's six slots."""
+    steps: list[Step] = []
+    slots: list[list[str]] = []
+
+    def defect(name: str) -> None:
+        steps.append(ErrorFrame())
+        slots.append([f"{name}.{c}" for c in COMPONENTS])
+
+    def add(parts: tuple[Part, ...]) -> None:
+        for part in parts:
+            steps.append(part.step)
+            if part.driven is not None:
+                defect(part.driven.name)
+
+    for joint in robot.joints:
+        add(joint.before)
+        steps.append(Joint(joint.kind))
+        defect(joint.name)
+        add(joint.after)
+    add(robot.tool)
+    defect("tool")
+    return steps, slots
+
+
+def length_steps(robot: Robot) -> tuple[list[Step], list[list[str]]]:
+    """Steps with an error frame at every nominal length, of which only the length's own slot has a name."""
+    steps: list[Step] = []
+    slots: list[list[str]] = []
+
+    def add(parts: tuple[Part, ...]) -> None:
+        for part in parts:
+            steps.append(part.step)
+            if part.symbol:
+                steps.append(ErrorFrame())
+                slots.append([part.symbol if c == part.axis else "" for c in range(6)])
+
+    for joint in robot.joints:
+        add(joint.before)
+        steps.append(Joint(joint.kind))
+        add(joint.after)
+    steps += [part.step for part in robot.tool]
+    return steps, slots
+
 
 Prepared = tuple[Float[np.ndarray, "_ _"] | None, ...]
 

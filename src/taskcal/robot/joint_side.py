@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Inexact, Int
 
 from taskcal.errors import ClosureError
-from taskcal.geometry.coordinates import Coordinates, Drive, Wanted, fill_coordinates
 from taskcal.geometry.four_bar import (
     NOTHING_WANTED,
     REMEDY,
@@ -22,7 +21,19 @@ from taskcal.geometry.four_bar import (
     expect_closed,
     loop_numbers,
 )
-from taskcal.geometry.four_bar_closure import BY_ANGLE, BY_LENGTH, KEPT, MIN_TURN, STATE, TURN, LoopNumbers
+from taskcal.kernels.closure import (
+    BY_ANGLE,
+    BY_LENGTH,
+    KEPT,
+    MIN_TURN,
+    STATE,
+    TURN,
+    Coordinates,
+    Drive,
+    LoopNumbers,
+    Wanted,
+    fill_coordinates,
+)
 from taskcal.robot.conditions import Conditions
 
 Slope = Callable[[], Float[np.ndarray, "n coordinates joints"]]

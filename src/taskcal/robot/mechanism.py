@@ -1,16 +1,160 @@
 """Mobility and overconstraint of the mechanism, from its joint graph and the screw system of its loop."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import RobotError
-from taskcal.geometry.four_bar import FourBar, can_close
+from taskcal.geometry import se3
+from taskcal.geometry.four_bar import FourBar, can_close, close_four_bar
+from taskcal.kernels.chain import JointKind
 from taskcal.robot.joint_side import FourBarDrive
-from taskcal.robot.loop_pins import find_loop_pins
-from taskcal.robot.robot import Robot
-from taskcal.robot.skeleton import trace_skeleton
+from taskcal.robot.robot import Part, Robot
+
+# Where the pins of a closed loop are, in the robot's base.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoopPins:
+    """Pins of the loop at some poses, metres; arm and crank turn about one ground axis."""
+
+    ground: Float[np.ndarray, "n 3"]
+    crank: Float[np.ndarray, "n 3"]
+    """Between crank and rod."""
+    rocker: Float[np.ndarray, "n 3"]
+    """Between rod and rocker."""
+    hinge: Float[np.ndarray, "n 3"]
+    """Between rocker and arm."""
+    axis: Float[np.ndarray, "n 3"]
+    """Of ground and crank."""
+    elbow_axis: Float[np.ndarray, "n 3"]
+    """Of rocker and hinge, in the same sense."""
+
+
+def find_loop_pins(
+    robot: Robot,
+    q: Float[np.ndarray, "n joints"],
+    origins: Float[np.ndarray, "n joints 3"],
+    axes: Float[np.ndarray, "n joints 3"],
+) -> LoopPins:
+    """Pins of the nominal loop.
+
+    Args:
+        robot: with a four-bar.
+        q: joint positions, radians.
+        origins: a point of every joint's axis in the base, metres.
+        axes: their directions.
+
+    Raises:
+        ClosureError: the loop does not close at some pose.
+        RobotError: the axes leave no arm between them.
+    """
+    drive = robot.four_bar
+    assert drive is not None
+    bar, arm, elbow = drive.bar, int(np.argmax(np.abs(drive.arm))), int(drive.moved[0])
+    alpha, kappa = q @ drive.arm, q @ drive.crank
+    theta = close_four_bar(bar, alpha, kappa).angle
+    axis, ground, hinge = axes[:, arm], origins[:, arm], origins[:, elbow]
+    same = np.sum(axis * axes[:, elbow], axis=1, keepdims=True) >= 0.0
+    elbow_axis = np.where(same, axes[:, elbow], -axes[:, elbow])
+    across = (hinge - ground) - axis * np.sum(axis * (hinge - ground), axis=1, keepdims=True)
+    reach = np.linalg.norm(across, axis=1, keepdims=True)
+    if reach.min() < 1e-9:
+        names = f"{robot.joint_names[arm]} and {robot.joint_names[elbow]}"
+        raise RobotError(
+            f"the four-bar has an arm of {bar.arm * 1e3:g} mm, but the axes of {names} meet; check the joints"
+        )
+    forward = across / reach
+    # the loop's angles grow with the joint that turns the arm, which may turn against its axis
+    sense = float(np.sign(robot.joint_map.matrix[arm] @ drive.arm))
+
+    def turned(about: Float[np.ndarray, "n 3"], angle: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+        """The way forward, which stands square on the axis, turned about it."""
+        return np.cos(angle)[:, None] * forward + np.sin(angle)[:, None] * np.cross(about, forward)
+
+    return LoopPins(
+        ground=ground,
+        crank=ground + bar.crank * turned(axis, sense * (kappa + bar.crank_angle - alpha)),
+        rocker=hinge + bar.rocker * turned(elbow_axis, sense * (theta + bar.rocker_angle - alpha)),
+        hinge=hinge,
+        axis=axis,
+        elbow_axis=elbow_axis,
+    )
+
+
+# A robot as lines: where its joints are at some poses, and the way of its links from joint to joint, to be drawn.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Skeleton:
+    """Lines of the nominal robot in its base, metres."""
+
+    links: tuple[Float[np.ndarray, "n _ 3"], ...]
+    """Corners of every body from the base on: to the first joint, from joint to joint, and from the last one to the tool."""
+    origins: Float[np.ndarray, "n joints 3"]
+    """A point of every joint's axis."""
+    axes: Float[np.ndarray, "n joints 3"]
+    """Directions of these."""
+    loop: tuple[Float[np.ndarray, "n _ 3"], ...]
+    """Crank, rod and rocker of a closed loop; empty for an open chain."""
+    tool: Float[np.ndarray, "n 4 4"]
+    """Poses of the tool."""
+
+
+def trace_skeleton(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Skeleton:
+    """The lines of a robot at some poses.
+
+    Args:
+        robot: the robot.
+        q: joint positions, radians (metres where a joint slides).
+
+    Raises:
+        ClosureError: a closed loop cannot be assembled at some pose.
+    """
+    q = np.asarray(q, dtype=float)
+    s = robot.joint_map(q)
+    if robot.four_bar is not None:
+        drive, kappa = robot.four_bar, q @ robot.four_bar.crank
+        s = s + (close_four_bar(drive.bar, q @ drive.arm, kappa).angle - kappa)[:, None] * drive.output
+    T = np.broadcast_to(np.eye(4), (len(q), 4, 4))
+    corners = [T[:, :3, 3]]
+    links: list[np.ndarray] = []
+    origins: list[np.ndarray] = []
+    axes: list[np.ndarray] = []
+
+    def walk(parts: Iterable[Part]) -> None:
+        nonlocal T
+        for part in parts:
+            T = T @ (part.transform if part.driven is None else _moved(part.driven.kind, s[:, part.driven.number]))
+            corners.append(T[:, :3, 3])
+
+    for number, joint in enumerate(robot.joints):
+        walk(joint.before)
+        links.append(np.stack(corners, axis=1))
+        origins.append(T[:, :3, 3])
+        axes.append(T[:, :3, 2])
+        corners = [T[:, :3, 3]]
+        T = T @ _moved(joint.kind, s[:, number])
+        walk(joint.after)
+    walk(robot.tool)
+    links.append(np.stack(corners, axis=1))
+    at, along = np.stack(origins, axis=1), np.stack(axes, axis=1)
+    loop: tuple[np.ndarray, ...] = ()
+    if robot.four_bar is not None:
+        pins = find_loop_pins(robot, q, at, along)
+        bars = ((pins.ground, pins.crank), (pins.crank, pins.rocker), (pins.rocker, pins.hinge))
+        loop = tuple(np.stack(ends, axis=1) for ends in bars)
+    return Skeleton(links=tuple(links), origins=at, axes=along, loop=loop, tool=np.array(T))
+
+
+def _moved(kind: JointKind, s: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 4 4"]:
+    """Turned about, or moved along, the local z axis."""
+    along = np.stack([np.zeros_like(s), np.zeros_like(s), s], axis=1)
+    turns = kind == "revolute"
+    return se3.pose(se3.exp(along if turns else 0.0 * along), 0.0 * along if turns else along)
+
 
 SINGULAR_SHARE = 1e-9
 """Of the largest singular value of a loop's screws: what is below it is rounding."""

@@ -1,18 +1,61 @@
 """A project: a folder of plain files, and which of them are being worked with."""
 
+import json
+import os
 import re
+import sys
+import unicodedata
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
-from typing import Annotated
+from typing import IO, Annotated
 
 import tomli_w
 from pydantic import AfterValidator, Field
 
-from taskcal.errors import FileError
-from taskcal.files import write_whole
-from taskcal.programs.languages import LANGUAGES
-from taskcal.studio.file_names import free_name, plain_name
-from taskcal.toml_file import Section, read_toml
+from robot_programs.languages import LANGUAGES
+from taskcal.errors import FileError, TaskcalError, shown
+from taskcal.io.files import write_whole
+from taskcal.io.toml_file import Section, read_toml
+
+# Names for files that somebody drops: made from the name that came with them, which is never used as a path itself.
+
+LONGEST = 60
+"""Characters of a name without its ending."""
+
+_RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)$", re.IGNORECASE)
+
+
+def plain_name(given: str, endings: Iterable[str]) -> str:
+    """A name of letters, digits, dots, hyphens and underscores, with one of the endings.
+
+    Args:
+        given: what a browser says that the file is called, perhaps with folders before it.
+        endings: those that are taken here, such as ``.csv``.
+
+    Raises:
+        TaskcalError: it has none of these endings.
+    """
+    last = re.split(r"[/\\]", given)[-1]
+    ending = next((e for e in sorted(endings, key=len, reverse=True) if last.lower().endswith(e)), None)
+    if ending is None:
+        raise TaskcalError(f"'{shown(last)}' is not a file of this kind; drop one that ends in {', '.join(endings)}")
+    stem = unicodedata.normalize("NFKC", last[: -len(ending)])
+    stem = re.sub(r"[^\w.-]+", "-", stem).strip(".-_")[:LONGEST].rstrip(".-_") or "file"
+    return f"{stem}{'-file' if _RESERVED.match(stem) else ''}{ending}"
+
+
+def free_name(wanted: str, taken: Collection[str]) -> str:
+    """The name, with a number before its first ending where it is taken; letter case makes no other name."""
+    used = {name.casefold() for name in taken}
+    if wanted.casefold() not in used:
+        return wanted
+    stem, dot, ending = wanted.rpartition(".")
+    number = 2
+    while f"{stem}-{number}{dot}{ending}".casefold() in used:
+        number += 1
+    return f"{stem}-{number}{dot}{ending}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,3 +224,127 @@ class Project:
             name = free_name(name, [path.name for path in place.iterdir()])
             write_whole(self.path(f"{folder}/{name}"), content)
         return f"{folder}/{name}"
+
+
+# A folder that one process at a time may write in.
+
+NAME = ".studio.lock"
+
+
+class FolderLock:
+    """A lock that the system gives back when its process ends, however it ends."""
+
+    def __init__(self, folder: Path) -> None:
+        """Take the lock.
+
+        Raises:
+            FileError: another process has it, or the folder is not ours to write in.
+        """
+        self._path = folder / NAME
+        try:
+            self._stream: IO[str] = open(self._path, "a+", encoding="utf-8")  # noqa: SIM115  # held open as long as the lock
+        except OSError as error:
+            raise FileError(folder, f"cannot be opened for writing: {error.strerror or error}") from error
+        if not _take(self._stream):
+            holder = self._holder()
+            self._stream.close()
+            raise FileError(
+                folder, f"is open in another studio already{holder}; close that one first, or open another folder"
+            )
+        self.tell("")
+
+    def tell(self, address: str) -> None:
+        """Say in the lock who has it, for whoever comes second."""
+        self._stream.seek(0)
+        self._stream.truncate()
+        json.dump({"process": os.getpid(), "address": address}, self._stream)
+        self._stream.flush()
+
+    def release(self) -> None:
+        """Give the lock back. The file stays: taking it away could take away the lock of the next."""
+        self._stream.close()
+
+    def _holder(self) -> str:
+        try:
+            self._stream.seek(0)
+            said = json.load(self._stream)
+            address = f", {said['address']}" if said["address"] else ""
+            return f" (process {int(said['process'])}{address})"
+        except (OSError, ValueError, KeyError, TypeError):
+            return ""
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _take(stream: IO[str]) -> bool:
+        """Lock a byte far behind the text, so that others can read who has it."""
+        stream.seek(1 << 30)
+        try:
+            msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)
+        except OSError:
+            return False
+        return True
+else:
+    import fcntl
+
+    def _take(stream: IO[str]) -> bool:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            return False
+        return True
+
+
+# The example project: a virtual IRB 6660, a campaign that a virtual tracker measured of it, its task and a program.
+
+ROBOT = "abb-irb6660-205-1.9"
+
+POSES = 90
+"""Of the campaign."""
+
+
+def begin_example(folder: Path) -> Project:
+    """Open the example, and write its files where they are missing.
+
+    Raises:
+        FileError: the folder cannot be made or written in.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(folder, f"cannot be made: {error.strerror or error}; name another") from error
+    project = Project(folder)
+    if project.choices.robot or project.files(LAYOUT.campaigns):
+        return project
+    contents = _contents()
+    chosen = {kind: project.put(place, name, content, (Path(name).suffix,)) for kind, place, name, content in contents}
+    project.choose(name="Virtual IRB 6660", robot=ROBOT, **chosen)
+    return project
+
+
+def _contents() -> list[tuple[str, str, str, bytes]]:
+    """Choice, folder, name and content of every file."""
+    # what they need takes a second to import, and a project that is there already needs nothing of it
+    from math import radians
+
+    import numpy as np
+
+    from taskcal.demo.milling import milling_program
+    from taskcal.demo.procedure import reference_task
+    from taskcal.reading.writer import campaign_text
+    from taskcal.robot.catalogue import load_robot
+    from taskcal.robot.error_model import ErrorModel
+    from taskcal.task.task import reach_task
+    from taskcal.virtual.cell import simulate
+
+    model = ErrorModel(load_robot(ROBOT))
+    poses = reach_task(model, reference_task(radians(20.0)), POSES)
+    campaign, _ = simulate(model, poses.q, rng=np.random.default_rng(0))
+    program = milling_program(model.robot, reference_task(), rows=6).source
+    task = (resources.files("taskcal.demo") / "reference-task.toml").read_bytes()
+    return [
+        ("campaign", LAYOUT.campaigns, "measured.csv", campaign_text(campaign, model.robot).encode()),
+        ("task", LAYOUT.tasks, "milling.toml", task),
+        ("program", LAYOUT.programs, program.path.name, program.encode()),
+    ]

@@ -10,11 +10,10 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import FileError, TaskcalError, shown
-from taskcal.files import write_whole
-from taskcal.robot.urdf_visuals import Looks, Visual, read_looks
-from taskcal.studio.file_names import plain_name
-from taskcal.studio.project import LAYOUT, URDF_ENDINGS, Project
-from taskcal.xml_file import parse_xml
+from taskcal.io.files import write_whole
+from taskcal.io.xml_file import parse_xml
+from taskcal.robot.importers.urdf_visuals import Looks, Visual, read_looks
+from taskcal.studio.project import LAYOUT, URDF_ENDINGS, Project, plain_name
 
 MESH_ENDINGS = (".stl", ".obj", ".dae", ".glb")
 

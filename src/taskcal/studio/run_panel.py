@@ -2,8 +2,8 @@
 
 from nicegui import ui
 
-from taskcal.studio.command_run import CommandRun, Status
 from taskcal.studio.controls import button, command_line, message, set_attribute, text
+from taskcal.studio.runs import CommandRun, Status
 from taskcal.studio.studio import Studio
 from taskcal.studio.texts import Texts
 

@@ -3,28 +3,300 @@
 import asyncio
 import logging
 import socket
-from contextlib import suppress
+from collections.abc import Awaitable, Callable, Generator, Mapping, MutableMapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from hashlib import sha256
+from hmac import compare_digest
+from http.cookies import CookieError, SimpleCookie
 from ipaddress import ip_address
+from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qsl, urlencode
 
 import uvicorn
 from fastapi import FastAPI
 from nicegui import app as pages
 from nicegui import ui
+from nicegui.elements.mixins.text_element import TextElement
 from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 
 from taskcal.errors import TaskcalError, printable
 from taskcal.studio.controls import text
-from taskcal.studio.dropped_files import receiver
-from taskcal.studio.gate import Gate
-from taskcal.studio.given_files import giver, mesh_giver
-from taskcal.studio.page_frame import LANGUAGE_COOKIE, THEME_COOKIE, THEMES, add_page
+from taskcal.studio.files import giver, mesh_giver, receiver
+from taskcal.studio.pages import (
+    identify_page,
+    measurements_page,
+    plan_page,
+    program_page,
+    report_page,
+    result_page,
+    robot_page,
+    task_page,
+    weight_page,
+)
 from taskcal.studio.pages.robot_page import warm_up
-from taskcal.studio.road import ROAD
 from taskcal.studio.studio import Studio
-from taskcal.studio.texts import LANGUAGES
+from taskcal.studio.texts import LANGUAGES, LIBRARY_LANGUAGE, Texts, preferred
+
+# What is let through to the studio: its own pages' requests, to its own address, of bounded size.
+
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+Application = Callable[[Message, Receive, Send], Awaitable[None]]
+
+MAX_BODY_BYTES = 52_000_000
+"""A little more than Taskcal reads of one file, for what surrounds an upload."""
+
+BODY_S = 300.0
+"""Seconds in which a body has to be here; 52 MB in 300 s is a slow wireless network."""
+
+COOKIE = "taskcal-studio"
+"""Beginning of a cookie's name; browsers keep cookies by host and not by port, so that two studios need two names."""
+
+HEADERS = (
+    (b"x-content-type-options", b"nosniff"),
+    (b"x-frame-options", b"DENY"),
+    (b"referrer-policy", b"same-origin"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+    (
+        b"content-security-policy",
+        # Vue compiles its templates in the browser, which takes 'unsafe-eval'; NiceGUI starts it by an inline script
+        b"default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; style-src 'self' 'unsafe-inline'; "
+        b"img-src 'self' data: blob:; font-src 'self' data:; worker-src 'self' blob:; connect-src 'self'; "
+        b"object-src 'none'; base-uri 'self'; form-action 'self'; frame-ancestors 'none'",
+    ),
+)
+
+
+class _Refused(Exception):
+    """A body that is too large or too slow: its answer is given, and the application has nothing more to say."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gate:
+    """An ASGI application before another; `app` is what it lets requests through to."""
+
+    app: Application
+    hosts: frozenset[str] | None
+    """What a request may call this server (``127.0.0.1:8080``), so that no other name can be made to lead here; None for any,
+    where a token is asked for."""
+    token: str = ""
+    """Asked for once, in the address, and then kept in a cookie; none is asked for where it is empty."""
+    max_body: int = MAX_BODY_BYTES
+    body_s: float = BODY_S
+    """In which a body has to arrive, seconds."""
+
+    async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
+        """Let a request through, or refuse it in a line of text."""
+        if scope["type"] not in ("http", "websocket"):
+            await self.app(scope, receive, send)
+            return
+        headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
+        refusal = self._refusal(scope, headers)
+        if refusal is not None:
+            await _refuse(scope, receive, send, *refusal)
+        elif self.token and not _has_cookie(headers, cookie_name(self.token), self.token):
+            await self._ask_for_token(scope, receive, send)
+        else:
+            await self._let_through(scope, receive, send)
+
+    def _refusal(self, scope: Message, headers: dict[str, str]) -> tuple[int, str] | None:
+        host = headers.get("host", "")
+        if self.hosts is not None and host.lower() not in self.hosts:
+            return 421, "This address is not the studio's own."
+        origin = headers.get("origin")
+        if origin is None and scope["type"] == "websocket":
+            return 403, "A connection has to say which page it comes from."
+        if origin is not None and origin.lower() not in {f"http://{host.lower()}", f"https://{host.lower()}"}:
+            return 403, "Other pages may not speak to the studio."
+        site, mode = headers.get("sec-fetch-site", "none"), headers.get("sec-fetch-mode", "navigate")
+        if site in ("cross-site", "same-site") and (mode != "navigate" or scope.get("method") != "GET"):
+            return 403, "Other pages may not speak to the studio."
+        length = headers.get("content-length", "0")
+        if not length.isascii() or not length.isdigit():
+            return 400, "The length of the request is not a number."
+        if int(length) > self.max_body:
+            return 413, f"Larger than {self.max_body // 1_000_000} MB."
+        return None
+
+    async def _ask_for_token(self, scope: Message, receive: Receive, send: Send) -> None:
+        query = parse_qsl(scope.get("query_string", b"").decode("latin-1"), keep_blank_values=True)
+        given = dict(query).get("token", "")
+        if scope["type"] != "http" or not compare_digest(given.encode(), self.token.encode()):
+            await _refuse(scope, receive, send, 401, "Open the address with the token that 'taskcal studio' printed.")
+            return
+        rest = urlencode([(name, value) for name, value in query if name != "token"])
+        path = "/" + scope.get("raw_path", b"/").decode("latin-1").split("?")[0].lstrip("/\\")
+        cookie = f"{cookie_name(self.token)}={self.token}; Path=/; HttpOnly; SameSite=Strict"
+        answer = [(b"location", (path + (f"?{rest}" if rest else "")).encode()), (b"set-cookie", cookie.encode())]
+        await send({"type": "http.response.start", "status": 303, "headers": [*answer, *HEADERS]})
+        await send({"type": "http.response.body", "body": b""})
+
+    async def _let_through(self, scope: Message, receive: Receive, send: Send) -> None:
+        taken, whole, begun, refused = 0, False, False, False
+        latest = asyncio.get_running_loop().time() + self.body_s
+
+        async def refuse(status: int, why: str) -> None:
+            nonlocal refused
+            refused = True
+            if not begun:
+                await _refuse(scope, receive, send, status, why)
+            raise _Refused
+
+        async def bounded() -> Message:
+            nonlocal taken, whole
+            if whole:  # what comes now is the end of the connection, whenever that is
+                return await receive()
+            try:
+                async with asyncio.timeout_at(latest):
+                    message = await receive()
+            except TimeoutError:
+                await refuse(408, f"The request was not here after {self.body_s:.0f} seconds.")
+                raise
+            whole = message["type"] != "http.request" or not message.get("more_body", False)
+            taken += len(message.get("body", b"")) if message["type"] == "http.request" else 0
+            if taken > self.max_body:
+                await refuse(413, f"Larger than {self.max_body // 1_000_000} MB.")
+            return message
+
+        async def with_headers(message: Message) -> None:
+            nonlocal begun
+            if refused:  # the application takes its refused request for a failure of its own, and would say so
+                return
+            if message["type"] == "http.response.start":
+                begun = True
+                own = [(name.lower(), value) for name, value in message.get("headers", [])]
+                stated = {name for name, _ in own}
+                message = {**message, "headers": [*own, *(header for header in HEADERS if header[0] not in stated)]}
+            await send(message)
+
+        with suppress(_Refused):
+            await self.app(scope, bounded, with_headers)
+
+
+def cookie_name(token: str) -> str:
+    """Of the cookie that holds a token: another one for every token."""
+    return f"{COOKIE}-{sha256(token.encode()).hexdigest()[:12]}"
+
+
+def _has_cookie(headers: dict[str, str], name: str, token: str) -> bool:
+    try:
+        cookie = SimpleCookie(headers.get("cookie", "")).get(name)
+    except CookieError:
+        return False
+    return cookie is not None and compare_digest(cookie.value.encode(), token.encode())
+
+
+async def _refuse(scope: Message, receive: Receive, send: Send, status: int, why: str) -> None:
+    if scope["type"] == "websocket":
+        await receive()
+        await send({"type": "websocket.close", "code": 1008, "reason": why})
+        return
+    kind = (b"content-type", b"text/plain; charset=utf-8")
+    await send(
+        {"type": "http.response.start", "status": status, "headers": [kind, (b"connection", b"close"), *HEADERS]}
+    )
+    await send({"type": "http.response.body", "body": f"{why}\n".encode()})
+
+
+# What surrounds every page: the road on the left, the project's name, language and colours, and a place for the page.
+
+LANGUAGE_COOKIE = "taskcal-language"
+THEME_COOKIE = "taskcal-theme"
+
+THEMES: Mapping[str, bool | None] = {"auto": None, "light": False, "dark": True}
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page of the road."""
+
+    key: str
+    """Its path without the slash, and where its texts stand."""
+    build: "Callable[[Studio, Texts], Awaitable[None]]"
+    """Fills it, once the browser shows what surrounds it."""
+
+
+def add_page(page: Page, road: tuple[Page, ...], studio: Studio) -> None:
+    """Make a page of the server."""
+
+    async def show() -> None:
+        client = ui.context.client
+        cookies, headers = client.request.cookies, client.request.headers
+        chosen = cookies.get(LANGUAGE_COOKIE, "")
+        language = chosen if chosen in LANGUAGES else preferred(headers.get("accept-language", ""))
+        theme = cookies.get(THEME_COOKIE, "auto")
+        texts = Texts(language)
+        ui.page_title(f"{texts(f'{page.key}.title')} – {studio.project.choices.name} – Taskcal")
+        ui.dark_mode(THEMES.get(theme))
+        with _surroundings(page, road, studio, texts, theme if theme in THEMES else "auto"):
+            place = ui.element("div").classes("page")
+            with place:
+                waiting = text("p", texts("frame.loading")).props("role=status").classes("quiet")
+        await client.connected(timeout=30)
+        with place:
+            await page.build(studio, texts)
+            waiting.delete()
+            place.props("data-ready=1")
+
+    ui.page(f"/{page.key}", response_timeout=30)(show)
+
+
+@contextmanager
+def _surroundings(
+    page: Page, road: tuple[Page, ...], studio: Studio, texts: Texts, theme: str
+) -> Generator[None, None, None]:
+    here = Path(__file__).parent
+    ui.add_css(here / "studio.css")
+    ui.add_head_html(f"<script>document.documentElement.lang = '{texts.language}';</script>")
+    ui.add_head_html(f"<script>{(here / 'drop.js').read_text(encoding='utf-8')}</script>")
+    text("a", texts("frame.skip")).props("href=#content").classes("skip")
+    with ui.element("header").classes("top"):
+        text("span", "Taskcal").classes("brand")
+        text("span", studio.project.choices.name).classes("project")
+        with ui.element("div").classes("settings"):
+            for code, name in LANGUAGES.items():
+                _setting(page, "language", code, name, on=code == texts.language).props(f"lang={code}")
+            for name in THEMES:
+                _setting(page, "theme", name, texts(f"frame.{name}"), on=name == theme)
+    with ui.element("div").classes("body"):
+        with ui.element("nav").classes("road").props(f'aria-label="{texts("frame.road")}"'), ui.element("ol"):
+            for step in road:
+                with ui.element("li"):
+                    link = text("a", texts(f"{step.key}.title")).props(f"href=/{step.key}")
+                    if step is page:
+                        link.props("aria-current=page")
+        with ui.element("main").props("id=content tabindex=-1"):
+            text("h1", texts(f"{page.key}.title"))
+            text("p", texts(f"{page.key}.purpose")).classes("quiet")
+            yield
+            if texts.language != LIBRARY_LANGUAGE:
+                text("p", texts("frame.library_language")).classes("quiet")
+
+
+def _setting(page: Page, name: str, value: str, shown: str, *, on: bool) -> TextElement:
+    link = text("a", shown).props(f"href=/settings?{name}={value}&page={page.key}")
+    return link.props("aria-current=true") if on else link
+
+
+# The road: the pages in the order in which a user needs them. A page that is not there is not on it.
+
+ROAD = (
+    Page("robot", robot_page.build),
+    Page("measurements", measurements_page.build),
+    Page("task", task_page.build),
+    Page("weight", weight_page.build),
+    Page("plan", plan_page.build),
+    Page("identify", identify_page.build),
+    Page("result", result_page.build),
+    Page("program", program_page.build),
+    Page("report", report_page.build),
+)
+
 
 YEAR_S = 31_536_000
 

@@ -4,8 +4,8 @@ import asyncio
 from collections.abc import Awaitable, Callable, Sequence
 
 from taskcal.errors import TaskcalError
-from taskcal.studio.command_run import CommandRun, Status
 from taskcal.studio.project import Project
+from taskcal.studio.runs import CommandRun, Status
 
 
 class Studio:

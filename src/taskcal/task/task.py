@@ -12,15 +12,14 @@ from pydantic import Field, model_validator
 from taskcal.arguments import expect_kinds
 from taskcal.errors import FileError, ReachError
 from taskcal.geometry import se3
+from taskcal.io.toml_file import Direction, Finite, HalfTurn, Positive, Section, read_toml
 from taskcal.kinematics.inverse import find_posture, follow, solve_near
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
-from taskcal.tabular.column_groups import ColumnGroups
-from taskcal.tabular.csv_form import read_csv
-from taskcal.task.pose_table import read_tool_poses
-from taskcal.task.turn_section import DirectedSection, TurnSection, towards
+from taskcal.tables.column_groups import ColumnGroups
+from taskcal.tables.forms import read_csv
+from taskcal.task.orientation import DirectedSection, TurnSection, read_tool_poses, towards
 from taskcal.task.workspace import Orientation, Workspace
-from taskcal.toml_file import Direction, Finite, HalfTurn, Positive, Section, read_toml
 
 AT_THE_BASE = 0.01
 """Share of a robot's reach, within which of the middle of its base no robot works."""

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.measurement.reader import read_campaign
-from taskcal.measurement.virtual_cell import simulate
-from taskcal.measurement.writer import write_campaign
+from taskcal.reading.reader import read_campaign
+from taskcal.reading.writer import write_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 from tests.cli.conftest import Run
 
 ROBOT = load_robot("ur5")

@@ -6,18 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.correction.cell import Cell, Measured
-from taskcal.correction.cell_file import write_cell
+from robot_programs.rapid.targets import Configuration
+from robot_programs.reading import read_program
+from taskcal.correction.cell import Cell, Measured, write_cell
 from taskcal.demo.milling import milling_program
 from taskcal.geometry import se3
-from taskcal.identification.calibration_file import load_calibration
+from taskcal.identification.calibration import load_calibration
 from taskcal.identification.identify import identify
-from taskcal.measurement.virtual_cell import simulate
-from taskcal.programs.rapid.configuration import Configuration
-from taskcal.programs.reading import read_program
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import load_task, reach_task
+from taskcal.virtual.cell import simulate
 from tests.cli.conftest import IRB6660, Run
 
 SPINDLE = "[TRUE,[[250,30,120],[0.70710678,0,0.70710678,0]],[18,[120,0,60],[1,0,0,0],0,0,0]]"

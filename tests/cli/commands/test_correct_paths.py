@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.programs.reading import read_program
+from robot_programs.reading import read_program
 from taskcal.robot.catalogue import load_robot
 from tests.cli.conftest import IRB6660, Run
 

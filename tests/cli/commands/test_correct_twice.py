@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from taskcal.identification.identify import identify
-from taskcal.measurement.virtual_cell import simulate
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import load_task, reach_task
+from taskcal.virtual.cell import simulate
 from tests.cli.commands.test_correct import part, robot
 from tests.cli.conftest import Run
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 import taskcal as tc
+from taskcal.campaigns.campaign import Campaign
 from taskcal.demo.closed_loop import prepare_closed_loop
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.identify import identify
-from taskcal.measurement.campaign import Campaign
 from taskcal.robot.effects import SOFT, WarmUp
 from taskcal.robot.effects.harmonics import GEARS
 from taskcal.robot.error_model import ErrorModel

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from taskcal.presentation import fleet_tables
+from taskcal.report import fleet as fleet_tables
 from tests.cli.conftest import Run
 from tests.laws.fleets import lay_calibrations, lay_campaigns
 
@@ -56,7 +56,7 @@ def test_campaigns_are_identified_and_judged_by_the_accuracy(run: Run, tmp_path:
 
 def test_of_many_only_those_that_need_a_look_are_shown(run: Run, fleet: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fleet_tables, "MOST_ROWS", 3)
-    monkeypatch.setattr("taskcal.adaptation.robot_history.FleetCalibration.verdict", "good")
+    monkeypatch.setattr("taskcal.planning.fleet.FleetCalibration.verdict", "good")
     shown = run("fleet", fleet).out
     assert "the 1 of 3 robots that need a look" in " ".join(shown.split())
     assert [line.split()[0] for line in shown.splitlines() if "2026-" in line and ".json" not in line] == ["b", "b"]

@@ -6,13 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.identification.calibration_file import load_calibration
-from taskcal.measurement.reader import read_campaign
-from taskcal.measurement.virtual_cell import simulate
-from taskcal.measurement.writer import write_campaign
-from taskcal.robot.catalogue import load_robot
-from taskcal.robot.description import robot_toml
+from taskcal.identification.calibration import load_calibration
+from taskcal.reading.reader import read_campaign
+from taskcal.reading.writer import write_campaign
+from taskcal.robot.catalogue import load_robot, robot_toml
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 from tests.cli.conftest import IRB6660, Ended, Run
 from tests.laws.urdfs import telescopic_column
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from taskcal.identification.calibration_file import load_calibration
+from taskcal.identification.calibration import load_calibration
 from tests.cli.commands.test_identify import identify
 from tests.cli.conftest import Run
 
@@ -84,7 +84,7 @@ def test_a_row_that_cannot_be_right_is_named_as_the_file_has_it(
 def test_a_file_of_rows_that_is_wrong_says_nothing_of_the_campaign(
     run: Run, cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, message: str
 ) -> None:
-    monkeypatch.delattr("taskcal.cli.diagnosis.diagnose_file")
+    monkeypatch.delattr("taskcal.cli.commands.doctor.diagnose_file")
     rows = tmp_path / "rows.txt"
     rows.write_text(text)
     ended = identify(run, cell / "one.csv", tmp_path / "a.json", "--rows", rows)

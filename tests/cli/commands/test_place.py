@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from taskcal.tabular.csv_form import read_csv
+from taskcal.tables.forms import read_csv
 from tests.cli.conftest import IRB6660, Run
 
 

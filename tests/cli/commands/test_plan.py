@@ -11,7 +11,7 @@ import pytest
 
 from taskcal.cli import main
 from taskcal.robot.catalogue import load_robot
-from taskcal.tabular.csv_form import read_csv
+from taskcal.tables.forms import read_csv
 from tests.cli.conftest import IRB6660, Run
 
 STATION = """

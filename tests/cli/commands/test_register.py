@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.identification.calibration_file import load_calibration
-from taskcal.measurement.virtual_cell import TRACKER_POSE, simulate
-from taskcal.measurement.writer import write_campaign
+from taskcal.identification.calibration import load_calibration
+from taskcal.reading.writer import write_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import TRACKER_POSE, simulate
 from tests.cli.conftest import IRB6660, Run
 
 QUIET = np.array([0.3, 0.2, 0.55, 0.4, -0.8, 0.5])

@@ -65,7 +65,7 @@ def test_what_cannot_be_had(run: Run, cell: Path) -> None:
 
 
 def test_a_page_makes_its_design_once(run: Run, cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from taskcal.adaptation import selection
+    from taskcal.planning import selection
 
     made: list[object] = []
     design = selection.design

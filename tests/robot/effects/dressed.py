@@ -4,8 +4,8 @@ import numpy as np
 
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, Coupling, MotorHarmonics, Spring
-from taskcal.robot.file import robot_from
-from taskcal.robot.load import Load
+from taskcal.robot.robot_file import robot_from
+from taskcal.robot.statics import Load
 from tests.laws import statics
 
 

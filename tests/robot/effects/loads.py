@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taskcal.robot.load import Load
+from taskcal.robot.statics import Load
 
 CUT = np.array([150.0, -220.0, -300.0])
 

@@ -6,7 +6,7 @@ import pytest
 from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.effects import Coupling, EncoderGain, Harmonics
-from taskcal.robot.effects.complex_step import differentiate
+from taskcal.robot.effects.base import differentiate
 
 Q = np.random.default_rng(0).uniform(-1.5, 1.5, (5, 3))
 

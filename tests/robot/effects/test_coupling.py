@@ -7,7 +7,7 @@ from taskcal.errors import TaskcalError, UnknownName
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Coupling, effect_from
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 
 WRIST = ("J5.by_J4", "J6.by_J4", "J6.by_J5")
 

@@ -8,18 +8,20 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from taskcal.demo.elastic_links import ElasticLinks
+from taskcal.demo.true_robot import ElasticLinks
 from taskcal.errors import TaskcalError
-from taskcal.geometry import se3, walk
-from taskcal.geometry.chain import ErrorFrame, Fixed, Joint
-from taskcal.identification.calibration_file import load_calibration
+from taskcal.geometry import se3
+from taskcal.identification.calibration import load_calibration
 from taskcal.identification.identify import identify
-from taskcal.measurement.virtual_cell import simulate
+from taskcal.kernels import walk
+from taskcal.kernels.chain import ErrorFrame, Fixed, Joint
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects import Effect, LinearTerm, Thermal, WarmUp, registry
+from taskcal.robot.effects import Effect, LinearTerm, Thermal, WarmUp
+from taskcal.robot.effects import base as registry
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
+from taskcal.virtual.cell import simulate
 from tests.laws import plain, statics
 from tests.laws.robots import Case, cases, generators
 from tests.robot.effects.test_random_robots import slopes

@@ -5,7 +5,7 @@ import pytest
 
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 
 
 @pytest.mark.parametrize("name", ["ur5", "abb-irb6660-205-1.9"])

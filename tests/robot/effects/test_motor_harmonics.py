@@ -7,7 +7,7 @@ from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import MotorHarmonics, effect_from
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 
 
 def geared(name: str, ratios: dict[str, float]):

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
-from taskcal.robot.load import Load
+from taskcal.robot.robot_file import robot_from
+from taskcal.robot.statics import Load
 from tests.laws import robots, statics
 from tests.robot.effects.loads import CUT, LOAD, PAYLOAD
 

@@ -12,12 +12,10 @@ import numpy as np
 import pytest
 
 from taskcal.errors import CampaignError, FileError, TaskcalError, UnknownName
-from taskcal.identification.calibration import Calibration
-from taskcal.identification.calibration_file import load_calibration
-from taskcal.identification.effect_selection import explain
+from taskcal.identification.calibration import Calibration, load_calibration
+from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
-from taskcal.measurement.virtual_cell import simulate
-from taskcal.measurement.writer import write_campaign
+from taskcal.reading.writer import write_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import (
@@ -30,10 +28,11 @@ from taskcal.robot.effects import (
     effect_from,
     kinds,
     parse_effect,
-    registry,
     ways_to_write,
 )
+from taskcal.robot.effects import base as registry
 from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 BELT = EXAMPLES / "belt.py"
@@ -155,7 +154,7 @@ def _unknown_need():
 @pytest.mark.parametrize(
     ("define", "words"),
     [
-        (_taken_key, "cannot be called 'gain': EncoderGain of taskcal.robot.effects.encoder_gain is"),
+        (_taken_key, "cannot be called 'gain': EncoderGain of taskcal.robot.effects.encoder is"),
         (_taken_spelling, "cannot be called 'periodic': Harmonics of"),
         (_taken_name, "cannot be called 'Harmonics'"),
         (_no_key, 'Other has no key of its own; write key = "other"'),

@@ -8,7 +8,7 @@ from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, Harmonics, Spring, effect_from
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.file import robot_from
+from taskcal.robot.robot_file import robot_from
 from tests.laws import robots, statics
 
 SPRING = {

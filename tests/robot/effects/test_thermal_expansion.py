@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 
 from taskcal.errors import TaskcalError, UnknownName
-from taskcal.geometry import se3, walk
+from taskcal.geometry import se3
+from taskcal.kernels import walk
 from taskcal.kinematics.inverse import solve_near
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, Thermal, WarmUp, effect_from

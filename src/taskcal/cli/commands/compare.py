@@ -6,11 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.first_look import look_at_calibrations
-from taskcal.cli.options import CountOption, JsonOption, SeedOption, check_above_zero
-from taskcal.cli.output import info, say, show, show_facts, write_json
-from taskcal.cli.steps_bar import bar_over
-from taskcal.cli.task_poses import REACHING, read_and_reach
+from taskcal.cli.options.common import CountOption, JsonOption, SeedOption, check_above_zero, look_at_calibrations
+from taskcal.cli.options.task import REACHING, read_and_reach
+from taskcal.cli.output import bar_over, info, say, show, show_facts, write_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -61,7 +59,7 @@ def command(
     check_above_zero(accuracy_mm, "--accuracy-mm")
     if len(calibrations) < 2:
         raise typer.BadParameter("name two calibrations or more", param_hint="CAL.json")
-    from taskcal.identification.calibration_file import load_calibration
+    from taskcal.identification.calibration import load_calibration
     from taskcal.identification.comparison import compare
 
     first, *others = [load_calibration(path) for path in calibrations]
@@ -103,7 +101,7 @@ def _summary(path: Path, comparison: "Comparison", accuracy: float | None) -> di
 
 
 def _show(title: str, comparison: "Comparison", accuracy: float | None, *, all_parameters: bool) -> None:
-    from taskcal.presentation.comparison_tables import (
+    from taskcal.report.comparison import (
         describe_chance,
         describe_comparison,
         describe_due,

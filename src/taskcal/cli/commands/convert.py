@@ -5,11 +5,11 @@ from typing import Annotated
 
 import typer
 
-from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import ForceOption, RobotOption
+from taskcal.cli.command import grouped
+from taskcal.cli.options.campaign import TableOptions
+from taskcal.cli.options.common import ForceOption, RobotOption
 from taskcal.cli.output import info
 from taskcal.cli.outputs import check_outputs
-from taskcal.cli.table_options import TableOptions
 
 
 @grouped
@@ -42,8 +42,8 @@ def command(
     What the file did not say and was decided, and what was left out, is said in a line each.
     """
     outputs = check_outputs("convert", [("--output", output)], [file, table.points, robot], force=force)
-    from taskcal.measurement.reader import campaign_of, read_measurements
-    from taskcal.measurement.writer import as_parquet, campaign_text, readings_text
+    from taskcal.reading.reader import campaign_of, read_measurements
+    from taskcal.reading.writer import as_parquet, campaign_text, readings_text
     from taskcal.robot.catalogue import load_robot
 
     of = load_robot(robot)

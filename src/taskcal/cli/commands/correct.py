@@ -1,26 +1,32 @@
 """``taskcal correct``: a robot program and a calibration in, a corrected program out."""
 
+import json
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.bounds_options import BoundsOptions
-from taskcal.cli.cell_options import CellOptions
-from taskcal.cli.first_look import look_at_calibration
-from taskcal.cli.option_groups import grouped
+from robot_programs.backup import is_backup
+from taskcal.cli.command import grouped
+from taskcal.cli.options.common import look_at_calibration
+from taskcal.cli.options.correction import BoundsOptions, CellOptions
+from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import info, show_facts, show_table, tell, working, write_json
-from taskcal.cli.outputs import check_outputs
-from taskcal.cli.page_options import PageOptions
-from taskcal.programs.backup_path import is_backup
+from taskcal.cli.outputs import check_outputs, state_folder
+from taskcal.errors import FileError
+from taskcal.io.files import write_whole
 
 if TYPE_CHECKING:
+    from robot_programs.core.program import Frame, Program
+    from robot_programs.core.source import Source
     from taskcal.correction.cell import Cell
     from taskcal.correction.correction import Correction
     from taskcal.identification.calibration import Calibration
-    from taskcal.presentation.report import Page
-    from taskcal.programs.program import Frame, Program
+    from taskcal.report.page import Page
+
 
 SHOWN = 12
 """Targets of the table; the JSON result and the page have all of them."""
@@ -138,10 +144,10 @@ def command(
     named = [*page.places, *(("--output", path) for path in destination.files(programs))]
     outputs = check_outputs("correct", named, inputs, force=page.force)
     page.check()
-    from taskcal.cli.corrected_programs import check_not_corrected, remember_corrected
+    pass
+    from robot_programs.backup import check_place
     from taskcal.correction.correct import correct
-    from taskcal.identification.calibration_file import load_calibration
-    from taskcal.programs.backup import check_place
+    from taskcal.identification.calibration import load_calibration
 
     calibrated = load_calibration(calibration)
     cell, program = _read(programs, around, calibrated)
@@ -178,11 +184,10 @@ def command(
 
 
 def _read(programs: list[Path], around: CellOptions, calibration: "Calibration") -> "tuple[Cell, Program]":
-    from taskcal.correction.cell import Cell
-    from taskcal.correction.cell_file import load_cell
-    from taskcal.programs.languages import language_of
-    from taskcal.programs.program import Frame
-    from taskcal.programs.reading import read_program
+    from robot_programs.core.program import Frame
+    from robot_programs.languages import language_of
+    from robot_programs.reading import read_program
+    from taskcal.correction.cell import Cell, load_cell
 
     cell = Cell() if around.cell is None else load_cell(around.cell)
     tool, part = _frame(cell, around.tool, "tool"), _frame(cell, around.part, "part")
@@ -194,7 +199,7 @@ def _read(programs: list[Path], around: CellOptions, calibration: "Calibration")
 
 def _page(correction: "Correction", calibration: "Calibration") -> "Page":
     from taskcal.identification.provenance import package_version
-    from taskcal.presentation.correction_report import correction_page
+    from taskcal.report.correction import correction_page
 
     return correction_page(correction, calibration, version=package_version())
 
@@ -203,7 +208,7 @@ def _say_uncertain(correction: "Correction", *, withheld: bool) -> None:
     """Say that the uncertainty is larger than the correction, where it is."""
     if not correction.uncertain:
         return
-    from taskcal.presentation.correction_tables import state_uncertain
+    from taskcal.report.correction import state_uncertain
 
     info(f"{'error: not written: ' if withheld else ''}{state_uncertain(correction)}")
     if withheld:
@@ -212,7 +217,7 @@ def _say_uncertain(correction: "Correction", *, withheld: bool) -> None:
 
 def _new_program(program: Path, output: Path | None) -> Path | None:
     """The file to write as a new program, where it is named in another language than the program's."""
-    from taskcal.programs.languages import LANGUAGES, language_of
+    from robot_programs.languages import LANGUAGES, language_of
 
     suffixes = {suffix for language in LANGUAGES for suffix in language.suffixes}
     if output is None or is_backup(output) or is_backup(program) or output.suffix.lower() not in suffixes:
@@ -228,8 +233,8 @@ def _frame(cell: "Cell", name: str | None, kind: str) -> "Frame | None":
     """
     if name is None:
         return None
+    from robot_programs.core.program import Frame
     from taskcal.errors import TaskcalError, UnknownName
-    from taskcal.programs.program import Frame
 
     among = cell.tools if kind == "tool" else cell.parts
     measured = among.get(name.casefold())
@@ -265,13 +270,13 @@ def _as_json(correction: "Correction", written: tuple[Path, ...], page: PageOpti
 
 
 def _show(correction: "Correction", written: tuple[Path, ...], pages: str) -> None:
-    from taskcal.presentation.correction_tables import (
+    from taskcal.report.correction import (
+        group_remarks,
         state_expected,
         tabulate_correction,
         tabulate_errors,
         tabulate_targets,
     )
-    from taskcal.presentation.grouped_remarks import group_remarks
 
     show_facts(state_expected(correction))
     assessed = bool(len(correction.before.error))
@@ -292,3 +297,63 @@ def _show(correction: "Correction", written: tuple[Path, ...], pages: str) -> No
         info(f"written: {path}")
     if pages:
         info(f"written: {pages}")
+
+
+# Which programs ``taskcal correct`` wrote: known again by their bytes, wherever they lie, so that none is corrected
+# twice.
+#
+# A corrected program bears no mark, for all but its targets stays as it was. A digest of what was written lies in
+# the user's state folder instead, with the name of the program that it was made from.
+
+RECORDS = 5000
+"""Files that are remembered, the last ones written."""
+
+
+def check_not_corrected(sources: "Iterable[Source]") -> None:
+    """See that no file of a program is as `taskcal correct` wrote it.
+
+    Raises:
+        FileError: one is, with the file that it was made from.
+    """
+    for source in sources:
+        if origin := _origin_of(source.encode()):
+            raise FileError(
+                source.path,
+                f"is as taskcal correct wrote it from '{origin}', and would be corrected twice; correct that file, or say with "
+                "--again that this is meant",
+            )
+
+
+def remember_corrected(correction: "Correction") -> None:
+    """Note the files in which a correction changed something; where no note can be kept, they will not be known."""
+    given = {source.path: source.encode() for source in correction.program.sources}
+    for source in correction.sources:
+        content = source.encode()
+        if content in given.values():
+            continue
+        origin = source.path if source.path in given else correction.program.sources[0].path
+        place = _record_of(content)
+        with suppress(OSError, FileError):
+            place.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(place, json.dumps({"program": str(origin.resolve())}))
+            _forget_the_oldest(place.parent)
+
+
+def _origin_of(content: bytes) -> str:
+    """The file that a corrected one was made from; empty for any other."""
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        return str(json.loads(_record_of(content).read_text(encoding="utf-8"))["program"])
+    return ""
+
+
+def _record_of(content: bytes) -> Path:
+    import hashlib
+
+    return state_folder() / "corrected" / f"{hashlib.sha256(content).hexdigest()}.json"
+
+
+def _forget_the_oldest(folder: Path) -> None:
+    records = list(folder.glob("*.json"))
+    if len(records) > RECORDS:
+        for record in sorted(records, key=lambda path: path.stat().st_mtime)[:-RECORDS]:
+            record.unlink(missing_ok=True)

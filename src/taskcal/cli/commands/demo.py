@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.options import ForceOption, JsonOption, SeedOption
+from taskcal.cli.options.common import ForceOption, JsonOption, SeedOption
 from taskcal.cli.output import started_as
 from taskcal.cli.outputs import Outputs, check_outputs
 
@@ -61,11 +61,9 @@ def command(
     command with --force goes on where it was.
     """
     from taskcal.cli.output import console, working, write_json
-    from taskcal.demo.procedure import run_procedure
-    from taskcal.demo.procedure_files import procedure_contents
-    from taskcal.demo.procedure_json import procedure_json
+    from taskcal.demo.procedure import ROBOT, run_procedure
+    from taskcal.demo.procedure_files import procedure_contents, procedure_json
     from taskcal.demo.procedure_report import procedure_html
-    from taskcal.demo.reference import ROBOT
     from taskcal.errors import FileError
     from taskcal.identification.provenance import package_version
     from taskcal.robot.catalogue import load_robot
@@ -104,7 +102,7 @@ def command(
 
 def _outputs(folder: Path, full: bool, force: bool) -> Outputs:
     """The files of the demonstration, seen to be free."""
-    from taskcal.demo.closed_loop_files import closed_loop_files
+    from taskcal.demo.closed_loop_report import closed_loop_files
     from taskcal.demo.procedure_files import procedure_names
 
     paths = [folder / name for name in ("report.html", *procedure_names())]
@@ -117,11 +115,9 @@ def _close_the_loop(
 ) -> tuple[dict[str, Path], Any]:
     """Run virtual robots, write what comes of it, and print it where there is an `out`."""
     from taskcal.cli.output import working
-    from taskcal.demo.closed_loop import prepare_closed_loop, run_closed_loops
-    from taskcal.demo.closed_loop_errors import summarise_runs
-    from taskcal.demo.closed_loop_files import closed_loop_contents, closed_loop_files
-    from taskcal.demo.closed_loop_report import tabulate_closed_loop
-    from taskcal.presentation.terminal import print_tables
+    from taskcal.demo.closed_loop import prepare_closed_loop, run_closed_loops, summarise_runs
+    from taskcal.demo.closed_loop_report import closed_loop_contents, closed_loop_files, tabulate_closed_loop
+    from taskcal.report.content import print_tables
 
     files = closed_loop_files(folder)
     command = (
@@ -141,8 +137,7 @@ def _close_the_loop(
 
 
 def _next_steps(folder: Path, files: dict[str, Path]) -> str:
-    from taskcal.demo.procedure import ONE, SEVERAL
-    from taskcal.demo.reference import ROBOT
+    from taskcal.demo.procedure import ONE, ROBOT, SEVERAL
 
     one, several = files[f"campaign {ONE}"], files[f"campaign {SEVERAL}"]
     taskcal = started_as()
@@ -163,7 +158,7 @@ def _show(out: Any, procedure: "Procedure") -> None:
 
     from taskcal.demo import procedure_tables as tables
     from taskcal.demo.procedure_report import summary_points
-    from taskcal.presentation.terminal import print_tables
+    from taskcal.report.content import print_tables
 
     robot = procedure.model.robot
     out.print(Text(f"The published procedure on a virtual {robot.title or robot.name}", style="bold"))

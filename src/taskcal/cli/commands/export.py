@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import CalibrationArgument, CountOption, OutputOptions, SeedOption
+from taskcal.cli.command import grouped
+from taskcal.cli.options.common import CalibrationArgument, CountOption, OutputOptions, SeedOption
+from taskcal.cli.options.task import REACHING, read_and_reach
 from taskcal.cli.output import info, plain, show_facts, show_table, tell, working, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
-from taskcal.cli.task_poses import REACHING, read_and_reach
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from taskcal.export.controller_offsets import ControllerOffsets
-    from taskcal.export.export import Export
+    from taskcal.export.controller import ControllerOffsets
+    from taskcal.export.forms import Export
     from taskcal.identification.calibration import Calibration
 
 
@@ -79,7 +79,7 @@ def command(
         raise typer.BadParameter(f"name the file to write as {form.value}", param_hint="--output")
     inputs = [calibration, *files_of_task(poses.task)]
     outputs = check_outputs("export", [("--output", output)], inputs, force=out.force)
-    from taskcal.identification.calibration_file import load_calibration
+    from taskcal.identification.calibration import load_calibration
     from taskcal.robot.error_model import ErrorModel
 
     calibrated = load_calibration(calibration)
@@ -89,7 +89,7 @@ def command(
             reached = read_and_reach(ErrorModel(robot), poses.task, poses.count, poses.seed, begin)
     q = None if reached is None else reached.q
     if form is Form.offsets:
-        from taskcal.export.controller_offsets import fit_offsets
+        from taskcal.export.controller import fit_offsets
 
         offsets = fit_offsets(calibrated, q, None if reached is None else reached.weights)
         result: dict[str, Any] = {"robot": robot.name, "form": form.value, **offsets.summary()}
@@ -107,9 +107,7 @@ def command(
 
 
 def _exported(calibration: "Calibration", form: Form, q: "np.ndarray | None", *, accept_loss: bool) -> "Export":
-    from taskcal.export.dh_form import export_dh
-    from taskcal.export.ur_form import export_ur_yaml
-    from taskcal.export.urdf_form import export_urdf
+    from taskcal.export.forms import export_dh, export_ur_yaml, export_urdf
 
     if form is Form.urdf:
         return export_urdf(calibration, q, accept_loss=accept_loss)
@@ -119,7 +117,7 @@ def _exported(calibration: "Calibration", form: Form, q: "np.ndarray | None", *,
 
 
 def _say(export: "Export", calibration: "Calibration", form: Form, output: Path, *, as_json: bool) -> None:
-    from taskcal.export.export import placed
+    from taskcal.export.forms import placed
 
     for remark in export.remarks:
         info(remark)
@@ -136,7 +134,7 @@ def _say(export: "Export", calibration: "Calibration", form: Form, output: Path,
 
 
 def _place(T: "np.ndarray") -> str:
-    from taskcal.export.export import placed
+    from taskcal.export.forms import placed
 
     place = placed(T)
     x, y, z = place["position_mm"]

@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.engine_options import EngineOptions
-from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import OutputOptions, check_above_zero
-from taskcal.cli.output import info, show, show_facts, show_table, tell, write_json
+from taskcal.cli.command import grouped
+from taskcal.cli.options.common import EngineOptions, OutputOptions, check_above_zero
+from taskcal.cli.output import bar_by_parts, info, show, show_facts, show_table, tell, write_json
 from taskcal.cli.outputs import check_outputs, count_as_written
-from taskcal.cli.steps_bar import bar_by_parts
 
 if TYPE_CHECKING:
-    from taskcal.adaptation.fleet import Fleet
+    from taskcal.planning.fleet import Fleet
 
 MOST_NAMED = 20
 """Files that are named on standard error."""
@@ -90,7 +88,7 @@ def command(
     check_above_zero(accuracy_mm, "--accuracy-mm")
     outputs = check_outputs("fleet", [("--output", output)], [robots], force=out.force)
     refused = _identify(robots, identifying, running) if identifying.identify else []
-    from taskcal.adaptation.fleet import review_fleet
+    from taskcal.planning.fleet import review_fleet
 
     with bar_by_parts("robots") as bar:
         fleet = review_fleet(
@@ -119,8 +117,7 @@ def command(
 
 def _identify(folder: Path, options: IdentifyOptions, running: EngineOptions) -> list[tuple[str, str]]:
     """Identify campaigns; returns those that could not be, and why."""
-    from taskcal.adaptation.fleet_campaigns import identify_campaigns, without_calibration
-    from taskcal.adaptation.fleet_files import find_fleet
+    from taskcal.planning.fleet import find_fleet, identify_campaigns, without_calibration
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
 
@@ -164,7 +161,7 @@ def _tell_of(fleet: "Fleet", left_out: list[tuple[str, str]]) -> None:
 
 
 def _show(fleet: "Fleet", result: Mapping[str, Any], output: Path | None) -> None:
-    from taskcal.presentation.fleet_tables import (
+    from taskcal.report.fleet import (
         SPARE,
         describe_level,
         tabulate_fleet,

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import split_names
+from taskcal.cli.command import grouped
+from taskcal.cli.options.common import split_names
+from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import info, show_table, write_json
 from taskcal.cli.outputs import check_outputs
-from taskcal.cli.page_options import PageOptions
 
 if TYPE_CHECKING:
     from taskcal.cli.outputs import Outputs
-    from taskcal.presentation.report import Page
+    from taskcal.report.page import Page
 
 POSE_CYCLES, PATH_CYCLES = 30, 10
 """How many cycles the standard asks for (ISO 9283:1998, 6.9)."""
@@ -87,13 +87,13 @@ def _pair(text: str) -> tuple[str, str]:
 
 
 def _of_path(measured: Path, commanded: Path | None) -> "tuple[dict[str, Any], Page]":
+    from taskcal.campaigns.performance import read_path_cycles
     from taskcal.errors import CampaignError, FileError
-    from taskcal.measurement.cycles import read_path_cycles
 
     cycles = read_path_cycles(measured, commanded)
+    from taskcal.campaigns.performance import assess_path
     from taskcal.identification.provenance import package_version  # after the file was read: figures take a while
-    from taskcal.measurement.path_performance import assess_path
-    from taskcal.presentation.performance_report import path_performance_page
+    from taskcal.report.performance import path_performance_page
 
     try:
         performance = assess_path(
@@ -115,13 +115,13 @@ def _of_path(measured: Path, commanded: Path | None) -> "tuple[dict[str, Any], P
 def _of_poses(
     measured: Path, pairs: Sequence[tuple[str, str]] | None
 ) -> "tuple[dict[str, list[dict[str, Any]]], Page]":
+    from taskcal.campaigns.performance import read_pose_cycles
     from taskcal.errors import CampaignError, FileError
-    from taskcal.measurement.cycles import read_pose_cycles
 
     cycles = read_pose_cycles(measured)
+    from taskcal.campaigns.performance import assess_cycles
     from taskcal.identification.provenance import package_version  # after the file was read: figures take a while
-    from taskcal.measurement.cycle_performance import assess_cycles
-    from taskcal.presentation.performance_report import pose_performance_page
+    from taskcal.report.performance import pose_performance_page
 
     try:
         performance = assess_cycles(cycles, pairs)

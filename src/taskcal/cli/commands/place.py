@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.option_groups import grouped
+from taskcal.cli.command import grouped
+from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import info, show, show_facts, tell, working, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
-from taskcal.cli.page_options import PageOptions
 
 if TYPE_CHECKING:
-    from taskcal.correction.part_placement import PartPlacements
-    from taskcal.correction.part_region import Region
+    from robot_programs.core.program import Program
+    from taskcal.correction.part_placement import PartPlacements, Region
     from taskcal.identification.calibration import Calibration
-    from taskcal.presentation.report import Page
-    from taskcal.programs.program import Program
+    from taskcal.report.page import Page
     from taskcal.robot.robot import Robot
     from taskcal.task.task import Task
 
@@ -65,7 +64,7 @@ class RegionOptions:
         """
         import numpy as np
 
-        from taskcal.correction.part_region import Region
+        from taskcal.correction.part_placement import Region
 
         axes = self.region.split(",")
         if len(axes) != 3:
@@ -107,7 +106,7 @@ class OnOptions:
 
     def load(self) -> "tuple[Calibration | Robot, Robot]":
         """What the error is expected of, and its robot."""
-        from taskcal.identification.calibration_file import load_calibration
+        from taskcal.identification.calibration import load_calibration
         from taskcal.robot.catalogue import load_robot
 
         if self.calibration is not None:
@@ -163,7 +162,7 @@ def command(
     inputs = [path for path in (*files, on.calibration, cell, page.header) if path is not None]
     outputs = check_outputs("place", [("--output", output), *page.places], inputs, force=page.force)
     page.check()
-    from taskcal.correction.cell_file import load_cell
+    from taskcal.correction.cell import load_cell
     from taskcal.correction.part_placement import place
 
     region = where.grid()
@@ -204,7 +203,7 @@ def _force(text: str | None) -> tuple[float, float, float] | None:
 
 
 def _read(paths: list[Path], robot: "Robot", *, is_task: bool) -> "Program | Task":
-    from taskcal.programs.reading import read_program
+    from robot_programs.reading import read_program
     from taskcal.task.task import load_task
 
     return load_task(paths[0]) if is_task else read_program(*paths, robot=robot)
@@ -218,13 +217,13 @@ def _csv(found: "PartPlacements") -> str:
 
 def _page(found: "PartPlacements", robot: "Robot", *, calibrated: bool) -> "Page":
     from taskcal.identification.provenance import package_version
-    from taskcal.presentation.placement_report import placement_page
+    from taskcal.report.placement import placement_page
 
     return placement_page(found, robot.title or robot.name, calibrated=calibrated, version=package_version())
 
 
 def _as_json(found: "PartPlacements", output: Path | None) -> dict[str, Any]:
-    from taskcal.presentation.placement_tables import SHOWN
+    from taskcal.report.placement import SHOWN
 
     return {
         "name": found.name,
@@ -236,7 +235,7 @@ def _as_json(found: "PartPlacements", output: Path | None) -> dict[str, Any]:
 
 
 def _show(found: "PartPlacements", *, calibrated: bool) -> None:
-    from taskcal.presentation.placement_tables import state_cost, state_placement, tabulate_placements
+    from taskcal.report.placement import state_cost, state_placement, tabulate_placements
 
     ranked = found.ranked
     show(tabulate_placements(found))

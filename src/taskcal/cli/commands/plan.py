@@ -4,30 +4,186 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from taskcal.cli.campaign_options import MeasuredOptions
-from taskcal.cli.measuring_program import MeasuringOptions
-from taskcal.cli.model_options import ModelOptions
-from taskcal.cli.observing_options import ObservingOptions, WayChoice
-from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import ModelErrorOption, SeedOption, TaskOption, check_model_error
+from taskcal.cli.command import grouped
+from taskcal.cli.options.campaign import MeasuredOptions
+from taskcal.cli.options.common import ModelErrorOption, SeedOption, TaskOption, check_model_error
+from taskcal.cli.options.model import ModelOptions
+from taskcal.cli.options.observing import ObservingOptions, WayChoice, describe_standing, tell_how_to_measure
+from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import show, show_facts, working, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
-from taskcal.cli.page_options import PageOptions
-from taskcal.cli.what_stands import describe_standing, tell_how_to_measure
 
 if TYPE_CHECKING:
-    from taskcal.adaptation.measuring_way import MeasuringWay
-    from taskcal.adaptation.planned import Plan
+    from collections.abc import Sequence
+
+    import numpy as np
+
+    from robot_programs.core.program import Move
+    from robot_programs.core.source import Source
+    from taskcal.campaigns.campaign import Campaign
     from taskcal.identification.calibration import Calibration
-    from taskcal.measurement.campaign import Campaign
-    from taskcal.measurement.station import Station
-    from taskcal.presentation.report import Page
+    from taskcal.planning.instruments import MeasuringWay
+    from taskcal.planning.plan import Plan
+    from taskcal.report.page import Page
     from taskcal.robot.error_model import ErrorModel
+    from taskcal.robot.robot import Robot
     from taskcal.task.task import Task
+    from taskcal.virtual.station import Station
+
+
+# Measuring programs that ``taskcal plan`` writes beside the plan.
+
+SLOW = 0.02
+"""Speed of the tool point into a socket and out of it, in RAPID, metres per second."""
+
+
+class Stop(NamedTuple):
+    """Where one motion of a program ends."""
+
+    q: "np.ndarray"
+    note: str
+    halts: bool = True
+    waits: bool = False
+    speed: float | None = None
+    """Metres per second; None for the program's."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuringOptions:
+    """Programs that drive the robot through the poses to measure, and how they drive it."""
+
+    program: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--program",
+            metavar="MEASURE.mod",
+            readable=False,
+            help="Write a robot program that stops in every pose: RAPID .mod, KRL .src, TP .ls or .csv; may be given repeatedly.",
+        ),
+    ] = None
+    wait_s: Annotated[
+        float,
+        typer.Option(
+            "--wait-s", min=0.0, max=600.0, metavar="S", help="How long it waits in each pose for the tracker."
+        ),
+    ] = 3.0
+    speed_mm_s: Annotated[
+        float,
+        typer.Option(
+            "--speed-mm-s", min=0.1, max=10_000.0, metavar="MM/S", help="Its speed of the tool point, in RAPID."
+        ),
+    ] = 250.0
+    speed_percent: Annotated[
+        float,
+        typer.Option(
+            "--speed-percent", min=0.1, max=100.0, metavar="P", help="Its share of the joints' speeds, in KRL."
+        ),
+    ] = 10.0
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """Files to write."""
+        return tuple(self.program or ())
+
+    def compose(self, robot: "Robot", q: "np.ndarray") -> "tuple[Source, ...]":
+        """Programs that visit poses, each with a comment that says which pose of the plan it is.
+
+        Raises:
+            TaskcalError: a language cannot say it, or its suffix is not known.
+        """
+        from robot_programs.reading import moves_to_joints
+
+        notes = [f"pose {k}" for k in range(len(q))]
+        return tuple(self._composed(path, robot, moves_to_joints(robot, q, path), notes) for path in self.paths)
+
+    def compose_observed(self, model: "ErrorModel", plan: "Plan") -> "tuple[Source, ...]":
+        """Programs of a plan without a tracker: a file for each anchor, or place of a block, where there are several.
+
+        Into a socket they go slowly along its axis, wait there, and go out the same way.
+
+        Raises:
+            TaskcalError: a language cannot say it.
+        """
+        import numpy as np
+
+        assert plan.way is not None
+        assert plan.of is not None
+        stage = plan.way.stages[plan.of]
+        return tuple(
+            self._visiting(path, model, plan, np.flatnonzero(stage == number))
+            for paths in self.paths_of(plan.way)
+            for number, path in enumerate(paths)
+        )
+
+    def paths_of(self, way: "MeasuringWay") -> tuple[tuple[Path, ...], ...]:
+        """Of each file that was asked for, those that are written: one, or one for each of the stages, numbered from 1."""
+        count = int(way.stages.max()) + 1
+        if count == 1:
+            return tuple((path,) for path in self.paths)
+        return tuple(tuple(path.with_stem(f"{path.stem}_{k + 1}") for k in range(count)) for path in self.paths)
+
+    def _visiting(self, path: Path, model: "ErrorModel", plan: "Plan", rows: "np.ndarray") -> "Source":
+        """The program of some of the poses."""
+        import numpy as np
+
+        from robot_programs.reading import moves_to_joints
+        from taskcal.planning.instruments import SocketWay
+
+        way, of = plan.way, plan.of
+        assert way is not None
+        assert of is not None
+        visits = plan.q[:, None]
+        if isinstance(way, SocketWay):
+            inward = way.visits(model.nominal, plan.q, of)
+            visits = np.concatenate([inward, inward[:, -2::-1]], axis=1)
+        seat, via = visits.shape[1] // 2, {one.pose: one.via for one in plan.tight}
+        slow = min(self.speed_mm_s * 1e-3, SLOW)
+        said = {seat: "seated: read the joints", 0: "approach", 2 * seat: "out"} if seat else {}
+        stops: list[Stop] = []
+        for row in rows:
+            round_by = via.get(int(row))
+            stops += [Stop(q, f"on the way to pose {row}") for q in ([] if round_by is None else round_by)]
+            unsafe = "not clear from the pose before" if row in via and round_by is None else ""
+            for k, q in enumerate(visits[row]):
+                remark = unsafe if unsafe and not k else said.get(k, "")
+                note = " ".join(part for part in (f"pose {row}", plan.names[row], remark) if part)
+                stops.append(Stop(q, note, halts=k in (0, seat, 2 * seat), waits=k == seat, speed=slow if k else None))
+        moves = moves_to_joints(
+            model.robot,
+            np.stack([stop.q for stop in stops]),
+            path,
+            stops=[stop.halts for stop in stops],
+            waits=[stop.waits for stop in stops],
+            speeds=[stop.speed for stop in stops],
+        )
+        return self._composed(path, model.robot, moves, [stop.note for stop in stops])
+
+    def _composed(self, path: Path, robot: "Robot", moves: "Sequence[Move]", notes: list[str]) -> "Source":
+        from robot_programs.reading import compose_program
+
+        return compose_program(
+            path,
+            robot,
+            moves,
+            notes=notes,
+            wait_s=self.wait_s,
+            speed=self.speed_mm_s * 1e-3,
+            joint_speed_percent=self.speed_percent,
+        )
+
+    def check(self, robot: "Robot") -> None:
+        """See, before anything is computed, that a program can be written to each file.
+
+        Raises:
+            TaskcalError: it cannot.
+        """
+        import numpy as np
+
+        self.compose(robot, np.empty((0, len(robot.joints))))
 
 
 class CriterionChoice(StrEnum):
@@ -185,7 +341,7 @@ def command(
 
 def _text(chosen: "Plan", setting: Setting) -> str:
     """The table of joints, and without a tracker of what is to be filled in."""
-    from taskcal.measurement.writer import joints_text
+    from taskcal.reading.writer import joints_text
 
     if chosen.way is None or chosen.of is None:
         return joints_text(chosen.q, setting.model.robot)
@@ -219,8 +375,8 @@ def _check_sources(
 def _read(
     path: Path, of: ModelOptions, measured: ExtendedOptions, choice: PlanOptions, observing: ObservingOptions
 ) -> Setting:
-    from taskcal.measurement.station import load_station
     from taskcal.task.task import load_task
+    from taskcal.virtual.station import load_station
 
     model, calibration = of.load()
     task = load_task(path)
@@ -243,9 +399,8 @@ def _plan(setting: Setting, choice: PlanOptions, source: Path | None, progress: 
         FileError: the campaign or calibration of `source` does not go with robot or station.
         ReachError: fewer poses can be measured than were asked for, or the task's accuracy is out of reach.
     """
-    from taskcal.adaptation.plan import plan
-    from taskcal.adaptation.plan_demands import check_demands
     from taskcal.errors import CampaignError, FileError
+    from taskcal.planning.plan import check_demands, plan
 
     try:
         chosen = plan(
@@ -302,7 +457,7 @@ def _in_words(clearance: Mapping[str, list[float] | None], model: "ErrorModel") 
 
 def _page(setting: Setting, chosen: "Plan", seed: int) -> "Page":
     from taskcal.identification.provenance import package_version
-    from taskcal.presentation.plan_report import plan_page
+    from taskcal.report.plan import plan_page
 
     return plan_page(setting.model, setting.task, chosen, seed=seed, version=package_version())
 
@@ -310,9 +465,9 @@ def _page(setting: Setting, chosen: "Plan", seed: int) -> "Page":
 def _show(result: Mapping[str, Any], chosen: "Plan", setting: Setting, pages: str) -> None:
     import numpy as np
 
-    from taskcal.adaptation.plan_demands import describe_accuracy, describe_lost
-    from taskcal.presentation.model_error_origin import state_model_error
-    from taskcal.presentation.plan_tables import tabulate_by_count, tabulate_expected_errors
+    from taskcal.planning.plan import describe_accuracy, describe_lost
+    from taskcal.report.content import state_model_error
+    from taskcal.report.plan import tabulate_by_count, tabulate_expected_errors
 
     show(tabulate_expected_errors(chosen, setting.task.name, measured_before=result["measured_before"]))
     show(tabulate_by_count(chosen))

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.model_options import RobotOptions
-from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import OutputOptions
+from taskcal.cli.command import grouped
+from taskcal.cli.options.common import OutputOptions
+from taskcal.cli.options.model import RobotOptions
 from taskcal.cli.output import info, show_table, tell, write_json
 from taskcal.cli.outputs import check_outputs
 from taskcal.errors import ReachError
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from taskcal.identification.calibration import Calibration
     from taskcal.robot.error_model import ErrorModel
-    from taskcal.tabular.column_groups import ColumnGroups
+    from taskcal.tables.column_groups import ColumnGroups
 
 MOST_SHOWN = 30
 """Rows that a terminal shows; a file holds all."""
@@ -61,8 +61,8 @@ def command(
 ) -> None:
     """Compute tool poses from joint positions, nominal and calibrated, or joint positions from tool poses."""
     outputs = check_outputs("poses", [("--output", output)], [table, of.robot, of.calibration], force=out.force)
-    from taskcal.tabular.column_groups import ColumnGroups
-    from taskcal.tabular.csv_form import read_csv
+    from taskcal.tables.column_groups import ColumnGroups
+    from taskcal.tables.forms import read_csv
 
     model, calibration = of.load()
     columns = ColumnGroups(read_csv(table))
@@ -105,7 +105,7 @@ def _poses_at(
     """Poses at joints, and with a calibration how they differ."""
     import numpy as np
 
-    from taskcal.correction.tool_poses import locate_tool
+    from taskcal.correction.placement import locate_tool
 
     q = columns.joints(model.robot)
     left = [name for name in columns.table.header if not columns.is_used(name) and name.lower() != "id"]
@@ -150,8 +150,8 @@ def _joints_for(
     """Joints for poses: nominal, and with a calibration those of the calibrated robot."""
     import numpy as np
 
-    from taskcal.correction.tool_poses import find_joints
-    from taskcal.task.pose_table import has_poses, read_tool_poses
+    from taskcal.correction.placement import find_joints
+    from taskcal.task.orientation import has_poses, read_tool_poses
 
     robot = model.robot
     if not has_poses(columns) and "x_mm" not in columns:

@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.campaign_options import CampaignOptions
-from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import CampaignArgument, OutputOptions, RobotOption
+from taskcal.cli.command import grouped
+from taskcal.cli.options.campaign import CampaignOptions
+from taskcal.cli.options.common import CampaignArgument, OutputOptions, RobotOption
+from taskcal.cli.options.registration import Method, register_by
 from taskcal.cli.output import show_facts, show_table, write_json
 from taskcal.cli.outputs import check_outputs
-from taskcal.cli.registration import Method, register_by
 
 if TYPE_CHECKING:
-    from taskcal.measurement.axis_circles import AxisCircle
-    from taskcal.measurement.campaign import Campaign
-    from taskcal.measurement.registration import Registration
+    from taskcal.campaigns.campaign import Campaign
+    from taskcal.registration.circles import AxisCircle
+    from taskcal.registration.registration import Registration
     from taskcal.robot.error_model import ErrorModel
 
 WORST = 5
@@ -46,8 +46,8 @@ def command(
     The fit of taskcal identify refines what is found here; nothing of the robot is identified yet.
     """
     outputs = check_outputs("register", [("--output", output)], [campaign, robot, reading.rows], force=out.force)
-    from taskcal.measurement.axis_circles import find_circles
-    from taskcal.measurement.registration_file import registration_text
+    from taskcal.registration.circles import find_circles
+    from taskcal.registration.registration_file import registration_text
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
 
@@ -74,9 +74,9 @@ def command(
 
 def _frames(registration: "Registration", model: "ErrorModel", campaign: "Campaign") -> dict[str, Any]:
     """Frames and residuals, in millimetres."""
-    from taskcal.cli.robot_sheet import placement
-    from taskcal.measurement.registration_residuals import registration_residuals
-    from taskcal.presentation.unobservable import describe_unobservable
+    from taskcal.cli.commands.robots import placement
+    from taskcal.registration.registration import registration_residuals
+    from taskcal.report.calibration import describe_unobservable
 
     left = registration_residuals(registration, model, campaign)
     return {

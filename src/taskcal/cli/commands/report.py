@@ -5,21 +5,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.campaign_options import MeasuredOptions
-from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import CalibrationArgument, OutputOptions, SeedOption
-from taskcal.cli.output import show_table, tell, write_json
+from taskcal.cli.command import grouped
+from taskcal.cli.options.campaign import MeasuredOptions
+from taskcal.cli.options.common import CalibrationArgument, OutputOptions, SeedOption
+from taskcal.cli.options.page import BesidePageOptions
+from taskcal.cli.output import bar_over, show_table, tell, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
-from taskcal.cli.page_options import BesidePageOptions
-from taskcal.cli.steps_bar import bar_over
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from taskcal.adaptation.calibration_ladder import Rung
-    from taskcal.adaptation.task_uncertainty import Uncertainty
     from taskcal.identification.calibration import Calibration
     from taskcal.identification.residual_analysis import ResidualAnalysis
+    from taskcal.planning.selection import Rung
+    from taskcal.planning.task_map import Uncertainty
 
 
 OVER_TASK, DEPENDING = "uncertainty over the task", "what the residuals depend on"
@@ -57,14 +56,14 @@ def command(
     outputs = check_outputs("report", places, inputs, force=out.force)
     beside.kind()
     header = beside.labelled()
-    from taskcal.identification.calibration_file import load_calibration
+    from taskcal.identification.calibration import load_calibration
     from taskcal.task.task import load_task
 
     calibrated = load_calibration(calibration)
     described = None if task is None else load_task(task)
-    from taskcal.adaptation.task_uncertainty import uncertainty_over  # after the files were read: figures take a while
     from taskcal.identification.provenance import package_version
-    from taskcal.presentation.calibration_report import Beside, calibration_page
+    from taskcal.planning.task_map import uncertainty_over  # after the files were read: figures take a while
+    from taskcal.report.calibration import Beside, calibration_page
 
     steps = [OVER_TASK] * (described is not None) + [DEPENDING, CLIMBING] * (measured.campaign is not None)
     with bar_over([*steps, PAGE, WRITING]) as begin:
@@ -144,9 +143,9 @@ def _examine(
     """
     if measured.campaign is None:
         return None, ()
-    from taskcal.adaptation.calibration_ladder import climb
     from taskcal.errors import CampaignError, FileError
     from taskcal.identification.residual_analysis import analyse_residuals
+    from taskcal.planning.selection import climb
 
     targets = None if calibration.targets == ("tool",) else calibration.targets
     campaign = measured.read(measured.campaign, calibration.model.robot, targets=targets).campaign

@@ -1,18 +1,24 @@
 """``taskcal robots``: the catalogue, one robot, and robots from files of other programs."""
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from typer.core import TyperGroup
 
-from taskcal.cli.command import Command
-from taskcal.cli.option_groups import grouped, trusting
-from taskcal.cli.options import JsonOption, OutputOptions
-from taskcal.cli.output import info, show_table, tell, write_json
+from taskcal.analysis.elimination_table import describe_combination
+from taskcal.cli.command import Command, grouped, trusting
+from taskcal.cli.options.common import JsonOption, OutputOptions
+from taskcal.cli.output import info, show_facts, show_table, tell, write_json
 from taskcal.cli.outputs import check_outputs
+from taskcal.geometry import se3
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.mechanism import analyse_mechanism
+from taskcal.robot.robot import Part, Robot
 
 
 class ShowByDefault(TyperGroup):
@@ -57,7 +63,7 @@ def catalogue(context: typer.Context, as_json: JsonOption = False) -> None:
     context.obj = as_json
     if context.invoked_subcommand is not None:
         return
-    from taskcal.cli.robot_sheet import catalogue_entry
+    pass
     from taskcal.robot.catalogue import catalogue_names, load_robot
 
     result = {"robots": [catalogue_entry(load_robot(name)) for name in catalogue_names()]}
@@ -82,7 +88,7 @@ def show(
     as_json: JsonOption = False,
 ) -> None:
     """Show one robot (the word 'show' may be left out)."""
-    from taskcal.cli.robot_sheet import describe, show_sheet
+    pass
     from taskcal.robot.catalogue import load_robot
 
     result = describe(load_robot(robot))
@@ -156,8 +162,7 @@ def import_robot(
     if output.suffix != ".toml":
         raise typer.BadParameter(f"'{output}' does not end in .toml, as robot files do", param_hint="--output")
     outputs = check_outputs("robots import", [("--output", output)], [source], force=out.force)
-    from taskcal.robot.catalogue import load_robot
-    from taskcal.robot.description import describe_robot, robot_toml
+    from taskcal.robot.catalogue import describe_robot, load_robot, robot_toml
 
     described = describe_robot(
         source,
@@ -179,3 +184,230 @@ def import_robot(
         f"use it with --robot {output}; taskcal robots {output} shows it. Add limits, tool and tolerances to the file where "
         "they are known: the tolerances are the prior of every fit"
     )
+
+
+# What ``taskcal robots`` says of a robot.
+
+
+def catalogue_entry(robot: Robot) -> dict[str, Any]:
+    """A robot in one line."""
+    return {"name": robot.name, "title": robot.title, "joints": len(robot.joints), "notes": _notes(robot)}
+
+
+def _notes(robot: Robot) -> list[str]:
+    notes: list[str] = []
+    if robot.four_bar is not None:
+        notes.append("parallelogram in its drive")
+    elif any(np.count_nonzero(row) > 1 for row in robot.joint_map.matrix):
+        notes.append("coupled axes")
+    if len(robot.joints) > 6:
+        notes.append("redundant")
+    if robot.driven:
+        notes.append("joints driven by others")
+    if any(robot.prismatic):
+        notes.append("sliding joints")
+    if not np.allclose(robot.T_flange_tool, np.eye(4), atol=1e-12):
+        notes.append("with a tool")
+    if robot.published.source:
+        notes.append("parameters published")
+    return notes
+
+
+def describe(robot: Robot) -> dict[str, Any]:
+    """All there is to say of a robot: lengths in millimetres, angles in degrees."""
+    model, mechanism = ErrorModel(robot), analyse_mechanism(robot)
+    bar = robot.four_bar
+    return {
+        **catalogue_entry(robot),
+        "source": list(robot.source),
+        "joint_table": [_joint(robot, i) for i in range(len(robot.joints))],
+        "tool": {"parts": [_part(part) for part in robot.tool], **_placement(robot.tool)},
+        "coupled_limits": [{"of": c.text, "range_deg": _scaled(c.limits, 180 / np.pi)} for c in robot.coupled_limits],
+        "four_bar": None
+        if bar is None
+        else {f"{key}_mm": _scaled([getattr(bar.bar, key)], 1e3)[0] for key in ("crank", "rod", "rocker", "arm")},
+        "statics": _statics(robot),
+        "mechanism": {
+            "mobility": mechanism.mobility,
+            "overconstraint": mechanism.overconstraint,
+            "motorised": list(mechanism.motorised),
+            "passive": list(mechanism.passive),
+            "loops": mechanism.loops,
+            "explanation": mechanism.explanation,
+        },
+        "parameter_count": len(model),
+        "parameters": [
+            {
+                "name": p.name,
+                "symbol": p.symbol,
+                "unit": "mm" if p.unit == "m" else "mrad",
+                "tolerance": _scaled([p.tolerance], 1e3)[0],
+            }
+            for p in model.parameters
+        ],
+        "published": {"source": robot.published.source, "dropped": list(robot.published.dropped)}
+        if robot.published.source
+        else None,
+    }
+
+
+def _joint(robot: Robot, i: int) -> dict[str, Any]:
+    joint, names = robot.joints[i], robot.joint_names
+    slides = joint.kind == "prismatic"
+    scale, unit = (1e3, "mm") if slides else (180 / np.pi, "deg")
+    row, offset = robot.joint_map.matrix[i], float(robot.joint_map.offset[i]) * scale
+    expression = describe_combination({names[j]: float(row[j]) for j in np.flatnonzero(row)}, {})
+    if offset:
+        expression += f" {'−' if offset < 0 else '+'} {abs(offset):g}{' mm' if slides else '°'}"
+    if robot.four_bar is not None and robot.four_bar.output[i]:
+        expression += ", through the four-bar"
+    return {
+        "name": joint.name,
+        "kind": joint.kind,
+        f"limits_{unit}": _scaled(joint.limits, scale),
+        "coordinate": expression,
+        "before": [_part(part) for part in joint.before],
+        "after": [_part(part) for part in joint.after],
+    }
+
+
+def _statics(robot: Robot) -> dict[str, Any]:
+    """What the file says of weights and drives; None where it says nothing."""
+    known = robot.statics
+    bodies = known.links or (None,) * len(robot.joints)
+    return {
+        "gravity": known.gravity.tolist(),
+        "payload_kg": known.payload.mass,
+        "payload_centre_mm": _scaled(known.payload.centre, 1e3),
+        "spring_on": None if known.spring is None else robot.joint_names[known.spring.joint],
+        "drives": [
+            {
+                "name": joint.name,
+                "mass_kg": None if body is None else body.mass,
+                "centre_mm": None if body is None else _scaled(body.centre, 1e3),
+                "stiffness": stiffness,
+                "stiffness_unit": "N/m" if joint.kind == "prismatic" else "Nm/rad",
+                "gear_ratio": joint.gear_ratio,
+            }
+            for joint, body, stiffness in zip(robot.joints, bodies, known.stiffness, strict=True)
+        ],
+    }
+
+
+def _scaled(values: Iterable[float], scale: float) -> list[float]:
+    """In the unit of a file, without the last digits that conversion leaves."""
+    return [round(float(value) * scale, 9) for value in values]
+
+
+def _part(part: Part) -> str:
+    """An elementary part in words, such as ``Tx 300 (d2)`` or ``Rx −90°``."""
+    if part.driven is not None:
+        return f"{part.driven.name} (driven)"
+    p = part.transform[:3, 3] * 1e3
+    if p.any():
+        axis = int(np.argmax(np.abs(p)))
+        text = f"T{'xyz'[axis]} {p[axis]:g}"
+    else:
+        turn = np.degrees(se3.log(part.transform[:3, :3]))
+        axis = int(np.argmax(np.abs(turn)))
+        text = f"R{'xyz'[axis]} {turn[axis]:.6g}°"
+    return (text + (f" ({part.symbol})" if part.symbol else "")).replace("-", "−")
+
+
+def _placement(parts: tuple[Part, ...]) -> dict[str, Any]:
+    T = np.eye(4)
+    for part in parts:
+        T = T @ part.transform
+    return placement(T)
+
+
+def placement(T: np.ndarray) -> dict[str, Any]:
+    """A pose for people: position in millimetres, orientation as a quaternion."""
+    return {"position_mm": _scaled(T[:3, 3], 1e3), "quaternion": se3.to_quaternion(T[None, :3, :3])[0].tolist()}
+
+
+def show_sheet(sheet: Mapping[str, Any]) -> None:
+    """Print what `describe` says."""
+    position = "  ".join(f"{axis} {value:g}" for axis, value in zip("xyz", sheet["tool"]["position_mm"], strict=True))
+    mechanism = sheet["mechanism"]
+    facts = [
+        (sheet["name"], sheet["title"]),
+        (
+            "tool",
+            f"{position} mm; {', '.join(sheet['tool']['parts'])}"
+            if sheet["tool"]["parts"]
+            else "none: the last joint's frame",
+        ),
+        *(
+            ("limit", f"{c['of']} from {c['range_deg'][0]:g}° to {c['range_deg'][1]:g}°")
+            for c in sheet["coupled_limits"]
+        ),
+    ]
+    if sheet["four_bar"]:
+        lengths = ", ".join(f"{key.removesuffix('_mm')} {value:g}" for key, value in sheet["four_bar"].items())
+        facts.append(("four-bar", f"{lengths} mm"))
+    statics = sheet["statics"]
+    if statics["gravity"] != [0.0, 0.0, -1.0]:
+        facts.append(("gravity", f"along {' '.join(f'{value:.3g}' for value in statics['gravity'])} of the base"))
+    if statics["payload_kg"]:
+        centre = " ".join(f"{value:g}" for value in statics["payload_centre_mm"])
+        facts.append(("payload", f"{statics['payload_kg']:g} kg, centre at {centre} mm of the flange"))
+    if statics["spring_on"]:
+        facts.append(("spring", f"on {statics['spring_on']}"))
+    facts += [
+        ("mobility", f"{mechanism['mobility']}, overconstrained to degree {mechanism['overconstraint']}"),
+        ("", mechanism["explanation"]),
+        ("parameters", str(sheet["parameter_count"])),
+    ]
+    if sheet["published"]:
+        dropped = len(sheet["published"]["dropped"])
+        facts.append(("published", f"{sheet['published']['source']} ({dropped} dropped, marked –)"))
+    facts += [("source", text) for text in sheet["source"]]
+    show_facts(facts)
+    rows = [
+        (j["name"], j["kind"], _limits(j), j["coordinate"], ", ".join(j["before"]), ", ".join(j["after"]))
+        for j in sheet["joint_table"]
+    ]
+    header = ("joint", "kind", "limits", "coordinate", "parts before", "behind")
+    show_table("Joints", header, rows, left=(0, 1, 3, 4, 5))
+    _show_drives(statics["drives"])
+    _show_parameters(sheet)
+
+
+def _show_drives(drives: Sequence[Mapping[str, Any]]) -> None:
+    """Masses, stiffness and gear ratios, if any are stated."""
+    rows = [
+        (
+            d["name"],
+            "" if d["mass_kg"] is None else f"{d['mass_kg']:g}",
+            "" if d["centre_mm"] is None else " ".join(f"{value:g}" for value in d["centre_mm"]),
+            "" if d["stiffness"] is None else f"{d['stiffness']:g} {d['stiffness_unit']}",
+            "" if d["gear_ratio"] is None else f"{d['gear_ratio']:g}",
+        )
+        for d in drives
+    ]
+    if any(any(cells[1:]) for cells in rows):
+        show_table("Weights and drives", ("joint", "mass kg", "centre mm", "stiffness", "gear ratio"), rows, left=(0,))
+
+
+def _limits(joint: Mapping[str, Any]) -> str:
+    (low, high), unit = (joint["limits_mm"], " mm") if "limits_mm" in joint else (joint["limits_deg"], "°")
+    return f"{low:g} … {high:g}{unit}" if np.isfinite(low) else "none stated"
+
+
+def _show_parameters(sheet: Mapping[str, Any]) -> None:
+    """A row for each frame, with the publication's symbol behind each parameter."""
+    dropped = set(sheet["published"]["dropped"]) if sheet["published"] else set[str]()
+    frames: dict[str, list[str]] = {}
+    tolerances: dict[str, dict[str, None]] = {}
+    for p in sheet["parameters"]:
+        frame, component = p["name"].split(".", 1)
+        symbol = f" {p['symbol']}" if p["symbol"] else ""
+        frames.setdefault(frame, []).append(f"{'–' if p['name'] in dropped else ''}{component}{symbol}")
+        tolerances.setdefault(frame, {})[f"{p['tolerance']:g} {p['unit']}"] = None
+    width = max(len(cells) for cells in frames.values())
+    rows = [
+        (frame, *cells, *[""] * (width - len(cells)), ", ".join(tolerances[frame])) for frame, cells in frames.items()
+    ]
+    header = ("frame", *[""] * width, "tolerance (1σ)")
+    show_table("Parameters", header, rows, left=range(width + 2))

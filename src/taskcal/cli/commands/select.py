@@ -6,25 +6,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.campaign_options import MeasuredOptions
-from taskcal.cli.model_options import ModelOptions
-from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import (
-    ModelErrorOption,
-    SeedOption,
-    TaskOption,
-    check_above_zero,
-    check_model_error,
-)
-from taskcal.cli.output import info, show, show_facts, write_json
+from taskcal.cli.command import grouped
+from taskcal.cli.options.campaign import MeasuredOptions
+from taskcal.cli.options.common import ModelErrorOption, SeedOption, TaskOption, check_above_zero, check_model_error
+from taskcal.cli.options.model import ModelOptions
+from taskcal.cli.options.page import PageOptions
+from taskcal.cli.output import bar_over, info, show, show_facts, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
-from taskcal.cli.page_options import PageOptions
-from taskcal.cli.steps_bar import bar_over
 
 if TYPE_CHECKING:
-    from taskcal.adaptation.selection import Selection
-    from taskcal.measurement.campaign import Campaign
-    from taskcal.presentation.report import Page
+    from taskcal.campaigns.campaign import Campaign
+    from taskcal.planning.selection import Selection
+    from taskcal.report.page import Page
     from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import Task
 
@@ -64,10 +57,8 @@ def command(
     inputs = [of.robot, of.calibration, *files_of_task(task), *measured.inputs, page.header]
     outputs = check_outputs("select", page.places, inputs, force=page.force)
     page.check()
-    from taskcal.adaptation.hyperparameters import known_hyperparameters
-    from taskcal.adaptation.parameter_groups import parameter_groups
-    from taskcal.adaptation.selection import select, selection_steps
-    from taskcal.adaptation.selection_options import SelectionOptions
+    from taskcal.planning.expected_error import known_hyperparameters, parameter_groups
+    from taskcal.planning.selection import SelectionOptions, select, selection_steps
     from taskcal.task.task import load_task
 
     model, calibration = of.load()
@@ -103,10 +94,10 @@ def _page(
     accuracy: float | None,
     seed: int,
 ) -> "Page":
-    from taskcal.adaptation.task_errors import map_task
     from taskcal.analysis.sensitivity import sensitivity
     from taskcal.identification.provenance import package_version
-    from taskcal.presentation.selection_report import selection_page
+    from taskcal.planning.task_map import map_task
+    from taskcal.report.selection import selection_page
     from taskcal.task.task import reach_task
 
     reached = reach_task(model, task, seed=seed)
@@ -120,8 +111,8 @@ def _page(
 
 
 def _show(model: "ErrorModel", selection: "Selection", result: Mapping[str, Any], pages: str) -> None:
-    from taskcal.presentation.model_error_origin import state_model_error
-    from taskcal.presentation.selection_tables import tabulate_dropped, tabulate_ladder
+    from taskcal.report.content import state_model_error
+    from taskcal.report.selection import tabulate_dropped, tabulate_ladder
 
     show(tabulate_ladder(selection))
     show(tabulate_dropped(selection, model))

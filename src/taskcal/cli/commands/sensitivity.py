@@ -7,25 +7,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.campaign_options import MeasuredOptions
-from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import ModelErrorOption, RobotOption, SpreadOptions, check_model_error
-from taskcal.cli.output import show_facts, show_table, tell, write_json
+from taskcal.cli.command import grouped
+from taskcal.cli.options.campaign import MeasuredOptions
+from taskcal.cli.options.common import ModelErrorOption, RobotOption, SpreadOptions, check_model_error
+from taskcal.cli.options.page import PageOptions
+from taskcal.cli.options.task import REACHING, read_and_reach
+from taskcal.cli.output import bar_over, show_facts, show_table, tell, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
-from taskcal.cli.page_options import PageOptions
-from taskcal.cli.steps_bar import bar_over
-from taskcal.cli.task_poses import REACHING, read_and_reach
 
 if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Float
 
+    from taskcal.analysis.distinguishable_directions import ToldApart
     from taskcal.analysis.elimination_table import EliminationTable
-    from taskcal.analysis.measuring_noise import MeasuringNoise
-    from taskcal.analysis.sensitivity import Sensitivity
-    from taskcal.analysis.told_apart import ToldApart
-    from taskcal.measurement.campaign import Campaign
-    from taskcal.presentation.report import Page
+    from taskcal.analysis.sensitivity import MeasuringNoise, Sensitivity
+    from taskcal.campaigns.campaign import Campaign
+    from taskcal.report.page import Page
     from taskcal.robot.error_model import ErrorModel
 
 
@@ -68,8 +66,7 @@ def command(
     outputs = check_outputs("sensitivity", named, inputs, force=page.force)
     page.check()
     from taskcal.analysis.elimination_table import tabulate_elimination
-    from taskcal.analysis.measuring_noise import measuring_noise
-    from taskcal.analysis.sensitivity import sensitivity
+    from taskcal.analysis.sensitivity import measuring_noise, sensitivity
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
 
@@ -128,15 +125,14 @@ def _page(
     seed: int,
 ) -> "Page":
     from taskcal.identification.provenance import package_version
-    from taskcal.presentation.sensitivity_report import sensitivity_page
+    from taskcal.report.sensitivity import sensitivity_page
 
     model, poses = found.model, f"{len(found.matrix)} poses of a campaign"
     maps = None
     if task is not None:
-        from taskcal.adaptation.selection import design_for
-        from taskcal.adaptation.selection_options import SelectionOptions
-        from taskcal.adaptation.task_errors import map_task
-        from taskcal.presentation.model_error_origin import state_model_error
+        from taskcal.planning.selection import SelectionOptions, design_for
+        from taskcal.planning.task_map import map_task
+        from taskcal.report.content import state_model_error
         from taskcal.task.task import load_task, reach_task
 
         asked = load_task(task)
@@ -211,7 +207,7 @@ def _result(found: "Sensitivity", table: "EliminationTable", unreachable: float)
 
 
 def _show(result: Mapping[str, Any], told_apart: "ToldApart", noise: "MeasuringNoise") -> None:
-    from taskcal.presentation.told_apart_table import count_told_apart, tabulate_told_apart
+    from taskcal.report.sensitivity import count_told_apart, tabulate_told_apart
 
     found = result["identifiability"]
     fate = dict.fromkeys(found["kept"], "kept") | dict.fromkeys(found["zero"], "zero")

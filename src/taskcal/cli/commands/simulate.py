@@ -1,19 +1,25 @@
 """``taskcal simulate``: a campaign of the virtual cell."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
+from jaxtyping import Float
 
-from taskcal.cli.known_ways import known_ways
-from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import OutputOptions, RobotOption, SpreadOptions, TaskOption, check_model_error
-from taskcal.cli.output import tell, write_json
+from taskcal.cli.command import grouped
+from taskcal.cli.options.common import OutputOptions, RobotOption, SpreadOptions, TaskOption, check_model_error
+from taskcal.cli.options.observing import known_ways
+from taskcal.cli.options.task import REACHING, read_and_reach
+from taskcal.cli.output import bar_over, plain, tell, write_json
 from taskcal.cli.outputs import check_outputs, files_of_task
-from taskcal.cli.steps_bar import bar_over
-from taskcal.cli.task_poses import REACHING, read_and_reach
+from taskcal.errors import FileError
+from taskcal.io.text_file import read_text
+from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import Truth
 
 REFLECTORS_MM = {"smr1": (60.0, 10.0, -20.0), "smr2": (-45.0, 55.0, 15.0), "smr3": (-20.0, -70.0, 35.0)}
 """Three reflectors about the tool point, in the tool frame, not on a line and no two alike."""
@@ -155,12 +161,12 @@ def command(
     )
     import numpy as np
 
-    from taskcal.cli.truth_file import read_truth, truth_text
-    from taskcal.measurement.observation.socket_distances import distances_text
-    from taskcal.measurement.virtual_cell import SimulationOptions, simulate
-    from taskcal.measurement.writer import campaign_text
+    pass
+    from taskcal.reading.stated_scale import distances_text
+    from taskcal.reading.writer import campaign_text
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
+    from taskcal.virtual.cell import SimulationOptions, simulate
 
     model = ErrorModel(load_robot(robot))
     drawn = None if truth.truth_from is None else read_truth(truth.truth_from, model)
@@ -219,3 +225,58 @@ def _tell(result: Mapping[str, Any]) -> None:
         )
     if result["truth"] is not None:
         tell(f"wrote {result['truth']}: the defects, tracker frame and targets it was made from")
+
+
+# The file of a virtual robot's truth: defects, tracker frame and targets; written and read back.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class KnownTruth:
+    """What a virtual robot is measured from."""
+
+    x: Float[np.ndarray, " p"]
+    """Defects in the model's order, metres and radians."""
+    T_tracker_base: Float[np.ndarray, "4 4"]
+    targets: dict[str, Float[np.ndarray, " 3"]]
+    """Centres in the tool frame, metres."""
+
+
+def truth_text(truth: Truth, targets: tuple[str, ...]) -> str:
+    """The file of what a campaign was made from."""
+    content = {
+        "robot": truth.model.robot.name,
+        "units": "metres and radians",
+        "x": dict(zip(truth.model.names, truth.x.tolist(), strict=True)),
+        "T_tracker_base": truth.T_tracker_base,
+        "targets": dict(zip(targets, truth.T_tool_target, strict=True)),
+        "unknowns": dict(truth.unknowns),
+    }
+    return json.dumps(plain(content), indent=1, allow_nan=False) + "\n"
+
+
+def read_truth(path: Path, model: ErrorModel) -> KnownTruth:
+    """Read what `truth_text` gives.
+
+    Raises:
+        FileError: it is missing, no truth, or that of another robot.
+    """
+    try:
+        data: Any = json.loads(read_text(path, otherwise="is not JSON; write one with taskcal simulate --truth"))
+    except (ValueError, RecursionError) as error:
+        raise FileError(path, f"is not JSON: {error}; write one with taskcal simulate --truth") from error
+    try:
+        robot, defects = str(data["robot"]), {str(name): float(value) for name, value in data["x"].items()}
+        base = np.asarray(data["T_tracker_base"], dtype=float)
+        targets = {str(name): np.asarray(T, dtype=float)[:3, 3] for name, T in data["targets"].items()}
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        message = f"holds no truth of a virtual robot ({type(error).__name__}: {error}); write one with taskcal simulate --truth"
+        raise FileError(path, message) from error
+    if robot != model.robot.name:
+        raise FileError(path, f"is the truth of {robot}, not of {model.robot.name}; name that robot")
+    odd = sorted(set(defects) ^ set(model.names))
+    if odd:
+        raise FileError(path, f"and the model of {robot} differ in parameter '{odd[0]}'; write the truth again")
+    values = np.array([*defects.values(), *base.ravel(), *(c for p in targets.values() for c in p)])
+    if base.shape != (4, 4) or not targets or not np.all(np.isfinite(values)):
+        raise FileError(path, "holds no whole truth: a frame, a target or a number is wrong; write the truth again")
+    return KnownTruth(x=np.array([defects[name] for name in model.names]), T_tracker_base=base, targets=targets)

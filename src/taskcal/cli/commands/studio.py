@@ -43,9 +43,7 @@ def command(
         raise TaskcalError(MISSING) from error
     from secrets import token_urlsafe
 
-    from taskcal.studio.example_project import begin_example
-    from taskcal.studio.folder_lock import FolderLock
-    from taskcal.studio.project import Project
+    from taskcal.studio.project import FolderLock, Project, begin_example
     from taskcal.studio.server import Address, is_loopback, listen, serve
     from taskcal.studio.studio import Studio
 

@@ -8,26 +8,24 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from taskcal.cli.engine_options import EngineOptions
-from taskcal.cli.known_ways import known_ways
-from taskcal.cli.model_options import ModelOptions
-from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import (
+from taskcal.cli.command import grouped
+from taskcal.cli.options.common import (
+    EngineOptions,
     ModelErrorOption,
     SeedOption,
     TaskOption,
     check_model_error,
     split_names,
 )
-from taskcal.cli.output import info, show, show_facts, write_json
+from taskcal.cli.options.model import ModelOptions
+from taskcal.cli.options.observing import known_ways
+from taskcal.cli.options.page import PageOptions
+from taskcal.cli.output import clear_sign, info, show, show_facts, write_json
 from taskcal.cli.outputs import check_outputs, count_as_written, files_of_task
-from taskcal.cli.page_options import PageOptions
-from taskcal.cli.sign_of_life import clear_sign
 
 if TYPE_CHECKING:
-    from taskcal.adaptation.study import Study
-    from taskcal.adaptation.study_options import PlanKind
     from taskcal.identification.calibration import Calibration
+    from taskcal.planning.study import PlanKind, Study
     from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import Task
 
@@ -137,7 +135,7 @@ def command(
     made: dict[Path, str | bytes] = {}
     if page.asked:
         from taskcal.identification.provenance import package_version
-        from taskcal.presentation.study_report import study_page
+        from taskcal.report.study import study_page
 
         made = page.compose(study_page(model, described, study, version=package_version()))
     outputs.write_beside({**contents, **made}, force=page.force)
@@ -151,8 +149,7 @@ def command(
 def _run(
     model: "ErrorModel", calibration: "Calibration | None", task: "Task", choice: StudyOptions, running: RunOptions
 ) -> "Study":
-    from taskcal.adaptation.study import study
-    from taskcal.adaptation.study_options import MODELS, PLANS
+    from taskcal.planning.study import MODELS, PLANS, study
 
     kinds = cast("list[PlanKind]", _names(choice.kinds, "--plans", PLANS))
     models = _names(choice.models, "--models", MODELS)
@@ -247,8 +244,8 @@ def _result(robot: str, study: "Study") -> dict[str, Any]:
 
 
 def _show(study: "Study", result: Mapping[str, Any], task: str, pages: str) -> None:
-    from taskcal.presentation.model_error_origin import state_model_error
-    from taskcal.presentation.study_table import describe_unlearnt, tabulate_study
+    from taskcal.report.content import state_model_error
+    from taskcal.report.study import describe_unlearnt, tabulate_study
 
     show(tabulate_study(study, task))
     facts = [("robots", f"{result['robots']} {result['robot']} {study.origin}, seed {result['seed']}")]

@@ -6,16 +6,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from taskcal.cli.campaign_options import CampaignOptions
-from taskcal.cli.option_groups import grouped
-from taskcal.cli.options import CalibrationArgument, CampaignArgument, JsonOption, check_above_zero
+from taskcal.cli.command import grouped
+from taskcal.cli.options.campaign import CampaignOptions
+from taskcal.cli.options.common import CalibrationArgument, CampaignArgument, JsonOption, check_above_zero
 from taskcal.cli.output import info, show, show_facts, write_json
 
 if TYPE_CHECKING:
-    from taskcal.identification.acceptance import Acceptance
+    from taskcal.campaigns.campaign import Campaign
     from taskcal.identification.calibration import Calibration
-    from taskcal.identification.examination import Examination
-    from taskcal.measurement.campaign import Campaign
+    from taskcal.identification.validation import Acceptance, Examination
 
 WORST = 10
 """Points that are listed."""
@@ -58,7 +57,7 @@ class AcceptanceOptions:
         """The decision; None where no limit was given."""
         if self.accept is None:
             return None
-        from taskcal.identification.acceptance import accept
+        from taskcal.identification.validation import accept
 
         return accept(examination, self.accept * 1e-3, self.accept_of.value)
 
@@ -80,8 +79,8 @@ def command(
     as_json: JsonOption = False,
 ) -> None:
     """Compare a campaign with a calibration's predictions, and decide whether it keeps a limit."""
-    from taskcal.identification.calibration_file import load_calibration
-    from taskcal.identification.examination import examine
+    from taskcal.identification.calibration import load_calibration
+    from taskcal.identification.validation import examine
 
     calibrated = load_calibration(calibration)
     measured = reading.read(campaign, calibrated.model.robot).campaign
@@ -105,9 +104,9 @@ def command(
 
 
 def _show(title: str, examination: "Examination", decision: "Acceptance | None", *, all_rows: bool) -> None:
-    from taskcal.cli.errors_table import show_errors
-    from taskcal.presentation.calibration_tables import are_most, describe_outliers
-    from taskcal.presentation.examination_tables import (
+    from taskcal.cli.output import show_errors
+    from taskcal.report.calibration import are_most, describe_outliers
+    from taskcal.report.comparison import (
         describe_compared,
         describe_decision,
         describe_regions,

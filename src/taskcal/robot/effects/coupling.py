@@ -6,8 +6,7 @@ import numpy as np
 
 from taskcal.errors import TaskcalError, UnknownName
 from taskcal.geometry import se3
-from taskcal.robot.effects.effect import Effect
-from taskcal.robot.effects.linear_term import LinearTerm, at_joints
+from taskcal.robot.effects.base import Effect, LinearTerm, at_joints
 from taskcal.robot.robot import Robot
 
 MEETING_DISTANCE = 1e-6

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taskcal.robot.effects.effect import Effect
-from taskcal.robot.effects.linear_term import LinearTerm, at_joints
+from taskcal.robot.effects.base import Effect, LinearTerm, at_joints
 from taskcal.robot.robot import Robot
 
 

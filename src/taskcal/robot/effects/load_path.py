@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import ClosureError
-from taskcal.geometry import walk
-from taskcal.geometry.chain import Chain
-from taskcal.robot.effects.linear_term import LinearTerm
+from taskcal.kernels import walk
+from taskcal.kernels.chain import Chain
+from taskcal.robot.effects.base import LinearTerm
 from taskcal.robot.robot import Robot
 
 

@@ -9,12 +9,12 @@ from typing import Any
 from nicegui import ui
 
 from taskcal.errors import TaskcalError
-from taskcal.files import write_whole
-from taskcal.presentation.errors_table import COLUMNS, tabulate_errors
-from taskcal.studio.command_run import CommandRun, Status
+from taskcal.io.files import write_whole
+from taskcal.report.calibration import COLUMNS, tabulate_errors
 from taskcal.studio.controls import button, choice, facts, line_of_text, message, number, table, text, tick
 from taskcal.studio.project import LAYOUT, RESULT, Choices, Project
 from taskcal.studio.run_panel import show_run
+from taskcal.studio.runs import CommandRun, Status
 from taskcal.studio.studio import Studio
 from taskcal.studio.texts import Texts
 

@@ -15,22 +15,21 @@ from jaxtyping import Float
 from nicegui import ui
 
 from taskcal.errors import TaskcalError
-from taskcal.files import write_whole
-from taskcal.measurement.station import Station
-from taskcal.presentation.theme import BLUE, GREEN, ORANGE, styled, with_decades
+from taskcal.io.files import write_whole
+from taskcal.report.theme import BLUE, GREEN, ORANGE, styled, with_decades
 from taskcal.robot.robot import Robot
-from taskcal.studio.command_run import CommandRun, Status
 from taskcal.studio.controls import button, facts, message, number, set_attribute, table, text
-from taskcal.studio.figure_view import figure
+from taskcal.studio.editors import StationEditor
 from taskcal.studio.pages.measurements_page import in_project
 from taskcal.studio.pages.robot_page import robot_of
-from taskcal.studio.pose_player import PosePlayer
 from taskcal.studio.project import LAYOUT, RESULT, Choices, Project
 from taskcal.studio.run_panel import show_run
-from taskcal.studio.station_editor import StationEditor
+from taskcal.studio.runs import CommandRun, Status
 from taskcal.studio.studio import Studio
 from taskcal.studio.texts import Texts
-from taskcal.tabular.csv_form import read_csv
+from taskcal.studio.views import PosePlayer, figure
+from taskcal.tables.forms import read_csv
+from taskcal.virtual.station import Station
 
 LONGEST_STEM = 20
 """Characters of a task's name in that of its plan; names of RAPID modules have 28 at most."""

@@ -13,11 +13,9 @@ import numpy as np
 from jaxtyping import Float
 from nicegui import ui
 
+from robot_programs.reading import read_program
 from taskcal.errors import TaskcalError
-from taskcal.files import write_whole
-from taskcal.programs.reading import read_program
-from taskcal.studio.axis_editor import AxisEditor, asked_axes
-from taskcal.studio.command_run import CommandRun, Status
+from taskcal.io.files import write_whole
 from taskcal.studio.controls import (
     button,
     choice,
@@ -30,14 +28,15 @@ from taskcal.studio.controls import (
     text,
     tick,
 )
+from taskcal.studio.editors import AxisEditor, asked_axes
 from taskcal.studio.pages.robot_page import robot_of
-from taskcal.studio.point_view import PointView
-from taskcal.studio.program_task import read_together
 from taskcal.studio.project import CELL_ENDINGS, LAYOUT, PROGRAM_ENDINGS, RESULT, Choices, Project
 from taskcal.studio.run_panel import show_run
+from taskcal.studio.runs import CommandRun, Status
 from taskcal.studio.studio import Studio
+from taskcal.studio.task_box import read_together
 from taskcal.studio.texts import Texts
-from taskcal.studio.view_buttons import add_views
+from taskcal.studio.views import PointView, add_views
 
 LONGEST_COMPARED = 20_000
 """Lines; a comparison takes a time that grows with their square at worst."""

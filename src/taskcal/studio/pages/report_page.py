@@ -6,10 +6,10 @@ from urllib.parse import quote
 from nicegui import ui
 
 from taskcal.errors import TaskcalError
-from taskcal.studio.command_run import Status
 from taskcal.studio.controls import button, choice, message, set_attribute, text
 from taskcal.studio.project import LAYOUT, Choices
 from taskcal.studio.run_panel import show_run
+from taskcal.studio.runs import Status
 from taskcal.studio.studio import Studio
 from taskcal.studio.texts import Texts
 

@@ -11,23 +11,23 @@ from jaxtyping import Float, Int
 from nicegui import ui
 
 from taskcal.errors import TaskcalError
-from taskcal.identification.calibration import Calibration
-from taskcal.identification.calibration_file import load_calibration
-from taskcal.identification.measured_errors import measured_errors
-from taskcal.presentation.calibration_tables import tabulate_left_out, tabulate_outliers, tabulate_parameters
-from taskcal.presentation.error_figures import draw_over_joints
-from taskcal.presentation.errors_table import tabulate_errors
-from taskcal.presentation.held_out_section import describe_held_out
-from taskcal.studio.controls import choice, facts, message, table, tabulated, text
-from taskcal.studio.figure_view import figure
+from taskcal.identification.calibration import Calibration, load_calibration
+from taskcal.identification.validation import measured_errors
+from taskcal.report.calibration import (
+    describe_held_out,
+    tabulate_errors,
+    tabulate_left_out,
+    tabulate_outliers,
+    tabulate_parameters,
+)
+from taskcal.report.fit_figures import draw_over_joints
+from taskcal.studio.controls import ValueInput, choice, facts, message, table, tabulated, text
 from taskcal.studio.pages.identify_page import read_result
 from taskcal.studio.pages.measurements_page import in_project
-from taskcal.studio.point_view import PointView
 from taskcal.studio.project import Project
 from taskcal.studio.studio import Studio
 from taskcal.studio.texts import Texts
-from taskcal.studio.value_input import ValueInput
-from taskcal.studio.view_buttons import add_views
+from taskcal.studio.views import PointView, add_views, figure
 from taskcal.task.task import load_task
 
 WORST = 20

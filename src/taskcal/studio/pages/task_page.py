@@ -7,23 +7,28 @@ import numpy as np
 from jaxtyping import Float
 from nicegui import ui
 
+from robot_programs.reading import read_program
 from taskcal.errors import TaskcalError
-from taskcal.programs.reading import read_program
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
-from taskcal.studio.box_editor import BoxEditor
 from taskcal.studio.controls import button, choice, drop_zone, facts, message, text
-from taskcal.studio.file_names import free_name
-from taskcal.studio.orientation_editor import OrientationEditor
+from taskcal.studio.editors import BoxEditor, OrientationEditor
 from taskcal.studio.pages.measurements_page import in_project
 from taskcal.studio.pages.robot_page import robot_of, slider_ranges
-from taskcal.studio.point_view import PointView
-from taskcal.studio.program_task import program_poses, read_together, task_files
-from taskcal.studio.project import LAYOUT, PROGRAM_ENDINGS, TASK_ENDINGS, Project
+from taskcal.studio.project import LAYOUT, PROGRAM_ENDINGS, TASK_ENDINGS, Project, free_name
 from taskcal.studio.studio import Studio
-from taskcal.studio.task_box import TaskBox, box_of, first_task, handy_posture, save_box
+from taskcal.studio.task_box import (
+    TaskBox,
+    box_of,
+    first_task,
+    handy_posture,
+    program_poses,
+    read_together,
+    save_box,
+    task_files,
+)
 from taskcal.studio.texts import Texts
-from taskcal.studio.view_buttons import add_views
+from taskcal.studio.views import PointView, add_views
 from taskcal.task.task import Task, load_task, reach_task
 
 TRIED = 60

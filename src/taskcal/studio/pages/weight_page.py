@@ -12,8 +12,8 @@ from taskcal.analysis.identifiability import identifiability
 from taskcal.analysis.sensitivity import sensitivity
 from taskcal.errors import TaskcalError
 from taskcal.robot.error_model import ErrorModel
-from taskcal.studio.box_editor import BoxEditor
 from taskcal.studio.controls import command_line, facts, message, table, text
+from taskcal.studio.editors import BoxEditor
 from taskcal.studio.pages.measurements_page import in_project
 from taskcal.studio.pages.robot_page import robot_of
 from taskcal.studio.pages.task_page import posture

@@ -1,0 +1,221 @@
+"""Rewriting motions of an APT program: points, and arcs as CATIA writes them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from robot_programs.apt.circle import Arc, Instruction, arc_through
+from robot_programs.apt.syntax import Token
+from robot_programs.core.program import Move, Waypoint
+from robot_programs.core.source import Edit, Place, Source, numeral, renumbered
+from taskcal.errors import TaskcalError
+
+MM, INCHES, AXIS = 5, 6, 7
+"""Decimals written of lengths and of directions."""
+
+_SAME_POINT_M = 1e-9
+"""Points nearer to each other than this are one, metres."""
+
+
+def rewrite(
+    sources: Sequence[Source],
+    moves: Sequence[Move],
+    instructions: Sequence[Instruction],
+    waypoints: Mapping[int, tuple[Waypoint, ...]],
+) -> tuple[Source, ...]:
+    """The files of a program with some motions rewritten.
+
+    Args:
+        sources: the files.
+        moves: all motions.
+        instructions: where they stand.
+        waypoints: by number of the motion.
+
+    Raises:
+        TaskcalError: APT cannot say it.
+    """
+    edits: list[list[Edit]] = [[] for _ in sources]
+    for number, move in enumerate(moves):
+        instruction = instructions[number]
+        start = _start(move, instruction, waypoints)
+        path = waypoints.get(number)
+        if instruction.half:
+            kept = _stays(move, path) and _stays(moves[number + 1], waypoints.get(number + 1))
+            if kept and _same_point(start, instruction.begin):
+                continue
+            path = path or (_waypoint(move),)
+        if path is None:
+            leans = instruction.relative or instruction.circle is not None or instruction.record is not None
+            if not leans or _same_point(start, instruction.begin):
+                continue
+            path = (_waypoint(move),)
+        writing = _Writing(source=sources[instruction.source], instruction=instruction, move=move)
+        edits[instruction.source] += writing.edits(start, path)
+    return tuple(source.edited(e) for source, e in zip(sources, edits, strict=True))
+
+
+def _start(
+    move: Move, instruction: Instruction, waypoints: Mapping[int, tuple[Waypoint, ...]]
+) -> Float[np.ndarray, " 3"] | None:
+    """Where a motion starts in the rewritten program."""
+    if move.follows is None or move.follows not in waypoints:
+        return instruction.begin
+    T = waypoints[move.follows][-1].T
+    return None if T is None else T[:3, 3]
+
+
+def _stays(move: Move, path: Sequence[Waypoint] | None) -> bool:
+    """Whether a motion is to go where it goes already."""
+    if path is None:
+        return True
+    (only, *more) = path
+    if more or only.T is None or only.kind != move.kind or move.end.T is None:
+        return False
+    ends = np.abs(only.T[:3, 2:] - move.end.T[:3, 2:]).max() < _SAME_POINT_M
+    if move.via is None or only.via is None:
+        return bool(ends)
+    vias = only.via.T is not None and move.via.T is not None and _same_point(only.via.T[:3, 3], move.via.T[:3, 3])
+    return bool(ends) and vias
+
+
+def _waypoint(move: Move) -> Waypoint:
+    """A motion's own end, to be written again."""
+    nowhere = np.empty(0)
+    via = None if move.via is None else Waypoint(kind="circular", q=nowhere, T=move.via.T)
+    return Waypoint(kind=move.kind, q=nowhere, T=move.end.T, via=via)
+
+
+def _same_point(a: Float[np.ndarray, " 3"] | None, b: Float[np.ndarray, " 3"] | None) -> bool:
+    return a is b or (a is not None and b is not None and bool(np.abs(a - b).max() < _SAME_POINT_M))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Writing:
+    """Rewriting one motion."""
+
+    source: Source
+    instruction: Instruction
+    move: Move
+
+    @property
+    def place(self) -> Place:
+        return self.move.place
+
+    @property
+    def decimals(self) -> int:
+        """Of lengths, in the program's unit."""
+        return MM if self.instruction.unit <= 1e-3 else INCHES
+
+    def edits(self, begin: Float[np.ndarray, " 3"] | None, path: Sequence[Waypoint]) -> list[Edit]:
+        """Edits that give the motion its waypoints: statements before it, and its own numbers."""
+        own = self.instruction
+        texts: list[str] = []
+        for waypoint in path if own.half else path[:-1]:
+            texts.append(self._statement(begin, waypoint))
+            begin = self._end(waypoint)
+        parting = self.source.newline + self.source.indent(own.start)
+        if own.rapid:
+            parting += "RAPID" + parting
+        ahead = "".join(text + parting for text in texts)
+        out = [Edit(start=own.start, end=own.start, text=ahead)] if ahead else []
+        return out if own.half else out + self._own(begin, path[-1])
+
+    def _end(self, waypoint: Waypoint) -> Float[np.ndarray, " 3"]:
+        if waypoint.T is None:
+            raise TaskcalError(f"{self.place}: APT knows no joint positions; write the program in another language")
+        return waypoint.T[:3, 3]
+
+    def _statement(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> str:
+        """A waypoint as a statement of its own."""
+        own = self.instruction
+        if waypoint.via is None:
+            return self._point(waypoint)
+        text = replace(self.source, text=self.source.text[own.start : own.end])
+        edits = self._arc_edits(begin, waypoint)
+        return text.edited(replace(e, start=e.start - own.start, end=e.end - own.start) for e in edits).text
+
+    def _point(self, waypoint: Waypoint) -> str:
+        point = self._end(waypoint) / self.instruction.unit
+        texts = [numeral(float(value), self.decimals) for value in point]
+        if len(self.instruction.numbers) == 6 and waypoint.T is not None:
+            texts += [numeral(float(value), AXIS) for value in -waypoint.T[:3, 2]]
+        return "GOTO/" + ",".join(texts)
+
+    def _own(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> list[Edit]:
+        """Edits of the motion's own statements."""
+        own, end = self.instruction, self._end(waypoint)
+        if own.circle is not None or own.record is not None:
+            if waypoint.via is not None:
+                return self._arc_edits(begin, waypoint)
+            return [Edit(start=own.start, end=own.end, text=self._point(waypoint))]
+        if waypoint.via is not None:
+            raise TaskcalError(f"{self.place}: a line cannot become an arc here; write the program in another language")
+        assert self.move.end.T is not None
+        assert waypoint.T is not None
+        was = self.move.end.T
+        if own.relative:
+            kept = _same_point(begin, own.begin) and bool(np.abs(end - was[:3, 3]).max() < _SAME_POINT_M)
+            return [] if kept else [Edit(start=own.body, end=own.end, text=self._point(waypoint))]
+        out = [
+            self._edit(token, was[a, 3] / own.unit, end[a] / own.unit, self.decimals)
+            for a, token in enumerate(own.numbers[:3])
+        ]
+        axes = own.numbers[3:]
+        return out + [self._edit(token, -was[a, 2], -waypoint.T[a, 2], AXIS) for a, token in enumerate(axes)]
+
+    def _arc_edits(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> list[Edit]:
+        """Edits of the numbers of an arc."""
+        own = self.instruction
+        if own.circle is None and own.record is None:
+            raise TaskcalError(f"{self.place}: a line cannot become an arc here; write the program in another language")
+        via, end = waypoint.via, self._end(waypoint)
+        assert self.move.via is not None
+        assert self.move.via.T is not None
+        assert self.move.end.T is not None
+        if begin is None or via is None or via.T is None:
+            raise TaskcalError(f"{self.place}: the arc begins or passes at a place that is not known")
+        was = self.move.via.T[:3, 3], self.move.end.T[:3, 3]
+        stays = _same_point(begin, own.begin) and _same_point(via.T[:3, 3], was[0]) and _same_point(end, was[1])
+        if stays and not own.half:
+            return []
+        arc = arc_through(begin, via.T[:3, 3], end)
+        if isinstance(arc, str):
+            raise TaskcalError(f"{self.place}: {arc}; cut it into fewer pieces")
+        if own.circle is None:
+            return self._record_edits(arc, begin, waypoint)
+        # all anew: a centre and a radius that were rounded apart from these would miss the arc's ends
+        lengths = np.concatenate([arc.center, [arc.radius], arc.center, arc.end]) / own.unit
+        out = [
+            Edit(start=token.start, end=token.end, text=numeral(float(value), decimals))
+            for tokens, values, decimals in (
+                (own.numbers, arc.direction, AXIS),
+                (own.circle.circle + own.circle.line, lengths, self.decimals),
+            )
+            for token, value in zip(tokens, values, strict=True)
+        ]
+        start, behind = own.circle.second
+        if arc.second != (start < behind):
+            out.append(Edit(start=start, end=behind, text=",2,INTOF" if arc.second else ""))
+        return out
+
+    def _record_edits(self, arc: Arc, begin: Float[np.ndarray, " 3"], waypoint: Waypoint) -> list[Edit]:
+        """Edits of a circle's record, and of the end behind it."""
+        own = self.instruction
+        assert own.record is not None
+        assert waypoint.T is not None
+        axis = own.record.sense * np.cross(begin - arc.center, arc.direction)
+        values = [*(arc.center / own.unit), *(axis / np.linalg.norm(axis)), arc.radius / own.unit]
+        decimals = [self.decimals] * 3 + [AXIS] * 3 + [self.decimals]
+        ends = [*(waypoint.T[:3, 3] / own.unit), *(-waypoint.T[:3, 2])]
+        written = zip(own.record.tokens, values, decimals, strict=False), zip(own.numbers, ends, decimals, strict=False)
+        return [
+            Edit(start=token.start, end=token.end, text=numeral(float(value), places))
+            for tokens in written
+            for token, value, places in tokens
+        ]
+
+    def _edit(self, token: Token, was: float, now: float, decimals: int) -> Edit:
+        text = renumbered(token.text, float(was), float(now), decimals)
+        return Edit(start=token.start, end=token.end, text=text)

@@ -1,0 +1,294 @@
+"""A controller's backup, or any folder or zip file of programs: what in it is a program, and the same again with that corrected."""
+
+import os
+import re
+import shutil
+import tempfile
+import zipfile
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path, PurePosixPath
+
+from robot_programs.core.source import Backup, Source
+from robot_programs.languages import LANGUAGES, Language
+from taskcal.errors import FileError, shown
+from taskcal.io.files import PART, beside, remove_strays
+from taskcal.io.text_file import read_bytes
+from taskcal.io.zip_file import OpenZip, ZipKind, open_zip
+
+# What is taken for a backup: a folder, or a zip file.
+
+ZIP = ".zip"
+"""Suffix of a zip file; letter case does not matter."""
+
+
+def is_backup(path: Path) -> bool:
+    """Whether a path is a folder or a zip file."""
+    return path.suffix.lower() == ZIP or path.is_dir()
+
+
+MOST_FILES = 50_000
+"""No backup has more."""
+
+LARGEST_FILE_MB = 50.0
+"""A program file that is larger is refused, 10⁶ bytes."""
+
+MOST_TEXT_MB = 256.0
+"""All program files of a backup together."""
+
+ZIPPED = ZipKind(
+    most_entries=MOST_FILES,
+    largest_mb=4000.0, small_mb=500.0, most_ratio=100.0, largest_entry_mb=LARGEST_FILE_MB,
+)  # fmt: skip
+"""Programs of computed points pack thirty times; what is no program is copied, and may be any file."""
+
+_NO_PROGRAMS = (".csv",)
+"""Suffixes of programs that in a backup are of anything else."""
+
+_LINK = "is a link, which a backup has none of; take it out, or put the file in its place"
+
+_TASKS = "RAPID"
+"""Folder of an ABB controller's backup with a folder for each task."""
+_OF_A_TASK = ("PROGMOD", "SYSMOD")
+"""Folders of a task; they lie in `_TASKS` itself where somebody took them out of theirs."""
+
+_MODULE = re.compile(r"^\s*MODULE\s+(\w+)", re.MULTILINE | re.IGNORECASE)
+
+
+def write_backup(backup: Backup, out: str | Path, sources: Sequence[Source]) -> Path:
+    """Write the same folder or zip file with other texts of the program, all or nothing.
+
+    Args:
+        backup: what was read.
+        out: a zip file where the backup is one, else a folder; it must not exist yet, but for an empty folder.
+        sources: the program's files.
+
+    Raises:
+        FileError: it exists already, lies in the backup, is of the other kind, or cannot be written.
+    """
+    out = Path(out)
+    check_place(backup, out)
+    contents = {source.path.relative_to(backup.path).as_posix(): source.encode() for source in sources}
+    write = _write_folder if backup.path.is_dir() else _write_zip
+    remove_strays(out.resolve())
+    try:
+        write(backup.path, out, contents)
+    except OSError as error:
+        raise FileError(out, f"cannot be written: {error.strerror or error}") from error
+    return out
+
+
+def check_place(backup: Backup, out: Path) -> None:
+    """See that a corrected backup can go to a place.
+
+    Raises:
+        FileError: it cannot.
+    """
+    folder = backup.path.is_dir()
+    if folder == (out.suffix.lower() == ZIP):
+        what = (
+            "a folder, and the corrected one is one too" if folder else "a zip file, and the corrected one is one too"
+        )
+        raise FileError(out, f"is of another kind than what is read: {backup.path} is {what}")
+    if out.exists() and not (folder and out.is_dir() and not any(out.iterdir())):
+        raise FileError(out, "exists already; name a folder or a zip file that does not")
+    if folder and backup.path.resolve() in (out.resolve(), *out.resolve().parents):
+        raise FileError(out, f"lies in {backup.path}, which is read; name a folder beside it")
+    if not out.resolve().parent.is_dir():
+        raise FileError(out, f"cannot be written: there is no folder '{out.parent}'; make it, or name one that exists")
+
+
+def _write_folder(path: Path, out: Path, contents: Mapping[str, bytes]) -> None:
+    place, left = out.resolve(), set(contents)
+    with tempfile.TemporaryDirectory(prefix=beside(place), suffix=PART, dir=place.parent) as part:
+        made = Path(part) / "out"
+        made.mkdir()
+        for name, own in _files_of(path):
+            target = made / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            if name in contents:
+                target.write_bytes(contents[name])
+                left.discard(name)
+            else:
+                shutil.copyfile(own, target)
+        _refuse_changed(path, left)
+        if out.is_dir():
+            out.rmdir()
+        os.replace(made, out)
+
+
+def _write_zip(path: Path, out: Path, contents: Mapping[str, bytes]) -> None:
+    place, left = out.resolve(), set(contents)
+    handle, part = tempfile.mkstemp(prefix=beside(place), suffix=PART, dir=place.parent)
+    os.close(handle)
+    try:
+        with open_zip(path, ZIPPED) as packed, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as made:
+            for entry in packed.entries:
+                again = zipfile.ZipInfo(entry.name, entry.info.date_time)
+                again.compress_type = zipfile.ZIP_DEFLATED
+                again.external_attr = entry.info.external_attr
+                with made.open(again, "w", force_zip64=True) as target:
+                    if entry.name in contents:
+                        target.write(contents[entry.name])
+                        left.discard(entry.name)
+                    elif not entry.is_folder:
+                        for piece in packed.pieces(entry):
+                            target.write(piece)
+        _refuse_changed(path, left)
+        os.replace(part, out)
+    finally:
+        Path(part).unlink(missing_ok=True)
+
+
+def _refuse_changed(path: Path, left: set[str]) -> None:
+    """See that every file of the program was still there.
+
+    Raises:
+        FileError: it was not, and what is written would lack it.
+    """
+    if left:
+        raise FileError(path, f"was replaced while it was read: {shown(min(left))} is not in it any more; run it again")
+
+
+def open_backup(path: str | Path) -> tuple[Backup, tuple[Source, ...]]:
+    """Find the program in a folder or a zip file: all files of one language, whose paths begin with that of the backup.
+
+    Raises:
+        FileError: it holds no program, or programs of several languages; a link, or a name that leads out of it; it is
+            damaged, encrypted, or larger than any backup.
+    """
+    path = Path(path)
+    files = list(_folder_sources(path) if path.is_dir() else _zip_sources(path))
+    found: dict[str, list[Source]] = {}
+    for language, source in files:
+        if source is not None and language is not None and language.holds(source):
+            found.setdefault(language.name, []).append(source)
+    if not found:
+        suffixes = " ".join(
+            suffix for language in LANGUAGES for suffix in language.suffixes if suffix not in _NO_PROGRAMS
+        )
+        raise FileError(path, f"holds no robot program among its {len(files)} files; known are {suffixes}")
+    if len(found) > 1:
+        counts = ", ".join(f"{len(sources)} of {name}" for name, sources in found.items())
+        raise FileError(path, f"holds programs of several languages ({counts}); give the folder or the files of one")
+    ((name, sources),) = found.items()
+    if name == "RAPID":
+        sources = _loaded(path, sources)
+        _refuse_several_tasks(path, sources)
+    return Backup(path=path, skipped=len(files) - len(sources)), tuple(sources)
+
+
+def _loaded(path: Path, sources: Sequence[Source]) -> list[Source]:
+    """Of an ABB controller's backup what it has loaded: modules in RAPID, and its configuration; HOME holds copies and drafts.
+
+    Where there is no folder RAPID, all that is given.
+    """
+    places = [source.path.relative_to(path).parts for source in sources]
+    backups = {parts[:i] for parts in places for i, part in enumerate(parts[:-1]) if part.upper() == _TASKS}
+
+    def is_beside(parts: tuple[str, ...]) -> bool:
+        return any(
+            parts[: len(top)] == top and len(parts) > len(top) + 1 and parts[len(top)].upper() not in (_TASKS, "SYSPAR")
+            for top in backups
+        )
+
+    return [source for source, parts in zip(sources, places, strict=True) if not is_beside(parts)]
+
+
+def _refuse_several_tasks(path: Path, sources: Sequence[Source]) -> None:
+    """See that a backup of an ABB controller has one task: those of several have programs of their own.
+
+    Raises:
+        FileError: it has several, or two modules of one name.
+    """
+    tasks: Counter[str] = Counter()
+    modules: dict[str, Source] = {}
+    for source in sources:
+        parts = source.path.relative_to(path).parts
+        above = [i for i, part in enumerate(parts[:-2]) if part.upper() == _TASKS]
+        if above and parts[above[-1] + 1].upper() not in _OF_A_TASK:
+            tasks[parts[above[-1] + 1]] += 1
+    if len(tasks) > 1:
+        names = ", ".join(f"{task} ({count} modules)" for task, count in sorted(tasks.items()))
+        raise FileError(
+            path,
+            f"holds {len(tasks)} tasks: {names}; each is a program of its own: give the folder of one, with MOC.cfg",
+        )
+    for source in sources:
+        for match in _MODULE.finditer(source.text):
+            other = modules.setdefault(match[1].lower(), source)
+            if other is not source:
+                raise FileError(
+                    source.path,
+                    f"has the module {match[1]}, as {other.path} has; give the folder or the files of one program",
+                )
+
+
+def _language(name: str) -> Language | None:
+    suffix = PurePosixPath(name).suffix.lower()
+    if suffix in _NO_PROGRAMS:
+        return None
+    return next((language for language in LANGUAGES if suffix in language.suffixes), None)
+
+
+def _files_of(folder: Path) -> Iterator[tuple[str, Path]]:
+    """Names and paths of all files in a folder, in order.
+
+    Raises:
+        FileError: there is a link, or there are too many.
+    """
+    count = 0
+    for root, folders, files in os.walk(folder):
+        folders.sort()
+        for name in sorted(folders + files):
+            path = Path(root) / name
+            if path.is_symlink():
+                raise FileError(path, _LINK)
+        for name in sorted(files):
+            path = Path(root) / name
+            count += 1
+            if count > MOST_FILES:
+                raise FileError(folder, f"holds more than {MOST_FILES} files; give the folder of the program alone")
+            if path.is_file():
+                yield path.relative_to(folder).as_posix(), path
+
+
+def _folder_sources(folder: Path) -> Iterator[tuple[Language | None, Source | None]]:
+    total = 0
+    for name, path in _files_of(folder):
+        language = _language(name)
+        if language is None:
+            yield None, None
+            continue
+        data = read_bytes(path, LARGEST_FILE_MB)
+        total += len(data)
+        _check_total(folder, total)
+        yield language, Source.of(path, data)
+
+
+def _zip_sources(path: Path) -> Iterator[tuple[Language | None, Source | None]]:
+    total = 0
+    with open_zip(path, ZIPPED) as packed:
+        _refuse_links(packed)
+        for entry in packed.entries:
+            if entry.is_folder:
+                continue
+            language = _language(entry.name)
+            if language is None:
+                yield None, None
+                continue
+            data = packed.read(entry)
+            total += len(data)
+            _check_total(path, total)
+            yield language, Source.of(path / entry.name, data)
+
+
+def _refuse_links(packed: OpenZip) -> None:
+    for entry in packed.entries:
+        if entry.is_link:
+            raise FileError(packed.path / shown(entry.name), _LINK)
+
+
+def _check_total(path: Path, total: int) -> None:
+    if total > MOST_TEXT_MB * 1e6:
+        raise FileError(path, f"holds more than {MOST_TEXT_MB:g} MB of program files; give the folder of one program")

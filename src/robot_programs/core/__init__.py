@@ -1,0 +1,1 @@
+"""What all languages share: the text of a program, its motions, and the table of languages."""

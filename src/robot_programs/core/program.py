@@ -1,0 +1,421 @@
+"""A robot program as its motions: what the controller is told to do, and where that is written."""
+
+import math
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Container, Hashable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from math import atan2, copysign, cos, degrees, hypot, radians, sin
+from typing import Literal, Protocol, TypeVar, runtime_checkable
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from robot_programs.core.source import Backup, Place, Source
+from taskcal.errors import shortened
+from taskcal.geometry import se3
+from taskcal.public_names import FormerName
+from taskcal.robot.robot import Robot
+from taskcal.short_repr import short_repr
+
+# How near a motion passes by its target, where it does not stop in it.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Zone:
+    """Where on its path a motion may be left for the next one.
+
+    The tool leaves the path where every size allows it, and at most half of the path before the target. With all sizes
+    zero it goes through the target.
+    """
+
+    distance: float = 0.0
+    """Of the tool point from the target along its path, metres."""
+    turn_distance: float = 0.0
+    """Of the tool point from the target where the orientation begins to change for the next motion, metres; it counts
+    where it is more than `distance`."""
+    angle: float = 0.0
+    """Of the orientation from the target's, radians; it counts where the tool only turns."""
+    share: float = math.inf
+    """Of the motion's own length that is left."""
+
+    @property
+    def rounds(self) -> bool:
+        """Whether the tool may pass by the target at all."""
+        return min(max(self.distance, self.turn_distance, self.angle), self.share) > 0.0
+
+
+THROUGH_TARGET = Zone()
+"""Of motions that meet their targets."""
+
+
+MoveKind = Literal["joint", "linear", "circular", "axes"]
+"""To a pose with all joints at once, along a line, along an arc; or to joint positions."""
+
+
+@runtime_checkable
+class Posture(Protocol):
+    """Which of the postures that reach a pose is meant, in a controller's own terms."""
+
+    def agrees(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Bool[np.ndarray, " n"]:
+        """Whether each posture is the one meant."""
+        ...
+
+
+@runtime_checkable
+class GradedPosture(Posture, Protocol):
+    """A posture of which it can be told how far others are from it, and how far the controller lets them be."""
+
+    @property
+    def tolerated(self) -> float:
+        """How far off the controller still takes the nearest posture, radians."""
+        ...
+
+    def miss(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
+        """How far each posture is from the one meant: the joints' largest angle to it, radians; zero where it agrees."""
+        ...
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Frame:
+    """A tool, or a part's frame."""
+
+    name: str
+    """As the program calls it."""
+    T: Float[np.ndarray, "4 4"]
+    """Its pose: of what the robot holds in the flange, of what stands still in the base; metres."""
+    stated: bool = True
+    """False of a tool that the program loads by name, and of which nobody has said where it is."""
+    moved: bool = False
+    """An external axis away from zero has moved it against the robot, or the robot against it."""
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Target:
+    """Where a motion goes: a pose, or joint positions."""
+
+    name: str
+    """Of its declaration, with the index of an element; empty where it is written in the instruction itself."""
+    T: Float[np.ndarray, "4 4"] | None
+    """Pose of the tool in the part's frame, offsets in the instruction included, metres; None for joint positions."""
+    q: Float[np.ndarray, " joints"] | None
+    """Controller joint positions, radians; None for a pose."""
+    posture: Posture | None
+    """Of a pose, where the program says it."""
+    place: Place
+    """Of its numbers."""
+    free_spin: bool = False
+    """The rotation of the tool about its own z axis is left open; T has some."""
+    posture_binds: bool = True
+    """Whether the controller stops where it cannot take that posture; otherwise it takes the nearest."""
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Move:
+    """One motion instruction whose target, tool and frame are known."""
+
+    kind: MoveKind
+    end: Target
+    via: Target | None
+    """Via point of an arc."""
+    tool: Frame
+    part: Frame
+    part_in_hand: bool
+    """The robot holds the part, and the tool stands still."""
+    speed: float | None
+    """Programmed speed of the tool point, metres per second; None where it is not known or not meant."""
+    stops: bool
+    """It comes to rest in its target instead of passing by."""
+    follows: int | None
+    """Number of the motion that ends where this one begins; None where the text does not tell."""
+    routine: str
+    place: Place
+    turn_speed: float | None = None
+    """Programmed speed of the tool's reorientation, radians per second; None where it is not known."""
+    divisible: bool = True
+    """It may be written as several motions in a row; not one that does something once along its way."""
+    texts_motions: int = 1
+    """How many motions its text stands for, understood or not: those of a routine that is given several targets, or of the turns
+    of a loop."""
+    external: tuple[float, ...] = ()
+    """Positions of the external axes at its end as they are written, millimetres or degrees; NaN where none is stated."""
+    external_offset: str = ""
+    """What shifts the external axes from there, by how much is not known; empty where nothing does."""
+    waits: bool = True
+    """Whether a program that waits where it stops does so here."""
+    carrier: str = ""
+    """What moves the part's frame, whose pose is then the one in what is moved; empty where the frame stands still."""
+    zone: Zone | None = THROUGH_TARGET
+    """How near it passes by its target where it does not stop; None where the text does not tell."""
+
+    def flange(self, T: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4"]:
+        """Poses of the flange in the base for poses of the tool in the part's frame."""
+        if self.part_in_hand:
+            return self.tool.T @ se3.inverse(T) @ se3.inverse(self.part.T)
+        return self.part.T @ T @ se3.inverse(self.tool.T)
+
+    def target(self, flange: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4"]:
+        """Poses of the tool in the part's frame for poses of the flange in the base: the inverse of `flange`."""
+        if self.part_in_hand:
+            return se3.inverse(flange @ self.part.T) @ self.tool.T
+        return se3.inverse(self.part.T) @ flange @ self.tool.T
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Waypoint:
+    """Where one motion of a rewritten program ends."""
+
+    kind: MoveKind
+    q: Float[np.ndarray, " joints"]
+    """Joint positions that the controller is to drive there, radians; they decide the posture that is written."""
+    T: Float[np.ndarray, "4 4"] | None
+    """Pose of the tool in the part's frame that is written; None for joint positions."""
+    via: "Waypoint | None" = None
+    """Via point of an arc."""
+    external: tuple[float, ...] = ()
+    """Positions of the external axes, as in `Move`; empty to leave them as the motion states them."""
+    share: float = 1.0
+    """How much of the motion is done there, of its length."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Diagnostic:
+    """Something in a program that stays as it is, and why; or that the user should know."""
+
+    place: Place
+    text: str
+    rejected: bool = False
+    """A motion whose numbers were read, but not what they count from or which tool they are of."""
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.text}"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Visit:
+    """A motion, and a target to which its text leads, as it stands there or shifted."""
+
+    number: int | None
+    """Of the motion; None of one that was not resolved."""
+    target: Hashable
+    """Equal where motions of one path go to one target."""
+    place: Place
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Program(ABC):
+    """What was read from one or several files of a robot program."""
+
+    sources: tuple[Source, ...]
+    moves: tuple[Move, ...]
+    """Those that were resolved, in the order of the text."""
+    diagnostics: tuple[Diagnostic, ...]
+    """Motions that could not be resolved, and warnings."""
+    T_world_base: Float[np.ndarray, "4 4"] | None = None
+    """Where the program's files say that the robot stands; None where they do not, and the world is taken for its base."""
+    base_from: str = "the program's files"
+    """What says it."""
+    backup: Backup | None = None
+    """The folder or zip file that it was found in; None of files that were named."""
+
+    remarks = FormerName("diagnostics")
+
+    def __repr__(self) -> str:
+        paths = shortened(", ".join(str(source.path) for source in self.sources), 120)
+        diagnostics = f", {len(self.diagnostics)} diagnostics" if self.diagnostics else ""
+        return f"{type(self).__name__}({paths}: {len(self.moves)} motions{diagnostics})"
+
+    @abstractmethod
+    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+        """The program's files with some motions rewritten.
+
+        A motion becomes as many as it has waypoints, the last of which ends where it ended; all keep its speed and zone
+        and whatever else it says. Everything else stays as it is, byte for byte.
+
+        Args:
+            robot: the robot, whose joint positions decide the posture data that are written.
+            waypoints: by number of the motion.
+        """
+
+    def unwritable(
+        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
+    ) -> dict[int, str]:
+        """Motions that cannot be rewritten as they should, because others have the same text, and why.
+
+        Args:
+            robot: the robot.
+            waypoints: by number of the motion.
+            tolerance: how far a target may be from its waypoint that is written as the shift of another one, metres.
+        """
+        return {}
+
+    def visits(self) -> Iterable[Visit]:
+        """Which motions of one path go to one target, some of them to a place above it: all are corrected, or none.
+
+        Otherwise the way from one to the other, such as that down to a part, would be another one than was programmed.
+        """
+        return ()
+
+    @abstractmethod
+    def reread(self, sources: tuple[Source, ...]) -> "Program":
+        """The program of other texts of the same files, such as `rewrite` gives.
+
+        Raises:
+            TaskcalError: they cannot be read.
+        """
+
+
+# Values that the text of a program alone does not give.
+
+
+class Unresolved(Exception):
+    """A value that the text does not give, so that a motion stays as it is; the message says why, for the user."""
+
+
+# Motions that cannot be rewritten as they should, where one that stays as it was may keep others from changing.
+
+Path = TypeVar("Path")
+
+
+def reject_in_turn(
+    paths: Mapping[int, Path], conflicts: Callable[[Mapping[int, Path]], Iterable[tuple[int, str]]]
+) -> dict[int, str]:
+    """Take motions away until no conflict is left among the others.
+
+    Args:
+        paths: what each motion should become, by its number.
+        conflicts: of some of them: motions that cannot, and why.
+
+    Returns:
+        the motions that were taken away, and why.
+    """
+    rejected: dict[int, str] = {}
+    while True:
+        rest = {i: path for i, path in paths.items() if i not in rejected}
+        more = {i: why for i, why in conflicts(rest) if i in rest}
+        if not more:
+            return rejected
+        rejected |= more
+
+
+def keep_together(visits: Iterable[Visit], staying: Container[int], changing: Container[int]) -> dict[int, str]:
+    """Motions that have to stay because another one of their path stays that goes to the same target, and why.
+
+    Args:
+        visits: of the program.
+        staying: numbers of motions that were refused.
+        changing: numbers of motions that are to be written.
+    """
+    visits = tuple(visits)
+    stays: dict[Hashable, Place] = {}
+    for visit in visits:
+        if visit.number is None or visit.number in staying:
+            stays.setdefault(visit.target, visit.place)
+    return {
+        visit.number: f"shares its target with the motion in {stays[visit.target]}, which stays as it is: the way between them "
+        "would be another one"
+        for visit in visits
+        if visit.number is not None and visit.number in changing and visit.target in stays
+    }
+
+
+# What a program needs and its files do not have, each once.
+
+_MISSING = re.compile(
+    r"unknown [\w ]+ '([^']+)'|'([^']+)' is not declared in the files|(\S+) is not in the files given"
+)
+
+
+def missing_names(diagnostics: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
+    """One diagnostic that lists the names, each with how often it is missed, at the first place; none where none is missing."""
+    names: dict[str, int] = {}
+    first: Diagnostic | None = None
+    for diagnostic in diagnostics:
+        match = _MISSING.search(diagnostic.text)
+        if match:
+            first = first or diagnostic
+            name = next(filter(None, match.groups()))
+            names[name] = names.get(name, 0) + 1
+    if first is not None:
+        listed = ", ".join(f"{name} ({count})" if count > 1 else name for name, count in names.items())
+        yield Diagnostic(place=first.place, text=f"the files miss {len(names)} names: {listed}")
+
+
+# Rotations as KUKA's and FANUC's controllers state them: three angles about z, y and x, in degrees.
+
+LOCKED = 1e-7
+"""Cosine of B below which A and C turn about the same axis."""
+
+
+def rotation(A: float, B: float, C: float) -> Float[np.ndarray, "3 3"]:
+    """Rz(A)·Ry(B)·Rx(C) of angles in degrees.
+
+    Of KUKA's they are A, B and C (KUKA System Software, data type FRAME), of FANUC's R, P and W.
+    """
+    a, b, c = radians(A), radians(B), radians(C)
+    sa, ca, sb, cb, sc, cc = sin(a), cos(a), sin(b), cos(b), sin(c), cos(c)
+    return np.array(
+        [
+            [ca * cb, ca * sb * sc - sa * cc, ca * sb * cc + sa * sc],
+            [sa * cb, sa * sb * sc + ca * cc, sa * sb * cc - ca * sc],
+            [-sb, cb * sc, cb * cc],
+        ]
+    )
+
+
+def angles(
+    R: Float[np.ndarray, "3 3"], near: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> tuple[float, float, float]:
+    """A, B and C of a rotation, degrees: of the triples that describe it, the one nearest to some angles.
+
+    They stay within half a turn, as controllers write them, where those angles do.
+    """
+    B = degrees(atan2(-R[2, 0], hypot(R[0, 0], R[1, 0])))
+    if hypot(R[0, 0], R[1, 0]) < LOCKED:
+        # R = Rz(A)·Ry(±90°)·Rx(C) depends on A ∓ C only: keep A
+        rest = rotation(near[0], B, 0.0).T @ R
+        return _within(_near((near[0], B, degrees(atan2(rest[2, 1], rest[1, 1]))), near), near)
+    A, C = degrees(atan2(R[1, 0], R[0, 0])), degrees(atan2(R[2, 1], R[2, 2]))
+    both = [_near((A, B, C), near), _near((A + 180.0, 180.0 - B, C + 180.0), near)]
+    best = min(both, key=lambda triple: sum(abs(angle - old) for angle, old in zip(triple, near, strict=True)))
+    return _within(best, near)
+
+
+def _near(triple: tuple[float, float, float], near: tuple[float, float, float]) -> tuple[float, float, float]:
+    """The same angles but for whole turns."""
+    A, B, C = (angle + 360.0 * round((old - angle) / 360.0) for angle, old in zip(triple, near, strict=True))
+    return A, B, C
+
+
+def _within(triple: tuple[float, float, float], near: tuple[float, float, float]) -> tuple[float, float, float]:
+    """The same angles, within half a turn where others are."""
+    A, B, C = (
+        angle - copysign(360.0, angle) if abs(angle) > 180.0 >= abs(old) else angle
+        for angle, old in zip(triple, near, strict=True)
+    )
+    return A, B, C
+
+
+# Orientations of a tool of which only the axis is known.
+
+
+def with_axis(axis: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
+    """Some orientation of the tool for each direction of its axis.
+
+    Args:
+        axis: from the tool's tip towards its holder, as APT has it (CATIA V5, syntax of generated APT instructions); need
+            not be of unit length. The tool's own z points the other way, out of the tool.
+
+    Returns:
+        Rotations with that z; x lies as near to the first axis of the part's frame as it can, or to the second one
+        where the tool is nearly parallel to the first.
+    """
+    z = -axis / np.linalg.norm(axis, axis=-1, keepdims=True)
+    near = np.where(np.abs(z[..., :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    x = near - (near * z).sum(axis=-1, keepdims=True) * z
+    x /= np.linalg.norm(x, axis=-1, keepdims=True)
+    y = z[..., [1, 2, 0]] * x[..., [2, 0, 1]] - z[..., [2, 0, 1]] * x[..., [1, 2, 0]]
+    return np.stack([x, y, z], axis=-1)

@@ -1,0 +1,539 @@
+"""Data lists: the points, frames and parameter sets that a KRL program names."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import isfinite, nan
+
+import numpy as np
+from jaxtyping import Float
+
+from robot_programs.core.program import Unresolved, angles, rotation
+from robot_programs.core.source import Edit, Place, Source, renumbered
+from robot_programs.krl.parse import given_by_value, handed_in, handed_in_motion, handed_over
+from robot_programs.krl.syntax import (
+    Aggregate,
+    Assignment,
+    Begin,
+    Beside,
+    Call,
+    Control,
+    Declaration,
+    Declared,
+    End,
+    Motion,
+    Operand,
+    Reference,
+    Statement,
+    bit_string,
+)
+from taskcal.geometry import se3
+
+# What the data lists of a KRL program state: points, frames, parameter sets and numbers.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class File:
+    """A file of a program."""
+
+    number: int
+    """Its place among the program's files."""
+    source: Source
+    statements: tuple[Statement, ...]
+
+    @property
+    def module(self) -> str:
+        """Name of the program to which it belongs: ``.src`` and ``.dat`` of one name are one module."""
+        return self.source.path.stem.upper()
+
+    @property
+    def holds_data(self) -> bool:
+        """Whether it is a data list."""
+        return self.source.path.suffix.lower() == ".dat"
+
+    @property
+    def submits(self) -> bool:
+        """Whether its routines run in the submit interpreter."""
+        return self.source.path.suffix.lower() == ".sub"
+
+    @property
+    def heads(self) -> tuple[Begin, ...]:
+        """The lines that begin its routines or data lists."""
+        return tuple(line for line in self.statements if isinstance(line, Begin))
+
+    @cached_property
+    def serves_all(self) -> bool:
+        """Whether it is a data list of the system, which every program sees."""
+        return any(isinstance(line, Begin) and line.name.startswith("$") for line in self.statements)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Datum:
+    """A variable with the value that its data list states."""
+
+    file: File
+    name: str
+    """In capitals, with its index."""
+    aggregate: Aggregate
+    shared: bool
+    """Other programs may use it, too."""
+    declaration: Declaration | None
+    """None for an element of an array, which has no declaration of its own."""
+    start: int
+    """First character of its name."""
+
+    @property
+    def place(self) -> Place:
+        """Where it stands."""
+        return self.file.source.place(self.start)
+
+
+def stated(file: File) -> Iterator[Datum]:
+    """Variables to which a data list gives an aggregate."""
+    if not file.holds_data:
+        return
+    declared_shared: set[str] = set()
+    for line in file.statements:
+        if isinstance(line, Declaration):
+            for variable in line.variables:
+                if line.shared:
+                    declared_shared.add(variable.name)
+                aggregate = aggregate_of(variable.value)
+                if aggregate is not None:
+                    yield _datum(file, line, variable, aggregate)
+        elif isinstance(line, Assignment):
+            aggregate = aggregate_of(line.value)
+            if aggregate is not None:
+                yield Datum(
+                    file=file,
+                    name=line.name,
+                    aggregate=aggregate,
+                    shared=file.serves_all or line.variable in declared_shared,
+                    declaration=None,
+                    start=line.start,
+                )
+
+
+def _datum(file: File, line: Declaration, variable: Declared, aggregate: Aggregate) -> Datum:
+    return Datum(
+        file=file,
+        name=variable.name,
+        aggregate=aggregate,
+        shared=file.serves_all or line.shared,
+        declaration=line,
+        start=variable.start,
+    )
+
+
+def aggregate_of(value: Operand | None) -> Aggregate | None:
+    """The structure that a value is; None where it is none, or a product."""
+    if value is None or len(value.parts) != 1:
+        return None
+    part = value.parts[0]
+    return part if isinstance(part, Aggregate) else None
+
+
+def number_texts(line: Statement, file: File) -> Iterator[tuple[str, str, bool]]:
+    """Names with the text of their values, as a line of a data list states them, and whether it shares them."""
+    match line:
+        case Declaration():
+            for variable in line.variables:
+                if variable.value is not None and aggregate_of(variable.value) is None:
+                    yield variable.name, file.source.text[variable.value.start : variable.value.end], line.shared
+        case Assignment():
+            yield line.name, line.text, False
+        case _:
+            pass
+
+
+def plain_value(text: str) -> float | bool | None:
+    """The number or truth value that a text is; None where it is neither."""
+    text = text.strip().upper()
+    if text in ("TRUE", "FALSE"):
+        return text == "TRUE"
+    try:
+        value = float(text)
+    except ValueError:
+        return bit_string(text)
+    return value if isfinite(value) else None
+
+
+# Positions in KRL: X Y Z in millimetres, A B C or A1 … A6 in degrees, S and T; from text to numbers and back.
+
+POSE = ("X", "Y", "Z", "A", "B", "C")
+AXES = ("A1", "A2", "A3", "A4", "A5", "A6")
+EXTERNAL = ("E1", "E2", "E3", "E4", "E5", "E6")
+
+# KRL's REAL is a 32-bit float: nine digits in all, so 0.1 µm within metres and 1e-6° within a turn.
+DECIMALS = {**dict.fromkeys("XYZ", 5), **dict.fromkeys("ABC", 6), **dict.fromkeys((*AXES, *EXTERNAL), 6)}
+
+
+def has_pose(aggregate: Aggregate) -> bool:
+    """Whether any component of a pose is stated."""
+    return any(aggregate.field(name) for name in POSE)
+
+
+def has_axes(aggregate: Aggregate) -> bool:
+    """Whether any axis is stated."""
+    return any(aggregate.field(name) for name in AXES)
+
+
+def pose(aggregate: Aggregate, *, needed: tuple[str, ...] = POSE) -> Float[np.ndarray, "4 4"]:
+    """The pose that a complete position states, metres.
+
+    Raises:
+        Unresolved: a needed component is missing or no number.
+    """
+    x, y, z, A, B, C = (_stated(aggregate, name, needed) for name in POSE)
+    return se3.pose(rotation(A, B, C), np.array([x, y, z]) * 1e-3)
+
+
+def rotation_stated(aggregate: Aggregate) -> bool:
+    """Whether the angles are stated.
+
+    Raises:
+        Unresolved: some are, and others not.
+    """
+    stated = [name for name in "ABC" if aggregate.field(name)]
+    if len(stated) in (1, 2):
+        raise Unresolved(f"of its angles it states {' and '.join(stated)} only")
+    return bool(stated)
+
+
+def axes(aggregate: Aggregate, *, needed: tuple[str, ...] = AXES) -> Float[np.ndarray, " joints"]:
+    """The joint positions that a complete axis position states, radians; zero for what is neither stated nor needed.
+
+    Raises:
+        Unresolved: a needed axis is missing or no number.
+    """
+    return np.radians([_stated(aggregate, name, needed) for name in AXES])
+
+
+def _stated(aggregate: Aggregate, name: str, needed: tuple[str, ...]) -> float:
+    component = aggregate.field(name)
+    if component is None and name not in needed:
+        return 0.0
+    if component is None:
+        raise Unresolved(f"{name} is not stated, so it keeps its value of before")
+    if component.value is None:
+        raise Unresolved(f"{name} is '{component.text}', which is not a number")
+    return component.value
+
+
+def whole(aggregate: Aggregate, name: str) -> int | None:
+    """The whole number of 31 bits in a component; None where there is none."""
+    value = aggregate.value(name)
+    return int(value) if value is not None and 0 <= value < 2**31 and value == int(value) else None
+
+
+def external(aggregate: Aggregate) -> tuple[float, ...]:
+    """Positions of the external axes, millimetres or degrees; NaN where none is stated.
+
+    Raises:
+        Unresolved: one is not a number.
+    """
+    out: list[float] = []
+    for name in EXTERNAL:
+        axis = aggregate.field(name)
+        if axis is not None and axis.value is None:
+            raise Unresolved(f"{name} is '{axis.text}', which is not a number")
+        out.append(nan if axis is None or axis.value is None else axis.value)
+    return tuple(out)
+
+
+def pose_values(T: Float[np.ndarray, "4 4"], near: Aggregate | None = None) -> dict[str, float]:
+    """Values of X Y Z A B C of a pose, millimetres and degrees; angles near those of a position."""
+    old = tuple((near.value(name) if near else None) or 0.0 for name in "ABC")
+    abc = angles(T[:3, :3], (old[0], old[1], old[2]))
+    return dict(zip(POSE, [*(float(v) for v in T[:3, 3] * 1e3), *abc], strict=True))
+
+
+def axis_values(q: Float[np.ndarray, " joints"]) -> dict[str, float]:
+    """Values of A1 … of joint positions, degrees."""
+    return dict(zip(AXES, np.degrees(q).tolist(), strict=False))
+
+
+def _field_text(name: str, text: str, was: float, value: float) -> str:
+    """A component's text with a value: as it is where that is its value already, to the digits that KRL holds."""
+    if name in ("S", "T"):
+        return text if was == value else _integer(text, int(value))
+    return renumbered(text, was, value, DECIMALS[name])
+
+
+def _integer(old: str, value: int) -> str:
+    if old[:2].upper() == "'B":
+        return f"{old[:2]}{value:0{len(old) - 3}b}'"
+    if old[:2].upper() == "'H":
+        return f"{old[:2]}{value:0{len(old) - 3}X}'"
+    return str(value)
+
+
+def edits_for(aggregate: Aggregate, values: Mapping[str, float]) -> list[Edit]:
+    """The edits that give a position's components other values; those without a number of their own stay as they are."""
+    out: list[Edit] = []
+    for stated in aggregate.fields:
+        if stated.name in values and stated.value is not None:
+            text = _field_text(stated.name, stated.text, stated.value, values[stated.name])
+            if text != stated.text:
+                blank = " " if stated.touches else ""
+                out.append(Edit(start=stated.start, end=stated.end, text=blank + text))
+    return out
+
+
+BUILT_IN = "BAS"
+"""KUKA's own routine for motion parameters, and its module: what it does is known, whether or not its text is passed."""
+
+TABLES = ("TOOL_DATA", "BASE_DATA")
+"""The controller's tools and bases."""
+
+READ = frozenset({*POSE, *AXES, *EXTERNAL, "S", "T", "TOOL_NO", "BASE_NO", "IPO_FRAME"})
+"""Components of points, frames and parameter sets that matter for where the robot goes."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Data:
+    """What the data lists of a program say, and what its code changes of it."""
+
+    files: tuple[File, ...]
+    roots: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
+    """By name of a routine: the routines that nothing calls, from which it is reached."""
+    always: frozenset[str] = frozenset()
+    """Routines of the submit interpreter, which runs beside every program."""
+    elements: Mapping[tuple[int, int], frozenset[str]] = field(default_factory=dict[tuple[int, int], frozenset[str]])
+    """By file and first character of an assignment by a computed index: the elements that it sets, where that is known."""
+    refused: set[str] = field(default_factory=set[str])
+    """Variables that were asked for in vain, because code changes them."""
+    set_elsewhere: dict[str, Place] = field(default_factory=dict[str, Place])
+    """Tools and bases that were taken as the data list states them, and where a program of its own changes them."""
+
+    @cached_property
+    def _own(self) -> dict[tuple[str, str], Datum]:
+        return {(datum.file.module, datum.name): datum for file in self.files for datum in stated(file)}
+
+    @cached_property
+    def _shared(self) -> dict[str, Datum]:
+        return {datum.name: datum for datum in self._own.values() if datum.shared}
+
+    @cached_property
+    def _local(self) -> set[tuple[str, str, str]]:
+        """By module and routine: variables that a routine declares for itself, and what it is given; no other knows them."""
+        return {
+            (file.module, routine, name)
+            for file in self.files
+            if not file.holds_data
+            for _, routine, own in _lines_with_own_names(file)
+            for name in own
+        }
+
+    @cached_property
+    def by_value(self) -> Mapping[str, tuple[bool, ...]]:
+        """By name of a routine: which of its parameters are given by value."""
+        return given_by_value(line for file in self.files for line in file.statements)
+
+    @cached_property
+    def _changed(self) -> dict[str, list[tuple[str, str, Place]]]:
+        """By variable or element: module and routine in which code assigns it or hands it to a routine, and where."""
+        out: dict[str, list[tuple[str, str, Place]]] = {}
+        for file in self.files:
+            if file.holds_data or file.module == BUILT_IN:
+                continue
+            for line, routine, own in _lines_with_own_names(file):
+                names = _changed_by(line, self.by_value)
+                if isinstance(line, Assignment) and (file.number, line.start) in self.elements:
+                    names = (*self.elements[file.number, line.start], *handed_in(line, self.by_value))
+                for name in names:
+                    if name.partition("[")[0] not in own:
+                        place = file.source.place(line.start)
+                        out.setdefault(name, []).append((file.module, routine, place))
+        return out
+
+    @cached_property
+    def _numbers(self) -> dict[tuple[str, str], tuple[float | bool, bool]]:
+        """Numbers and truth values that data lists state, and whether other programs may use them, too."""
+        out: dict[tuple[str, str], tuple[float | bool, bool]] = {}
+        for file in self.files:
+            for line in file.statements if file.holds_data else ():
+                for name, text, shared in number_texts(line, file):
+                    value = plain_value(text)
+                    if value is not None:
+                        out[file.module, name] = value, file.serves_all or shared
+        return out
+
+    @cached_property
+    def _shared_numbers(self) -> dict[str, float | bool]:
+        return {name: value for (_, name), (value, shared) in self._numbers.items() if shared}
+
+    @cached_property
+    def whole_numbers(self) -> frozenset[str]:
+        """Variables that a data list or a routine declares as INT."""
+        return frozenset(
+            variable.name
+            for file in self.files
+            for line in file.statements
+            if isinstance(line, Declaration) and line.type == "INT"
+            for variable in line.variables
+        )
+
+    @cached_property
+    def real_numbers(self) -> frozenset[str]:
+        """Variables that data lists and routines declare as REAL, and none as INT."""
+        declared = frozenset(
+            variable.name
+            for file in self.files
+            for line in file.statements
+            if isinstance(line, Declaration) and line.type == "REAL"
+            for variable in line.variables
+        )
+        return declared - self.whole_numbers
+
+    @cached_property
+    def _listed(self) -> dict[str, frozenset[str]]:
+        out: dict[str, set[str]] = {}
+        for file in self.files:
+            for line in file.statements if file.holds_data and not file.serves_all else ():
+                if isinstance(line, Declaration) and not line.shared:
+                    out.setdefault(file.module, set()).update(variable.name for variable in line.variables)
+        return {module: frozenset(names) for module, names in out.items()}
+
+    def listed(self, module: str) -> frozenset[str]:
+        """Variables of a module's own data list, of which other programs know nothing."""
+        return self._listed.get(module, frozenset())
+
+    def number(self, name: str, module: str, routine: str = "") -> float | bool | None:
+        """The number or truth value that a data list states for a variable, if no line of code ever changes it."""
+        variable = name.partition("[")[0]
+        if (module, routine, variable) in self._local or self._changed.keys() & {name, variable}:
+            return None
+        own = self._numbers.get((module, name))
+        return self._shared_numbers.get(name) if own is None else own[0]
+
+    @cached_property
+    def initial_frames(self) -> tuple[float | None, float | None]:
+        """Numbers of the tool and the base that BAS(#INITMOV) sets, by the bas.src of the files; None where it does not say."""
+        tool: float | None = None
+        base: float | None = None
+        for line in _lines_of("INITMOV", self.files):
+            match line:
+                case Assignment(name="$TOOL", value=Operand(parts=(Reference(name=name),))) if name.startswith(
+                    "TOOL_DATA["
+                ):
+                    tool = _as_number(name[len("TOOL_DATA[") : -1])
+                case Call(name="TOOL", arguments=((word,),)):
+                    tool = _as_number(word.text)
+                case Call(name="BASE", arguments=((word,),)):
+                    base = _as_number(word.text)
+                case _:
+                    pass
+        return tool, base
+
+    @cached_property
+    def robroot(self) -> Float[np.ndarray, "4 4"] | None:
+        """Where the robot stands in the world: $ROBROOT of $machine.dat, or as code sets it once; None where neither says it.
+
+        Raises:
+            Unresolved: code sets it in several ways, or to something that is no frame.
+        """
+        if "$ROBROOT" not in self._changed:
+            return pose(self._shared["$ROBROOT"].aggregate) if "$ROBROOT" in self._shared else None
+        lines = [
+            line
+            for file in self.files
+            for line in file.statements
+            if not file.holds_data and isinstance(line, Assignment) and line.variable == "$ROBROOT"
+        ]
+        aggregate = aggregate_of(lines[0].value) if len(lines) == 1 and lines[0].name == "$ROBROOT" else None
+        if aggregate is None:
+            raise Unresolved(f"$ROBROOT is changed by the program, at {self._changed['$ROBROOT'][0][2]}")
+        return pose(aggregate)
+
+    def find(self, name: str, module: str, routine: str = "") -> Datum:
+        """The variable that a name means in a module, or in one of its routines.
+
+        Raises:
+            Unresolved: no data list states it, or the program changes it.
+        """
+        variable = name.partition("[")[0]
+        datum = (
+            None
+            if (module, routine, variable) in self._local
+            else self._own.get((module, name), self._shared.get(name))
+        )
+        elements = {name, variable}
+        for where, changing, place in (change for element in elements for change in self._changed.get(element, [])):
+            if datum is not None and variable in TABLES and self._apart(routine, changing):
+                self.set_elsewhere.setdefault(name, place)
+            elif where == module or (datum is not None and datum.shared):
+                self.refused.add(variable)
+                raise Unresolved(f"{name} is changed by the program, at {place}")
+        if datum is None and (module, routine, variable) in self._local:
+            raise Unresolved(f"{name} is a variable of the program's own, whose value is known only at run time")
+        if datum is None and variable.startswith("$"):
+            raise Unresolved(f"{name} is known only at run time")
+        if datum is None:
+            files = "$config.dat" if variable in TABLES else "the .dat that states it"
+            raise Unresolved(f"{name} is not in the files given; pass {files}")
+        return datum
+
+    def _apart(self, routine: str, other: str) -> bool:
+        """Whether no run of the program comes through both of two routines."""
+        roots, others = self.roots.get(routine, frozenset()), self.roots.get(other, frozenset())
+        return bool(roots) and bool(others) and not roots & others and not others & self.always
+
+
+def _changed_by(line: Statement, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
+    """Variables and elements that a line assigns or hands to a routine."""
+    match line:
+        case Assignment():
+            return (*_element(line), *handed_in(line, by_value))
+        case Call() if line.name != BUILT_IN:
+            return handed_over(line, by_value)
+        case Motion():
+            return handed_in_motion(line, by_value)
+        case Beside(action=action) if action is not None:
+            return _changed_by(action, by_value)
+        case Control(keyword="FOR") if line.words:
+            return (line.words[0].upper,)
+        case Control():
+            return line.changed
+        case _:
+            return ()
+
+
+def _as_number(text: str) -> float | None:
+    value = plain_value(text)
+    return value if isinstance(value, float) else None
+
+
+def _lines_of(routine: str, files: tuple[File, ...]) -> Iterator[Statement]:
+    """Lines of a routine of KUKA's own file."""
+    inside = False
+    for file in files:
+        for line in file.statements if file.module == BUILT_IN and not file.holds_data else ():
+            inside = line.name == routine if isinstance(line, Begin) else inside and not isinstance(line, End)
+            if inside:
+                yield line
+
+
+def _element(line: Assignment) -> tuple[str, ...]:
+    """What an assignment changes: one element of an array, or all of a variable; nothing where no motion reads that component."""
+    name, bracket, rest = line.name.partition("[")
+    index, _, behind = rest.partition("]")
+    component = (behind if bracket else name).rpartition(".")[2] if "." in line.name else ""
+    if component and component not in READ:
+        return ()
+    return (f"{name}[{index}]" if bracket and index.isdecimal() else line.variable,)
+
+
+def _lines_with_own_names(file: File) -> Iterator[tuple[Statement, str, frozenset[str]]]:
+    """Lines of a program, with their routine and the names that it declares for itself: its parameters and its variables."""
+    start = 0
+    for i, line in enumerate((*file.statements, None)):
+        if line is not None and not isinstance(line, Begin | End):
+            continue
+        body = file.statements[start:i]
+        head = file.statements[start - 1] if start else None
+        own = set(head.parameters) if isinstance(head, Begin) else set[str]()
+        own |= {v.name for at in body if isinstance(at, Declaration) for v in at.variables}
+        for at in body:
+            yield at, head.name if isinstance(head, Begin) else "", frozenset(own)
+        start = i + 1

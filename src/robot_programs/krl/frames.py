@@ -1,0 +1,414 @@
+"""Which tool and which base hold at a line of a KRL program."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from robot_programs.core.program import Frame, Unresolved
+from robot_programs.krl.data import Data, pose
+from robot_programs.krl.parse import arguments_of, parse_operand
+from robot_programs.krl.state import EVERYTHING, Held, State, Table
+from robot_programs.krl.syntax import Aggregate, Assignment, Call, Field, Operand, Word
+from robot_programs.krl.values import (
+    Adjustable,
+    Known,
+    Lookup,
+    Lost,
+    Names,
+    Variables,
+    evaluated,
+    name_of,
+    number_of,
+    with_values,
+)
+from taskcal.geometry import se3
+
+# Bases that move: on external kinematic systems, on other robots and on conveyors.
+#
+# KUKA's bas.src couples them so: EX_BASE sets ``$BASE=EK(root, kinematic system, frame)``, LK_BASE links ``$BASE``
+# to a robot of another controller by ``LK(…)``, EB_BASE to a conveyor by ``EB(…)``; its FRAMES chooses by
+# MACHINE_FRAME_DAT and MACHINE_DEF of $config.dat.
+
+EXTERNAL_KINEMATIC = "an external kinematic system"
+
+_STEERED_ELSEWHERE = {
+    "LK": "is linked by LK to another robot, and where that is this program does not tell",
+    "EB": "is linked by EB to a conveyor, and where that is this program does not tell",
+}
+
+
+def coupled(words: Sequence[Word]) -> tuple[Word, ...] | Held | None:
+    """What ``$BASE`` is set to, where a function couples it to something that moves.
+
+    Args:
+        words: the value.
+
+    Returns:
+        The words of the frame in an external kinematic system, none where it is the system's own; why the base is not known; or
+        None where nothing couples it.
+    """
+    function = words[0].upper if len(words) > 2 and words[1].text == "(" else ""
+    if function in _STEERED_ELSEWHERE:
+        return Held(frame=None, reason=f"$BASE {_STEERED_ELSEWHERE[function]}")
+    if function != "EK":
+        return None
+    given = arguments_of(words[1:])
+    if len(given) not in (2, 3) or _closing(words) != len(words) - 1:
+        return Held(
+            frame=None,
+            reason="$BASE is set by EK in a way that is not understood; write EK(root, kinematic system, frame)",
+        )
+    return given[2] if len(given) == 3 else ()
+
+
+def _closing(words: Sequence[Word]) -> int:
+    """Where the first pair of parentheses ends."""
+    depth = 0
+    for i, word in enumerate(words):
+        depth += (word.text == "(") - (word.text == ")")
+        if depth == 0 and word.text == ")":
+            return i
+    return len(words)
+
+
+def on_its_mechanism(held: Held, number: float | None, data: Data, names: Names) -> Held:
+    """A base of a set of frame parameters on what carries it by $config.dat.
+
+    Args:
+        held: the base, as if it stood still.
+        number: its number.
+        data: the data lists.
+        names: of the routine.
+    """
+    if not number:
+        return held
+    base = f"BASE_DATA[{number:g}]"
+    try:
+        index = data.find(f"MACHINE_FRAME_DAT[{number:g}]", names.module, names.routine).aggregate.value(
+            "MACH_DEF_INDEX"
+        )
+    except Unresolved as trouble:
+        changed = "MACHINE_FRAME_DAT" in data.refused
+        return Held(frame=None, reason=f"what carries {base} is not known: {trouble}") if changed else held
+    if index == 0:
+        return held
+    try:
+        machine = data.find(f"MACHINE_DEF[{index or 0:g}]", names.module, names.routine).aggregate
+    except Unresolved as trouble:
+        return Held(frame=None, reason=f"what carries {base} is not known: {trouble}")
+    kind, controller = machine.field("MECH_TYPE"), machine.value("COOP_KRC_INDEX")
+    match "" if kind is None else kind.text.upper():
+        case "#NONE":
+            return held
+        case "#ROBOT" if controller == 1:
+            return held
+        case "#EASYS" | "#EBSYS" | "#ECSYS" | "#EDSYS" | "#EESYS" | "#EFSYS" if controller == 1:
+            return replace(held, carrier=EXTERNAL_KINEMATIC)
+        case _:
+            text = (
+                f"{base} is carried by MACHINE_DEF[{index or 0:g}], which is no external kinematic system of this robot"
+            )
+            return Held(frame=None, reason=f"{text}, and where it is this program does not tell")
+
+
+NULL = Frame(name="$NULLFRAME", T=np.eye(4))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Frames:
+    """Frames by what a module says of them."""
+
+    data: Data
+    names: Names
+    """What names of variables mean in the routine."""
+    made: dict[tuple[str, bytes], Frame] = field(default_factory=dict[tuple[str, bytes], Frame])
+    """Frames met so far, so that one frame is one object."""
+
+    def _frame(self, name: str, T: Float[np.ndarray, "4 4"]) -> Frame:
+        return self.made.setdefault((name, T.tobytes()), Frame(name=name, T=T))
+
+    def known(self, state: State) -> Known:
+        """The values of variables where something holds."""
+        both = {"$TOOL": state.tool, "$BASE": state.base}
+        held = {name: held.frame for name, held in both.items() if held.frame is not None and not held.carrier}
+        return Known(names=self.names, data=self.data, variables=state.variables, held=held)
+
+    def of(self, words: Sequence[Word], name: str, known: Known) -> Held:
+        """The frame that an expression states, called by a name where it has none of its own."""
+        operand = parse_operand(words)
+        try:
+            if not operand.parts:
+                return Held(frame=self._frame(name, self._computed(words, name, known)))
+            T, names = np.eye(4), list[str]()
+            for part in operand.parts:
+                if isinstance(part, Aggregate):
+                    T = T @ pose(with_values(part, known))
+                else:
+                    names.append(name_of(part, known))
+                    T = T @ self._named(names[-1], known)
+        except Unresolved as trouble:
+            return Held(frame=None, reason=str(trouble))
+        if len(operand.parts) > 1 or not names:
+            return Held(frame=self._frame(name, T))
+        if names[0] in ("$NULLFRAME", "$WORLD"):
+            return Held(frame=NULL, table="null")
+        variable = names[0].partition("[")[0]
+        table: Table = "tool" if variable == "TOOL_DATA" else "base" if variable == "BASE_DATA" else "own"
+        return Held(frame=self._frame(names[0], T), table=table)
+
+    def _computed(self, words: Sequence[Word], name: str, known: Known) -> Float[np.ndarray, "4 4"]:
+        """A frame that functions compute, such as ``INV_POS(F):G``."""
+        value = evaluated(words, known)
+        if not isinstance(value, Aggregate):
+            raise Unresolved(f"{name} is set to something that the text does not state as a frame")
+        return pose(value)
+
+    def _base(self, words: Sequence[Word], known: Known) -> Held:
+        """What $BASE is set to."""
+        inside = coupled(words)
+        if inside is None or isinstance(inside, Held):
+            return self.of(words, "$BASE", known) if inside is None else inside
+        held = self.of(inside, "$BASE", known) if inside else Held(frame=NULL, table="null")
+        return replace(held, carrier=EXTERNAL_KINEMATIC)
+
+    def _named(self, name: str, known: Known) -> Float[np.ndarray, "4 4"]:
+        if name in ("$NULLFRAME", "$WORLD"):
+            return np.eye(4)
+        if name == "$ROBROOT":
+            return self.robroot
+        assigned = known.assigned(name)
+        if isinstance(assigned, Aggregate):
+            return pose(assigned)
+        if assigned is None and name in known.held:
+            return known.held[name].T
+        return pose(self.data.find(name, self.names.module, self.names.routine).aggregate)
+
+    @property
+    def robroot(self) -> Float[np.ndarray, "4 4"]:
+        """Pose of the robot in the world, of $machine.dat; the world's origin where no file says it.
+
+        Raises:
+            Unresolved: the program changes it.
+        """
+        return np.eye(4) if self.data.robroot is None else self.data.robroot
+
+    def numbered(self, table: Literal["tool", "base"], number: float | None, known: Known) -> Held:
+        """An element of TOOL_DATA or BASE_DATA; the zero frame for number 0."""
+        array = "TOOL_DATA" if table == "tool" else "BASE_DATA"
+        if number is None:
+            return Held(frame=None, reason=f"which element of {array} is meant is not stated as a number")
+        if number == 0:
+            return Held(frame=NULL, table="null")
+        name = f"{array}[{number:g}]"
+        try:
+            return Held(frame=self._frame(name, self._named(name, known)), table=table)
+        except Unresolved as trouble:
+            return Held(frame=None, reason=str(trouble))
+
+    def of_parameters(self, state: State, parameters: Aggregate | None) -> State:
+        """What a set of frame parameters (FDAT) makes of tool and base."""
+        if parameters is None:
+            unknown = Held(frame=None, reason=state.parameters_reason)
+            return replace(state, tool=unknown, base=unknown, fixed_tool=None)
+        mode = parameters.field("IPO_FRAME")
+        text = mode.text.upper() if mode else "#BASE"
+        number = parameters.value("BASE_NO")
+        return replace(
+            state,
+            tool=self.numbered("tool", parameters.value("TOOL_NO"), self.known(state)),
+            base=on_its_mechanism(self.numbered("base", number, self.known(state)), number, self.data, self.names),
+            fixed_tool={"#BASE": False, "#TCP": True}.get(text),
+        )
+
+    def after_assignment(self, state: State, line: Assignment, variables: Variables) -> State:
+        """The state behind an assignment, which makes variables what they are."""
+        value, known = line.value, self.known(state)
+        match line.name:
+            case "$TOOL":
+                return replace(state, tool=self.of(line.words, "$TOOL", known))
+            case "$BASE":
+                return replace(state, base=self._base(line.words, known))
+            case "$IPO_MODE":
+                return replace(state, fixed_tool={"#BASE": False, "#TCP": True}.get(line.text))
+            case "FDAT_ACT":
+                return self._with_parameters(state, value)
+            case "$VEL.CP":
+                return replace(state, speed=_number(line.words, known))
+            case "$VEL":
+                part = value.parts[0] if len(value.parts) == 1 else None
+                if not isinstance(part, Aggregate):
+                    return replace(state, speed=None, turn_speed=None)
+                return replace(state, speed=part.value("CP"), turn_speed=part.value("ORI1"))
+            case "$VEL.ORI1":
+                return replace(state, turn_speed=_number(line.words, known))
+            case _ if line.variable == "$APO":
+                return replace(state, approximation=state.approximation.after_assignment(line, known))
+            case _:
+                pass
+        if line.variable == "FDAT_ACT" and state.parameters is not None:
+            return replace(state, parameters=_with_component(state.parameters, line, known))
+        if line.variable in ("$TOOL", "$BASE"):
+            held = self._with_own_component(line, variables)
+            return replace(state, tool=held) if line.variable == "$TOOL" else replace(state, base=held)
+        return state
+
+    def _with_own_component(self, line: Assignment, variables: Variables) -> Held:
+        """$TOOL or $BASE with a component that a line sets."""
+        value = variables.get(self.names.key(line.variable))
+        value = value.value if isinstance(value, Adjustable) else value
+        if not isinstance(value, Aggregate):
+            reason = value.reason if isinstance(value, Lost) else f"{line.name} is changed on its own"
+            return Held(frame=None, reason=reason)
+        try:
+            return Held(frame=self._frame(line.variable, pose(value)))
+        except Unresolved as trouble:
+            return Held(frame=None, reason=str(trouble))
+
+    def _with_parameters(self, state: State, value: Operand) -> State:
+        try:
+            return replace(state, parameters=self._parameters(value))
+        except Unresolved as trouble:
+            return replace(state, parameters=None, parameters_reason=str(trouble))
+
+    def _parameters(self, value: Operand) -> Aggregate:
+        if len(value.parts) != 1:
+            raise Unresolved("FDAT_ACT is not set to a set of parameters")
+        part = value.parts[0]
+        if isinstance(part, Aggregate):
+            return part
+        return self.data.find(part.name, self.names.module, self.names.routine).aggregate
+
+    def after_bas(self, state: State, line: Call) -> State:
+        """The state behind a call of BAS, the controller's routine for motion parameters (bas.src)."""
+        known = self.known(state)
+        state = replace(state, approximation=state.approximation.after_bas(line, known))
+        number = _number(line.arguments[1], known) if len(line.arguments) > 1 else None
+        match line.command:
+            case "#PTP_PARAMS" | "#PTP_DAT" | "#FRAMES":
+                return self.of_parameters(state, state.parameters)
+            case "#CP_PARAMS" | "#CP_DAT":
+                state = self.of_parameters(state, state.parameters)
+                state = replace(state, turn_speed=None)
+                return replace(state, speed=number) if line.command == "#CP_PARAMS" else state
+            case "#VEL_CP":
+                return replace(state, speed=number)
+            case "#TOOL":
+                return replace(state, tool=self.numbered("tool", number, known))
+            case "#BASE":
+                return replace(state, base=self.numbered("base", number, known))
+            case "#EX_BASE":
+                return replace(state, base=replace(self.numbered("base", number, known), carrier=EXTERNAL_KINEMATIC))
+            case "#INITMOV":
+                return self._initial(state)
+            case _:
+                return state
+
+    def _initial(self, state: State) -> State:
+        """The state behind BAS(#INITMOV): as the bas.src that was passed says; else tool and base are not known."""
+        reset = state.forgotten(
+            "BAS(#INITMOV) resets tool and base before it", EVERYTHING - {"motion", "approximation"}
+        )
+        tool, base = self.data.initial_frames
+        known = self.known(state)
+        if tool is not None:
+            reset = replace(reset, tool=self.numbered("tool", tool, known))
+        if base is not None:
+            reset = replace(reset, base=self.numbered("base", base, known))
+        return replace(reset, fixed_tool=False)
+
+    def with_settings(self, state: State, settings: dict[str, tuple[Word, ...]]) -> State:
+        """The state of one motion that sets tool, base or mode for itself."""
+        for name, words in settings.items():
+            function = words[0].upper if len(words) > 2 and words[1].text == "(" else ""
+            if function in ("STOOL", "STOOL2", "SBASE", "SIPO_MODE"):
+                state = self._set_by(state, name, words)
+            elif name in ("$TOOL", "$BASE"):
+                known = self.known(state)
+                if name == "$TOOL":
+                    state = replace(state, tool=self.of(words, name, known))
+                else:
+                    state = replace(state, base=self._base(words, known))
+            elif name == "$IPO_MODE":
+                state = replace(state, fixed_tool={"#BASE": False, "#TCP": True}.get("".join(w.upper for w in words)))
+            elif name in ("$VEL", "$VEL.CP"):
+                state = replace(state, speed=_number(words[2:3] if function == "SVEL_CP" else words, self.known(state)))
+            elif name == "$VEL.ORI1":
+                state = replace(state, turn_speed=_number(words, self.known(state)))
+            elif name.startswith("$APO"):
+                state = replace(state, approximation=state.approximation.of_motion(name, words, self.known(state)))
+        return state
+
+    def _set_by(self, state: State, name: str, words: tuple[Word, ...]) -> State:
+        """One of the inline forms' functions of a set of frame parameters, such as ``STOOL2(FP1)``."""
+        try:
+            parameters = self.data.find(words[2].upper, self.names.module, self.names.routine).aggregate
+        except Unresolved as trouble:
+            unknown = Held(frame=None, reason=str(trouble))
+            return replace(state, tool=unknown, base=unknown, fixed_tool=None)
+        set_by = self.of_parameters(state, parameters)
+        match name:
+            case "$TOOL":
+                return replace(state, tool=set_by.tool)
+            case "$BASE":
+                # SBASE knows BASE_DATA alone
+                text = f"SBASE sets a base that is carried by {set_by.base.carrier}; whether it then moves is not known"
+                return replace(state, base=Held(frame=None, reason=text) if set_by.base.carrier else set_by.base)
+            case _:
+                return replace(state, fixed_tool=set_by.fixed_tool)
+
+    def tool_and_part(self, state: State) -> tuple[Frame, Frame]:
+        """Tool and part of a motion, as its poses mean them: what stands still is given in the robot's own base.
+
+        Raises:
+            Unresolved: the text does not tell them.
+        """
+        tool, base = state.tool, state.base
+        if tool.frame is None or base.frame is None:
+            raise Unresolved(tool.reason if tool.frame is None else base.reason)
+        if state.fixed_tool is None:
+            raise Unresolved("whether the robot holds tool or part ($IPO_MODE) is not stated before it")
+        if not state.fixed_tool:
+            return tool.frame, base.frame if base.carrier else self._standing(base.frame)
+        if base.carrier or tool.carrier:
+            raise Unresolved("$IPO_MODE is #TCP, and the base is one that moves")
+        # With #TCP the part hangs on the flange; its frame is one of TOOL_DATA, the fixed tool one of BASE_DATA, whichever of
+        # the two variables holds it: bas.src and hand-written programs differ in that
+        if {tool.table, base.table} <= {"tool", "base", "null"} and tool.table != base.table:
+            held, standing = (tool, base) if tool.table == "tool" or base.table == "base" else (base, tool)
+            assert held.frame is not None
+            assert standing.frame is not None
+            return self._standing(standing.frame), held.frame
+        raise Unresolved(
+            "$IPO_MODE is #TCP, and which frame is the part's and which the fixed tool's is not clear; take one from "
+            "TOOL_DATA and one from BASE_DATA"
+        )
+
+    def _standing(self, frame: Frame) -> Frame:
+        if self.data.robroot is None:
+            return frame
+        T = se3.inverse(self.robroot) @ frame.T
+        return frame if np.array_equal(T, frame.T) else self._frame(frame.name, T)
+
+
+def _with_component(parameters: Aggregate, line: Assignment, known: Known) -> Aggregate:
+    """A set of parameters with one component as a line sets it: a number, or something that the text does not tell."""
+    name = line.name.partition(".")[2]
+    new = Field(
+        name=name,
+        text=line.text,
+        value=_number(line.words, known),
+        start=0,
+        end=0,
+        touches=False,
+    )
+    return replace(parameters, fields=(*(old for old in parameters.fields if old.name != name), new))
+
+
+def _number(words: Sequence[Word], lookup: Lookup) -> float | None:
+    try:
+        return number_of(words, lookup)
+    except Unresolved:
+        return None

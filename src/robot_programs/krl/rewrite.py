@@ -1,0 +1,726 @@
+"""New numbers for the points of a KRL program, in the places where it states them."""
+
+import re
+from collections import defaultdict
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from math import isnan
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from robot_programs.core.program import Move, MoveKind, Visit, Waypoint, reject_in_turn
+from robot_programs.core.source import Edit, FreshNames, Place, Source, edited_piece, numeral
+from robot_programs.krl.data import (
+    AXES,
+    EXTERNAL,
+    Datum,
+    File,
+    axis_values,
+    edits_for,
+    has_axes,
+    has_pose,
+    pose_values,
+    whole,
+)
+from robot_programs.krl.syntax import (
+    Aggregate,
+    Assignment,
+    Begin,
+    Motion,
+    Operand,
+    Reference,
+    Statement,
+    lines_of_words,
+)
+from taskcal.kernels import walk
+from taskcal.kernels.chain import Chain, Fixed, Joint, Step
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot import Robot
+
+# Status and turn, by which KRL tells apart the axis positions that reach one pose.
+#
+# KUKA System Software, Operating and Programming Instructions for System Integrators, section "Status and Turn":
+#
+# - T, bit i − 1: axis i stands below 0°. - S, bit 0: the centre of the wrist lies behind axis 1, that is at
+# negative x of a frame that turns with axis 1 (overhead area). - S, bit 1: axis 3 stands at or beyond the angle at
+# which the wrist's centre, axis 3 and axis 2 are in line; that angle is zero where axis 4 meets axis 3, and follows
+# from their offset otherwise. - S, bit 2: axis 5 lies in −180° … 0° or beyond 180°. - S, bit 4: the point was
+# taught by a robot whose controller corrects its own geometry.
+
+JOINTS = 6
+ACCURATE_BIT = 0b10000
+"""Of S, where the controller's own correction was on."""
+
+BORDER = 1e-6
+"""Nearer to the border between two values of a bit than this, radians or metres, either value is right."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Status:
+    """S and T of a position; either may be missing."""
+
+    S: int | None
+    T: int | None
+
+    def agrees(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Bool[np.ndarray, " n"]:
+        """Whether each posture has this status and turn.
+
+        S does not count on a robot without a wrist of three axes through one point, where it cannot be told.
+
+        Args:
+            robot: the robot.
+            q: joint positions, radians.
+        """
+        return self.miss(robot, q) < BORDER
+
+    @property
+    def tolerated(self) -> float:
+        """How far off the controller still takes the nearest posture, radians: not at all."""
+        return 0.0
+
+    def miss(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
+        """How far each posture is from the one meant, radians: the angle of joints to the sign that T states.
+
+        On the wrong side of what S tells it is half a turn and more.
+        """
+        away = np.zeros(len(q))
+        if self.T is not None:
+            away = _bits_miss(self.T, -q[:, :JOINTS]).max(axis=1)
+        beyond = _beyond(robot, q)
+        if self.S is not None and beyond is not None:
+            wrong = _bits_miss(self.S, beyond)
+            away = np.maximum(away, np.where(wrong < BORDER, wrong, np.pi + wrong).max(axis=1))
+        return away
+
+    def of(self, robot: Robot, q: Float[np.ndarray, " joints"]) -> "Status":
+        """Status and turn of a posture.
+
+        What the posture does not decide stays as it is here: what is missing, bits of other meaning, bits on the border, and S
+        on a robot without a wrist of three axes through one point.
+
+        Args:
+            robot: the robot.
+            q: joint positions, radians.
+        """
+        beyond = _beyond(robot, q[None])
+        S = self.S if self.S is None or beyond is None else _with_bits(self.S, beyond[0])
+        T = None if self.T is None else _with_bits(self.T, -q[:JOINTS])
+        return Status(S=S, T=T)
+
+
+def _bits_miss(value: int, positive: Float[np.ndarray, "n bits"]) -> Float[np.ndarray, "n bits"]:
+    """How far each amount is on the wrong side, zero on the right one."""
+    stated = (value >> np.arange(positive.shape[1])) & 1 == 1
+    return np.maximum(np.where(stated, -positive, positive), 0.0)
+
+
+def _with_bits(value: int, positive: Float[np.ndarray, " bits"]) -> int:
+    for bit, amount in enumerate(positive):
+        if abs(amount) >= BORDER:
+            value = value | 1 << bit if amount > 0 else value & ~(1 << bit)
+    return value
+
+
+def _beyond(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3"] | None:
+    """What is positive where bits 0, 1 and 2 of S are set; None for a robot without such a wrist."""
+    geometry = _geometry(robot)
+    if geometry is None:
+        return None
+    ahead = q.copy()
+    ahead[:, 0] = 0.0  # seen from a frame that turns with axis 1
+    overhead = -geometry.wrist(ahead)[:, 0]
+    second, third = geometry.frames(q, 1), geometry.frames(q, 2)
+    arm, forearm = third[:, :3, 3] - second[:, :3, 3], geometry.wrist(q) - third[:, :3, 3]
+    elbow = np.einsum("ni,ni->n", third[:, :3, 2], np.cross(arm, forearm)) * geometry.elbow_sign
+    return np.stack([overhead, elbow, -np.sin(q[:, 4])], axis=1)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Geometry:
+    model: ErrorModel
+    chains: tuple[Chain, ...]
+    """From the base to behind each joint."""
+    centre: Float[np.ndarray, " 3"]
+    """Of the wrist, in the frame behind joint 4."""
+    elbow_sign: float
+    """Whether axis 3 counts about its z axis or against it."""
+
+    def frames(self, q: Float[np.ndarray, "n joints"], joint: int) -> Float[np.ndarray, "n 4 4"]:
+        """Frames behind a joint, counted from 0, in the base."""
+        s = self.model.walk(q).s
+        return walk.poses(self.chains[joint], np.ascontiguousarray(s[:, : joint + 1]), np.zeros((0, 6)))
+
+    def wrist(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3"]:
+        """Centres of the wrist in the base."""
+        T = self.frames(q, 3)
+        return T[:, :3, :3] @ self.centre + T[:, :3, 3]
+
+
+@lru_cache(maxsize=8)
+def _geometry(robot: Robot) -> _Geometry | None:
+    """The arm's geometry; None unless axes 2 and 3 are parallel and axes 4, 5 and 6 meet in one point."""
+    if len(robot.joints) != JOINTS or any(robot.prismatic):
+        return None
+    steps: list[Step] = []
+    chains: list[Chain] = []
+    for joint in robot.joints:
+        steps += [Fixed(part.transform) for part in joint.before]
+        steps.append(Joint("revolute"))
+        chains.append(Chain.of(steps))
+        steps += [Fixed(part.transform) for part in joint.after]
+    model = ErrorModel(robot)
+    geometry = _Geometry(
+        model=model,
+        chains=tuple(chains),
+        centre=np.zeros(3),
+        elbow_sign=float(np.sign(robot.joint_map.matrix[2, 2])),
+    )
+    home = np.mean(np.clip(robot.limits, -np.pi, np.pi), axis=1)[None]
+    T = np.stack([geometry.frames(home, joint)[0] for joint in range(JOINTS)])
+    centre, distance = _meeting_point(T[3:, :3, 3], T[3:, :3, 2])
+    if distance > BORDER or np.linalg.norm(np.cross(T[1, :3, 2], T[2, :3, 2])) > BORDER:
+        return None
+    return _Geometry(
+        model=model,
+        chains=geometry.chains,
+        centre=T[3, :3, :3].T @ (centre - T[3, :3, 3]),
+        elbow_sign=geometry.elbow_sign,
+    )
+
+
+def _meeting_point(
+    points: Float[np.ndarray, "lines 3"], directions: Float[np.ndarray, "lines 3"]
+) -> tuple[Float[np.ndarray, " 3"], float]:
+    """The point nearest to some lines, and the largest of its distances from them."""
+    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
+    centre = np.linalg.lstsq(across.sum(axis=0), np.einsum("nij,nj->i", across, points), rcond=None)[0]
+    away = np.einsum("nij,nj->ni", across, centre - points)
+    return centre, float(np.linalg.norm(away, axis=1).max())
+
+
+LONGEST_NAME = 24
+"""Characters of a name in KRL."""
+
+_SAME = 1e-9
+"""Poses and joint positions that differ by less are one, metres and radians."""
+
+_ALONG = re.compile(r"\s*#(BASE|TOOL)\b", re.IGNORECASE)
+
+KEYWORDS: dict[MoveKind, str] = {"joint": "PTP", "axes": "PTP", "linear": "LIN", "circular": "CIRC"}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Written:
+    """A point of a motion as it is written."""
+
+    operand: Operand
+    aggregates: tuple[Aggregate, ...]
+    """What it states, and what is added to it by ``:``."""
+    datum: Datum | None
+    """Where it is a variable, or starts with one."""
+    file: File
+    """Of the motion."""
+    computed: bool = False
+    """Code computes some of it, so that its numbers stand nowhere in the text."""
+
+    @property
+    def template(self) -> str:
+        """The text of the position it states, or to which is added."""
+        first = self.aggregates[0]
+        return (self.file if self.datum is None else self.datum.file).source.text[first.start : first.end]
+
+    @property
+    def listed(self) -> Datum | None:
+        """The variable, if it stands in a line of its own in the program's own data list and no other program uses it."""
+        datum = self.datum
+        if datum is None or datum.shared or datum.declaration is None or datum.file.module != self.file.module:
+            return None
+        return datum if len(datum.declaration.variables) == 1 else None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Site:
+    """A motion's place in the text."""
+
+    file: File
+    motion: Motion
+    written: tuple[Written, ...]
+    """Its points, the last of them the end."""
+    leans: bool = False
+    """It counts from where the motion before ends, at least in part."""
+    before: tuple[int, ...] = ()
+    """Numbers of the motions that may be the one before, as far as they are known."""
+
+    @property
+    def text(self) -> tuple[int, int]:
+        """Number of the file and first character."""
+        return (self.file.number, self.motion.start)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Use:
+    """A variable that gets other numbers for some motions."""
+
+    datum: Datum
+    changes: tuple[Edit, ...]
+    points: list[Written] = field(default_factory=list[Written])
+
+
+def rewrite(
+    sources: tuple[Source, ...],
+    sites: Sequence[Site],
+    moves: Sequence[Move],
+    robot: Robot,
+    waypoints: Mapping[int, tuple[Waypoint, ...]],
+    elements: Container[int],
+) -> tuple[Source, ...]:
+    """The sources with some motions rewritten; see `KrlProgram.rewrite`.
+
+    Args:
+        sources: the files.
+        sites: of the motions.
+        moves: the motions.
+        robot: the robot.
+        waypoints: by number of the motion.
+        elements: numbers of motions whose points get their numbers in the data list, because others share their text.
+    """
+    rewriting = _Rewriting(robot=robot, files=_files(sites))
+    changed = {number for number, path in waypoints.items() if not stays(moves[number], path)}
+    done: set[tuple[int, int]] = set()
+    for number, (site, move) in enumerate(zip(sites, moves, strict=True)):
+        path = waypoints.get(number)
+        if site.leans:
+            path = (path or (_own(move),)) if number in changed or changed.intersection(site.before) else None
+        if path is None:
+            continue
+        if number in elements:
+            rewriting.elements(site, move, path)
+        elif move.texts_motions == 1:
+            rewriting.motion(site, move, path)
+        elif stays(move, path):
+            continue
+        elif site.text not in done:
+            done.add(site.text)
+            rewriting.motion(site, move, path)
+    rewriting.variables()
+    return tuple(source.edited(rewriting.edits.get(i, ())) for i, source in enumerate(sources))
+
+
+def stays(move: Move, path: tuple[Waypoint, ...]) -> bool:
+    """Whether a motion is to go where it goes already."""
+    (only, *more) = path
+    if more or only.kind != move.kind:
+        return False
+    pairs = [(move.end.q, only.q if only.T is None else None), (move.end.T, only.T)]
+    if move.via is not None and only.via is not None:
+        pairs.append((move.via.T, only.via.T))
+    return all(
+        old is None if new is None else old is not None and bool(np.abs(new - old).max() < _SAME) for old, new in pairs
+    )
+
+
+def _own(move: Move) -> Waypoint:
+    """A motion's own end, to be written again."""
+    q = np.full(len(AXES), np.nan) if move.end.q is None else move.end.q
+    via = None if move.via is None else Waypoint(kind=move.kind, q=q, T=move.via.T)
+    return Waypoint(kind=move.kind, q=q, T=move.end.T, via=via)
+
+
+def _files(sites: Sequence[Site]) -> tuple[File, ...]:
+    files = {f.number: f for site in sites for f in (site.file, *(w.datum.file for w in site.written if w.datum))}
+    return tuple(files.values())
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Rewriting:
+    robot: Robot
+    files: tuple[File, ...]
+    edits: dict[int, list[Edit]] = field(default_factory=dict[int, list[Edit]])
+    """By number of the file."""
+    uses: dict[tuple[int, int, tuple[Edit, ...]], _Use] = field(
+        default_factory=dict[tuple[int, int, tuple[Edit, ...]], _Use]
+    )
+    """By file and position of the variable, and by what changes."""
+
+    def _edit(self, file: File, edit: Edit) -> None:
+        self.edits.setdefault(file.number, []).append(edit)
+
+    def motion(self, site: Site, move: Move, path: tuple[Waypoint, ...]) -> None:
+        """Rewrite a motion, with motions of their own for all waypoints but the last."""
+        *before, last = path
+        self._before(site, move, before)
+        start = site.motion.start
+        if last.kind != move.kind or site.leans:
+            text = self._instruction(site, move, last, passing=not move.stops)
+            self._edit(site.file, Edit(start=start, end=site.motion.end, text=text))
+            return
+        self._point(site.written[-1], last)
+        if last.via is not None:
+            self._point(site.written[0], last.via)
+
+    def _before(self, site: Site, move: Move, path: Sequence[Waypoint]) -> None:
+        """Put motions of their own before a motion."""
+        source, start = site.file.source, site.motion.start
+        line = source.text.rfind("\n", 0, start) + 1
+        for waypoint in path:
+            text = self._instruction(site, move, waypoint, passing=True)
+            self._edit(site.file, Edit(start=line, end=line, text=f"{source.indent(start)}{text}{source.newline}"))
+
+    def elements(self, site: Site, move: Move, path: tuple[Waypoint, ...]) -> None:
+        """Give the elements to which a motion goes their new numbers, in the data list."""
+        *before, last = path
+        self._before(site, move, before)
+        points = (last,) if last.via is None else (last.via, last)
+        for written, waypoint in zip(site.written, points, strict=True):
+            datum = written.datum
+            assert datum is not None
+            edits = self.edits.setdefault(datum.file.number, [])
+            known = {(edit.start, edit.end) for edit in edits}
+            changes = edits_for(datum.aggregate, values_at(self.robot, written, waypoint))
+            edits += [change for change in changes if (change.start, change.end) not in known]
+
+    def _instruction(self, site: Site, move: Move, waypoint: Waypoint, *, passing: bool) -> str:
+        """A motion instruction to a waypoint, with all else that the motion says."""
+        keyword = KEYWORDS[waypoint.kind]
+        spline = site.motion.keyword.startswith("S")
+        if spline:
+            # a line in its stead would change the spline
+            keyword = "SPL" if site.motion.keyword == "SPL" else f"S{keyword}"
+        points = [self._aggregate(site.written[-1], waypoint)]
+        if waypoint.via is not None:
+            points.insert(0, self._aggregate(site.written[-1], waypoint.via))
+        rest = site.file.source.text[site.written[-1].operand.end : site.motion.end]
+        if site.motion.along:
+            rest = _ALONG.sub("", rest)
+        along_path = waypoint.kind in ("linear", "circular")
+        if not spline and along_path != (move.kind in ("linear", "circular")):
+            rest = ""  # C_PTP is not for paths, C_DIS not for PTP alone
+        if passing and (move.stops or not rest):
+            rest += " C_SPL" if spline else " C_DIS" if along_path else " C_PTP"
+        return f"{keyword} {', '.join(points)}{rest}"
+
+    def _point(self, written: Written, waypoint: Waypoint) -> None:
+        """Give a point of a motion its new numbers."""
+        first, operand = written.aggregates[0], written.operand
+        if has_axes(first) == (waypoint.T is None):
+            changes = edits_for(first, values_at(self.robot, written, waypoint))
+            if written.datum is None and len(operand.parts) == 1 and not written.computed:
+                for change in changes:
+                    self._edit(written.file, change)
+                return
+            datum = written.listed
+            if datum is not None and not written.computed:
+                key = (datum.file.number, datum.start, tuple(changes))
+                self.uses.setdefault(key, _Use(datum=datum, changes=key[2])).points.append(written)
+                return
+            if not changes and len(operand.parts) < 2:
+                return
+        self._edit(written.file, Edit(start=operand.start, end=operand.end, text=self._aggregate(written, waypoint)))
+
+    def _aggregate(self, written: Written, waypoint: Waypoint) -> str:
+        """A waypoint in braces: as the point is written, if it states the same kind of position completely, in numbers."""
+        first = written.aggregates[0]
+        values = values_at(self.robot, written, waypoint)
+        names = [name for name in values if name not in ("S", "T")]
+        beside = {name: value for name, value in zip(EXTERNAL, waypoint.external, strict=False) if not isnan(value)}
+        values |= {name: value for name, value in beside.items() if first.field(name)}
+        numbers = all(first.field(name) for name in names) and all(part.value is not None for part in first.fields)
+        if numbers and not written.computed:
+            return edited_piece(written.template, edits_for(first, values), first.start)
+        parts = [f"{name} {numeral(values[name], 5 if name in 'XYZ' else 6)}" for name in names]
+        for name in ("S", "T"):
+            own = first.field(name)
+            if name in values:
+                parts.append(f"{name} {int(values[name])}")
+            elif own is not None and waypoint.T is not None:
+                parts.append(f"{name} {own.text}")
+        parts += [
+            f"{name} {numeral(values[name], 6) if name in values else component.text}"
+            for name in EXTERNAL
+            if (component := first.field(name))
+        ]
+        return f"{{{'E6AXIS' if waypoint.T is None else 'E6POS'}: {','.join(parts)}}}"
+
+    def variables(self) -> None:
+        """Change variables where all motions that use one agree, and copy them where they do not."""
+        by_datum: dict[tuple[int, int], list[_Use]] = {}
+        for (file, start, _), use in self.uses.items():
+            by_datum.setdefault((file, start), []).append(use)
+        if not self.uses:
+            return
+        needed = {use.datum.name for use in self.uses.values()}
+        mentions = _mentions(self.files, needed)
+        names = FreshNames((name for _, name, _ in _all_names(self.files)), longest=LONGEST_NAME)
+        for uses in by_datum.values():
+            datum = uses[0].datum
+            rewritten = {(w.file.number, w.operand.start) for use in uses for w in use.points}
+            rewritten.add((datum.file.number, datum.start))
+            stays = any(not use.changes for use in uses) or mentions[datum.file.module, datum.name] - rewritten
+            for use in uses:
+                if not stays and use is uses[0]:
+                    for change in use.changes:
+                        self._edit(datum.file, change)
+                    name = _name(datum)
+                else:
+                    name = self._copied(use, names) if use.changes else _name(datum)
+                for written in use.points:
+                    operand = written.operand
+                    if (
+                        len(operand.parts) > 1
+                        or written.file.source.text[operand.start : operand.end].upper() != name.upper()
+                    ):
+                        self._edit(written.file, Edit(start=operand.start, end=operand.end, text=name))
+
+    def _copied(self, use: _Use, names: FreshNames) -> str:
+        """Put a copy of a variable with other numbers behind its line."""
+        datum, source = use.datum, use.datum.file.source
+        name = names.like(_name(datum))
+        start = source.text.rfind("\n", 0, datum.start) + 1
+        end = source.text.find("\n", datum.start) + 1
+        renamed = Edit(start=datum.start, end=datum.start + len(_name(datum)), text=name)
+        line = edited_piece(source.text[start : end or None], [renamed, *use.changes], start)
+        at = end or len(source.text)
+        self._edit(datum.file, Edit(start=at, end=at, text=line if end else source.newline + line))
+        return name
+
+
+def values_at(robot: Robot, written: Written, waypoint: Waypoint) -> dict[str, float]:
+    """Values of all components of a point at a waypoint, millimetres and degrees."""
+    if waypoint.T is None:
+        return axis_values(waypoint.q)
+    first = written.aggregates[0]
+    values = pose_values(waypoint.T, first)
+    if has_pose(first) and not (first.field("S") or first.field("T")):
+        return values
+    if np.isnan(waypoint.q).any():  # written again where it was, of which the posture is not known
+        return values
+    stated = Status(S=whole(first, "S") or 0, T=whole(first, "T") or 0)
+    status = stated.of(robot, waypoint.q)
+    return {**values, "S": float(status.S or 0), "T": float(status.T or 0)}
+
+
+def mentions_of(variable: str, sites: Sequence[Site], module: str) -> Iterator[tuple[File, int]]:
+    """Files and positions at which a module names a variable of its own."""
+    files = tuple(file for file in _files(sites) if file.module == module)
+    return ((file, position) for file, name, position in _all_names(files) if name == variable)
+
+
+def _name(datum: Datum) -> str:
+    """A variable's name as its declaration writes it."""
+    return datum.file.source.text[datum.start : datum.start + len(datum.name)]
+
+
+def _mentions(files: tuple[File, ...], names: set[str]) -> dict[tuple[str, str], set[tuple[int, int]]]:
+    """By module and name: the places, as file and position, where some names stand."""
+    out: dict[tuple[str, str], set[tuple[int, int]]] = {(f.module, name): set() for f in files for name in names}
+    for file, name, position in _all_names(files):
+        if name in names:
+            out[file.module, name].add((file.number, position))
+    return out
+
+
+def _all_names(files: tuple[File, ...]) -> Iterator[tuple[File, str, int]]:
+    for file in files:
+        for words in lines_of_words(file.source.text):
+            for word in words:
+                if word.kind == "name":
+                    yield file, word.upper, word.start
+
+
+# Motions that share their text, in a loop or in a routine with several calls: which can be rewritten as each of
+# them needs.
+#
+# A text that goes to elements of an array by a computed index leaves it to the elements, which get their numbers in
+# the data list. Any other text can only be rewritten if all of its motions need the same.
+
+SAME = 2e-5
+"""Millimetres and degrees that differ by less are written alike."""
+
+Values = tuple[dict[str, float] | None, ...]
+"""New numbers for the points of a motion; None for those that stay."""
+
+
+def in_data_list(
+    sites: Sequence[Site], moves: Sequence[Move], waypoints: Mapping[int, tuple[Waypoint, ...]]
+) -> frozenset[int]:
+    """Numbers of motions whose points get their numbers in the data list.
+
+    They go to elements of arrays of the program's own to which a text leads that stands for several motions.
+    """
+    arrays = [_arrays(site) for site in sites]
+    shared = frozenset[str]().union(*(own for own, move in zip(arrays, moves, strict=True) if move.texts_motions > 1))
+    return frozenset(
+        i
+        for i, (own, move) in enumerate(zip(arrays, moves, strict=True))
+        if own & shared and all(point.kind == move.kind for point in waypoints.get(i, ())[-1:])
+    )
+
+
+def _arrays(site: Site) -> frozenset[str]:
+    """Arrays of the program's own to which a motion goes, by module and name; none where any of its points is anything else."""
+    names = [_array(written) for written in site.written]
+    return frozenset(names) if all(names) else frozenset()
+
+
+def _array(written: Written) -> str:
+    parts, datum = written.operand.parts, written.datum
+    part = parts[0] if len(parts) == 1 else None
+    if datum is None or written.computed or not isinstance(part, Reference) or "[" not in datum.name:
+        return ""
+    if datum.shared or datum.file.module != written.file.module:
+        return ""
+    return f"{datum.file.module}:{datum.name.partition('[')[0]}"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sharing:
+    """The motions of a program."""
+
+    sites: Sequence[Site]
+    moves: Sequence[Move]
+    robot: Robot
+
+    def unwritable(self, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> dict[int, str]:
+        """Motions that cannot be rewritten as they should, by number, and why."""
+        return reject_in_turn(waypoints, self._conflicts)
+
+    def _conflicts(self, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> Iterator[tuple[int, str]]:
+        texts: dict[tuple[int, int], list[int]] = defaultdict(list)
+        elements = in_data_list(self.sites, self.moves, waypoints)
+        for i, (site, move) in enumerate(zip(self.sites, self.moves, strict=True)):
+            if move.texts_motions == 1:
+                continue
+            yield from self._alone(i, waypoints)
+            if i not in elements:
+                texts[site.text].append(i)
+        for group in texts.values():
+            yield from self._of_text(group, waypoints)
+        yield from self._of_elements(sorted(elements), waypoints)
+
+    def _alone(self, i: int, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> Iterator[tuple[int, str]]:
+        """What one of several motions of a text cannot become, and what it keeps others from."""
+        site, move = self.sites[i], self.moves[i]
+        path = waypoints.get(i)
+        if path is not None and stays(move, path):
+            path = None
+        other = path is not None and (len(path) != 1 or any(waypoint.kind != move.kind for waypoint in path))
+        if other or (path is not None and site.leans):
+            yield i, f"its text stands for {move.texts_motions} motions, and cannot become other ones for one of them"
+        if site.leans:
+            why = f"{move.place} counts from where it ends, and its text stands for {move.texts_motions} motions"
+            yield from ((before, why) for before in site.before)
+
+    def _of_text(
+        self, group: Sequence[int], waypoints: Mapping[int, tuple[Waypoint, ...]]
+    ) -> Iterator[tuple[int, str]]:
+        """Motions of one text, which has to be the same for all of them."""
+        changing = [i for i in group if i in waypoints]
+        wants = [self._wanted(i, waypoints.get(i)) for i in group]
+        if not changing or all(_agree(wants[0], want) for want in wants):
+            return
+        places = {
+            np.asarray(end.T if end.T is not None else end.q).tobytes() for end in (self.moves[i].end for i in group)
+        }
+        count = self.moves[group[0]].texts_motions
+        apart = " to different places" if len(places) > 1 else ", which need different numbers"
+        why = f"its text stands for {count} motions{apart}"
+        yield from ((i, why) for i in changing)
+
+    def _of_elements(
+        self, numbers: Sequence[int], waypoints: Mapping[int, tuple[Waypoint, ...]]
+    ) -> Iterator[tuple[int, str]]:
+        """Motions to elements of arrays, each of which has one set of numbers for all that go there."""
+        users: dict[tuple[int, int], list[tuple[int, dict[str, float] | None]]] = defaultdict(list)
+        data: dict[tuple[int, int], Datum] = {}
+        for i in numbers:
+            for written, values in zip(self.sites[i].written, self._wanted(i, waypoints.get(i)), strict=True):
+                datum = written.datum
+                assert datum is not None
+                key = (datum.file.number, datum.start)
+                data[key] = datum
+                users[key].append((i, values))
+        own = {(w.file.number, w.operand.start) for i in numbers for w in self.sites[i].written}
+        for key, wants in users.items():
+            changing = [i for i, values in wants if values is not None]
+            if not changing:
+                continue
+            other = self._other_reading(data[key], own)
+            if other is not None:
+                why = f"its target {data[key].name} is read for something else in {other}, too"
+                yield from ((i, why) for i in changing)
+            elif not all(_agree((wants[0][1],), (values,)) for _, values in wants):
+                places = ", ".join(dict.fromkeys(str(self.moves[i].place) for i, _ in wants))
+                why = f"has its target {data[key].name} in common with {places}, which need other numbers"
+                yield from ((i, why) for i in changing)
+
+    def _other_reading(self, datum: Datum, own: set[tuple[int, int]]) -> Place | None:
+        """Where code names an array beside the motions that go to its elements."""
+        array = datum.name.partition("[")[0]
+        for file, position in mentions_of(array, self.sites, datum.file.module):
+            if not file.holds_data and (file.number, position) not in own:
+                return file.source.place(position)
+        return None
+
+    def _wanted(self, i: int, path: tuple[Waypoint, ...] | None) -> Values:
+        site = self.sites[i]
+        if path is None or stays(self.moves[i], path):
+            return (None,) * len(site.written)
+        last = path[-1]
+        points = (last,) if last.via is None or len(site.written) == 1 else (last.via, last)
+        if len(points) < len(site.written):
+            return (None,) * len(site.written)
+        return tuple(values_at(self.robot, w, p) for w, p in zip(site.written, points, strict=True))
+
+
+def _agree(one: Values, other: Values) -> bool:
+    for a, b in zip(one, other, strict=True):
+        if a is None or b is None or a.keys() != b.keys():
+            if a is not b:
+                return False
+        elif any(abs(a[name] - b[name]) > SAME for name in a):
+            return False
+    return True
+
+
+def visits_of(sites: Sequence[Site], moves: Sequence[Move], files: Iterable[File]) -> Iterator[Visit]:
+    """Motions of one routine that name one point, or a variable that was last set by it, and those that lean on each other."""
+    numbers: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for i, site in enumerate(sites):
+        numbers[site.text].append(i)
+    for file in files:
+        for lines in _routines(file):
+            points = {name for line in lines if isinstance(line, Motion) for name in _named(line)}
+            sets: dict[str, frozenset[str]] = {}
+            for line in lines:
+                if isinstance(line, Assignment) and not line.component:
+                    named = frozenset(points.intersection(word.upper for word in line.words)) - {line.name}
+                    sets[line.name] = named.union(*(sets.get(name, ()) for name in named))
+                elif isinstance(line, Motion):
+                    named = frozenset(_named(line))
+                    for name in named.union(*(sets.get(name, ()) for name in named)):
+                        for i in numbers.get((file.number, line.start), (None,)):
+                            target = (file.number, lines[0].start, name)
+                            yield Visit(number=i, target=target, place=file.source.place(line.start))
+    for i, site in enumerate(sites):
+        for number in (i, *site.before) if site.leans else ():
+            yield Visit(number=number, target=i, place=moves[number].place)
+
+
+def _routines(file: File) -> Iterator[list[Statement]]:
+    """The lines of each routine of a file."""
+    lines: list[Statement] = []
+    for line in file.statements:
+        if isinstance(line, Begin) and lines:
+            yield lines
+            lines = []
+        lines.append(line)
+    if lines:
+        yield lines
+
+
+def _named(motion: Motion) -> Iterator[str]:
+    """Variables in the points of a motion."""
+    for operand in motion.operands:
+        yield from (part.name for part in operand.parts if isinstance(part, Reference))

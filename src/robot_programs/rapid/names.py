@@ -1,0 +1,283 @@
+"""Which declaration a name stands for, by RAPID's rules of scope."""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from robot_programs.core.program import Unresolved
+from robot_programs.core.source import Source
+from robot_programs.rapid.syntax import Declaration, Module, Routine, Token
+
+# What every RAPID program can use without declaring it: types, data, instructions and functions.
+#
+# Source: RAPID reference manuals, 3HAC050917 (instructions, functions and data types).
+
+Value = float | bool | str | tuple["Value", ...]
+"""Of data: a number, a truth, a string; of a record or an array the values in it."""
+
+TYPES: Mapping[str, tuple[tuple[str, str], ...]] = {
+    "pos": (("x", "num"), ("y", "num"), ("z", "num")),
+    "orient": (("q1", "num"), ("q2", "num"), ("q3", "num"), ("q4", "num")),
+    "pose": (("trans", "pos"), ("rot", "orient")),
+    "confdata": (("cf1", "num"), ("cf4", "num"), ("cf6", "num"), ("cfx", "num")),
+    "extjoint": tuple((f"eax_{c}", "num") for c in "abcdef"),
+    "robjoint": tuple((f"rax_{i}", "num") for i in range(1, 7)),
+    "robtarget": (("trans", "pos"), ("rot", "orient"), ("robconf", "confdata"), ("extax", "extjoint")),
+    "jointtarget": (("robax", "robjoint"), ("extax", "extjoint")),
+    "loaddata": (("mass", "num"), ("cog", "pos"), ("aom", "orient"), ("ix", "num"), ("iy", "num"), ("iz", "num")),
+    "tooldata": (("robhold", "bool"), ("tframe", "pose"), ("tload", "loaddata")),
+    "wobjdata": (
+        ("robhold", "bool"), ("ufprog", "bool"), ("ufmec", "string"), ("uframe", "pose"), ("oframe", "pose"),
+    ),
+    "speeddata": (("v_tcp", "num"), ("v_ori", "num"), ("v_leax", "num"), ("v_reax", "num")),
+    "zonedata": (
+        ("finep", "bool"), ("pzone_tcp", "num"), ("pzone_ori", "num"), ("pzone_eax", "num"), ("zone_ori", "num"),
+        ("zone_leax", "num"), ("zone_reax", "num"),
+    ),
+}  # fmt: skip
+"""Components of the records, each with its type, in order."""
+
+_IDENTITY: Value = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+_ZERO_LOAD: Value = (0.001, (0.0, 0.0, 0.001), (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
+_SPEEDS = (
+    5, 10, 20, 30, 40, 50, 60, 80, 100, 150, 200, 300, 400, 500, 600, 800, 1000, 1500, 2000, 2500, 3000, 4000, 5000,
+    6000, 7000,
+)  # fmt: skip
+# size of the path zone, zones of the reorientation in mm and degrees
+_ZONES = (
+    (0.0, 0.3, 0.03), (1.0, 1.0, 0.1), (5.0, 8.0, 0.8), (10.0, 15.0, 1.5), (15.0, 23.0, 2.3), (20.0, 30.0, 3.0),
+    (30.0, 45.0, 4.5), (40.0, 60.0, 6.0), (50.0, 75.0, 7.5), (60.0, 90.0, 9.0), (80.0, 120.0, 12.0), (100.0, 150.0, 15.0),
+    (150.0, 225.0, 23.0), (200.0, 300.0, 30.0),
+)  # fmt: skip
+
+
+def _zone(fine: bool, size: float, wide: float, angle: float) -> Value:
+    return (fine, size, wide, wide, angle, wide, angle)
+
+
+DATA: Mapping[str, tuple[str, Value]] = {
+    "tool0": ("tooldata", (True, _IDENTITY, _ZERO_LOAD)),
+    "wobj0": ("wobjdata", (False, True, "", _IDENTITY, _IDENTITY)),
+    **{f"v{v}": ("speeddata", (float(v), 500.0, 5000.0, 1000.0)) for v in _SPEEDS},
+    **{f"z{size:g}": ("zonedata", _zone(False, size or 0.3, w, a)) for size, w, a in _ZONES},
+    "fine": ("zonedata", _zone(True, 0.0, 0.0, 0.0)),
+    "pi": ("num", 3.141592653589793),
+}
+"""Type and value of data that the system declares."""
+
+_MOTIONLESS = """
+    accset worldacclim velset confj confl singarea cirpathmode softact softdeact gripload mechunitload set reset setdo
+    setao setgo pulsedo invertdo setalldo waittime waitdi waitdo waitai waitao waitgi waitgo waituntil waitrob
+    waitsynctask waittestandset tpwrite tperase tpshow uimsgbox uishow uimsgwrite uimsgwriteabort errwrite errlog
+    errraise stop break systemstopaction stopmove startmove stopmovereset clkstart clkstop clkreset isignaldi isignaldo
+    isignalai isignalao isignalgi isignalgo ipers ivarvalue ierror itimer idelete ienable idisable isleep iwatch
+    motionsup triggio triggequip triggint triggcheckio triggspeed triggrampao open close write writebin writestrbin
+    writeanybin rewind clearrawbytes packrawbytes load unload startload cancelload eoffson eoffsoff eoffsset pdispon
+    pdispset pdispoff
+    tunereset tuneservo pathresol actunit deactunit spystart spystop connect
+    socketcreate socketbind socketlisten socketaccept socketconnect socketsend socketreceive socketclose
+    tpreadfk tpreadnum tpreaddnum incr decr add clear gettime settime bitset bitclear getsysdata
+"""
+MOTIONLESS = frozenset(_MOTIONLESS.split())
+"""Instructions that move nothing."""
+
+_CHANGING = "tpreadfk tpreadnum tpreaddnum incr decr add clear bitset bitclear getsysdata packrawbytes socketreceive socketaccept"
+CHANGING = frozenset(_CHANGING.split())
+"""Of these, instructions that change what they are given."""
+
+_OTHERS = """
+    acteventbuffer aliascamera aliasio aliasioreset bookerrno checkprogref clearallintr cleariobuff clearpath closedir
+    copyfile copyrawbytes cornerpathwarning corrclear corrcon corrdiscon corrwrite deacteventbuffer dropsensor dropwobj
+    erasemodule fricidevaluate fricidinit fricidsetfriclevels getdataval getjointdata gettrapdata hollowwristreset
+    indreset inputdo iobusstart iobusstate iodisable ioenable ireadcfgdata irmqmessage isignalgo loadid makedir
+    manloadidproc matrixsolve matrixsolveqr matrixsvd mechunitload motionprocessmodeset opendir packdnheader pathacclim
+    pathlengthreset pathlengthstart pathlengthstop pathrecstart pathrecstop proccall procerrrecovery raisetouser readanybin
+    readblock readcfgdata readerrdata readrawbytes readvararr removeallcyclicbool removecyclicbool removedir removefile
+    renamefile resetaxisdistance resetaxismovetime resetppmoved resetretrycount resettorquemargin rmqemptyqueue
+    rmqfindslot rmqgetmessage rmqgetmsgdata rmqgetmsgheader rmqreadwait rmqsendmessage rmqsendwait
+    safetycontrollersyncrequest save savecfgdata sendevice setalldataval setdatasearch setdataval setleadthrough
+    setsysdata setupcyclicbool setupsuperv siclose siconnect sigetcyclic sisetcyclic skipwarn softelbow speedlimaxis
+    speedlimcheckpoint speedrefresh startmoveretry supsyncsensoroff supsyncsensoron syncmoveoff syncmoveon
+    syncmoveresume syncmovesuspend syncmoveundo synctosensor testsigndefine testsignreset texttabinstall triggdatacopy
+    triggdatareset triggstopproc tryint uimsgwriteabort unpackrawbytes waitload waitsensor waitwobj warmstart
+    writeblock writecfgdata writerawbytes writevar writevararr wzboxdef wzcyldef wzdisable wzdoset wzenable wzfree
+    wzhomejointdef wzlimjointdef wzlimsup wzsphdef exitcycle
+"""
+INSTRUCTIONS = MOTIONLESS | frozenset(_OTHERS.split())
+"""Instructions of the system that are no motions; all others are motions, or routines of a program."""
+
+LATE = ("%", "callbyvar")
+"""What calls a procedure by a name that only the running program knows."""
+
+BY_NAME = ("setdataval", "setalldataval")
+"""Instructions that change data by their names."""
+
+OFFSETTING = ("eoffson", "eoffsset")
+"""Instructions that shift the external axes."""
+
+SOFTENING, STIFFENING = "softact", "softdeact"
+"""Instructions behind which servos give way, and behind which they do not any more."""
+
+SHIFTING = ("pdispon", "pdispset")
+"""Instructions that begin a program displacement: it shifts every pose behind them."""
+
+TURNING = ("wrist", "lockaxis4")
+"""Options of SingArea with which the wrist follows its own axes along lines and arcs, not the shortest turn."""
+
+MOVING = (
+    "move", "trigg", "search", "arc", "spot", "disp", "paint", "cap", "smove", "indamove", "indcmove", "inddmove",
+    "indrmove", "egm", "fcpress", "restopath", "storepath", "pathrecmove", "mtool", "mpos", "stepbwdpath", "clearpath",
+)  # fmt: skip
+"""How the names of the system's and its options' motion instructions begin."""
+
+SYSTEM_MOTION = re.compile(
+    r"move(j|l|c|absj|extj)(do|ao|go|sync)?|trigg(j|l|c|absj)(ios)?|search(l|c|extj)|arc(moveabsj|move[jlc](do|ao|go)?)|"
+    r"arc[lc][12]?(start|end)?[12]?|arc(moveextj|[a-z]*refl?)|spot(m?[lj])|disp[lc]|paint[lc]|cap(l|c|apcsyncset)|smove[jl](do|sync)?|"
+    r"ind[acdr]move|ind(a|c|d|r)move|egm\w+|fcpress(1l|l|c|end)|restopath|storepath|pathrecmove(bwd|fwd)|stepbwdpath|clearpath"
+)
+"""The names themselves: motions that leave tools and work objects that they are given as they are."""
+
+_FUNCTIONS = """
+    abs acos argname asin atan atan2 bitand bitor bitxor bitneg bitlsh bitrsh bitcheck byetostr calcjointt calcrobt clkread
+    cjointt cpos crobt ctool cwobj cdate ctime cspeedoverride dim distance dotprod eulerzyx exp getnextsym gettime
+    ginput goutput isstopmoveact max min numtostr numtodnum dnumtonum dnumtostr offs orientzyx poseinv posemult posevect
+    pow present reltool round trunc sin cos tan sqrt strfind strlen strmap strmatch strmemb strpart strtoval strtobyte
+    testdi doutput dinput aoutput ainput valtostr opmode runmode robos robname taskrunrob vectmagn isvar ispers defframe
+    defdframe mirpos oriereq readnum readstr readbin testandset uimessagebox uinumentry uilistview
+    uialphaentry uinumtune uidnumentry type nororient
+"""
+FUNCTIONS = frozenset(_FUNCTIONS.split())
+"""Functions that move nothing and change nothing that they are given."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class File:
+    """A file with its modules."""
+
+    source: Source
+    modules: tuple[Module, ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Symbol:
+    """Data that a name can stand for."""
+
+    name: str
+    type: str
+    """In lower case."""
+    declaration: Declaration | None = None
+    """None for what is not declared as data in the files."""
+    file: File | None = None
+    scope: "Scope | None" = None
+    """Where its value is to be read."""
+    value: Value | None = None
+    """Of predefined data."""
+    obstacle: str = ""
+    """Why it has no value in the text."""
+    parameter_of: str = ""
+    """Key of the routine whose parameter it is."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scope:
+    """What names mean at some place: own names first, then those of the module, then those of all modules."""
+
+    module: Mapping[str, list[Symbol]]
+    shared: Mapping[str, list[Symbol]]
+    own: Mapping[str, list[Symbol]] = field(default_factory=dict[str, list[Symbol]])
+    types: Mapping[str, tuple[tuple[str, str], ...]]
+    routines: Mapping[str, tuple[Routine, ...]]
+    """All routines of the files."""
+
+    def find(self, name: str) -> Symbol | None:
+        """What a name stands for; None where nothing of that name is known.
+
+        Raises:
+            Unresolved: it is declared several times.
+        """
+        key = name.lower()
+        for names in (self.own, self.module, self.shared):
+            declared = names.get(key)
+            if declared:
+                if len(declared) > 1:
+                    raise Unresolved(f"'{name}' is declared {len(declared)} times")
+                return declared[0]
+        if key in DATA:
+            type_, value = DATA[key]
+            return Symbol(name=name, type=type_, value=value)
+        return None
+
+    def with_counter(self, counter: Token | None) -> "Scope":
+        """The scope inside a FOR, which declares its counter."""
+        if counter is None:
+            return self
+        symbol = Symbol(name=counter.text, type="num", obstacle=f"'{counter.text}' counts a loop")
+        return Scope(
+            module=self.module, shared=self.shared, own={**self.own, counter.key: [symbol]}, types=self.types,
+            routines=self.routines,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Context:
+    """A module or routine with the scope that holds in it."""
+
+    file: File
+    module: Module
+    routine: Routine | None
+    scope: Scope
+    declared: tuple[Symbol, ...]
+    """Data declared right here."""
+
+
+def contexts(files: Iterable[File]) -> Iterator[Context]:
+    """Every module and every routine of the files, in the order of the text, with its names."""
+    files = tuple(files)
+    shared: dict[str, list[Symbol]] = {}
+    types = dict(TYPES)
+    named: dict[str, list[Routine]] = {}
+    routines: dict[str, tuple[Routine, ...]] = {}
+    of_module: dict[int, dict[str, list[Symbol]]] = {}
+    scopes: dict[int, Scope] = {}
+    for file in files:
+        for module in file.modules:
+            own = of_module[id(module)] = {}
+            scope = scopes[id(module)] = Scope(module=own, shared=shared, types=types, routines=routines)
+            for symbol in _declared(module.declarations, file, scope):
+                key = symbol.name.lower()
+                own.setdefault(key, []).append(symbol)
+                if symbol.declaration is not None and not symbol.declaration.local:
+                    shared.setdefault(key, []).append(symbol)
+            types.update({record.name.key: record.components for record in module.records})
+            for routine in module.routines:
+                named.setdefault(routine.name.key, []).append(routine)
+    routines.update({key: tuple(same) for key, same in named.items()})
+    for file in files:
+        for module in file.modules:
+            scope = scopes[id(module)]
+            declared = tuple(symbol for symbols in scope.module.values() for symbol in symbols)
+            yield Context(file=file, module=module, routine=None, scope=scope, declared=declared)
+            for routine in module.routines:
+                yield _inside(routine, file, module, scope)
+
+
+def _inside(routine: Routine, file: File, module: Module, outer: Scope) -> Context:
+    own: dict[str, list[Symbol]] = {}
+    scope = Scope(module=outer.module, shared=outer.shared, own=own, types=outer.types, routines=outer.routines)
+    for parameter in routine.parameters:
+        why = f"'{parameter.name.text}' is a parameter of the routine '{routine.name.text}'"
+        own[parameter.name.key] = [
+            Symbol(name=parameter.name.text, type=parameter.type, obstacle=why, parameter_of=routine.name.key)
+        ]
+    declared = tuple(_declared(routine.declarations, file, scope))
+    for symbol in declared:
+        own.setdefault(symbol.name.lower(), []).append(symbol)
+    return Context(file=file, module=module, routine=routine, scope=scope, declared=declared)
+
+
+def _declared(declarations: Iterable[Declaration], file: File, scope: Scope) -> Iterator[Symbol]:
+    for declaration in declarations:
+        yield Symbol(
+            name=declaration.name.text, type=declaration.type.key, declaration=declaration, file=file, scope=scope,
+            obstacle="" if declaration.value else f"'{declaration.name.text}' is declared without a value",
+        )  # fmt: skip

@@ -1,0 +1,707 @@
+"""From the text of a file to its modules; what cannot be understood is passed over and reported."""
+
+from collections.abc import Callable
+
+from robot_programs.rapid.syntax import (
+    Aggregate,
+    Argument,
+    Assignment,
+    Branches,
+    Call,
+    Component,
+    Declaration,
+    Expression,
+    Index,
+    Instruction,
+    Label,
+    Leave,
+    Loop,
+    Module,
+    Number,
+    Operation,
+    Parameter,
+    Problem,
+    Record,
+    Reference,
+    Routine,
+    Statement,
+    Text,
+    Token,
+    TooMuch,
+    Truth,
+    Unparsed,
+    Words,
+    list_end,
+    number,
+    words,
+)
+
+# The parser's lower half: words to expressions and arguments.
+
+DEPTH = 60
+"""Brackets and blocks nested deeper than this are no program."""
+
+MOST_ARGUMENTS = 1000
+"""Of one instruction; those of the controller have twenty at most."""
+
+_RESERVED = """
+    alias and backward case connect const default div do else elseif endfor endfunc endif endmodule endproc endrecord
+    endtest endtrap endwhile error exit false for from func goto if inout local mod module nostepin not noview or pers
+    proc raise readonly record retry return step sysmodule test then to trap true trynext undo var viewonly while with
+    xor
+"""
+RESERVED = frozenset(_RESERVED.split())
+"""Words that are not names."""
+
+_BINDING = {
+    "or": 1, "xor": 1, "and": 2, "=": 3, "<>": 3, "<": 3, ">": 3, "<=": 3, ">=": 3, "+": 4, "-": 4,
+    "*": 5, "/": 5, "div": 5, "mod": 5,
+}  # fmt: skip
+"""Operators between two values; those with higher numbers bind tighter."""
+
+
+class NotUnderstood(Exception):
+    """The words at a place cannot be read."""
+
+    def __init__(self, position: int, text: str):
+        self.position, self.text = position, text
+        super().__init__(text)
+
+
+class ExpressionParser(Words):
+    """Reads expressions from words, one after the other."""
+
+    def __init__(self, text: str):
+        super().__init__(text)
+        self.depth = 0
+        """Brackets and blocks that are open."""
+        self.height = 0
+        """Values inside values of the expression read last."""
+
+    def skip(self, *keys: str) -> bool:
+        """Read a word if it is one of these."""
+        if self.next.kind in ("name", "symbol") and self.next.key in keys:
+            self.take()
+            return True
+        return False
+
+    def expect(self, key: str) -> Token:
+        """Read a word that has to stand here."""
+        if not (self.next.kind in ("name", "symbol") and self.next.key == key):
+            raise self.problem(f"'{key.upper()}' is missing before")
+        return self.take()
+
+    def name(self) -> Token:
+        """Read a name that is not a reserved word."""
+        if self.next.kind != "name" or self.next.key in RESERVED:
+            raise self.problem("a name is missing before")
+        return self.take()
+
+    def problem(self, what: str) -> NotUnderstood:
+        """An error at the next word."""
+        token = self.next
+        shown = "the end of the file" if token.kind == "end" else f"'{token.text[:32]}'"
+        return NotUnderstood(token.start, f"{what} {shown}")
+
+    def enter(self) -> None:
+        """Count a bracket or block that opens."""
+        self.depth += 1
+        if self.depth > DEPTH:
+            raise self.problem(f"brackets or blocks are nested deeper than {DEPTH} at")
+
+    def grow(self, height: int) -> None:
+        """Note that the expression read last contains others of some height."""
+        self.height = height + 1
+        if self.height > DEPTH:
+            raise self.problem(f"an expression is nested deeper than {DEPTH} at")
+
+    def expression(self) -> Expression:
+        """Read an expression."""
+        self.count_value()
+        self.enter()
+        try:
+            return self._operation(0)
+        finally:
+            self.depth -= 1
+
+    def _operation(self, weakest: int) -> Expression:
+        """Operands joined by operators that bind tighter than the weakest (precedence climbing)."""
+        left = self._unary()
+        height = self.height
+        while self.next.kind in ("name", "symbol") and _BINDING.get(self.next.key, 0) > weakest:
+            operator = self.take().key
+            right = self._operation(_BINDING[operator])
+            left = Operation(start=left.start, end=right.end, operator=operator, operands=(left, right))
+            self.grow(max(height, self.height))
+            height = self.height
+        return left
+
+    def _unary(self) -> Expression:
+        token = self.next
+        if not self.skip("-", "+", "not"):
+            return self._primary()
+        self.enter()
+        try:
+            operand = self._unary()
+        finally:
+            self.depth -= 1
+        if isinstance(operand, Number) and token.key in "+-":
+            value = -operand.value if token.key == "-" else operand.value
+            return Number(start=token.start, end=operand.end, value=value)
+        self.grow(self.height)
+        return Operation(start=token.start, end=operand.end, operator=token.key, operands=(operand,))
+
+    def _primary(self) -> Expression:
+        token = self.next
+        self.height = 0
+        match token.kind:
+            case "number":
+                self.take()
+                return Number(start=token.start, end=self.end, value=number(token))
+            case "text":
+                self.take()
+                if len(token.text) < 2 or not token.text.endswith('"'):
+                    raise NotUnderstood(token.start, "the string that begins here does not end in its line")
+                return Text(start=token.start, end=token.end, value=token.text[1:-1].replace('""', '"'))
+            case "name" if token.key in ("true", "false"):
+                self.take()
+                return Truth(start=token.start, end=token.end, value=token.key == "true")
+            case "name":
+                return self._named()
+            case _:
+                if token.key == "[" and (end := self._numbers(token.start)):
+                    self.jump(end)
+                    self.grow(0)
+                    return Aggregate(start=token.start, end=end, held=self.text)
+                if self.skip("["):
+                    items = self._list("]")
+                    self.grow(self.height)
+                    return Aggregate(start=token.start, end=self.end, held=items)
+                if self.skip("("):
+                    inner = self.expression()
+                    self.expect(")")
+                    self.grow(self.height)
+                    return Operation(start=token.start, end=self.end, operator="()", operands=(inner,))
+                raise self.problem("a value is missing before")
+
+    def _numbers(self, start: int) -> int:
+        """Behind a list of nothing but numbers; 0 where there is none, or where its signs are nested too deeply."""
+        return list_end(self.text, start) if self.depth + 2 <= DEPTH else 0
+
+    def _list(self, closing: str) -> tuple[Expression, ...]:
+        if self.skip(closing):
+            return ()
+        items = [self.expression()]
+        height = self.height
+        while self.skip(","):
+            items.append(self.expression())
+            height = max(height, self.height)
+        self.expect(closing)
+        self.height = height
+        return tuple(items)
+
+    def _named(self) -> Expression:
+        name = self.name()
+        if self.skip("("):
+            arguments = self.arguments(")")
+            self.expect(")")
+            self.grow(self.height)
+            return Call(start=name.start, end=self.end, name=name, arguments=arguments)
+        return self.selected(name)
+
+    def selected(self, name: Token) -> Reference:
+        """Read the components and indices behind a name."""
+        selectors: list[Component | Index] = []
+        height = 0
+        while True:
+            if self.skip("."):
+                if self.next.kind != "name":
+                    raise self.problem("a component's name is missing before")
+                selectors.append(Component(key=self.take().key))
+            elif self.skip("{"):
+                selectors.append(Index(items=self._list("}")))
+                self.grow(self.height)
+                height = max(height, self.height)
+            else:
+                self.height = height
+                return Reference(start=name.start, end=self.end, name=name, selectors=tuple(selectors))
+
+    def arguments(self, closing: str) -> tuple[Argument, ...]:
+        """Read arguments up to a closing symbol, which is left."""
+        arguments: list[Argument] = []
+        height = 0
+        while not (self.next.kind == "symbol" and self.next.key == closing):
+            if arguments and not self.skip(",") and self.next.key != "\\":
+                what = "a comma or a semicolon" if closing == ";" else "a comma"
+                raise self.problem(f"{what} is missing before")
+            if self.next.kind == "symbol" and self.next.key == closing:
+                raise self.problem("an argument is missing before")
+            start = self.next.start
+            if len(arguments) == MOST_ARGUMENTS:
+                raise TooMuch(start, f"has more than {MOST_ARGUMENTS:,} arguments in one call; is it a RAPID module?")
+            if self.skip("\\"):
+                arguments.append(self._option(start))
+            else:
+                value = self.expression()
+                arguments.append(Argument(start=start, end=self.end, option="", value=value))
+            height = max(height, self.height)
+        self.height = height
+        return tuple(arguments)
+
+    def _option(self, start: int) -> Argument:
+        if self.next.kind != "name":
+            raise self.problem("the name of an option is missing before")
+        name = self.take()
+        value, conditional = None, False
+        if self.skip(":="):
+            value = self.expression()
+        elif self.skip("?"):
+            value, conditional = self.selected(self.name()), True
+        return Argument(start=start, end=self.end, option=name.key, value=value, conditional=conditional)
+
+
+# Declarations and statements of a routine; what cannot be understood is passed over and noted.
+
+MOST_STATEMENTS = 850_000
+"""Statements and declarations of a file; 400 000 motions with as many declared targets are 50 MB."""
+
+MOST_PROBLEMS = 100_000
+"""Places of a file that are not understood; nobody reads of more."""
+
+MOST_UNPARSED = 1_000_000
+"""Words of a file that are not understood."""
+
+STORAGE = ("const", "pers", "var")
+ROUTINE_END = {"proc": "endproc", "func": "endfunc", "trap": "endtrap"}
+HANDLERS = ("error", "undo", "backward")
+_INNER_ENDS = ("endif", "elseif", "else", "endfor", "endwhile", "endtest", "case", "default")
+_ROUTINE_ENDS = (*ROUTINE_END.values(), "endmodule", "module", "proc", "func", "trap")
+_BLOCK_ENDS = frozenset((*_INNER_ENDS, *HANDLERS, *_ROUTINE_ENDS, "record", "endrecord"))
+"""Words that a statement cannot begin with: a block ends before them, whether they close it or were meant for another."""
+
+_LEAVING = ("return", "goto", "raise", "retry", "trynext", "exit")
+
+
+class StatementParser(ExpressionParser):
+    """Takes declarations and statements from tokens."""
+
+    def __init__(self, text: str):
+        super().__init__(text)
+        self.problems: list[Problem] = []
+        self._unparsed = 0
+        """Words so far that are not understood."""
+        self._statements = 0
+
+    def note(self, position: int, text: str) -> Problem:
+        """Note what cannot be understood.
+
+        Raises:
+            TooMuch: nothing of the file is, or hardly anything.
+        """
+        if len(self.problems) >= MOST_PROBLEMS:
+            raise self._not_understood(f"at more than {MOST_PROBLEMS:,} places", self.problems[0])
+        self.problems.append(Problem(position=position, text=text))
+        return self.problems[-1]
+
+    def _not_understood(self, where: str, one: Problem) -> TooMuch:
+        return TooMuch(one.position, f"is not understood {where}, such as: {one.text}; is it a RAPID module?")
+
+    def count(self) -> None:
+        """Count a statement or a declaration.
+
+        Raises:
+            TooMuch: there are more than in any program.
+        """
+        self._statements += 1
+        if self._statements > MOST_STATEMENTS:
+            raise TooMuch(
+                self.next.start,
+                f"has more than {MOST_STATEMENTS:,} statements and declarations; divide it into several files",
+            )
+
+    def after_scope(self) -> str:
+        """Key of the word behind LOCAL or TASK."""
+        return self.behind_next().key if self.next.key in ("local", "task") else self.next.key
+
+    def recover(self, first: int, stops: tuple[str, ...]) -> None:
+        """Go on behind the next semicolon, or before a word that begins or ends something."""
+        if self.next.start == first:
+            self.take()
+        while self.next.kind != "end" and self.next.key not in stops:
+            if self.take().key == ";":
+                return
+
+    def unparsed(self, first: int, problem: Problem) -> Unparsed:
+        """The text since its first word, which is not understood.
+
+        Raises:
+            TooMuch: nothing of the file is, or hardly anything.
+        """
+        tokens: list[Token] = []
+        for token in words(self.text, first, self.end):
+            self._unparsed += 1
+            if self._unparsed > MOST_UNPARSED:
+                raise self._not_understood(f"in more than {MOST_UNPARSED:,} words", [*self.problems, problem][0])
+            tokens.append(token)
+        return Unparsed(start=first, end=self.end, tokens=tuple(tokens), problem=problem)
+
+    def declaration(self) -> Declaration:
+        """Take a declaration of data."""
+        start = self.next.start
+        local = self.skip("local")
+        self.skip("task")
+        storage = self.take().key
+        type_, name = self.name(), self.name()
+        array = self.next.key == "{"
+        if array:
+            self.selected(name)
+        value = self.expression() if self.skip(":=") else None
+        self.expect(";")
+        return Declaration(
+            start=start, end=self.end, storage=storage, local=local, type=type_, name=name, array=array, value=value
+        )
+
+    def body(self, declarations: list[Declaration]) -> tuple[Statement, ...]:
+        """Statements up to a handler or the end of the routine; an ENDIF or the like on the way closes nothing."""
+        statements = [*self._block(declarations)]
+        while self.next.key in _INNER_ENDS:
+            stray = self.take()
+            noted = self.note(stray.start, f"'{stray.text}' closes nothing")
+            statements += [self.unparsed(stray.start, noted), *self._block(declarations)]
+        return tuple(statements)
+
+    def _block(self, declarations: list[Declaration]) -> tuple[Statement, ...]:
+        statements: list[Statement] = []
+        while self.next.kind != "end" and self.next.key not in _BLOCK_ENDS:
+            if self.skip(";"):
+                continue
+            self.begin()
+            self.count()
+            first = self.next.start
+            depth = self.depth
+            try:
+                if self.next.key in ("local", "task", *STORAGE):
+                    if self.after_scope() not in STORAGE:
+                        break
+                    declarations.append(self.declaration())
+                else:
+                    statements.append(self._statement(declarations))
+            except NotUnderstood as problem:
+                self.depth = depth
+                noted = self.note(problem.position, problem.text)
+                self.recover(first, _ROUTINE_ENDS)
+                statements.append(self.unparsed(first, noted))
+        return tuple(statements)
+
+    def _statement(self, declarations: list[Declaration]) -> Statement:
+        match self.next.key:
+            case "if":
+                return self._if(declarations)
+            case "test":
+                return self._test(declarations)
+            case "for":
+                return self._for(declarations)
+            case "while":
+                return self._while(declarations)
+            case key if key in _LEAVING:
+                return self._leave()
+            case "connect":
+                return self._connect()
+            case "%":
+                return self._late_bound()
+            case "<":
+                return self._placeholder()
+            case _:
+                return self._simple()
+
+    def _simple(self) -> Statement:
+        """An instruction, an assignment or a label."""
+        name = self.name()
+        start = name.start
+        if self.skip(":"):
+            return Label(start=start, end=self.end)
+        if self.next.key in (".", "{", ":="):
+            target = self.selected(name)
+            self.expect(":=")
+            value = self.expression()
+            self.expect(";")
+            return Assignment(start=start, end=self.end, target=target, value=value)
+        arguments = self.arguments(";")
+        self.expect(";")
+        return Instruction(start=start, end=self.end, name=name, arguments=arguments)
+
+    def _leave(self) -> Leave:
+        keyword = self.take()
+        value = None if self.next.key == ";" else self.expression()
+        self.expect(";")
+        return Leave(start=keyword.start, end=self.end, keyword=keyword.key, value=value)
+
+    def _connect(self) -> Statement:
+        """CONNECT gives an interrupt its trap: an instruction without arguments that matter here."""
+        name = self.take()
+        self.selected(self.name())
+        self.expect("with")
+        self.name()
+        self.expect(";")
+        return Instruction(start=name.start, end=self.end, name=name, arguments=())
+
+    def _late_bound(self) -> Statement:
+        """``%"name"% arguments;`` calls a procedure whose name is known only at run time."""
+        name = self.take()
+        self.expression()
+        self.expect("%")
+        arguments = self.arguments(";")
+        self.expect(";")
+        return Instruction(start=name.start, end=self.end, name=name, arguments=arguments)
+
+    def _placeholder(self) -> Statement:
+        """``<SMT>`` and the like, where a statement is still to be written."""
+        first = self.take().start
+        name = self.name()
+        self.expect(">")
+        return self.unparsed(
+            first, Problem(position=name.start, text=f"'<{name.text}>' stands for what is still to be written")
+        )
+
+    def _if(self, declarations: list[Declaration]) -> Statement:
+        start = self.take().start
+        conditions: list[Expression] = [self.expression()]
+        if not self.skip("then"):
+            return self._compact_if(start, conditions[0], declarations)
+        self.enter()
+        branches = [self._block(declarations)]
+        otherwise = False
+        while True:
+            if self.skip("elseif"):
+                conditions.append(self.expression())
+                self.expect("then")
+            elif self.skip("else"):
+                otherwise = True
+            else:
+                break
+            branches.append(self._block(declarations))
+        self._close("endif", start)
+        return Branches(
+            start=start, end=self.end, conditions=tuple(conditions), branches=tuple(branches), exhaustive=otherwise
+        )
+
+    def _compact_if(self, start: int, condition: Expression, declarations: list[Declaration]) -> Statement:
+        self.enter()
+        self.count()
+        inner = self._statement(declarations)
+        self.depth -= 1
+        if isinstance(inner, Instruction):
+            inner = Instruction(
+                start=inner.start, end=inner.end, name=inner.name, arguments=inner.arguments, compact=True
+            )
+        return Branches(start=start, end=self.end, conditions=(condition,), branches=((inner,),), exhaustive=False)
+
+    def _test(self, declarations: list[Declaration]) -> Statement:
+        start = self.take().start
+        conditions: list[Expression] = [self.expression()]
+        self.enter()
+        branches: list[tuple[Statement, ...]] = []
+        otherwise = False
+        while True:
+            if self.skip("case"):
+                conditions.append(self.expression())
+                while self.skip(","):
+                    conditions.append(self.expression())
+                self.expect(":")
+            elif self.skip("default"):
+                self.expect(":")
+                otherwise = True
+            else:
+                break
+            branches.append(self._block(declarations))
+        self._close("endtest", start)
+        return Branches(
+            start=start, end=self.end, conditions=tuple(conditions), branches=tuple(branches), exhaustive=otherwise
+        )
+
+    def _for(self, declarations: list[Declaration]) -> Statement:
+        start = self.take().start
+        counter = self.name()
+        self.expect("from")
+        conditions = [self.expression()]
+        self.expect("to")
+        conditions.append(self.expression())
+        if self.skip("step"):
+            conditions.append(self.expression())
+        self.expect("do")
+        return self._loop(start, counter, conditions, "endfor", declarations)
+
+    def _while(self, declarations: list[Declaration]) -> Statement:
+        start = self.take().start
+        condition = self.expression()
+        self.expect("do")
+        return self._loop(start, None, [condition], "endwhile", declarations)
+
+    def _loop(
+        self,
+        start: int,
+        counter: Token | None,
+        conditions: list[Expression],
+        closing: str,
+        declarations: list[Declaration],
+    ) -> Loop:
+        self.enter()
+        body = self._block(declarations)
+        self._close(closing, start)
+        return Loop(start=start, end=self.end, counter=counter, conditions=tuple(conditions), body=body)
+
+    def _close(self, keyword: str, start: int) -> None:
+        """Read the word that closes a block."""
+        self.depth -= 1
+        if not self.skip(keyword):
+            self.note(start, f"{keyword.upper()} is missing for what begins here")
+
+
+MOST_ROUTINES = 100_000
+"""Modules and routines of a file; a whole cell has some thousands."""
+
+
+def parse(text: str) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:
+    """The modules of a file, and what could not be understood.
+
+    Raises:
+        TooMuch: there is more of something than in any program.
+    """
+    parser = _Parser(text)
+    modules = parser.modules()
+    return modules, tuple(parser.problems)
+
+
+class _Parser(StatementParser):
+    """Modules, and what they declare."""
+
+    def __init__(self, text: str):
+        super().__init__(text)
+        self._routines = 0
+
+    def modules(self) -> tuple[Module, ...]:
+        modules: list[Module] = []
+        strays = 0
+        while self.next.kind != "end":
+            self.begin()
+            if self.next.key == "module":
+                modules.append(self._module())
+            else:
+                strays += 1
+                if strays == 1:
+                    self.note(self.next.start, f"'{self.next.text[:32]}' stands outside any MODULE and is not read")
+                self.take()
+        return tuple(modules)
+
+    def _module(self) -> Module:
+        start = self.take().start
+        self._count_routine(start)
+        name = self._or_nameless(self.name)
+        if self.skip("("):
+            while self.next.kind != "end" and not self.skip(")"):
+                self.take()
+        declarations: list[Declaration] = []
+        records: list[Record] = []
+        routines: list[Routine] = []
+        unparsed: list[Unparsed] = []
+        while self.next.kind != "end" and self.next.key not in ("module", "endmodule"):
+            self.begin()
+            self.count()
+            first = self.next.start
+            try:
+                match self.after_scope():
+                    case "const" | "pers" | "var":
+                        declarations.append(self.declaration())
+                    case "proc" | "func" | "trap":
+                        routines.append(self._routine())
+                    case "record":
+                        records.append(self._record())
+                    case "alias":
+                        self._to_semicolon()
+                    case _:
+                        raise self.problem("a declaration or a routine is missing before")
+            except NotUnderstood as problem:
+                self.depth = 0
+                noted = self.note(problem.position, problem.text)
+                self.recover(first, ("proc", "func", "trap", "record", "local", *STORAGE, "module", "endmodule"))
+                unparsed.append(self.unparsed(first, noted))
+        if not self.skip("endmodule"):
+            self.note(self.end, f"ENDMODULE of the module '{name.text}' is missing")
+        return Module(
+            start=start, end=self.end, name=name, declarations=tuple(declarations), records=tuple(records),
+            routines=tuple(routines), unparsed=tuple(unparsed),
+        )  # fmt: skip
+
+    def _or_nameless(self, read: Callable[[], Token]) -> Token:
+        try:
+            return read()
+        except NotUnderstood as problem:
+            self.note(problem.position, problem.text)
+            return Token("name", "", "", problem.position)
+
+    def _to_semicolon(self) -> None:
+        while self.next.kind != "end" and self.take().key != ";":
+            pass
+
+    # declarations
+
+    def _record(self) -> Record:
+        self.skip("local")
+        self.expect("record")
+        name = self.name()
+        components: list[tuple[str, str]] = []
+        while not self.skip("endrecord"):
+            type_, component = self.name(), self.name()
+            self.expect(";")
+            components.append((component.key, type_.key))
+        return Record(name=name, components=tuple(components))
+
+    # routines
+
+    def _count_routine(self, position: int) -> None:
+        self._routines += 1
+        if self._routines > MOST_ROUTINES:
+            raise TooMuch(
+                position, f"has more than {MOST_ROUTINES:,} modules and routines; divide it into several files"
+            )
+
+    def _routine(self) -> Routine:
+        start = self.next.start
+        self._count_routine(start)
+        local = self.skip("local")
+        kind = self.take().key
+        if kind == "func":
+            self.name()
+        name = self.name()
+        parameters = self._parameters() if self.skip("(") else ()
+        declarations: list[Declaration] = []
+        body = self.body(declarations)
+        handlers: list[tuple[Statement, ...]] = []
+        while self.next.key in HANDLERS:
+            self.take()
+            if self.skip("("):
+                self.arguments(")")
+                self.expect(")")
+            handlers.append(self.body(declarations))
+        closing = ROUTINE_END[kind]
+        if not self.skip(closing):
+            self.note(self.next.start, f"{closing.upper()} of '{name.text}' is missing")
+        return Routine(
+            start=start, end=self.end, name=name, kind=kind, local=local, parameters=parameters,
+            declarations=tuple(declarations), body=body, handlers=tuple(handlers),
+        )  # fmt: skip
+
+    def _parameters(self) -> tuple[Parameter, ...]:
+        parameters: list[Parameter] = []
+        while not self.skip(")"):
+            if parameters and not self.skip(",", "|") and self.next.key != "\\":
+                raise self.problem("a comma is missing before")
+            optional = self.skip("\\")
+            changed = self.skip("inout", "var", "pers")
+            type_ = self.name()
+            name = self.name()
+            if self.skip("{"):
+                while self.next.kind != "end" and not self.skip("}"):
+                    self.take()
+            parameters.append(Parameter(name=name, type=type_.key, optional=optional, changed=changed))
+        return tuple(parameters)

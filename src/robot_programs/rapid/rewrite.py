@@ -1,0 +1,755 @@
+"""Rewriting motions: numbers where they stand, clones of shared targets, further motions on the way."""
+
+import math
+from bisect import bisect_left
+from collections import Counter, defaultdict
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import zip_longest
+
+import numpy as np
+from jaxtyping import Float
+
+from robot_programs.core.program import MoveKind, Visit, Waypoint, reject_in_turn
+from robot_programs.core.source import Edit, FreshNames, Place, Source
+from robot_programs.rapid.flow import Use, nested
+from robot_programs.rapid.names import DATA, Context, File, Symbol
+from robot_programs.rapid.parse import RESERVED
+from robot_programs.rapid.resolve import NAMES, Motion
+from robot_programs.rapid.syntax import Argument, Assignment, Declaration, Instruction, Node, Routine, tokenize
+from robot_programs.rapid.targets import (
+    JOINTS,
+    Configuration,
+    TargetArgument,
+    TargetType,
+    configuration,
+    leaves,
+    pose_numbers,
+)
+from robot_programs.rapid.values import DEG_DECIMALS, MM_DECIMALS, pose_of, quaternion_texts, real
+from taskcal.errors import TaskcalError
+from taskcal.geometry import se3
+from taskcal.robot.robot import Robot
+
+# The numbers of a rewritten target, as text.
+
+SAME_MM = 1e-4
+SAME_QUATERNION = 1e-7
+SAME_DEG = 1e-6
+"""Numbers that change by no more keep their text."""
+
+Texts = tuple[str | None, ...]
+"""A text for each number of a target before its external axes; None where it keeps its own."""
+
+
+SAME_WANTED_MM, SAME_WANTED = 1e-3, 2e-6
+"""Texts that differ by no more, millimetres, and parts of a quaternion or degrees, want the same."""
+
+
+def agree(target: TargetArgument, texts: Texts, others: Texts) -> bool:
+    """Whether two texts of a target want the same numbers."""
+    pairs = zip(texts, others, target.meant, strict=True)
+    off = [abs((old if a is None else float(a)) - (old if b is None else float(b))) for a, b, old in pairs]
+    if target.type == "jointtarget":
+        return max(off) <= SAME_WANTED
+    return max(off[:3]) <= SAME_WANTED_MM and max(off[3:7]) <= SAME_WANTED and max(off[7:]) == 0.0
+
+
+def new_texts(target: TargetArgument, waypoint: Waypoint, robot: Robot) -> Texts:
+    """What to write for a waypoint where a target stood."""
+    if target.type == "jointtarget":
+        degrees = np.degrees(waypoint.q)
+        return tuple(
+            None if abs(new - old) <= SAME_DEG else real(float(new), DEG_DECIMALS)
+            for new, old in zip(degrees, target.meant, strict=True)
+        )
+    pose = _pose(waypoint)
+    texts: list[str | None] = [
+        None if abs(new - old) <= SAME_MM else real(new, MM_DECIMALS)
+        for new, old in zip(pose[:3], target.meant[:3], strict=True)
+    ]
+    old = np.array(target.meant[3:7])
+    new = np.array(pose[3:])
+    new = new if new @ old >= 0.0 else -new
+    if np.abs(new - old).max() <= SAME_QUATERNION:
+        texts += [None] * 4
+    else:
+        written = quaternion_texts(tuple(float(v) for v in new))
+        raw = (
+            [leaf.value for leaf in leaves(target.literal)[3:7]]
+            if target.literal and not target.shifted
+            else [np.inf] * 4
+        )
+        texts += [
+            None if abs(float(text) - value) <= SAME_QUATERNION else text
+            for text, value in zip(written, raw, strict=True)
+        ]
+    stated = configuration(target.meant[7:])
+    cf = Configuration.of(robot, waypoint.q, stated)
+    pairs = zip((cf.cf1, cf.cf4, cf.cf6, cf.cfx), (stated.cf1, stated.cf4, stated.cf6, stated.cfx), strict=True)
+    return (*texts, *(None if new == old else str(new) for new, old in pairs))
+
+
+def fresh_text(type_: TargetType, waypoint: Waypoint, robot: Robot, like: TargetArgument) -> str:
+    """An aggregate for a waypoint, with the external axes of a target."""
+    if type_ == "jointtarget":
+        numbers = [real(float(v), DEG_DECIMALS) for v in np.degrees(waypoint.q)]
+        return _aggregate([numbers, external_texts(like, waypoint.external)])
+    pose = _pose(waypoint)
+    stated = like.meant[3:] if like.type == "robtarget" else None
+    sign = 1.0 if stated is None or np.dot(pose[3:], stated[:4]) >= 0.0 else -1.0
+    cf = Configuration.of(robot, waypoint.q, configuration(stated[4:]) if stated else None)
+    return _aggregate(
+        [
+            [real(v, MM_DECIMALS) for v in pose[:3]],
+            list(quaternion_texts(tuple(sign * v for v in pose[3:]))),
+            [str(v) for v in (cf.cf1, cf.cf4, cf.cf6, cf.cfx)],
+            external_texts(like, waypoint.external),
+        ]
+    )
+
+
+def _pose(waypoint: Waypoint) -> tuple[float, ...]:
+    if waypoint.T is None:
+        raise ValueError("a motion to a pose needs one")
+    return pose_numbers(waypoint.T)
+
+
+def meant_text(target: TargetArgument, texts: Texts) -> str:
+    """An aggregate for a target, its numbers replaced where there are new ones."""
+    meant = target.meant
+    if target.type == "jointtarget":
+        own = [real(v, DEG_DECIMALS) for v in meant]
+        groups = [6]
+    else:
+        own = [*(real(v, MM_DECIMALS) for v in meant[:3]), *quaternion_texts(meant[3:7])]
+        own += [str(int(v)) for v in meant[7:]]
+        groups = [3, 4, 4]
+    numbers = iter([new if new is not None else old for new, old in zip(texts, own, strict=True)])
+    return _aggregate([*([next(numbers) for _ in range(count)] for count in groups), external_texts(target)])
+
+
+def external_texts(target: TargetArgument, positions: tuple[float, ...] = ()) -> list[str]:
+    """The positions of external axes as they are written, or as they would be; or others, where these are numbers."""
+    if target.literal is None:
+        written = [real(v, MM_DECIMALS) for v in target.external]
+    else:
+        text = target.file.source.text
+        written = [text[leaf.start : leaf.end] for leaf in leaves(target.literal)[-6:]]
+    return [
+        own if new is None or np.isnan(new) or new == old else real(new, MM_DECIMALS)
+        for own, old, new in zip_longest(written, target.external, positions)
+    ]
+
+
+def _aggregate(groups: list[list[str]]) -> str:
+    return "[" + ",".join("[" + ",".join(group) + "]" for group in groups) + "]"
+
+
+# Targets that several motions share: which can be rewritten as each of them needs, and which cannot.
+#
+# A motion in a routine that is given its target, or in a loop, stands for several motions with one text. What it is
+# given can be changed where the call is, if nothing else reads it there; its own text only if all of its motions
+# need the same.
+
+TURNED = math.radians(0.01)
+"""How far a target may be turned from where it should be that goes with another one, radians."""
+
+Home = tuple[object, ...]
+"""Where the numbers of a target stand."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Want:
+    """New numbers for a target argument."""
+
+    target: TargetArgument
+    motion: Motion
+    texts: Texts
+
+    @property
+    def changes(self) -> bool:
+        """Whether some number gets another text."""
+        return any(text is not None for text in self.texts)
+
+    @property
+    def replaceable(self) -> bool:
+        """Whether the name of another target may stand where this one's does, as far as the motion goes."""
+        if self.target.handed is not None:
+            return self.target.whole
+        return self.motion.move.texts_motions == 1
+
+    @property
+    def is_carried(self) -> bool:
+        """Whether its text stays, because several motions have it, and only what it shifts can change."""
+        base = self.target.base
+        return base is not None and not base.shifted and self.motion.move.texts_motions > 1
+
+    @property
+    def carrier(self) -> TargetArgument:
+        """What it shifts."""
+        if self.target.base is None:
+            raise ValueError("only a target under Offs or RelTool goes with another one")
+        return self.target.base
+
+    @property
+    def T(self) -> Float[np.ndarray, "4 4"]:
+        """The pose that is wanted."""
+        own = self.target.meant
+        numbers = [old if text is None else float(text) for text, old in zip(self.texts, own, strict=True)]
+        quaternion = np.array(numbers[3:7])
+        return pose_of(tuple(numbers[:3]), tuple(quaternion / np.linalg.norm(quaternion)))
+
+    @property
+    def home(self) -> Home:
+        """Where its numbers stand."""
+        return home_of(self.target)
+
+    def agrees(self, other: "Want") -> bool:
+        """Whether two want the same numbers."""
+        return agree(self.target, self.texts, other.texts)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sharing:
+    """The motions of a program, and what reads its data."""
+
+    motions: Sequence[Motion]
+    uses: Mapping[Symbol, tuple[Use, ...]]
+    robot: Robot
+    tolerance: float
+    """How far a target may be from where it should be that goes with another one, metres."""
+
+    def unwritable(self, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> dict[int, str]:
+        """Motions that cannot be rewritten as they should, by number, and why."""
+        return reject_in_turn(waypoints, self._conflicts)
+
+    def _conflicts(self, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> Iterator[tuple[int, str]]:
+        for i, path in waypoints.items():
+            motion = self.motions[i]
+            count = motion.move.texts_motions
+            (*before, last) = path
+            if count > 1 and (before or last.kind != motion.move.kind):
+                yield i, f"its text stands for {count} motions, and cannot become other ones for one of them"
+        by_argument: dict[object, list[tuple[int, Want]]] = defaultdict(list)
+        by_home: dict[Home, list[tuple[int, Want]]] = defaultdict(list)
+        carried: list[tuple[int, Want]] = []
+        for i in range(len(self.motions)):
+            for want in self._wants(i, waypoints.get(i)):
+                if want.is_carried:
+                    carried.append((i, want))
+                else:
+                    by_argument[want.target.argument].append((i, want))
+                    by_home[want.home].append((i, want))
+        followed, lost = self._carried(carried, by_home)
+        yield from lost
+        replaced = [
+            (want.target.argument_file, want.target.argument)
+            for group in by_argument.values()
+            for _, want in group
+            if want.changes
+            and want.target.origin is None
+            and want.target.shifted
+            and want.target.root.handed is not None
+        ]
+        for group in by_argument.values():
+            yield from self._in_argument(group, followed, replaced)
+        for group in by_home.values():
+            yield from self._of_home(group, followed)
+
+    def _carried(
+        self, carried: Sequence[tuple[int, Want]], by_home: Mapping[Home, Sequence[tuple[int, Want]]]
+    ) -> tuple[list[Want], list[tuple[int, str]]]:
+        """Targets that go with those that they shift: those that come to where they should be, and why others cannot."""
+        followed: list[Want] = []
+        lost: list[tuple[int, str]] = []
+        stuck: set[tuple[object, Home]] = set()
+        for i, want in carried:
+            base = want.carrier
+            direct = [w for _, w in by_home.get(home_of(base), ()) if w.changes and not w.target.shifted]
+            if base.handed is not None:
+                direct = [w for w in direct if w.target.argument is base.argument]
+            T = want.target.carried(direct[0].T if direct else base.T)
+            off = float(np.linalg.norm(T[:3, 3] - want.T[:3, 3]))
+            turned = float(np.linalg.norm(se3.log(T[:3, :3].T @ want.T[:3, :3])))
+            if off <= self.tolerance and turned <= TURNED:
+                followed.append(want)
+            else:
+                why = f"goes with the target that it shifts, and would be {off * 1e3:.3f} mm and {math.degrees(turned):.3f}° off"
+                lost.append((i, why))
+                stuck.add((base.argument if base.handed else None, home_of(base)))
+        followed = [
+            w for w in followed if (w.carrier.argument if w.carrier.handed else None, home_of(w.carrier)) not in stuck
+        ]
+        return followed, lost
+
+    def _wants(self, i: int, path: tuple[Waypoint, ...] | None) -> Iterator[Want]:
+        motion = self.motions[i]
+        if path is not None and path[-1].kind != motion.move.kind:
+            path = None
+        last = None if path is None else path[-1]
+        ends = (motion.end, last), (motion.via, last.via if last else None)
+        for target, waypoint in ends:
+            if target is not None:
+                none: Texts = (None,) * len(target.meant)
+                texts = none if waypoint is None else new_texts(target, waypoint, self.robot)
+                yield Want(target=target, motion=motion, texts=texts)
+
+    def _in_argument(
+        self, group: Sequence[tuple[int, Want]], followed: Sequence[Want], replaced: Sequence[tuple[File, Argument]]
+    ) -> Iterator[tuple[int, str]]:
+        """Motions that get their targets from one argument, each target from one place.
+
+        What reads a parameter in text that numbers take the place of reads it no longer.
+        """
+        if not any(want.changes for _, want in group):
+            return
+        of_home: dict[Home, list[tuple[int, Want]]] = defaultdict(list)
+        for i, want in group:
+            of_home[want.home].append((i, want))
+        for same in of_home.values():
+            if not all(want.agrees(same[0][1]) for _, want in same):
+                yield from _all_of(same, f"has its target in common with {_places(same)}, which need other numbers")
+        first = group[0][1]
+        if first.target.handed is None:
+            computed = first.target.literal is None or first.target.shifted
+            if computed and len({i for i, _ in group}) > 1 and len(of_home) > 1:
+                yield from _all_of(
+                    group, f"its text stands for {first.motion.move.texts_motions} motions to different places"
+                )
+            return
+        other = self._other_reading(group, followed, replaced)
+        if other is not None:
+            place = other.file.source.place(other.start)
+            yield from _all_of(group, f"what the call gives it is read for something else in {place}, too")
+
+    def _other_reading(
+        self, group: Sequence[tuple[int, Want]], followed: Sequence[Want], replaced: Sequence[tuple[File, Argument]]
+    ) -> Use | None:
+        """What reads a parameter beside the motions that go to it."""
+        argument = group[0][1].target.argument
+        known = {(w.motion.file, w.target.read_at) for w in followed if w.carrier.argument is argument}
+        parameters: set[Symbol] = set()
+        for _, want in group:
+            handed = want.target.handed
+            if handed is not None:
+                known |= {*handed.reads, (want.motion.file, want.target.read_at)}
+                parameters |= set(handed.parameters)
+        uses = (use for symbol in parameters for use in self.uses.get(symbol, ()))
+        return next((u for u in uses if (u.file, u.start) not in known and not _is_in(u, replaced)), None)
+
+    def _of_home(self, group: Sequence[tuple[int, Want]], followed: Sequence[Want]) -> Iterator[tuple[int, str]]:
+        """Motions whose targets stand in one declaration, which is what has to change where no copy can be named."""
+        fixed = [(i, want) for i, want in group if not want.replaceable and want.changes]
+        if not fixed or fixed[0][1].target.origin is None:
+            return
+        (_, first) = fixed[0]
+        if not all(want.agrees(first) for _, want in fixed):
+            yield from _all_of(fixed, f"has its target in common with {_places(fixed)}, which need other numbers")
+        elif first.target.literal is None or any(want.target.shifted for _, want in fixed):
+            yield from _all_of(
+                fixed, f"its text stands for {first.motion.move.texts_motions} motions, which need different ones"
+            )
+        elif first.target.origin is not None:
+            symbol, path = first.target.origin.symbol, first.target.origin.path
+            changed = [want for _, want in group if want.changes and (want.replaceable or want.agrees(first))]
+            going = [want for want in followed if home_of(want.carrier) == first.home]
+            other = other_use(self.uses.get(symbol, ()), path, changed, going)
+            if other is not None:
+                place = other.file.source.place(other.start)
+                yield from _all_of(
+                    fixed, f"its target {first.target.origin.name} is read for something else in {place}, too"
+                )
+
+
+def home_of(target: TargetArgument) -> Home:
+    """Where the numbers of a target stand."""
+    if target.origin is not None:
+        return (target.origin.symbol, target.origin.path)
+    return (target.argument, target.literal, target.meant if target.literal is None else ())
+
+
+def other_use(
+    uses: Iterable[Use], path: tuple[int, ...], wants: Iterable[Want], followed: Iterable[Want] = ()
+) -> Use | None:
+    """What reads a target beside the arguments that change, and those that go with it."""
+    own = [(want.target.argument_file, want.target.argument) for want in wants if want.changes]
+    own += [(want.target.argument_file, want.target.argument) for want in followed]
+
+    return next((use for use in uses if use.overlaps(path) and not _is_in(use, own)), None)
+
+
+def _is_in(use: Use, arguments: Iterable[tuple[File, Argument]]) -> bool:
+    return any(use.file is file and argument.start <= use.start < argument.end for file, argument in arguments)
+
+
+def _all_of(group: Iterable[tuple[int, Want]], why: str) -> Iterator[tuple[int, str]]:
+    return ((i, why) for i, _ in group)
+
+
+def _places(group: Iterable[tuple[int, Want]]) -> str:
+    """Where the motions of a group stand, and where what they are given does."""
+    places: dict[str, None] = {}
+    for _, want in group:
+        places[str(want.motion.move.place)] = None
+        if want.target.handed is not None:
+            places[str(want.target.argument_file.source.place(want.target.argument.start))] = None
+    shown = list(places)[:4]
+    return ", ".join(shown) + (" …" if len(places) > len(shown) else "")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Stop:
+    """A motion of a routine, with data of which its targets are made."""
+
+    number: int | None
+    """None of one that was not resolved."""
+    names: frozenset[tuple[Symbol, tuple[int, ...] | None]]
+    frames: frozenset[str]
+    """Its tool and work object as they are written; of one that is not read all that it is given."""
+    given: Argument | None
+    """What a parameter that it goes to was given; None where it goes to none, or that is not known."""
+    place: Place
+
+
+def visits_of(
+    everywhere: Iterable[Context],
+    motions: Sequence[Motion],
+    unresolved: Container[Instruction],
+    uses: Iterable[tuple[Symbol, Use]],
+) -> Iterator[Visit]:
+    """Motions of one routine to one target in one tool and work object.
+
+    A motion goes to the target that it names or shifts, and to those from which a variable was set last that it names.
+
+    Args:
+        everywhere: modules and routines.
+        motions: those that were resolved.
+        unresolved: motions that were not, on no way that leads to them.
+        uses: all references to data.
+    """
+    numbers: dict[Instruction, list[int]] = defaultdict(list)
+    for i, motion in enumerate(motions):
+        numbers[motion.instruction].append(i)
+    read: dict[int, list[tuple[int, Symbol, Use]]] = defaultdict(list)
+    for symbol, use in uses:
+        if use.type in ("robtarget", "jointtarget"):
+            read[id(use.file)].append((use.start, symbol, use))
+    for own in read.values():
+        own.sort(key=lambda one: one[0])
+    for context in everywhere:
+        if context.routine is not None:
+            text = _RoutineText(file=context.file, read=read[id(context.file)], motions=motions, numbers=numbers)
+            yield from _visits(context.routine, text.stops(context.routine, unresolved))
+
+
+def _visits(routine: Routine, stops: Iterable[_Stop]) -> Iterator[Visit]:
+    by_name: dict[object, list[_Stop]] = defaultdict(list)
+    for stop in stops:
+        for name in stop.names:
+            by_name[name].append(stop)
+    for name, group in by_name.items():
+        kinds = dict.fromkeys((stop.frames, stop.given) for stop in group if stop.number is not None)
+        for stop in group:
+            for frames, given in kinds:
+                same = stop.frames == frames if stop.number is not None else stop.frames >= frames
+                if same and (stop.given is given or stop.given is None):
+                    yield Visit(number=stop.number, target=(routine, name, frames, given), place=stop.place)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _RoutineText:
+    """What the motions of a file's routines read."""
+
+    file: File
+    read: Sequence[tuple[int, Symbol, Use]]
+    """References to targets, in the order of the text."""
+    motions: Sequence[Motion]
+    numbers: Mapping[Instruction, Sequence[int]]
+
+    def stops(self, routine: Routine, unresolved: Container[Instruction]) -> Iterator[_Stop]:
+        """Its motions, in the order of the text."""
+        made_of: dict[Symbol, frozenset[tuple[Symbol, tuple[int, ...] | None]]] = {}
+        for statement in nested(routine.statements):
+            if isinstance(statement, Assignment) and not statement.target.selectors:
+                own = {symbol for symbol, _ in self._names(statement.target)}
+                named = self._names(statement.value)
+                for symbol in own:
+                    made_of[symbol] = named.union(*(made_of.get(one, ()) for one, _ in named))
+            if not isinstance(statement, Instruction):
+                continue
+            if statement in unresolved:
+                named = frozenset(name for argument in statement.arguments for name in self._names(argument))
+                yield self._stop(statement, None, named, made_of)
+            for i in self.numbers.get(statement, ()):
+                where = self.motions[i].layout
+                named = self._names(where.to) | (frozenset() if where.via is None else self._names(where.via))
+                yield self._stop(statement, i, named, made_of)
+
+    def _stop(
+        self,
+        statement: Instruction,
+        i: int | None,
+        named: frozenset[tuple[Symbol, tuple[int, ...] | None]],
+        made_of: Mapping[Symbol, frozenset[tuple[Symbol, tuple[int, ...] | None]]],
+    ) -> _Stop:
+        text, place = self.file.source.text, self.file.source.place(statement.start)
+        names = named.union(*(made_of.get(symbol, ()) for symbol, _ in named))
+        arguments = statement.arguments if i is None else (self.motions[i].layout.tool,)
+        frames = [text[a.start : a.end].lower() for a in arguments if not a.option]
+        frames += [text[a.start : a.end].lower() for a in statement.arguments if a.option == "wobj"]
+        given = None
+        if i is not None:
+            root = self.motions[i].end.root
+            given = None if root.handed is None else root.handed.argument
+            if root.origin is not None:  # the index of an element is known, which the text may not state
+                own = root.origin
+                names = frozenset((s, own.path if path is None and s is own.symbol else path) for s, path in names)
+        return _Stop(number=i, names=names, frames=frozenset(frames), given=given, place=place)
+
+    def _names(self, node: Node) -> frozenset[tuple[Symbol, tuple[int, ...] | None]]:
+        """Targets that are read in a part of the text."""
+        first = bisect_left(self.read, node.start, key=lambda one: one[0])
+        last = bisect_left(self.read, node.end, key=lambda one: one[0])
+        return frozenset((symbol, use.path) for _, symbol, use in self.read[first:last])
+
+
+LONGEST_NAME = 32
+"""Characters of a name in RAPID."""
+
+SAFE_NAME = 16
+"""Characters of a name on S4 controllers; longer ones are made only for programs that have such."""
+
+FLY_BY = "z0"
+"""The finest zone without a stop."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Edits:
+    """Edits by file."""
+
+    by_path: dict[str, list[Edit]] = field(default_factory=dict[str, list[Edit]])
+
+    def add(self, source: Source, start: int, end: int, text: str) -> None:
+        self.by_path.setdefault(str(source.path), []).append(Edit(start=start, end=end, text=text))
+
+
+def rewrite_files(
+    sources: Sequence[Source],
+    motions: Sequence[Motion],
+    uses: Mapping[Symbol, tuple[Use, ...]],
+    robot: Robot,
+    waypoints: Mapping[int, tuple[Waypoint, ...]],
+) -> tuple[Source, ...]:
+    """Files with motions rewritten.
+
+    Args:
+        sources: the files.
+        motions: all resolved motions.
+        uses: all references to each piece of data.
+        robot: the robot, whose joint positions decide the configuration data.
+        waypoints: by number of the motion.
+
+    Raises:
+        TaskcalError: the robot has not six joints.
+    """
+    if len(robot.joints) != JOINTS:
+        raise TaskcalError(
+            f"{robot.name} has {len(robot.joints)} joints; a RAPID program of it is not written, only of six"
+        )
+    edits = _Edits()
+    wants: list[Want] = []
+    for number in sorted(waypoints):
+        path, motion = waypoints[number], motions[number]
+        if not path:
+            raise ValueError(f"motion {number} has no waypoint; it needs one at least")
+        wants += _end(motion, path[-1], robot, edits)
+        if len(path) > 1:
+            _insert(motion, path[:-1], robot, edits)
+    _write_targets(wants, sources, uses, edits)
+    return tuple(source.edited(edits.by_path.get(str(source.path), ())) for source in sources)
+
+
+def _type(kind: MoveKind) -> TargetType:
+    return "jointtarget" if kind == "axes" else "robtarget"
+
+
+def _end(motion: Motion, waypoint: Waypoint, robot: Robot, edits: _Edits) -> list[Want]:
+    """Edit the instruction's name and arguments as the kind of its last waypoint needs; the numbers are left to do."""
+    where, source = motion.layout, motion.file.source
+    kind, own = waypoint.kind, motion.move.kind
+    wants: list[Want] = []
+    if kind != own:
+        name = motion.instruction.name
+        edits.add(source, name.start, name.end, _name(motion, kind))
+    if where.via is not None and motion.via is not None:
+        if kind == "circular":
+            wants.append(Want(target=motion.via, motion=motion, texts=new_texts(motion.via, _via(waypoint), robot)))
+        else:
+            edits.add(source, where.via.start, where.to.start, "")
+    elif kind == "circular":
+        via = fresh_text("robtarget", _via(waypoint), robot, motion.end)
+        edits.add(source, where.to.start, where.to.start, f"{via},")
+    if _type(kind) == motion.end.type:
+        wants.append(Want(target=motion.end, motion=motion, texts=new_texts(motion.end, waypoint, robot)))
+    else:
+        edits.add(source, where.to.start, where.behind_to, fresh_text(_type(kind), waypoint, robot, motion.end))
+    return wants
+
+
+def _name(motion: Motion, kind: MoveKind) -> str:
+    """The instruction of another kind of motion that is given the same.
+
+    Raises:
+        TaskcalError: there is none.
+    """
+    if NAMES[kind].lower() in motion.redefined:
+        raise TaskcalError(
+            f"{motion.move.place}: cannot become a {NAMES[kind]}, which is a routine of the program's own"
+        )
+    if motion.instruction.name.key in ("movej", "movel", "movec", "moveabsj"):
+        return NAMES[kind]
+    raise TaskcalError(f"{motion.move.place}: {motion.instruction.name.text} is not written as another kind of motion")
+
+
+def _via(waypoint: Waypoint) -> Waypoint:
+    if waypoint.via is None:
+        raise ValueError("a circular motion needs a via point")
+    return waypoint.via
+
+
+def _insert(motion: Motion, path: Iterable[Waypoint], robot: Robot, edits: _Edits) -> None:
+    r"""Write motions in front of an instruction, with its own arguments.
+
+    They pass by in its zone, or where it stops in the finest zone. \Conc is left to the last one, since the controller
+    allows only few of them in a row.
+    """
+    where, source, instruction = motion.layout, motion.file.source, motion.instruction
+    text, newline = source.text, source.newline
+    indent = source.indent(instruction.start)
+    options = text[where.to.end : where.behind_to]
+    if motion.move.stops and where.zone is not None:
+        rest = f"{text[where.behind_to : where.zone.start]}{FLY_BY}{text[where.behind_zone : instruction.end]}"
+    else:
+        rest = text[where.behind_to : instruction.end]
+    before: list[str] = []
+    for waypoint in path:
+        kind = waypoint.kind
+        name = instruction.name.text if kind == motion.move.kind else _name(motion, kind)
+        target = fresh_text(_type(kind), waypoint, robot, motion.end)
+        if kind == "circular":
+            target = f"{fresh_text('robtarget', _via(waypoint), robot, motion.end)},{target}"
+        before.append(f"{name} {target}{options if kind == 'axes' else ''}{rest}{newline}{indent}")
+    if instruction.compact:
+        inner = f"{newline}{indent}  "
+        edits.add(
+            source,
+            instruction.start,
+            instruction.start,
+            "THEN" + inner + inner.join(b.rstrip() for b in before) + inner,
+        )
+        edits.add(source, instruction.end, instruction.end, f"{newline}{indent}ENDIF")
+    else:
+        edits.add(source, instruction.start, instruction.start, "".join(before))
+
+
+def _write_targets(
+    wants: Sequence[Want], sources: Sequence[Source], uses: Mapping[Symbol, tuple[Use, ...]], edits: _Edits
+) -> None:
+    """Put the numbers where they belong: into the argument, into the declaration, or into clones of the declaration."""
+    declared: dict[tuple[Symbol, tuple[int, ...]], list[Want]] = {}
+    once: dict[tuple[object, ...], Want] = {}  # several motions may have one target from one argument
+    followed = [want for want in wants if want.is_carried]  # their text stays: they go with what they shift
+    for want in wants:
+        if not want.is_carried:
+            once.setdefault((want.target.argument, want.home), want)
+    for want in once.values():
+        if want.target.origin is not None:
+            declared.setdefault((want.target.origin.symbol, want.target.origin.path), []).append(want)
+        elif want.changes:
+            if want.target.literal is not None and not want.target.shifted:
+                _edit_numbers(want, edits)
+            else:
+                _replace_argument(want, meant_text(want.target, want.texts), edits)
+    words = (token.key for source in sources for token in tokenize(source.text) if token.kind == "name")
+    fresh = FreshNames(words, longest=LONGEST_NAME, usual=SAFE_NAME, reserved=RESERVED | set(DATA))
+    for (symbol, path), group in declared.items():
+        _write_declared(group, other_use(uses.get(symbol, ()), path, group, followed) is not None, fresh, edits)
+
+
+def _replace_argument(want: Want, text: str, edits: _Edits) -> None:
+    edits.add(want.target.argument_file.source, want.target.argument.start, want.target.argument.end, text)
+
+
+def _edit_numbers(want: Want, edits: _Edits) -> None:
+    if want.target.literal is None:
+        return
+    for leaf, text in zip(leaves(want.target.literal), want.texts, strict=False):
+        if text is not None:
+            edits.add(want.target.file.source, leaf.start, leaf.end, text)
+
+
+def _write_declared(group: Sequence[Want], others: bool, fresh: FreshNames, edits: _Edits) -> None:
+    """Write the numbers of a declared target.
+
+    The declaration takes those of most motions where nothing else reads it. Other motions, and those that shift it by Offs or
+    RelTool, get clones.
+    """
+    kept: Texts | None = None
+    direct = [want for want in group if not want.target.shifted and want.target.literal is not None]
+    if direct and not others:
+        fixed = [want for want in direct if not want.replaceable and want.changes]
+        kept = Counter(want.texts for want in fixed or direct).most_common(1)[0][0]
+        _edit_numbers(next(want for want in direct if want.texts == kept), edits)
+    clones: dict[str, str] = {}
+    for want in group:
+        if not want.changes or (want in direct and want.texts == kept):
+            continue
+        value = _clone_text(want)
+        if value not in clones:
+            clones[value] = _clone(want, value, fresh, edits)
+        _replace_argument(want, clones[value], edits)
+
+
+def _clone_text(want: Want) -> str:
+    """The value of a clone, in the style of the declaration where that writes its numbers out."""
+    target = want.target
+    if target.literal is None or target.shifted:
+        return meant_text(target, want.texts)
+    text, parts, at = target.file.source.text, [], target.literal.start
+    for leaf, new in zip(leaves(target.literal), want.texts, strict=False):
+        if new is not None:
+            parts += [text[at : leaf.start], new]
+            at = leaf.end
+    return "".join([*parts, text[at : target.literal.end]])
+
+
+def _clone(want: Want, value: str, fresh: FreshNames, edits: _Edits) -> str:
+    """Declare a clone of a target behind it, and say its name."""
+    origin = want.target.origin
+    if origin is None or origin.symbol.declaration is None or origin.symbol.file is None:
+        raise ValueError("only a declared target can be cloned")
+    declaration, source = origin.symbol.declaration, origin.symbol.file.source
+    name = fresh.like(origin.symbol.name)
+    text = source.text
+    storage = text[declaration.start : declaration.type.start]
+    type_ = declaration.type.text if declaration.type.key == want.target.type else want.target.type
+    assigns = ":="
+    if declaration.value is not None and not declaration.array:
+        assigns = text[declaration.name.end : declaration.value.start]
+    at, before = _behind(declaration, source)
+    edits.add(source, at, at, f"{before}{storage}{type_} {name}{assigns}{value};")
+    return name
+
+
+def _behind(declaration: Declaration, source: Source) -> tuple[int, str]:
+    """Where to write a declaration behind another one, and what to write in front of it."""
+    text = source.text
+    end = text.find("\n", declaration.end)
+    end = len(text) if end < 0 else end
+    if end > declaration.end and text[end - 1] == "\r":
+        end -= 1
+    rest = text[declaration.end : end].strip()
+    if rest and not rest.startswith("!"):
+        return declaration.end, " "
+    return end, f"{source.newline}{source.indent(declaration.start)}"

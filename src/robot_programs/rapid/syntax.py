@@ -1,0 +1,465 @@
+"""What a RAPID module consists of: declarations, routines, statements and expressions with their places in the text."""
+
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from robot_programs.core.source import Source
+
+# The words of a RAPID module: names, numbers, strings and symbols, each with its place in the text.
+
+Kind = Literal["name", "number", "text", "symbol", "end"]
+
+# Every alternative begins with characters that no other begins with, so the time to read a file grows with its length.
+_WORD = re.compile(
+    r"""
+      (?P<blank>   [\s\ufeff]+ | ![^\n]* )
+    | (?P<name>    [^\W\d]\w* )
+    | (?P<number>  0[xX][0-9A-Fa-f]+ | 0[bB][01]+ | 0[oO][0-7]+ | (?: [0-9]+ (?:\.[0-9]*)? | \.[0-9]+ ) (?:[eE][+-]?[0-9]+)? )
+    | (?P<text>    "(?: [^"\n] | "" )* "? )
+    | (?P<symbol>  := | <> | <= | >= | . )
+    """,
+    re.VERBOSE | re.DOTALL,
+)
+
+_NUMBER = r"(?: [0-9]+ (?:\.[0-9]*)? | \.[0-9]+ ) (?:[eE][+-]?[0-9]+)?"
+_SIGNED = rf"(?: [+-] \s* )? {_NUMBER}"
+# bounded, as what is repeated is kept by the search until the list ends
+_LIST = re.compile(rf"\[ \s* {_SIGNED} \s* (?: , \s* {_SIGNED} \s* ){{0,99}} \]", re.VERBOSE)
+_IN_LIST = re.compile(rf"(?: ([+-]) \s* )? ({_NUMBER})", re.VERBOSE)
+
+HEADER = "%%%"
+"""Encloses what a controller writes in front of a module: version and language."""
+
+
+class Token(NamedTuple):
+    """A word of the text."""
+
+    kind: Kind
+    text: str
+    key: str
+    """The text by which it is compared: letter case does not matter in RAPID."""
+    start: int
+
+    @property
+    def end(self) -> int:
+        """Behind its last character."""
+        return self.start + len(self.text)
+
+
+def tokenize(text: str) -> Iterator[Token]:
+    """The words of a module's text without white space, comments and header; the last one is of kind ``end``."""
+    yield from words_from(text, _behind_header(text))
+
+
+def words_from(text: str, start: int) -> Iterator[Token]:
+    """The same from the start of a word on."""
+    yield from words(text, start, len(text))
+    yield Token("end", "", "", len(text))
+
+
+def words(text: str, start: int, end: int) -> Iterator[Token]:
+    """The words between the start of one and the end of the same or a later one, in a module's text."""
+    for match in _WORD.finditer(text, start, end):
+        word = match[0]
+        match match.lastgroup:
+            case "blank":
+                pass
+            case "name":
+                # the same names come again and again; what is kept of the text names each once
+                yield Token("name", sys.intern(word), sys.intern(word.lower()), match.start())
+            case "number":
+                yield Token("number", word, word, match.start())
+            case "text":
+                yield Token("text", word, word, match.start())
+            case _:
+                yield Token("symbol", word, word, match.start())
+
+
+def list_end(text: str, start: int) -> int:
+    """Behind the list of decimal numbers and nothing else that begins somewhere; 0 where none does, or a long one."""
+    found = _LIST.match(text, start)
+    return found.end() if found else 0
+
+
+def listed(text: str, start: int, end: int) -> Iterator[tuple[int, int, float]]:
+    """First character, end and value of each number of such a list."""
+    for found in _IN_LIST.finditer(text, start, end):
+        value = float(found[2])
+        yield found.start(), found.end(), -value if found[1] == "-" else value
+
+
+def number(token: Token) -> float:
+    """The value of a number."""
+    bases = {"0x": 16, "0b": 2, "0o": 8}
+    base = bases.get(token.text[:2].lower())
+    # a float takes any length of digits, an integer of a foreign base does so too
+    return float(token.text) if base is None else float(min(int(token.text[2:], base), 2**64))
+
+
+def _behind_header(text: str) -> int:
+    start = len(text) - len(text.lstrip("\ufeff \t\r\n"))
+    if not text.startswith(HEADER, start):
+        return 0
+    end = text.find(HEADER, start + len(HEADER))
+    return 0 if end < 0 else end + len(HEADER)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Node:
+    """A part of the text."""
+
+    start: int
+    """First character."""
+    end: int
+    """Behind the last one."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Number(Node):
+    """A number with its sign."""
+
+    value: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Text(Node):
+    """A string."""
+
+    value: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Truth(Node):
+    """TRUE or FALSE."""
+
+    value: bool
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Aggregate(Node):
+    """Values in square brackets: a record or an array."""
+
+    held: "tuple[Expression, ...] | str"
+    """The values; the text of the file where they are a few numbers, which are most of a program and read again."""
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is known to hold nothing but numbers."""
+        return isinstance(self.held, str)
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Those of a plain one."""
+        return tuple(value for _, _, value in self._listed())
+
+    @property
+    def items(self) -> tuple["Expression", ...]:
+        """The values; those of a plain one are other objects each time."""
+        if not isinstance(self.held, str):
+            return self.held
+        return tuple(Number(start=start, end=end, value=value) for start, end, value in self._listed())
+
+    def _listed(self) -> Iterator[tuple[int, int, float]]:
+        return listed(self.held, self.start, self.end) if isinstance(self.held, str) else iter(())
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Component:
+    """Selects a component of a record: ``.trans``."""
+
+    key: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Index:
+    """Selects an element of an array: ``{3}`` or ``{1,2}``."""
+
+    items: tuple["Expression", ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Reference(Node):
+    """A name, possibly with components and indices."""
+
+    name: Token
+    selectors: tuple[Component | Index, ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Argument(Node):
+    """An argument of an instruction or a function."""
+
+    option: str
+    r"""Name of an optional one, as in ``\WObj:=w``, in lower case; empty for a required one."""
+    value: "Expression | None"
+    """None for a switch."""
+    conditional: bool = False
+    r"""It is passed on where the routine itself got it: ``\WObj?w``."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Call(Node):
+    """The value of a function."""
+
+    name: Token
+    arguments: tuple[Argument, ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Operation(Node):
+    """An operator with one or two operands."""
+
+    operator: str
+    operands: tuple["Expression", ...]
+
+
+Expression = Number | Text | Truth | Aggregate | Reference | Call | Operation
+
+
+def parts(node: Expression) -> Iterator[Expression]:
+    """An expression and all that stand in it."""
+    yield node
+    match node:
+        case Aggregate() if not node.is_plain:
+            inside = node.items
+        case Operation():
+            inside = node.operands
+        case Call():
+            inside = tuple(argument.value for argument in node.arguments if argument.value is not None)
+        case Reference():
+            inside = tuple(
+                item for selector in node.selectors if isinstance(selector, Index) for item in selector.items
+            )
+        case _:
+            inside = ()
+    for part in inside:
+        yield from parts(part)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Declaration(Node):
+    """Declares data; its text ends behind the semicolon."""
+
+    storage: str
+    """``const``, ``pers`` or ``var``."""
+    local: bool
+    type: Token
+    name: Token
+    array: bool
+    value: Expression | None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Parameter:
+    """What a routine is given."""
+
+    name: Token
+    type: str
+    optional: bool
+    changed: bool
+    """The routine may assign to it."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Record:
+    """A type with components."""
+
+    name: Token
+    components: tuple[tuple[str, str], ...]
+    """Name and type of each, in lower case."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Instruction(Node):
+    """Calls an instruction or a procedure; its text ends behind the semicolon."""
+
+    name: Token
+    arguments: tuple[Argument, ...]
+    compact: bool = False
+    """It is all that an IF without THEN governs."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Assignment(Node):
+    """Gives a variable a value."""
+
+    target: Reference
+    value: Expression
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Branches(Node):
+    """IF or TEST: one of several branches is taken."""
+
+    conditions: tuple[Expression, ...]
+    branches: tuple[tuple["Statement", ...], ...]
+    exhaustive: bool
+    """One of the branches is always taken."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Loop(Node):
+    """FOR or WHILE."""
+
+    counter: Token | None
+    """Variable that a FOR declares."""
+    conditions: tuple[Expression, ...]
+    body: tuple["Statement", ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Label(Node):
+    """Where a GOTO leads."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Leave(Node):
+    """RETURN, GOTO, RAISE, RETRY, TRYNEXT or EXIT: what follows in the text is not what follows in time."""
+
+    keyword: str
+    value: Expression | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Problem:
+    """Text that could not be understood."""
+
+    position: int
+    text: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Unparsed(Node):
+    """Text that is not a statement."""
+
+    tokens: tuple[Token, ...]
+    problem: Problem
+    """Why it is not understood."""
+
+    def trouble(self, source: Source) -> str:
+        """The problem with its line."""
+        return f"line {source.place(self.problem.position).line}: {self.problem.text}"
+
+
+Statement = Instruction | Assignment | Branches | Loop | Label | Leave | Unparsed
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Routine(Node):
+    """A procedure, function or trap."""
+
+    name: Token
+    kind: str
+    """``proc``, ``func`` or ``trap``."""
+    local: bool
+    parameters: tuple[Parameter, ...]
+    declarations: tuple[Declaration, ...]
+    body: tuple[Statement, ...]
+    handlers: tuple[tuple[Statement, ...], ...]
+    """What ERROR, UNDO and BACKWARD lead to."""
+
+    @property
+    def statements(self) -> "tuple[Statement, ...]":
+        """Those of the body and of all handlers."""
+        return (*self.body, *(statement for handler in self.handlers for statement in handler))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Module(Node):
+    """A module."""
+
+    name: Token
+    declarations: tuple[Declaration, ...]
+    records: tuple[Record, ...]
+    routines: tuple[Routine, ...]
+    unparsed: tuple[Unparsed, ...]
+    """Text between declarations and routines that is neither."""
+
+
+# The words of a module as they are read: one after the other, so that a file's words are never all in memory.
+
+MOST_WORDS = 2_000_000
+"""Of one statement or declaration; an array of a hundred thousand targets, each of lists of numbers, has fewer."""
+
+
+MOST_VALUES = 5_000_000
+"""Values of a file, those in lists included: numbers in a list of nothing else count as one."""
+
+
+class TooMuch(Exception):
+    """A file holds more of something than any program, and would take gigabytes."""
+
+    def __init__(self, position: int, text: str):
+        self.position, self.text = position, text
+        super().__init__(text)
+
+
+class Words:
+    """Words that are read one after the other."""
+
+    def __init__(self, text: str):
+        self.text = text
+        self._coming = tokenize(text)
+        self._later: Token | None = None
+        """The word behind the next one, where it was looked at."""
+        self.next = next(self._coming)
+        """The word that is to be read next."""
+        self.end = 0
+        """Behind the word read last."""
+        self._left = MOST_WORDS
+        """Words that may still be read before another statement begins."""
+        self._begun = 0
+        """Where the last one began."""
+        self._values = MOST_VALUES
+        """Values that may still be read."""
+
+    def begin(self) -> None:
+        """Note that a statement or a declaration begins at the next word."""
+        self._left, self._begun = MOST_WORDS, self.next.start
+
+    def take(self) -> Token:
+        """Read a word.
+
+        Raises:
+            TooMuch: the statement has more words than any.
+        """
+        token = self.next
+        if token.kind == "end":
+            return token
+        if not self._left:
+            raise TooMuch(
+                self._begun,
+                f"has more than {MOST_WORDS:,} words in the statement that begins here; divide it into several",
+            )
+        self._left -= 1
+        self.end = token.start + len(token.text)
+        if self._later is None:
+            self.next = next(self._coming)
+        else:
+            self.next, self._later = self._later, None
+        return token
+
+    def jump(self, end: int) -> None:
+        """Go on behind some text, of which no word but the next one has been looked at."""
+        self.take()
+        self.end, self._coming = end, words_from(self.text, end)
+        self.next = next(self._coming)
+
+    def count_value(self) -> None:
+        """Count a value.
+
+        Raises:
+            TooMuch: there are more than in any program.
+        """
+        if not self._values:
+            raise TooMuch(self.next.start, f"has more than {MOST_VALUES:,} values; divide it into several files")
+        self._values -= 1
+
+    def behind_next(self) -> Token:
+        """The word behind the next one, of which there has to be one."""
+        if self._later is None:
+            self._later = next(self._coming)
+        return self._later

@@ -1,0 +1,816 @@
+"""Values of data that the text gives: constants, variables that nothing assigns to, and what the flow of the program tells."""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Float
+
+from robot_programs.core.program import Frame, Unresolved, rotation
+from robot_programs.rapid.names import File, Scope, Symbol, Value
+from robot_programs.rapid.syntax import (
+    Aggregate,
+    Argument,
+    Call,
+    Component,
+    Expression,
+    Index,
+    Number,
+    Operation,
+    Reference,
+    Text,
+    Truth,
+)
+from taskcal.geometry import se3
+
+# Operators of RAPID, and shifts of targets.
+#
+# Source: Technical reference manual, RAPID overview (expressions), and RAPID instructions, functions and data types
+# (Offs, RelTool).
+
+FARTHEST_SHIFT_MM = 1e6
+"""No shift is farther."""
+
+
+def operated(operator: str, values: Sequence[Value]) -> Value:
+    """What an operator makes of its operands.
+
+    Raises:
+        Unresolved: they are not of the types it needs, or it is not evaluated.
+    """
+    truths = [v for v in values if isinstance(v, bool)]
+    if len(truths) == len(values):
+        return _of_truths(operator, truths)
+    if operator in ("=", "<>"):
+        a, b = values
+        if type(a) is not type(b):
+            raise Unresolved(f"the operator {operator} compares things of different types")
+        return (a == b) == (operator == "=")
+    if not all(isinstance(v, float) for v in values):
+        raise Unresolved("a number is expected where there is none")
+    return _of_numbers(operator, [v for v in values if isinstance(v, float)])
+
+
+def _of_truths(operator: str, truths: Sequence[bool]) -> bool:
+    match operator, truths:
+        case "not", [a]:
+            return not a
+        case "and", [a, b]:
+            return a and b
+        case "or", [a, b]:
+            return a or b
+        case (("xor" | "<>"), [a, b]):
+            return a != b
+        case "=", [a, b]:
+            return a == b
+        case _:
+            raise Unresolved("a number is expected where there is none")
+
+
+def _of_numbers(operator: str, given: Sequence[float]) -> Value:
+    match operator, given:
+        case "-", [a]:
+            return -a
+        case "+", [a]:
+            return a
+        case "+", [a, b]:
+            return a + b
+        case "-", [a, b]:
+            return a - b
+        case "*", [a, b]:
+            return a * b
+        case "/", [a, b] if b != 0.0:
+            return a / b
+        case (("div" | "mod"), [a, b]) if b != 0.0 and a == int(a) and b == int(b):
+            quotient = float(int(a / b))  # towards zero, and the remainder has the sign of the dividend
+            return quotient if operator == "div" else a - quotient * b
+        case "<", [a, b]:
+            return a < b
+        case ">", [a, b]:
+            return a > b
+        case "<=", [a, b]:
+            return a <= b
+        case ">=", [a, b]:
+            return a >= b
+        case _:
+            raise Unresolved(f"the operator {operator.upper()} is not evaluated")
+
+
+def shifted(name: str, T: Float[np.ndarray, "4 4"], by: Sequence[Value], options: Mapping[str, Value]) -> np.ndarray:
+    """What Offs or RelTool makes of a pose.
+
+    Offs shifts along the axes of the work object; RelTool shifts along those of the tool, then turns about its x, the new y
+    and the new z.
+
+    Args:
+        name: key of the function.
+        T: the pose, metres.
+        by: three distances, millimetres.
+        options: what it is given by name.
+
+    Raises:
+        Unresolved: it is given something else.
+    """
+    xyz = [v for v in by if isinstance(v, float)]
+    if len(by) != 3 or len(xyz) != 3:
+        raise Unresolved(f"{name}() is not given a target and three distances")
+    if not all(abs(v) <= FARTHEST_SHIFT_MM for v in xyz):
+        raise Unresolved(f"{name}() shifts out of any range")
+    T = T.copy()
+    if name.lower() == "offs":
+        if options:
+            raise Unresolved("Offs() has no options")
+        T[:3, 3] += np.array(xyz) / 1e3
+        return T
+    if not options.keys() <= {"rx", "ry", "rz"}:
+        raise Unresolved(f"RelTool() has no option '{min(options.keys() - {'rx', 'ry', 'rz'})}'")
+    degrees = [options.get(key, 0.0) for key in ("rx", "ry", "rz")]
+    angles = [math.radians(v) for v in degrees if isinstance(v, float)]
+    if len(angles) != 3 or not all(math.isfinite(a) for a in angles):
+        raise Unresolved("RelTool() turns by no finite angle")
+    T = T @ se3.translation(*(v / 1e3 for v in xyz))
+    for axis, angle in zip("xyz", angles, strict=True):
+        T = T @ se3.rotation(axis, angle)
+    return T
+
+
+def pose_numbers(T: Float[np.ndarray, "4 4"]) -> tuple[float, ...]:
+    """Position in mm and unit quaternion, scalar first."""
+    x, y, z, w = se3.to_quaternion(T[:3, :3])
+    return (*(float(v) for v in T[:3, 3] * 1e3), float(w), float(x), float(y), float(z))
+
+
+# Tools and work objects: from tooldata and wobjdata to frames.
+
+FARTHEST_MM = 1e6
+"""No coordinate of a robot's cell is larger; the controller's 9E9 stands for none."""
+
+UNIT_TOLERANCE = 0.01
+"""A quaternion's length may differ from 1 by this: programmed digits are few."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Frames:
+    """Which tool moves in which frame."""
+
+    tool: Frame
+    part: Frame
+    part_in_hand: bool
+    carrier: str = ""
+    """Mechanical unit that moves the work object; empty where it stands still."""
+
+    def on(self, T_world_base: Float[np.ndarray, "4 4"]) -> "Frames":
+        """What stands still counted in the robot's base instead of the world, which RAPID counts in."""
+        if self.part_in_hand:
+            return replace(self, tool=_seen_from(T_world_base, self.tool))
+        return self if self.carrier else replace(self, part=_seen_from(T_world_base, self.part))
+
+
+def numbers(value: Value, count: int, what: str) -> tuple[float, ...]:
+    """The numbers of a record of numbers.
+
+    Raises:
+        Unresolved: there are more or fewer, or something else.
+    """
+    if not isinstance(value, tuple) or len(value) != count or not all(isinstance(v, float) for v in value):
+        raise Unresolved(f"{what} is not made of {count} numbers")
+    return tuple(v for v in value if isinstance(v, float))
+
+
+def parts(value: Value, count: int, what: str) -> tuple[Value, ...]:
+    """The components of a record.
+
+    Raises:
+        Unresolved: there are more or fewer.
+    """
+    if not isinstance(value, tuple) or len(value) != count:
+        raise Unresolved(f"{what} is not made of {count} components")
+    return value
+
+
+def position(value: Value, what: str) -> tuple[float, ...]:
+    """The coordinates of a pos, millimetres.
+
+    Raises:
+        Unresolved: it is none.
+    """
+    xyz = numbers(value, 3, f"the position of {what}")
+    if not all(abs(v) <= FARTHEST_MM for v in xyz):
+        raise Unresolved(f"the position of {what} is out of any range")
+    return xyz
+
+
+def quaternion(value: Value, what: str) -> tuple[float, ...]:
+    """The unit quaternion of an orient, its scalar first.
+
+    Raises:
+        Unresolved: it is none.
+    """
+    q = numbers(value, 4, f"the orientation of {what}")
+    length = math.hypot(*q)
+    if not abs(length - 1.0) <= UNIT_TOLERANCE:
+        raise Unresolved(f"the orientation of {what} is not a unit quaternion: its length is {length:.4g}")
+    return tuple(v / length for v in q)
+
+
+def pose_of(xyz_mm: tuple[float, ...], wxyz: tuple[float, ...]) -> Float[np.ndarray, "4 4"]:
+    """The transform of a position and a quaternion with its scalar first."""
+    return se3.pose(se3.from_quaternion(np.array([*wxyz[1:], wxyz[0]])), np.array(xyz_mm) / 1e3)
+
+
+@lru_cache(maxsize=256)
+def frames_of(tool: tuple[str, Value], work_object: tuple[str, Value]) -> Frames:
+    """The frames of a motion, from names and values of its tooldata and wobjdata.
+
+    Raises:
+        Unresolved: they are incomplete, or contradict each other.
+    """
+    tool_name, wobj_name = tool[0], work_object[0]
+    tool_held, tframe, _ = parts(tool[1], 3, f"the tool '{tool_name}'")
+    wobj_held, fixed, unit, uframe, oframe = parts(work_object[1], 5, f"the work object '{wobj_name}'")
+    if not isinstance(tool_held, bool) or not isinstance(wobj_held, bool) or not isinstance(fixed, bool):
+        raise Unresolved(f"the tool '{tool_name}' or the work object '{wobj_name}' does not say what the robot holds")
+    if not fixed and not (isinstance(unit, str) and unit):
+        raise Unresolved(f"the work object '{wobj_name}' is moved (ufprog is FALSE), and no mechanical unit is named")
+    if tool_held == wobj_held:
+        what = "both held by the robot" if tool_held else "neither held by the robot"
+        raise Unresolved(f"the tool '{tool_name}' and the work object '{wobj_name}' are {what}")
+    # the user frame of a work object that moves is that of the mechanical unit, whatever uframe says (wobjdata)
+    user = _frame_pose(uframe, f"'{wobj_name}'") if fixed else np.eye(4)
+    inner = _frame_pose(oframe, f"'{wobj_name}'")
+    return Frames(
+        tool=Frame(name=tool_name, T=_frame_pose(tframe, f"'{tool_name}'")),
+        part=Frame(name=wobj_name, T=user @ inner),
+        part_in_hand=wobj_held,
+        carrier="" if fixed else str(unit),
+    )
+
+
+def _seen_from(T_world_base: Float[np.ndarray, "4 4"], frame: Frame) -> Frame:
+    return Frame(name=frame.name, T=se3.inverse(T_world_base) @ frame.T)
+
+
+def _frame_pose(value: Value, what: str) -> Float[np.ndarray, "4 4"]:
+    trans, rot = parts(value, 2, f"the frame of {what}")
+    return pose_of(position(trans, what), quaternion(rot, what))
+
+
+# Functions of RAPID whose value the text gives: shifts of targets, poses and orientations, and of numbers, angles
+# in degrees.
+#
+# Source: Technical reference manual, RAPID instructions, functions and data types (3HAC050917).
+
+Options = Mapping[str, Value]
+Function = Callable[[Sequence[Value], Options], Value]
+
+TIE = 1e-6
+"""So near to halfway between two rounded numbers, the controller's 32-bit numbers may lie on either side."""
+
+
+def _shifted_target(name: str, given: Sequence[Value], options: Options) -> Value:
+    if len(given) != 4:
+        raise Unresolved(f"{name}() is not given a target and three distances")
+    trans, rot, conf, extax = parts(given[0], 4, "the target")
+    T = pose_of(position(trans, "the target"), quaternion(rot, "the target"))
+    own = pose_numbers(shifted(name, T, given[1:], options))
+    return (own[:3], own[3:], conf, extax)
+
+
+def _offs(given: Sequence[Value], options: Options) -> Value:
+    return _shifted_target("Offs", given, options)
+
+
+def _rel_tool(given: Sequence[Value], options: Options) -> Value:
+    return _shifted_target("RelTool", given, options)
+
+
+def _size(given: Sequence[Value], options: Options) -> Value:
+    """Dim(array, k): how many elements an array has in its k-th dimension."""
+    if len(given) != 2 or not isinstance(given[1], float):
+        raise Unresolved("Dim() is not given an array and a number")
+    array: Value = given[0]
+    for _ in range(int(given[1]) - 1):
+        array = array[0] if isinstance(array, tuple) and array else 0.0
+    if not isinstance(array, tuple):
+        raise Unresolved("Dim() is not given an array of so many dimensions")
+    return float(len(array))
+
+
+def _pose(value: Value, what: str) -> Float[np.ndarray, "4 4"]:
+    trans, rot = parts(value, 2, what)
+    return pose_of(position(trans, what), quaternion(rot, what))
+
+
+def _as_pose(T: Float[np.ndarray, "4 4"]) -> Value:
+    own = pose_numbers(T)
+    return (own[:3], own[3:])
+
+
+def _pose_mult(given: Sequence[Value], options: Options) -> Value:
+    """PoseMult(a, b): b, counted in a."""
+    a, b = parts(tuple(given), 2, "what PoseMult() is given")
+    return _as_pose(_pose(a, "the first pose") @ _pose(b, "the second pose"))
+
+
+def _pose_inv(given: Sequence[Value], options: Options) -> Value:
+    (pose,) = parts(tuple(given), 1, "what PoseInv() is given")
+    return _as_pose(np.linalg.inv(_pose(pose, "the pose")))
+
+
+def _pose_vect(given: Sequence[Value], options: Options) -> Value:
+    """PoseVect(pose, pos): the point, counted in what the pose is counted in."""
+    pose, point = parts(tuple(given), 2, "what PoseVect() is given")
+    T = _pose(pose, "the pose")
+    x, y, z = T[:3, :3] @ np.array(position(point, "the point")) + T[:3, 3] * 1e3
+    return (float(x), float(y), float(z))
+
+
+def _orient_zyx(given: Sequence[Value], options: Options) -> Value:
+    """OrientZYX(z, y, x): turned about z, the new y and the new x."""
+    z, y, x = numbers(tuple(given), 3, "what OrientZYX() is given")
+    T = np.eye(4)
+    T[:3, :3] = rotation(z, y, x)
+    return pose_numbers(T)[3:]
+
+
+def _n_orient(given: Sequence[Value], options: Options) -> Value:
+    (rot,) = parts(tuple(given), 1, "what NOrient() is given")
+    return quaternion(rot, "the orientation")
+
+
+def _distance(given: Sequence[Value], options: Options) -> Value:
+    a, b = parts(tuple(given), 2, "what Distance() is given")
+    return math.dist(position(a, "the first point"), position(b, "the second point"))
+
+
+def _magnitude(given: Sequence[Value], options: Options) -> Value:
+    (vector,) = parts(tuple(given), 1, "what VectMagn() is given")
+    return math.hypot(*position(vector, "the vector"))
+
+
+def _dot_product(given: Sequence[Value], options: Options) -> Value:
+    a, b = parts(tuple(given), 2, "what DotProd() is given")
+    return float(np.dot(position(a, "the first vector"), position(b, "the second vector")))
+
+
+def _cut(name: str, to_whole: Callable[[float], float], ties: float) -> Function:
+    """Round or Trunc, to a number of decimals."""
+
+    def function(given: Sequence[Value], options: Options) -> Value:
+        (value,) = numbers(tuple(given), 1, f"what {name}() is given")
+        decimals = options.get("dec", 0.0)
+        if not options.keys() <= {"dec"} or not isinstance(decimals, float) or decimals not in range(7):
+            raise Unresolved(f"{name}() is not given a number of decimals from 0 to 6")
+        scaled = value * 10.0**decimals
+        if abs((scaled - ties) - round(scaled - ties)) < TIE * max(1.0, abs(scaled)) and scaled != round(scaled):
+            raise Unresolved(f"{name}() is given a number that lies between two others")
+        return to_whole(scaled) / 10.0**decimals
+
+    return function
+
+
+def _function_of_numbers(name: str, count: int, function: Callable[..., float]) -> Function:
+    """A function of numbers."""
+
+    def checked(given: Sequence[Value], options: Options) -> Value:
+        if options:
+            raise Unresolved(f"{name}() has no option '{min(options)}'")
+        own = numbers(tuple(given), count, f"what {name}() is given")
+        try:
+            value = float(function(*own))
+        except (ValueError, OverflowError, ZeroDivisionError):
+            raise Unresolved(f"{name}({', '.join(f'{v:g}' for v in own)}) has no value") from None
+        if not math.isfinite(value):
+            raise Unresolved(f"{name}({', '.join(f'{v:g}' for v in own)}) has no value")
+        return value
+
+    return checked
+
+
+NUMERIC: Mapping[str, tuple[int, Callable[..., float]]] = {
+    "Abs": (1, math.fabs), "Sqrt": (1, math.sqrt), "Exp": (1, math.exp), "Pow": (2, math.pow),
+    "Sin": (1, lambda a: math.sin(math.radians(a))), "Cos": (1, lambda a: math.cos(math.radians(a))),
+    "Tan": (1, lambda a: math.tan(math.radians(a))),
+    "ASin": (1, lambda x: math.degrees(math.asin(x))), "ACos": (1, lambda x: math.degrees(math.acos(x))),
+    "ATan": (1, lambda x: math.degrees(math.atan(x))), "ATan2": (2, lambda y, x: math.degrees(math.atan2(y, x))),
+}  # fmt: skip
+"""Functions of numbers, with how many they are given."""
+
+COMPUTED: Mapping[str, Function] = {
+    **{name.lower(): _function_of_numbers(name, count, function) for name, (count, function) in NUMERIC.items()},
+    "offs": _offs, "reltool": _rel_tool, "dim": _size, "posemult": _pose_mult, "poseinv": _pose_inv, "posevect": _pose_vect,
+    "orientzyx": _orient_zyx, "norient": _n_orient, "distance": _distance, "vectmagn": _magnitude,
+    "dotprod": _dot_product, "round": _cut("Round", round, 0.5), "trunc": _cut("Trunc", math.trunc, 0.0),
+}  # fmt: skip
+"""Functions of the system by their keys, of what they are given in order and by name."""
+
+
+# What data hold at some place of a program, as far as its flow tells.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Origin:
+    """Where a value is declared."""
+
+    symbol: Symbol
+    path: tuple[int, ...]
+    """Which component or element of it, counted from 0."""
+    type: str
+    node: Expression | None
+    """What is written there; None where only a larger whole is written."""
+    selectors: tuple[Component | Index, ...]
+    """How the reference says the path."""
+
+    @property
+    def name(self) -> str:
+        """As ``p{3}`` or ``st{2}.pick``, with the value of each index."""
+        items, text = iter(self.path), self.symbol.name
+        for selector in self.selectors:
+            match selector:
+                case Index():
+                    text += "{" + ",".join(str(next(items) + 1) for _ in selector.items) + "}"
+                case Component():
+                    next(items)
+                    text += f".{selector.key}"
+        return text
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Handed:
+    """How a parameter got what it holds: the argument of a call, and how that is read on the way to where it is used."""
+
+    argument: Argument
+    """Of the first call, where what is handed on is written."""
+    file: File
+    """Of that call."""
+    origin: Origin | None
+    """Declaration of what the argument names; None where it names none."""
+    literal: Aggregate | None
+    """What the argument writes out; None where it does not."""
+    reads: frozenset[tuple[File, int]] = frozenset()
+    """Files and first characters of the arguments by which routines hand it on."""
+    parameters: tuple[Symbol, ...] = ()
+    """Those that it has come through."""
+
+    @property
+    def source(self) -> tuple[object, ...]:
+        """Equal for what comes from the same argument to the same parameters."""
+        return (self.argument, self.parameters)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Held:
+    """What data hold."""
+
+    value: Value
+    """Of no meaning where it is the declared one."""
+    declared: bool = False
+    """It is the value of their declaration, which still stands."""
+    handed: Handed | None = None
+    """How a parameter got it."""
+    name: str = ""
+    """Of the data whose value it is, where it was assigned as a whole; empty otherwise."""
+    settable: bool = False
+    """It comes from persistent data, which an operator may set by hand: nothing is decided by it."""
+
+    def agrees(self, other: "Held") -> bool:
+        """Whether two hold the same from the same place."""
+        source = None if self.handed is None else self.handed.source
+        others = None if other.handed is None else other.handed.source
+        mine = (self.declared, self.name, source, self.settable)
+        same = mine == (other.declared, other.name, others, other.settable)
+        return self is other or (same and identical(self.value, other.value))
+
+
+def identical(a: Value, b: Value) -> bool:
+    """Whether two values are the same and of one type: a truth is not a number."""
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return a is b or (len(a) == len(b) and all(map(identical, a, b)))
+    return type(a) is type(b) and a == b
+
+
+Variables = Mapping[Symbol, Held]
+"""What is known of variables; those that are missing hold their declared value, or nobody knows what."""
+
+Before = frozenset[int | None]
+"""Numbers of the motions that may have been the last one, None for any; empty where control does not come."""
+
+ANY: Before = frozenset([None])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class State:
+    """What holds at a place of a program."""
+
+    before: Before
+    variables: Variables = field(default_factory=dict[Symbol, Held])
+
+    @property
+    def reached(self) -> bool:
+        """Whether control comes there."""
+        return bool(self.before)
+
+    def behind(self, *before: int | None) -> "State":
+        """The same behind other motions."""
+        return replace(self, before=frozenset(before))
+
+    def forgotten(self, symbols: Iterable[Symbol]) -> "State":
+        """Where some data may hold anything."""
+        lost = self.variables.keys() & set(symbols)
+        if not lost:
+            return self
+        return replace(self, variables={k: v for k, v in self.variables.items() if k not in lost})
+
+    def holding(self, held: Variables) -> "State":
+        """Where some data hold something else."""
+        return replace(self, variables={**self.variables, **held}) if held else self
+
+
+NOWHERE = State(before=frozenset())
+"""Where control does not come."""
+
+
+def merged(states: Iterable[State]) -> State:
+    """What holds after any of some ways through the program."""
+    ways = [state for state in states if state.reached]
+    if not ways:
+        return NOWHERE
+    first, *others = ways
+    before = first.before.union(*(way.before for way in others))
+    if all(way.variables is first.variables for way in others):
+        return replace(first, before=before)
+    return State(before=before, variables=dict(_common(first, others)))
+
+
+def _common(first: State, others: Iterable[State]) -> Iterator[tuple[Symbol, Held]]:
+    others = tuple(others)
+    for symbol, held in first.variables.items():
+        there = [other.variables.get(symbol) for other in others]
+        if all(other is not None and held.agrees(other) for other in there):
+            yield symbol, held
+        elif all(other is not None and identical(held.value, other.value) for other in there):
+            settable = held.settable or any(other.settable for other in there if other is not None)
+            yield symbol, Held(value=held.value, settable=settable)
+
+
+CHAIN = 100
+"""Values that lead to others through more steps than this probably lead to themselves."""
+
+MOST_ELEMENTS = 1e7
+"""No array has more."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Found:
+    """What a reference stands for."""
+
+    value: Value
+    type: str
+    origin: Origin | None
+    """Where it is declared; None where it was assigned or computed."""
+    handed: Handed | None
+    """How the parameter got it that the reference names; None where it names none, or what it holds was assigned to it."""
+    literal: Expression | None
+    """What holds it in the text: of its declaration, or of the argument that a parameter was given."""
+    name: str
+    """Of the data that are meant, such as a parameter's argument."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Values:
+    """Reads values, given what is assigned to somewhere in the program."""
+
+    assigned: Mapping[Symbol, str]
+    """How, for each symbol: "is assigned to in part.mod:4"."""
+    variables: Variables = field(default_factory=dict[Symbol, Held])
+    """What the flow of the program tells of variables and parameters at the place where values are read."""
+    _known: dict[Expression, Value] = field(default_factory=dict[Expression, Value])
+    """Values of what is declared, so that each is computed once."""
+
+    def at(self, variables: Variables) -> "Values":
+        """Values where the flow of the program tells these."""
+        return Values(assigned=self.assigned, variables=variables, _known=self._known)
+
+    def of(self, expression: Expression, scope: Scope, depth: int = 0) -> Value:
+        """The value of an expression.
+
+        Raises:
+            Unresolved: the text does not give it.
+        """
+        if depth > CHAIN:
+            raise Unresolved("data refer to each other in a circle, or too deeply")
+        match expression:
+            case Number() | Text() | Truth():
+                return expression.value
+            case Aggregate() if expression.is_plain and depth < CHAIN:
+                return expression.numbers
+            case Aggregate():
+                return tuple(self.of(item, scope, depth + 1) for item in expression.items)
+            case Reference():
+                return self._of_reference(expression, scope, depth)
+            case Operation():
+                return self._of_operation(expression, scope, depth)
+            case Call():
+                return self._of_call(expression, scope, depth)
+
+    def number(self, expression: Expression, scope: Scope, depth: int = 0) -> float:
+        """The value of an expression that has to be a number.
+
+        Raises:
+            Unresolved: the text does not give it, or it is none.
+        """
+        value = self.of(expression, scope, depth)
+        if not isinstance(value, float):
+            raise Unresolved("a number is expected where there is none")
+        return value
+
+    def settable(self, expression: Expression, scope: Scope) -> bool:
+        """Whether an operator may change what an expression gives by hand: it reads persistent data."""
+        match expression:
+            case Reference():
+                symbol = scope.find(expression.name.text)
+                held = None if symbol is None else self.variables.get(symbol)
+                declaration = None if symbol is None else symbol.declaration
+                own = declaration is not None and declaration.storage == "pers" if held is None else held.settable
+                indices = (item for s in expression.selectors if isinstance(s, Index) for item in s.items)
+                return own or any(self.settable(item, scope) for item in indices)
+            case Aggregate() if not expression.is_plain:
+                return any(self.settable(item, scope) for item in expression.items)
+            case Operation():
+                return any(self.settable(operand, scope) for operand in expression.operands)
+            case Call():
+                return any(a.value is not None and self.settable(a.value, scope) for a in expression.arguments)
+            case _:
+                return False
+
+    def found(self, reference: Reference, scope: Scope, depth: int = 0) -> Found:
+        """What a reference stands for.
+
+        Raises:
+            Unresolved: it is not declared in the files, or its value is not known from the text.
+        """
+        symbol = scope.find(reference.name.text)
+        if symbol is None:
+            raise Unresolved(f"'{reference.name.text}' is not declared in the files; pass the module that declares it")
+        held = self.variables.get(symbol)
+        if held is None and symbol in self.assigned:
+            raise Unresolved(f"'{symbol.name}' {self.assigned[symbol]}, so its value is not known")
+        if held is None and symbol.obstacle:
+            raise Unresolved(symbol.obstacle)
+        path, type_ = self.path(reference, symbol, scope, depth)
+        if held is None or held.declared:
+            origin = Origin(
+                symbol=symbol, path=path, type=type_, node=_written_at(symbol, path), selectors=reference.selectors
+            )
+            value = self._declared(origin, depth)
+            return Found(value=value, type=type_, origin=origin, handed=None, literal=origin.node, name=origin.name)
+        value = _component(held.value, path, symbol)
+        if held.handed is None:
+            name = held.name if held.name and not path else symbol.name
+            return Found(value=value, type=type_, origin=None, handed=None, literal=None, name=name)
+        return _through(held.handed, value, path, type_, reference)
+
+    def origin(self, reference: Reference, scope: Scope, depth: int = 0) -> Origin:
+        """Where the value of a reference is declared.
+
+        Raises:
+            Unresolved: it is not declared in the files, or its value is not known from the text, or was assigned.
+        """
+        origin = self.found(reference, scope, depth).origin
+        if origin is None:
+            raise Unresolved(f"'{reference.name.text}' holds what was assigned to it")
+        return origin
+
+    def path(self, reference: Reference, symbol: Symbol, scope: Scope, depth: int = 0) -> tuple[tuple[int, ...], str]:
+        """Which component or element of its data a reference means, and the type of that.
+
+        Raises:
+            Unresolved: an index is not known, or there is no such component.
+        """
+        path: list[int] = []
+        type_ = symbol.type
+        for selector in reference.selectors:
+            match selector:
+                case Index():
+                    for item in selector.items:
+                        index = self.number(item, scope, depth + 1)
+                        if not 1.0 <= index <= MOST_ELEMENTS or index != int(index):
+                            raise Unresolved(f"{index:g} is not an index of '{symbol.name}'")
+                        path.append(int(index) - 1)
+                case Component():
+                    names = [name for name, _ in scope.types.get(type_, ())]
+                    if selector.key not in names:
+                        raise Unresolved(f"'{symbol.name}' has no component '{selector.key}'")
+                    path.append(names.index(selector.key))
+                    type_ = scope.types[type_][path[-1]][1]
+        return tuple(path), type_
+
+    def _of_reference(self, reference: Reference, scope: Scope, depth: int) -> Value:
+        return self.found(reference, scope, depth).value
+
+    def _declared(self, origin: Origin, depth: int) -> Value:
+        """The declared value of data, which does not follow what its parts hold later."""
+        symbol = origin.symbol
+        if origin.node is not None:
+            return self._written(origin.node, symbol, depth)
+        if symbol.declaration is not None and symbol.declaration.value is not None:
+            value = self._written(symbol.declaration.value, symbol, depth)
+        elif symbol.value is not None:
+            value = symbol.value
+        else:
+            raise Unresolved(f"'{symbol.name}' is declared without a value")
+        return _component(value, origin.path, symbol)
+
+    def _written(self, node: Expression, symbol: Symbol, depth: int) -> Value:
+        if symbol.scope is None:
+            raise Unresolved(f"'{symbol.name}' is declared without a value")
+        if isinstance(node, Number) and depth < CHAIN:
+            return node.value
+        if node not in self._known:
+            self._known[node] = Values(assigned=self.assigned, _known=self._known).of(node, symbol.scope, depth + 1)
+        return self._known[node]
+
+    def _of_call(self, call: Call, scope: Scope, depth: int) -> Value:
+        key = call.name.key
+        if key in scope.routines or key not in COMPUTED:
+            raise Unresolved(f"the value of {call.name.text}() is known only at run time")
+        required = [a.value for a in call.arguments if not a.option and a.value is not None]
+        options = {a.option: a.value for a in call.arguments if a.option and not a.conditional and a.value is not None}
+        if len(required) + len(options) != len(call.arguments):
+            raise Unresolved(f"the value of {call.name.text}() is known only at run time")
+        given = [self.of(node, scope, depth + 1) for node in required]
+        return COMPUTED[key](given, {name: self.of(node, scope, depth + 1) for name, node in options.items()})
+
+    def _of_operation(self, operation: Operation, scope: Scope, depth: int) -> Value:
+        if operation.operator == "()":
+            return self.of(operation.operands[0], scope, depth + 1)
+        return operated(operation.operator, [self.of(operand, scope, depth + 1) for operand in operation.operands])
+
+
+def _written_at(symbol: Symbol, path: tuple[int, ...]) -> Expression | None:
+    """What is written at a path of declared data; None where only a larger whole is."""
+    return _inside(symbol.declaration.value if symbol.declaration else None, path)
+
+
+def _inside(node: Expression | None, path: tuple[int, ...]) -> Expression | None:
+    for item in path:
+        if not isinstance(node, Aggregate) or item >= len(node.items):
+            return None
+        node = node.items[item]
+    return node
+
+
+def _component(value: Value, path: tuple[int, ...], symbol: Symbol) -> Value:
+    for item in path:
+        if not isinstance(value, tuple) or item >= len(value):
+            raise Unresolved(f"'{symbol.name}' has no element {item + 1}")
+        value = value[item]
+    return value
+
+
+def _through(handed: Handed, value: Value, path: tuple[int, ...], type_: str, reference: Reference) -> Found:
+    """What a reference to a parameter stands for, whose argument is written in a call."""
+    literal, origin = _inside(handed.literal, path), handed.origin
+    if origin is not None:
+        origin = replace(
+            origin,
+            path=(*origin.path, *path),
+            type=type_,
+            node=_inside(origin.node, path) if origin.node is not None else None,
+            selectors=(*origin.selectors, *reference.selectors),
+        )
+        literal = origin.node
+    name = reference.name.text if origin is None else origin.name
+    return Found(value=value, type=type_, origin=origin, handed=handed, literal=literal, name=name)
+
+
+# The text of RAPID numbers, which the controller keeps in single precision.
+
+MM_DECIMALS = 5
+DEG_DECIMALS = 6
+QUATERNION_DECIMALS = 9
+"""Smaller digits are rounding errors."""
+
+LARGE = 1e7
+"""From here on numbers are written with an exponent, as the controller writes its 9E+09."""
+
+
+def real(value: float, decimals: int) -> str:
+    """The shortest text that gives a value back in single precision, rounded to so many decimals before."""
+    if abs(value) >= LARGE:
+        mantissa, exponent = f"{np.format_float_scientific(np.float32(value), trim='-', exp_digits=2)}".split("e")
+        return f"{mantissa}E{exponent}"
+    text = np.format_float_positional(np.float32(round(value, decimals)), unique=True, trim="-")
+    return "0" if text == "-0" else text
+
+
+def quaternion_texts(wxyz: tuple[float, ...]) -> tuple[str, ...]:
+    """Texts of a unit quaternion's components whose largest makes up for the rounding of the others."""
+    texts = [real(v, QUATERNION_DECIMALS) for v in wxyz]
+    largest = max(range(4), key=lambda i: abs(wxyz[i]))
+    others = sum(float(text) ** 2 for i, text in enumerate(texts) if i != largest)
+    length = math.sqrt(max(1.0 - others, 0.0))
+    texts[largest] = real(math.copysign(length, wxyz[largest]), QUATERNION_DECIMALS)
+    return tuple(texts)

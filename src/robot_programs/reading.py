@@ -1,0 +1,194 @@
+"""Reading a robot program of any language, known by the suffix of its files."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from robot_programs.backup import is_backup, open_backup
+from robot_programs.core.program import Frame, Move, Program, Target, missing_names
+from robot_programs.core.source import Backup, Place, Source, read_source
+from robot_programs.languages import COMPOSED, Composition, Surroundings, language_of
+from taskcal.arguments import expect_kinds
+from taskcal.errors import FileError, TaskcalError
+from taskcal.robot.robot import Robot
+
+
+def read_program(
+    *paths: str | Path,
+    robot: Robot | None = None,
+    tool: Frame | None = None,
+    part: Frame | None = None,
+    tools: Mapping[str, Frame] | None = None,
+) -> Program:
+    """Read a robot program: RAPID, KRL, TP, APT or CSV.
+
+    Args:
+        paths: its files; those that declare tools and frames belong to it. Or a folder or a zip file, such as a controller's
+            backup, in which it is found; what is no program is skipped, and files may be named beside it.
+        robot: of a program in TP, APT or CSV: whose own tool moves where `tool` is not given, and whose joints columns name.
+        tool: of a program in APT or CSV, which do not say it: what the positions are of. In TP for tools by number whose values no
+            file states.
+        part: of a program in APT or CSV: frame in which the positions are counted; the robot's base by default. In TP for user
+            frames by number whose values no file states, counted in FANUC's world frame.
+        tools: of a program in APT: its tools, by the name or number by which it loads them.
+
+    Raises:
+        FileError: a file is missing, or is not a program; of a CSV: it cannot be read as a path.
+        TaskcalError: no file, several languages, or a tool where the program says its own.
+    """
+    expect_kinds({"robot": Robot | None, "tool": Frame | None, "part": Frame | None}, robot=robot, tool=tool, part=part)
+    files = [Path(path) for path in paths]
+    if not files:
+        raise TaskcalError("no program was given; name its files")
+    twice = next((path for path in files if files.count(path) > 1), None)
+    if twice is not None:
+        raise FileError(twice, "is given twice; name each file once")
+    named = [path for path in files if not is_backup(path)]
+    frames = tool is not None or part is not None or bool(tools)
+    if named:  # what is wrong with their names is said before anything is read
+        _check_language(named, frames=frames)
+    backup, sources = _sources(files)
+    _check_language([source.path for source in sources], frames=frames)
+    program = parse_program(sources, robot=robot, tool=tool, part=part, tools=tools)
+    missing = tuple(missing_names(program.diagnostics)) if backup else ()
+    return program if backup is None else replace(program, backup=backup, diagnostics=(*missing, *program.diagnostics))
+
+
+def _check_language(paths: Sequence[Path], *, frames: bool) -> None:
+    """See that files have one language, and that tool and part are given only where it does not say them.
+
+    Raises:
+        FileError: a suffix is not known.
+        TaskcalError: they have several, or it says its own.
+    """
+    languages = {language_of(path): path for path in paths}
+    if len(languages) > 1:
+        (one, first), (other, second) = list(languages.items())[:2]
+        raise TaskcalError(
+            f"{first} is {one.name} and {second} is {other.name}; the files of a program have one language"
+        )
+    ((language, first),) = languages.items()
+    if language.declares_frames and frames:
+        raise TaskcalError(f"{first} is {language.name}, which says its own tools and frames; leave out tool and part")
+
+
+def _sources(files: Sequence[Path]) -> tuple[Backup | None, tuple[Source, ...]]:
+    """The texts of some files, and the folder or zip file among them."""
+    found = [path for path in files if is_backup(path)]
+    if not found:
+        return None, tuple(read_source(path) for path in files)
+    if len(found) > 1:
+        raise FileError(found[1], f"is a folder or a zip file as {found[0]} is; give one of them")
+    backup, sources = open_backup(found[0])
+    return backup, (*sources, *(read_source(path) for path in files if path not in found))
+
+
+def parse_program(
+    sources: tuple[Source, ...],
+    *,
+    robot: Robot | None = None,
+    tool: Frame | None = None,
+    part: Frame | None = None,
+    tools: Mapping[str, Frame] | None = None,
+) -> Program:
+    """The program of texts of one language; see `read_program`.
+
+    Raises:
+        FileError: a text is not a program.
+    """
+    return language_of(sources[0].path).read(
+        sources, Surroundings(robot=robot, tool=tool, part=part, tools=tools or {})
+    )
+
+
+# Writing a new robot program in the language of a file's suffix.
+
+
+def compose_program(
+    path: str | Path,
+    robot: Robot,
+    moves: Sequence[Move],
+    *,
+    q: Float[np.ndarray, "moves joints"] | None = None,
+    notes: Sequence[str] = (),
+    wait_s: float = 0.0,
+    speed: float = 0.25,
+    joint_speed_percent: float = 10.0,
+) -> Source:
+    """A program of given motions, in the language of its file's suffix.
+
+    Args:
+        path: its file, whose stem becomes the program's name.
+        robot: the robot.
+        moves: its motions.
+        q: joint positions in which each motion ends, radians; they decide the posture of motions to a pose.
+        notes: a comment before each motion; in CSV the name of a target that has none.
+        wait_s: seconds to wait behind each motion that stops and waits; not in CSV.
+        speed: in RAPID: of the tool point, for motions that do not say theirs, metres per second.
+        joint_speed_percent: in KRL: of motions of all joints, of the axes' largest speeds.
+
+    Returns:
+        The program, still to be written.
+
+    Raises:
+        FileError: the suffix is of no language in which programs are written.
+        TaskcalError: the language cannot say it.
+    """
+    path = Path(path)
+    language = language_of(path) if path.suffix.lower() in COMPOSED else None
+    if language is None or language.compose is None:
+        raise FileError(path, f"cannot be composed; programs are written as {', '.join(COMPOSED)}")
+    program = Composition(
+        name=path.stem,
+        robot=robot,
+        moves=moves,
+        q=q,
+        notes=notes,
+        wait_s=wait_s,
+        speed=speed,
+        joint_speed_percent=joint_speed_percent,
+    )
+    return replace(language.compose(program), path=path)
+
+
+def moves_to_joints(
+    robot: Robot,
+    q: Float[np.ndarray, "n joints"],
+    path: str | Path,
+    *,
+    stops: Sequence[bool] | None = None,
+    waits: Sequence[bool] | None = None,
+    speeds: Sequence[float | None] | None = None,
+) -> tuple[Move, ...]:
+    """Motions to joint positions, such as a measuring program needs.
+
+    Args:
+        robot: the robot, which moves its own tool.
+        q: joint positions, radians.
+        path: file that they are meant for.
+        stops: whether each stops there; all by default.
+        waits: whether each waits where it stops; all by default.
+        speeds: of the tool point in each, metres per second; none of their own by default.
+    """
+    tool, part = Frame(name="", T=robot.T_flange_tool), Frame(name="", T=np.eye(4))
+    place = Place(path=Path(path), line=1)
+    return tuple(
+        Move(
+            kind="axes",
+            end=Target(name="", T=None, q=posture, posture=None, place=place),
+            via=None,
+            tool=tool,
+            part=part,
+            part_in_hand=False,
+            speed=None if speeds is None else speeds[k],
+            stops=stops is None or stops[k],
+            follows=k - 1 if k else None,
+            routine="",
+            place=place,
+            waits=waits is None or waits[k],
+        )
+        for k, posture in enumerate(q)
+    )

@@ -1,0 +1,371 @@
+"""Rewriting motions of a TP program: numbers of its positions, positions of their own, and motions before others."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from robot_programs.core.program import Move, Waypoint
+from robot_programs.core.source import Edit, Source, edited_piece
+from robot_programs.tp.listing import (
+    Configuration,
+    Group,
+    Instruction,
+    Listing,
+    Motion,
+    Operand,
+    Position,
+    Register,
+    edits_for,
+    joint_values,
+    listed,
+    pose_values,
+)
+from taskcal.errors import TaskcalError
+from taskcal.geometry import se3
+from taskcal.robot.robot import Robot
+
+_POSITION_NUMBER = re.compile(r"\bP\s*\[\s*(\d{1,5})", re.IGNORECASE)
+_LINE_COUNT = re.compile(r"\bLINE_COUNT\s*=\s*(\d+)", re.IGNORECASE)
+PASSING = "CNT100"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Written:
+    """A position of a motion as it is written."""
+
+    operand: Operand
+    position: Position | None
+    """None of a register."""
+    group: Group | None
+    register: Register | None
+    """Whose value no program states; None of a position."""
+    numbers: tuple[int, int]
+    """Of user frame and tool."""
+    offset: tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "4 4"]]
+    """By which the motion shifts it: in the user frame, and in the tool."""
+
+    @property
+    def name(self) -> str:
+        """As the motion calls it."""
+        return f"{'PR' if self.operand.register else 'P'}[{self.operand.number}]"
+
+    @property
+    def start(self) -> int:
+        """Where its numbers stand."""
+        return self.operand.start if self.position is None else self.position.start
+
+    @property
+    def states_joints(self) -> bool:
+        """It is given by joints, not by a pose."""
+        if self.group is not None:
+            return not self.group.is_pose
+        return self.register is not None and self.register.q is not None
+
+    @property
+    def configuration(self) -> str:
+        """As it is written."""
+        if self.group is not None:
+            return self.group.configuration
+        return "" if self.register is None else self.register.configuration
+
+    def pose(self) -> Float[np.ndarray, "4 4"]:
+        """As it is stated, without the motion's shifts, metres.
+
+        Raises:
+            Unresolved: it is not complete.
+        """
+        if self.group is not None:
+            return self.group.pose()
+        assert self.register is not None
+        assert self.register.T is not None
+        return self.register.T
+
+    def joints(self, count: int) -> Float[np.ndarray, " joints"]:
+        """Joint positions as they are stated, radians.
+
+        Raises:
+            Unresolved: they are not complete.
+        """
+        if self.group is not None:
+            return self.group.joints(count)
+        assert self.register is not None
+        assert self.register.q is not None
+        return self.register.q
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Site:
+    """A motion's place in the text."""
+
+    file: int
+    listing: Listing
+    instruction: Instruction
+    motion: Motion
+    written: tuple[Written, ...]
+
+
+def rewrite(
+    sources: Sequence[Source],
+    sites: Sequence[Site],
+    moves: Sequence[Move],
+    robot: Robot,
+    waypoints: Mapping[int, tuple[Waypoint, ...]],
+) -> tuple[Source, ...]:
+    """The files of a program with some motions rewritten; see `TpProgram.rewrite`.
+
+    Raises:
+        TaskcalError: TP cannot say it.
+    """
+    by_file: dict[int, list[int]] = {}
+    for number in sorted(waypoints):
+        by_file.setdefault(sites[number].file, []).append(number)
+    out = list(sources)
+    for file, numbers in by_file.items():
+        rewriting = _Rewriting(source=sources[file], listing=sites[numbers[0]].listing, robot=robot)
+        for number in numbers:
+            rewriting.motion(sites[number], moves[number], waypoints[number])
+        out[file] = rewriting.result()
+    return tuple(out)
+
+
+@dataclass(eq=False, kw_only=True)
+class _Rewriting:
+    """Rewriting one file."""
+
+    source: Source
+    listing: Listing
+    robot: Robot
+    edits: list[Edit] = field(default_factory=list[Edit])
+    added: list[str] = field(default_factory=list[str])
+    """Texts of new positions."""
+    inserted: dict[int, list[str]] = field(default_factory=dict[int, list[str]])
+    """Texts of new instructions, behind their numbers, by the place of the one that they stand before."""
+    changes: dict[int, dict[str, list[Written]]] = field(default_factory=dict[int, dict[str, list[Written]]])
+    """By position: its new texts, each with the operands that want it."""
+    fresh: int = 0
+    """Largest number of a position."""
+
+    def __post_init__(self) -> None:
+        numbers = [int(m[1]) for m in _POSITION_NUMBER.finditer(self.source.text)]
+        self.fresh = max(numbers, default=0)
+
+    def motion(self, site: Site, move: Move, path: tuple[Waypoint, ...]) -> None:
+        """Rewrite a motion, with motions of their own for all waypoints but the last."""
+        *before, last = path
+        if any(waypoint.kind != move.kind for waypoint in path):
+            raise TaskcalError(f"{move.place}: the motion cannot become one of another kind in TP")
+        if before:
+            self.inserted[site.instruction.start] = [self._instruction(site, move, waypoint) for waypoint in before]
+        self._point(site.written[-1], last)
+        if last.via is not None:
+            self._point(site.written[0], last.via)
+
+    def _point(self, written: Written, waypoint: Waypoint) -> None:
+        text = self._position(written, waypoint)
+        number = written.operand.number
+        assert number is not None
+        if written.position is None:
+            self._name(written.operand, self._add(text))
+            return
+        self.changes.setdefault(number, {}).setdefault(text, []).append(written)
+
+    def _instruction(self, site: Site, move: Move, waypoint: Waypoint) -> str:
+        """The motion's own text with another position, passing by it."""
+        motion, own = site.motion, site.instruction
+        text = self.source.text
+        edits: list[Edit] = []
+        points = [waypoint] if waypoint.via is None else [waypoint.via, waypoint]
+        for written, point in zip(site.written, points, strict=True):
+            operand = written.operand
+            name = f"P[{self._add(self._position(written, point))}]"
+            edits.append(Edit(start=operand.start, end=operand.end, text=name))
+        if move.stops:
+            start, end = motion.termination
+            edits.append(Edit(start=start, end=end, text=PASSING))
+        piece = edited_piece(text[own.number[1] : own.end], edits, own.number[1])
+        # without a number and a semicolon, the line behind would go on with this one
+        return piece if piece.endswith(";") else f"{piece} ;"
+
+    def _position(self, written: Written, waypoint: Waypoint) -> str:
+        """A position's text for a waypoint: from its number's closing bracket on."""
+        values, configuration = self._values(written, waypoint)
+        position, group = written.position, written.group
+        if position is None or group is None:
+            return self._new_position(written, values, configuration)
+        edits = edits_for(group, values)
+        if configuration is not None and group.configuration_at[1]:
+            start, end = group.configuration_at
+            if str(configuration) != str(Configuration.parse(group.configuration)):
+                edits.append(Edit(start=start, end=end, text=str(configuration)))
+        for (number, name), value in zip(position.external, waypoint.external, strict=False):
+            if not np.isnan(value):
+                edits += edits_for(position.groups[number], {name: value})
+        first = position.number_at[1]
+        return edited_piece(self.source.text[first : position.end], edits, first)
+
+    def _values(self, written: Written, waypoint: Waypoint) -> tuple[dict[str, float], Configuration | None]:
+        """Values of all components, millimetres and degrees, and the configuration of a pose."""
+        if written.states_joints:
+            return joint_values(waypoint.q), None
+        assert waypoint.T is not None
+        shift, tool_shift = written.offset
+        T = se3.inverse(shift) @ waypoint.T @ se3.inverse(tool_shift)
+        return pose_values(T, written.group), Configuration.parse(written.configuration).of(self.robot, waypoint.q)
+
+    def _new_position(self, written: Written, values: Mapping[str, float], configuration: Configuration | None) -> str:
+        stated = "" if configuration is None else str(configuration)
+        return listed(written.numbers, values, stated, self.source.newline)
+
+    def _add(self, text: str) -> int:
+        """Add a position, and give its number."""
+        self.fresh += 1
+        self.added.append(f"P[{self.fresh}{text}")
+        return self.fresh
+
+    def _name(self, operand: Operand, number: int) -> None:
+        self.edits.append(Edit(start=operand.start, end=operand.end, text=f"P[{number}]"))
+
+    def result(self) -> Source:
+        """The file with all changes."""
+        self._positions()
+        self._lines()
+        if self.added:
+            newline = self.source.newline
+            ends = [position.end for position in self.listing.positions.values()]
+            behind = max(ends, default=self.listing.sections["POS"][0] - len(newline))
+            self.edits.append(Edit(start=behind, end=behind, text="".join(newline + text for text in self.added)))
+        return self.source.edited(self.edits)
+
+    def _positions(self) -> None:
+        """Change positions where all that name one agree, and copy them where they do not."""
+        named = self._named()
+        for number, texts in self.changes.items():
+            first = next(iter(texts.values()))[0]
+            position = first.position
+            assert position is not None
+            old = self.source.text[position.number_at[1] : position.end]
+            rewritten = {w.operand.start for operands in texts.values() for w in operands}
+            stays = old in texts or named.get(number, set()) - rewritten
+            for text, operands in texts.items():
+                if text == old:
+                    continue
+                if not stays:
+                    self.edits.append(Edit(start=position.number_at[1], end=position.end, text=text))
+                    stays = True
+                    continue
+                fresh = self._add(text)
+                for operand in {w.operand.start: w.operand for w in operands}.values():
+                    self._name(operand, fresh)
+
+    def _named(self) -> dict[int, set[int]]:
+        """By position, where the instructions name it."""
+        out: dict[int, set[int]] = {}
+        for instruction in self.listing.instructions:
+            for match in _POSITION_NUMBER.finditer(instruction.text):
+                out.setdefault(int(match[1]), set()).add(instruction.body + match.start())
+        return out
+
+    def _lines(self) -> None:
+        """Put new instructions before theirs, number all behind them anew, and count them."""
+        if not self.inserted:
+            return
+        added, expected = 0, 1
+        for instruction in self.listing.instructions:
+            start, end = instruction.number
+            number = self.source.text[start:end]
+            counts = bool(number) and int(number) == expected  # a condition under a motion counts its lines anew
+            expected += counts
+            if instruction.start in self.inserted:
+                added += self._insert(instruction, int(number) + added if counts else None)
+            if counts and added:
+                text = self._numbered(instruction, int(number) + added)
+                self.edits.append(Edit(start=instruction.start, end=end, text=text))
+        start, end = self.listing.sections.get("ATTR", (0, 0))
+        count = _LINE_COUNT.search(self.source.text, start, end)
+        if count is not None:
+            self.edits.append(Edit(start=count.start(1), end=count.end(1), text=str(int(count[1]) + added)))
+
+    def _insert(self, instruction: Instruction, first: int | None) -> int:
+        """Put the new instructions before one, numbered from a number on, and say how many they are."""
+        texts = self.inserted[instruction.start]
+        head = self.source.text[instruction.start : instruction.number[1]]
+        lines = [
+            (head if first is None else self._numbered(instruction, first + k)) + text + self.source.newline
+            for k, text in enumerate(texts)
+        ]
+        self.edits.append(Edit(start=instruction.start, end=instruction.start, text="".join(lines)))
+        return len(texts)
+
+    def _numbered(self, instruction: Instruction, number: int) -> str:
+        """How a line begins, with another number in the columns of its own where there is room."""
+        return str(number).rjust(instruction.number[1] - instruction.start)
+
+
+# A new TP program of motions to joint positions, such as a measuring program has.
+
+NEWLINE = "\r\n"
+"""As FANUC's controllers write it."""
+
+LONGEST_NAME = 36
+LONGEST_REMARK = 32
+
+
+def compose_tp(
+    name: str,
+    moves: Sequence[Move],
+    *,
+    notes: Sequence[str] = (),
+    wait_s: float = 0.0,
+    joint_speed_percent: float = 10.0,
+) -> Source:
+    """A program of its own, ``name.ls``.
+
+    Args:
+        name: of the program.
+        moves: its motions, to joint positions: to poses a program says the numbers of user frame and tool, which it cannot state.
+        notes: a remark before each motion.
+        wait_s: seconds to wait behind each motion that stops and waits.
+        joint_speed_percent: of the axes' largest speeds.
+
+    Raises:
+        TaskcalError: TP cannot say it.
+    """
+    if not re.fullmatch(f"[A-Za-z][A-Za-z0-9_]{{0,{LONGEST_NAME - 1}}}", name):
+        raise TaskcalError(
+            f"'{name}' is not a name of a TP program; begin with a letter, and use at most {LONGEST_NAME} letters, digits and _"
+        )
+    positions: list[str] = []
+    for number, move in enumerate(moves):
+        if move.end.q is None:
+            raise TaskcalError(
+                f"motion {number} goes to a pose in '{move.part.name}'; a TP program does not state its frames, so that new ones "
+                "are written of motions to joint positions only: correct a program that is there, or write another language"
+            )
+        positions.append(f"P[{number + 1}{listed((0, 0), joint_values(move.end.q), '', NEWLINE)}")
+    instructions = list(_instructions(moves, notes, wait_s, joint_speed_percent))
+    lines = [
+        f"/PROG  {name.upper()}",
+        "/ATTR",
+        "OWNER\t\t= MNEDITOR;",
+        f"LINE_COUNT\t= {len(instructions)};",
+        "DEFAULT_GROUP\t= 1,*,*,*,*;",
+        "/MN",
+        *(f"{k + 1:4}:{text} ;" for k, text in enumerate(instructions)),
+        "/POS",
+        *positions,
+        "/END",
+    ]
+    return Source(path=Path(f"{name}.ls"), text=NEWLINE.join(lines) + NEWLINE, encoding="utf-8")
+
+
+def _instructions(moves: Sequence[Move], notes: Sequence[str], wait_s: float, percent: float) -> Iterator[str]:
+    for i, move in enumerate(moves):
+        if notes:
+            yield f"  !{' '.join(notes[i].split())[:LONGEST_REMARK]}"
+        yield f"J P[{i + 1}] {percent:g}% {'FINE' if move.stops else 'CNT100'}"
+        if move.stops and move.waits and wait_s:
+            yield f"  WAIT {wait_s:6.2f}(sec)"

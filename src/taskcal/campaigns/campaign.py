@@ -1,0 +1,471 @@
+"""A measuring campaign: joint positions, and where the targets were seen."""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, wraps
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from taskcal.arguments import renamed_arguments, warn_renamed
+from taskcal.errors import CampaignError, UnknownName, shortened
+from taskcal.observations import Point, Pose
+from taskcal.observations.base import UNMEASURED, Measured, Observation, TrackerNoise
+from taskcal.robot.conditions import Conditions
+
+_QUANTITIES = {
+    "approach": ("ways of approach", "columns such as J1_approach"),
+    "move": ("moves", "columns such as J1_move_deg"),
+    "temperature": ("temperatures", "a column temp_C"),
+    "time": ("times", "a column time_s"),
+}
+"""What an effect may need, in the plural, and the columns of a campaign's file that tell it."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Campaign:
+    """What was measured, one row per robot pose."""
+
+    ids: tuple[str, ...]
+    """Name of every row."""
+    q: Float[np.ndarray, "n joints"]
+    """Controller joint positions, radians (metres where a joint slides)."""
+    targets: tuple[str, ...]
+    """Names of the targets; one, ``tool``, where the file names none."""
+    points: Float[np.ndarray, "n targets 3"]
+    """Target centres in the tracker frame, metres; NaN where the beam was lost. What another kind of observation reads instead."""
+    rotations: Float[np.ndarray, "n 3 3"] | None = None
+    """Orientation of the target in the tracker frame, for poses."""
+    observations: tuple[Observation, ...] = ()
+    """How each target was observed; none where a tracker measured points or poses of all."""
+    uncertainty: Float[np.ndarray, "n targets"] | None = None
+    """Stated standard uncertainty of each point (per axis), metres; None where the tracker's noise model says it."""
+    reference_points: Mapping[str, Float[np.ndarray, "n 3"]] = field(default_factory=dict[str, np.ndarray])
+    """Fixed points measured beside each pose, in the tracker frame, metres."""
+    conditions: Conditions = field(default_factory=Conditions)
+    """How each row was reached, and how warm the robot was there."""
+    source: str = ""
+    """File the campaign was read from."""
+    rows: Int[np.ndarray, " n"] | None = None
+    """Row of the whole campaign that each was, counted from 0; None where these are all."""
+    lines: Int[np.ndarray, " n"] | None = None
+    """Line of the file that each stands in, counted from 1; None where there is no file."""
+    notes: tuple[str, ...] = ()
+    """What the file did not say and was decided in reading it, and what of it was left out."""
+
+    def __repr__(self) -> str:
+        quantities = [name for name in _QUANTITIES if getattr(self.conditions, name) is not None]
+        parts = [
+            f"{len(self)} {self._kinds} of {shortened(', '.join(self.targets), 80)}",
+            f"{int((~self.valid).sum())} beams lost" if not self.valid.all() else "",
+            f"reference points {shortened(', '.join(self.reference_points), 80)}" if self.reference_points else "",
+            f"with {', '.join(quantities)}" if quantities else "",
+        ]
+        return f"Campaign({shortened(self.source, 80) or 'unnamed'}: {', '.join(part for part in parts if part)})"
+
+    def __post_init__(self) -> None:
+        n, targets = len(self.ids), len(self.targets)
+        shapes = {
+            "q": (self.q, (n, *self.q.shape[1:])),
+            "points": (self.points, (n, targets, 3)),
+            "rotations": (self.rotations, (n, 3, 3)),
+            "uncertainty": (self.uncertainty, (n, targets)),
+            "temperature": (self.temperature, (n,)),
+            "time": (self.time, (n,)),
+            "approach": (self.approach, self.q.shape),
+            "move": (self.move, self.q.shape),
+            "rows": (self.rows, (n,)),
+            "lines": (self.lines, (n,)),
+            **{f"reference point {name}": (points, (n, 3)) for name, points in self.reference_points.items()},
+        }
+        for name, (array, shape) in shapes.items():
+            if array is not None and array.shape != shape:
+                raise CampaignError(f"{name} has shape {array.shape}; {n} rows and {targets} targets need {shape}")
+        if self.observations and len(self.observations) != targets:
+            raise CampaignError(
+                f"{len(self.observations)} observations do not belong to {targets} targets; give one for each"
+            )
+        if not np.isfinite(self.q).all():
+            row = int(np.flatnonzero(~np.isfinite(self.q).all(axis=1))[0])
+            raise CampaignError(f"{self.row(row)} has a joint position that is not a number; leave the row out")
+
+    @property
+    def kinds(self) -> tuple[type[Observation], ...]:
+        """Of observation of each target; none where a tracker measured all."""
+        return tuple(map(type, self.observations))
+
+    @property
+    def _kinds(self) -> str:
+        """What was measured, in the plural."""
+        if self.observations:
+            return " and ".join(f"{key}s" for key in dict.fromkeys(one.key for one in self.observations))
+        return "points" if self.rotations is None else "poses"
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def row(self, number: int) -> str:
+        """A row in words, for messages: as the whole campaign counts it, and as its file does."""
+        line = self.line_of(number)
+        at = "" if line is None else f", line {line}"
+        return f"row {self.row_of(number)} (id {self.ids[number]}{at})"
+
+    def row_of(self, number: int) -> int:
+        """Row of the whole campaign, counted from 0, whichever rows were taken of it."""
+        return number if self.rows is None else int(self.rows[number])
+
+    def line_of(self, number: int) -> int | None:
+        """Line of the campaign's file, counted from 1; None where it is not known."""
+        return None if self.lines is None else int(self.lines[number])
+
+    @property
+    def nests(self) -> Mapping[str, Float[np.ndarray, "n 3"]]:
+        """Former name of `reference_points`."""
+        warn_renamed("Campaign.nests", "reference_points", stacklevel=2)
+        return self.reference_points
+
+    @cached_property
+    def valid(self) -> Bool[np.ndarray, "n targets"]:
+        """Where a target was seen."""
+        return ~np.isnan(self.points[..., 0])
+
+    def refuse_kinds(self, what: str) -> None:
+        """See that a tracker measured all.
+
+        Raises:
+            CampaignError: a target was observed otherwise.
+        """
+        for name, one in zip(self.targets, self.observations, strict=False):
+            if not one.in_tracker:
+                raise CampaignError(
+                    f"{what} takes what a tracker measured; '{name}' was observed otherwise ({one.key})"
+                )
+
+    @property
+    def approach(self) -> Float[np.ndarray, "n joints"] | None:
+        """Way in which each joint's drive turned last before the row, as `Conditions` has it."""
+        return self.conditions.approach
+
+    @property
+    def move(self) -> Float[np.ndarray, "n joints"] | None:
+        """How far each joint's drive turned on the way to the row, as `Conditions` has it."""
+        return self.conditions.move
+
+    @property
+    def temperature(self) -> Float[np.ndarray, " n"] | None:
+        """Of the robot, °C, as `Conditions` has it."""
+        return self.conditions.temperature
+
+    @property
+    def time(self) -> Float[np.ndarray, " n"] | None:
+        """Since the robot began to work, seconds, as `Conditions` has it."""
+        return self.conditions.time
+
+    def check_told(self, quantities: Iterable[str], effect: str) -> None:
+        """See that every row tells what an effect needs.
+
+        Args:
+            quantities: fields of `Conditions`.
+            effect: its name, for the message.
+
+        Raises:
+            CampaignError: the campaign, or a row, does not tell one of them.
+        """
+        name = self.source or "the campaign"
+        for quantity in quantities:
+            values = getattr(self.conditions, quantity)
+            several, columns = _QUANTITIES[quantity]
+            if values is None:
+                raise CampaignError(f"{name} has no {several}, which the effect '{effect}' needs; add {columns}")
+            unknown = np.flatnonzero(~np.isfinite(values.reshape(len(self), -1)).all(axis=1))
+            if len(unknown):
+                raise CampaignError(
+                    f"{name}: {self.row(int(unknown[0]))} has no {quantity}, which the effect '{effect}' needs ({len(unknown)} "
+                    f"of {len(self)} rows have none); fill in {columns.split()[-1]}, or leave the row out"
+                )
+
+    @property
+    def mean_temperature(self) -> float:
+        """Mean over the rows, to a tenth of a degree, °C.
+
+        Raises:
+            CampaignError: a row has no temperature.
+        """
+        self.check_told(["temperature"], "thermal")
+        return self.conditions.mean_temperature
+
+    @cached_property
+    def digest(self) -> str:
+        """Hash of the measurements, for provenance."""
+        out = hashlib.sha256()
+        measured = (self.q, self.points, self.rotations, self.uncertainty)
+        for array in (*measured, self.approach, self.move, self.temperature, self.time):
+            if array is not None:
+                out.update(np.ascontiguousarray(array).tobytes())
+        for one in self.observations:
+            out.update(json.dumps([one.key, one.describe(), [] if one.of is None else one.of.tolist()]).encode())
+        return out.hexdigest()[:16]
+
+    def covariances(self, noise: TrackerNoise | None = None) -> Float[np.ndarray, "n targets b b"]:
+        """Covariance of every measured point (b = 3) or pose (b = 6), m² and rad²."""
+        noise = noise or TrackerNoise()
+        if self.observations:
+            return self._covariances_by_kind(noise)
+        if self.uncertainty is not None:
+            points = self.uncertainty[..., None, None] ** 2 * np.eye(3)
+        else:
+            points = noise.covariance(self.points)
+        points = np.where(self.valid[..., None, None], points, np.eye(3))
+        if self.rotations is None:
+            return points
+        out = np.zeros((*self.valid.shape, 6, 6))
+        out[..., :3, :3] = points
+        out[..., 3:, 3:] = noise.rotation**2 * np.eye(3)
+        return out
+
+    def _covariances_by_kind(self, noise: TrackerNoise) -> Float[np.ndarray, "n targets b b"]:
+        b = 3 if self.rotations is None else 6
+        out = np.zeros((*self.valid.shape, b, b))
+        out[..., range(b), range(b)] = UNMEASURED
+        for t, one in enumerate(self.observations):
+            seen = self.valid[:, t]
+            stated = None if self.uncertainty is None else self.uncertainty[seen, t]
+            part = self.read(t).take(seen)
+            out[seen, t, : one.width, : one.width] = one.covariance(part, stated, noise)
+        return out
+
+    def read(self, target: int) -> Measured:
+        """What was read of a target."""
+        return Measured(self.points[:, target], self.rotations)
+
+    def take(self, rows: Sequence[int] | Int[np.ndarray, " k"] | Bool[np.ndarray, " n"] | slice) -> "Campaign":
+        """The campaign of some of the rows: numbers from 0, a mask, or a slice.
+
+        Raises:
+            CampaignError: a row the campaign does not have.
+        """
+        chosen = np.arange(len(self))
+        try:
+            chosen = chosen[rows]
+        except IndexError as error:
+            raise CampaignError(f"rows run from 0 to {len(self) - 1}: {error}") from error
+
+        def pick(value: object) -> object:
+            return value[chosen] if isinstance(value, np.ndarray) else value
+
+        changed = {
+            f.name: pick(getattr(self, f.name)) for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)
+        }
+        changed.setdefault("rows", chosen)
+        changed["observations"] = tuple(one.take(chosen) for one in self.observations)
+        reference_points = {name: points[chosen] for name, points in self.reference_points.items()}
+        ids = tuple(self.ids[i] for i in chosen)
+        return replace(
+            self, ids=ids, reference_points=reference_points, conditions=self.conditions.take(chosen), **changed
+        )
+
+    @cached_property
+    def seen(self) -> Bool[np.ndarray, " n"]:
+        """Rows in which anything was measured."""
+        return np.asarray(self.valid.any(axis=1))
+
+    def without(self, rows: Bool[np.ndarray, " n"]) -> "Campaign":
+        """The campaign as if nothing had been seen in some of its rows, a mask."""
+        if not rows.any():
+            return self
+        points = self.points.copy()
+        points[rows] = np.nan
+        return replace(self, points=points)
+
+    def split(self, fraction: float, rng: np.random.Generator) -> tuple["Campaign", "Campaign"]:
+        """Two campaigns: the rows to fit, and a random `fraction` of rows held out.
+
+        Raises:
+            CampaignError: one of them would be empty.
+        """
+        out = round(fraction * len(self))
+        if not 0 < out < len(self):
+            raise CampaignError(
+                f"holding out {fraction:g} of {len(self)} rows leaves {len(self) - out} to fit and {out} to test"
+            )
+        order = rng.permutation(len(self))
+        return self.take(np.sort(order[out:])), self.take(np.sort(order[:out]))
+
+    def of_targets(self, names: Sequence[str]) -> "Campaign":
+        """The campaign of some of the targets.
+
+        Raises:
+            UnknownName: a target it does not have.
+        """
+        for name in names:
+            if name not in self.targets:
+                raise UnknownName("target", name, self.targets)
+        chosen = [self.targets.index(name) for name in names]
+        uncertainty = None if self.uncertainty is None else self.uncertainty[:, chosen]
+        observations = tuple(self.observations[t] for t in chosen) if self.observations else ()
+        turned = not observations or any(one.width == 6 for one in observations)
+        return replace(
+            self,
+            targets=tuple(names),
+            points=self.points[:, chosen],
+            rotations=self.rotations if turned else None,
+            uncertainty=uncertainty,
+            observations=observations,
+        )
+
+
+def _with_conditions(init: Callable[..., None]) -> Callable[..., None]:
+    """Let a campaign be made with single conditions, as it once was: ``temperature=`` for ``conditions=``."""
+
+    @wraps(init)
+    def initialise(self: Campaign, **given: Any) -> None:
+        single = {name: given.pop(name) for name in _QUANTITIES if name in given}
+        if single:
+            for name in single:
+                warn_renamed(f"the argument '{name}'", f"conditions=Conditions({name}=…)")
+            given["conditions"] = replace(given.get("conditions", Conditions()), **single)
+        init(self, **given)
+
+    return initialise
+
+
+Campaign.__init__ = _with_conditions(renamed_arguments(nests="reference_points")(Campaign.__init__))
+
+
+# Campaigns of one robot, put together: what a tracker saw, and then what a ball in sockets said.
+
+
+def join(campaigns: Sequence[Campaign]) -> Campaign:
+    """One campaign of the rows of several, one after another; in the rows of one, the targets of the others were not seen.
+
+    Raises:
+        CampaignError: none is given, two have a target of one name, two measure rotations, or some state how sure they are
+            and others do not.
+    """
+    if len(campaigns) < 2:
+        if not campaigns:
+            raise CampaignError("there is no campaign to join")
+        return campaigns[0]
+    names = [name for one in campaigns for name in one.targets]
+    for name in names:
+        if names.count(name) > 1:
+            raise CampaignError(f"two of the campaigns have a target '{name}'; rename one of them")
+    if sum(one.rotations is not None for one in campaigns) > 1:
+        raise CampaignError("two of the campaigns measure rotations; one campaign can hold those of one")
+    if len({one.uncertainty is None for one in campaigns}) > 1:
+        raise CampaignError("some of the campaigns state uncertainties (u_mm) and others do not; state all or none")
+    first = np.cumsum([0, *map(len, campaigns)])
+    return Campaign(
+        ids=tuple(str(number) for number in range(first[-1])),
+        q=np.concatenate([one.q for one in campaigns]),
+        targets=tuple(names),
+        points=_blocks([one.points for one in campaigns]),
+        rotations=_rotations(campaigns),
+        observations=tuple(
+            _among(kind, int(first[k]), int(first[-1])) for k, one in enumerate(campaigns) for kind in _kinds(one)
+        ),
+        uncertainty=None if campaigns[0].uncertainty is None else _blocks([_stated(one) for one in campaigns]),
+        conditions=_conditions(campaigns),
+        source=" and ".join(dict.fromkeys(one.source for one in campaigns if one.source)),
+        notes=tuple(dict.fromkeys(note for one in campaigns for note in one.notes)),
+    )
+
+
+def _kinds(campaign: Campaign) -> tuple[Observation, ...]:
+    if campaign.observations:
+        return campaign.observations
+    return tuple(Point() if campaign.rotations is None else Pose() for _ in campaign.targets)
+
+
+def _among(kind: Observation, first: int, count: int) -> Observation:
+    """A kind whose rows stand among others."""
+    if kind.of is None:
+        return kind
+    of = np.full(count, -1)
+    of[first : first + len(kind.of)] = kind.of
+    return replace(kind, of=of)
+
+
+def _blocks(parts: list[np.ndarray]) -> np.ndarray:
+    """Along the diagonal of rows and targets, NaN beside it."""
+    rows, targets = (sum(part.shape[axis] for part in parts) for axis in (0, 1))
+    out = np.full((rows, targets, *parts[0].shape[2:]), np.nan)
+    row = target = 0
+    for part in parts:
+        out[row : row + part.shape[0], target : target + part.shape[1]] = part
+        row, target = row + part.shape[0], target + part.shape[1]
+    return out
+
+
+def _stated(campaign: Campaign) -> Float[np.ndarray, "n targets"]:
+    assert campaign.uncertainty is not None
+    return campaign.uncertainty
+
+
+def _rotations(campaigns: Sequence[Campaign]) -> Float[np.ndarray, "n 3 3"] | None:
+    if all(one.rotations is None for one in campaigns):
+        return None
+    return np.concatenate(
+        [np.tile(np.eye(3), (len(one), 1, 1)) if one.rotations is None else one.rotations for one in campaigns]
+    )
+
+
+def _conditions(campaigns: Sequence[Campaign]) -> Conditions:
+    """What all of them tell."""
+    told: dict[str, np.ndarray] = {}
+    for quantity in fields(Conditions):
+        values = [getattr(one.conditions, quantity.name) for one in campaigns]
+        if all(value is not None for value in values):
+            told[quantity.name] = np.concatenate(values)
+    return Conditions(**told)
+
+
+# Whether a campaign has enough rows for what stands and what is on the tool.
+
+
+def named_file(campaign: Campaign) -> str:
+    """The file a message is about, in front of it."""
+    return f"{campaign.source}: " if campaign.source else ""
+
+
+def check_rows(campaign: Campaign, parameters: int = 0) -> None:
+    """Raise a `CampaignError` unless there are enough measurements for the frames alone."""
+    if campaign.observations:
+        _check_observed_rows(campaign, parameters)
+        return
+    per_row = 3 if campaign.rotations is None else 6
+    needed_per_target = 3 if campaign.rotations is None else 6
+    for t, name in enumerate(campaign.targets):
+        seen = int(campaign.valid[:, t].sum())
+        if seen == 0:
+            others = ", ".join(other for other in campaign.targets if other != name)
+            remedy = f"leave it out: choose among {others}" if others else "measure again, or read another target"
+            raise CampaignError(f"{named_file(campaign)}target '{name}' was never seen; {remedy}")
+    seen = int(campaign.valid.sum())
+    unknown = 6 + needed_per_target * len(campaign.targets) + parameters
+    if per_row * seen <= unknown:
+        rows = unknown // (per_row * len(campaign.targets)) + 1
+        what = "points" if per_row == 3 else "poses"
+        targets = f"{len(campaign.targets)} target{'s' if len(campaign.targets) > 1 else ''}"
+        raise CampaignError(
+            f"{named_file(campaign)}{seen} measured {what} in {len(campaign)} rows are too few: the tracker frame and {targets} "
+            f"alone need more than {unknown} numbers; measure at least {rows} poses, better 30 or more"
+        )
+
+
+def _check_observed_rows(campaign: Campaign, parameters: int) -> None:
+    unknown, measured = parameters + 6 * any(one.in_tracker for one in campaign.observations), 0
+    for t, one in enumerate(campaign.observations):
+        seen = int(campaign.valid[:, t].sum())
+        if seen == 0:
+            raise CampaignError(f"{named_file(campaign)}'{campaign.targets[t]}' was never measured; measure again")
+        unknown += (6 if one.turned else 3) + len(one.unknowns)
+        measured += one.width * seen
+    if measured <= unknown:
+        raise CampaignError(
+            f"{named_file(campaign)}{measured} measured numbers in {len(campaign)} rows are too few: what stands, and what is on "
+            f"the tool, alone need more than {unknown}; measure more postures, better 30 or more"
+        )

@@ -1,0 +1,337 @@
+"""What every command that reads a campaign lets the user say of it: its form, rows, targets, reference points, drift."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import typer
+
+from taskcal.cli.options.common import split_names
+from taskcal.cli.output import info
+from taskcal.errors import CampaignError, FileError, shown
+from taskcal.io.text_file import read_text
+
+if TYPE_CHECKING:
+    from taskcal.campaigns.campaign import Campaign
+    from taskcal.observations.base import TrackerNoise
+    from taskcal.reading.reader import ReadOptions
+    from taskcal.robot.robot import Robot
+    from taskcal.tables.text import DecimalMark
+
+
+# ``--drift``: what becomes of reference points that were measured beside the poses.
+
+
+class DriftChoice(StrEnum):
+    """Whether reference points are followed."""
+
+    follow = "follow"
+    ignore = "ignore"
+
+
+def compensate(
+    campaign: "Campaign", choice: DriftChoice, noise: "TrackerNoise | None" = None
+) -> tuple["Campaign", dict[str, Any] | None]:
+    """The campaign in the frame of its reference points, as far as they are to be followed, and what was done.
+
+    None was done where there are no reference points, or where they are ignored.
+    """
+    if choice is DriftChoice.ignore or not campaign.reference_points:
+        return campaign, None
+    from taskcal.campaigns.drift import compensate_drift
+
+    drift = compensate_drift(campaign, noise)
+    for remark in drift.remarks:
+        info(remark)
+    summary = {"followed": drift.followed, "largest_mm": drift.largest * 1e3, "noise_mm": drift.noise * 1e3}
+    return drift.campaign, {**summary, "remarks": list(drift.remarks)}
+
+
+# What a user may state of a table that the file does not say.
+
+
+class DecimalChoice(StrEnum):
+    """What marks the decimals of a number."""
+
+    point = "point"
+    comma = "comma"
+
+
+class AngleChoice(StrEnum):
+    """What three angles of a pose mean."""
+
+    abc = "abc"
+    wpr = "wpr"
+    rpy_deg = "rpy-deg"
+    rpy_rad = "rpy-rad"
+    fixed_xyz_deg = "fixed-xyz-deg"
+    fixed_xyz_rad = "fixed-xyz-rad"
+    moving_xyz_deg = "moving-xyz-deg"
+    moving_xyz_rad = "moving-xyz-rad"
+    rotation_vector_rad = "rotation-vector-rad"
+    rotation_vector_deg = "rotation-vector-deg"
+    none = "none"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableOptions:
+    """How a table of measurements is read, where its file leaves it open."""
+
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            "--columns", metavar="'NAME …'", help="Names of the columns, separated by spaces; - for a column to skip."
+        ),
+    ] = None
+    decimal: Annotated[
+        DecimalChoice | None, typer.Option("--decimal", help="Decimal mark, where the numbers alone are ambiguous.")
+    ] = None
+    sheet: Annotated[str | None, typer.Option("--sheet", metavar="NAME", help="Sheet to read from a workbook.")] = None
+    angles: Annotated[
+        AngleChoice | None,
+        typer.Option("--angles", help="Convention of a pose's three angles, where the column names do not state it."),
+    ] = None
+    points: Annotated[
+        Path | None,
+        typer.Option(
+            "--points",
+            metavar="FILE",
+            readable=False,
+            help="Separate file with the measured points, if the campaign holds joints only.",
+        ),
+    ] = None
+
+    distances: Annotated[
+        Path | None,
+        typer.Option(
+            "--distances",
+            metavar="FILE",
+            readable=False,
+            help="Stated distances of sockets: columns socket_a, socket_b, distance_mm, and u_mm where known.",
+        ),
+    ] = None
+
+    wire_scale: Annotated[
+        bool,
+        typer.Option(
+            "--wire-scale",
+            help="Fit the scale of measured lengths (d_mm) too; the robot's size is then nominal.",
+        ),
+    ] = False
+
+    @property
+    def read_options(self) -> "ReadOptions":
+        """What is stated, as the reader takes it."""
+        from taskcal.reading.reader import ReadOptions
+        from taskcal.tables.forms import TableForm
+
+        marks: dict[DecimalChoice | None, DecimalMark | None] = {
+            None: None,
+            DecimalChoice.point: ".",
+            DecimalChoice.comma: ",",
+        }
+        columns = None if self.columns is None else tuple(self.columns.split())
+        return ReadOptions(
+            form=TableForm(columns=columns, decimal=marks[self.decimal], sheet=self.sheet),
+            angles=None if self.angles is None else self.angles.value,
+            points=self.points,
+            distances=self.distances,
+            wire_scale=self.wire_scale,
+        )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CampaignRead:
+    """A campaign, and which of its rows are to be used."""
+
+    whole: "Campaign"
+    rows: tuple[int, ...]
+    """Numbers of the rows to use, counted from 0."""
+    drift: dict[str, Any] | None
+    """What was done about reference points that moved; None where nothing was."""
+
+    @property
+    def campaign(self) -> "Campaign":
+        """The rows to use."""
+        return self.whole if self.rows == tuple(range(len(self.whole))) else self.whole.take(list(self.rows))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CampaignOptions(TableOptions):
+    """How a campaign is read.
+
+    Raises:
+        typer.BadParameter: a list has an empty name, or one that stands twice.
+    """
+
+    rows: Annotated[
+        str | None,
+        typer.Option(
+            "--rows",
+            metavar="A:B|FILE",
+            help="Rows to use, counted from 0: A:B without B, or a file with one number per line.",
+        ),
+    ] = None
+    targets: Annotated[
+        str | None,
+        typer.Option(
+            "--targets", metavar="NAME,…", help="Targets to use; by default all that are not reference points."
+        ),
+    ] = None
+    reference_points: Annotated[
+        str | None,
+        typer.Option(
+            "--reference-points",
+            metavar="NAME,…",
+            help="Fixed points beside the robot; by default those whose names begin with 'base'.",
+        ),
+    ] = None
+    drift: Annotated[
+        DriftChoice,
+        typer.Option(
+            "--drift",
+            help="Compensate drift by the reference points if they moved by more than their noise, or ignore them.",
+        ),
+    ] = DriftChoice.follow
+
+    def __post_init__(self) -> None:
+        split_names(self.targets, "--targets")
+        split_names(self.reference_points, "--reference-points")
+
+    def read(
+        self,
+        path: Path,
+        robot: "Robot",
+        *,
+        targets: Sequence[str] | None = None,
+        noise: "TrackerNoise | None" = None,
+    ) -> CampaignRead:
+        """Read a campaign of a robot.
+
+        Args:
+            path: its file.
+            robot: that was measured.
+            targets: those to read where the user names none; None for all that are not reference points.
+            noise: the tracker's, by which reference points are judged.
+
+        Raises:
+            FileError: it cannot be read, or does not have what was asked for.
+            CampaignError: it does not have such a row.
+        """
+        pass
+        from taskcal.reading.reader import read_campaign
+
+        chosen = split_names(self.targets, "--targets") or targets
+        whole = read_campaign(
+            path,
+            robot,
+            targets=chosen,
+            reference_points=split_names(self.reference_points, "--reference-points"),
+            options=self.read_options,
+        )
+        for note in whole.notes:
+            info(f"{path.name}: {note}")
+        whole, drift = compensate(whole, self.drift, noise)
+        rows = range(len(whole)) if self.rows is None else choose_rows(self.rows, len(whole), path)
+        return CampaignRead(whole=whole, rows=tuple(rows), drift=drift)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredOptions(CampaignOptions):
+    """A campaign that may be given, and how it is read.
+
+    Raises:
+        typer.BadParameter: how to read a campaign, and no campaign.
+    """
+
+    of_others: ClassVar[tuple[str, ...]] = ()
+    """Options that speak of something else too, where a command has it."""
+
+    campaign: Annotated[
+        Path | None,
+        typer.Option("--campaign", metavar="CAMPAIGN.csv", readable=False, help="Measurements to use."),
+    ] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.campaign is not None:
+            return
+        for option in fields(CampaignOptions):
+            if getattr(self, option.name) != option.default and option.name not in self.of_others:
+                raise typer.BadParameter(
+                    "there is no campaign that it could speak of; give one with --campaign",
+                    param_hint=f"--{option.name.replace('_', '-')}",
+                )
+
+    @property
+    def inputs(self) -> tuple[str | Path | None, ...]:
+        """Files that are read."""
+        return self.campaign, self.points, self.rows, self.distances
+
+
+# Rows of a campaign, as the command line chooses them: a:b, or a file of row numbers; counted from 0.
+
+_RANGE = re.compile(r"(\d{0,15}):(\d{0,15})$", re.ASCII)
+
+
+def choose_rows(text: str, count: int, source: Path) -> list[int]:
+    """Row numbers of a campaign with `count` rows.
+
+    Raises:
+        typer.BadParameter: what looks like a range is none.
+        FileError: the file of row numbers is missing, or a line is not a row number or stands twice.
+        CampaignError: the campaign does not have such a row.
+    """
+    path = Path(text)
+    match = _RANGE.match(text)
+    if path.exists() or not (match or _looks_like_range(text)):
+        return _from_file(path, count, source)
+    if not match:
+        raise typer.BadParameter(
+            f"'{shown(text)}' is not a range of rows; write a:b with a < b, such as 0:60", param_hint="--rows"
+        )
+    first, last = int(match[1] or 0), int(match[2] or count)
+    if first >= last and match[2]:
+        raise typer.BadParameter(
+            f"'{text}' is empty; write a:b with a < b, counted from 0, without b", param_hint="--rows"
+        )
+    if last > count or first >= count:
+        raise CampaignError(
+            f"rows {text}: {source} has {count} rows, numbered 0 to {count - 1}; write {_nearest(first, count)}"
+        )
+    return list(range(first, last))
+
+
+def _nearest(first: int, count: int) -> str:
+    return f"{first}:{count}" if first < count else f"0:{count}"
+
+
+def _looks_like_range(text: str) -> bool:
+    return bool(re.match(r"[-+\d.,\s]*$", text) or re.match(r"[^/\\.]*:[^/\\.]*$", text))
+
+
+def _from_file(path: Path, count: int, source: Path) -> list[int]:
+    if not path.exists():
+        raise FileError(path, "cannot be read: there is no such file; --rows takes a:b or a file of row numbers")
+    lines = read_text(path, otherwise="is not a text file; write one row number per line, counted from 0").splitlines()
+    found: dict[int, int] = {}
+    for number, line in enumerate(lines, start=1):
+        text = line.split("#", 1)[0].strip()
+        if not text:
+            continue
+        if not re.fullmatch(r"\d{1,15}", text, re.ASCII):
+            raise FileError(
+                path, f"'{shown(text)}' is not a row number; write one per line, counted from 0", line=number
+            )
+        row = int(text)
+        if row >= count:
+            raise FileError(path, f"row {row}: {source} has {count} rows, numbered 0 to {count - 1}", line=number)
+        if row in found:
+            raise FileError(path, f"row {row} stands in line {found[row]} already; name each row once", line=number)
+        found[row] = number
+    if not found:
+        raise FileError(path, "names no row; write one row number per line, counted from 0")
+    return list(found)

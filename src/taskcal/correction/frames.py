@@ -1,0 +1,568 @@
+"""Which frame, which tool: how what the robot holds stands to what stands still, on the robot as calibrated.
+
+A path is accurate relative to something. What stands still is known in the calibrated base as the controller has it, or was
+measured by the tracker, or was touched by the robot itself, whose errors there then cancel in part. What the robot holds is
+known where the controller has it in the flange, or by the reflectors that were measured on it.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from robot_programs.core.program import Move
+from taskcal.correction.cell import Cell, Measured
+from taskcal.correction.controller import ControllerTrajectory
+from taskcal.correction.correction import Deviations
+from taskcal.correction.placement import Placement
+from taskcal.errors import TaskcalError
+from taskcal.geometry import se3
+from taskcal.identification.calibration import Calibration
+from taskcal.kernels import walk
+from taskcal.robot.approach import conditions_in_order
+from taskcal.robot.conditions import Conditions
+from taskcal.robot.error_model import COMPONENTS, ErrorModel
+from taskcal.robot.robot import Robot
+
+# Rigid motions nearest to how points move.
+
+
+def fit_points(
+    own: Float[np.ndarray, "k 3"], there: Float[np.ndarray, "k 3"]
+) -> tuple[Float[np.ndarray, "4 4"], float]:
+    """The motion that brings points nearest to others, and the farthest that one is left, metres.
+
+    Raises:
+        TaskcalError: the points lie in a line and do not locate a frame.
+    """
+    extent = np.linalg.svd(own - own.mean(axis=0), compute_uv=False)
+    if extent[1] < 1e-3 * extent[0] or extent[0] < 1e-3:
+        raise TaskcalError("the points lie in a line or at one place; three that span a triangle locate a frame")
+    T = se3.fit_points(own, there)
+    return T, float(np.linalg.norm(se3.apply(T, own) - there, axis=1).max())
+
+
+def rigid_twists(
+    points: Float[np.ndarray, "n k 3"], J: Float[np.ndarray, "n k 3 z"], at: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 6 z"]:
+    """The twists at given points of the rigid motions that come nearest to how some points move."""
+    n, k = points.shape[:2]
+    return np.linalg.pinv(se3.by_twist(points - at[:, None]).reshape(n, 3 * k, 6)) @ J.reshape(n, 3 * k, -1)
+
+
+def without_rigid_motion(
+    points: Float[np.ndarray, "n 3"], errors: Float[np.ndarray, "n 3 k"]
+) -> Float[np.ndarray, "n 3 k"]:
+    """Errors less the small rigid motion of all points that comes nearest to them, in least squares.
+
+    Args:
+        points: where the errors are, metres.
+        errors: k sets of them.
+    """
+    about = points - points.mean(axis=0)
+    size = max(float(np.abs(about).max(initial=0.0)), 1e-9)
+    A = (se3.by_twist(about) / np.r_[1.0, 1.0, 1.0, [size] * 3]).reshape(-1, 6)
+    flat = errors.reshape(len(A), -1)
+    motion = np.linalg.lstsq(A, flat, rcond=1e-9)[0]  # targets on a line leave the turn about it open
+    return (flat - A @ motion).reshape(errors.shape)
+
+
+# What the robot holds: where it is in the calibrated robot's own tool, and how it moves with the estimate.
+#
+# It is known where the controller has it in the flange, or by the reflectors or the pose that were measured on it.
+
+SAME_TOOL = 1e-6
+"""A program's tool is the robot's own if it differs by less, metres and radians."""
+
+MAX_MISFIT_M = 5e-4
+"""Reflectors that fit worse than this, metres, are not where they are said to be."""
+
+Twists = Callable[[np.ndarray, Conditions | None], np.ndarray]
+"""From joint positions (n, joints), and how they are reached, to derivatives (n, 6, z) of a frame's pose by the estimate, at its
+origin in tracker axes."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GraspedFrame:
+    """What the robot holds."""
+
+    T_tool_grasped: Float[np.ndarray, "4 4"]
+    """In the calibrated robot's own tool."""
+    statement: str
+    twists: Twists
+    covariance: Float[np.ndarray, "3 3"]
+    """Of its origin, by how it was measured against reflectors or flange, in its own axes, metres²."""
+
+
+def grasped_frame(calibration: Calibration, measured: Measured, controller: Float[np.ndarray, "4 4"]) -> GraspedFrame:
+    """Where what the robot holds is.
+
+    Raises:
+        TaskcalError: what was measured of it does not fit to what it is used for, or to the calibration.
+    """
+    if measured.in_tracker is not None or measured.touched is not None:
+        raise TaskcalError(
+            f"'{measured.name}' is held by the robot; it cannot be measured where it stands: give flange, target or reflectors_mm "
+            "in the cell file"
+        )
+    robot, name = calibration.model.robot, measured.name
+    if measured.reflectors:
+        return _by_reflectors(calibration, measured)
+    if measured.in_target is not None:
+        if not calibration.layout.pose:
+            raise TaskcalError(
+                f"'{name}' is given in the measured target's frame, but the calibration is from points, which have none; give "
+                "reflectors_mm or flange"
+            )
+        return GraspedFrame(
+            T_tool_grasped=calibration.T_tool_target[0] @ measured.in_target,
+            statement=f"tool '{name}' by the measured poses of '{calibration.targets[0]}'",
+            twists=lambda q, conditions: _target_twists(calibration, measured, q, conditions),
+            covariance=measured.uncertainty**2 * np.eye(3),
+        )
+    if measured.in_flange is None and np.abs(controller - robot.T_flange_tool).max() < SAME_TOOL:
+        return GraspedFrame(
+            T_tool_grasped=np.eye(4),
+            statement=f"tool '{name}' is the robot file's, its errors as calibrated",
+            twists=calibration.tool_jacobian,
+            covariance=np.zeros((3, 3)),
+        )
+    in_flange = controller if measured.in_flange is None else measured.in_flange
+    stated = "as the controller has it" if measured.in_flange is None else "as measured in the flange"
+    T_tool_grasped = _flange_in_tool(calibration) @ in_flange
+    return GraspedFrame(
+        T_tool_grasped=T_tool_grasped,
+        statement=f"tool '{name}' {stated}",
+        twists=lambda q, conditions: _flange_twists(calibration, T_tool_grasped, q, conditions),
+        covariance=measured.uncertainty**2 * np.eye(3),
+    )
+
+
+def _flange_in_tool(calibration: Calibration) -> Float[np.ndarray, "4 4"]:
+    """The flange in the robot's own tool, which the calibration has moved against it by the tool's errors."""
+    model = calibration.model
+    errors = np.zeros(6)
+    for i, name in enumerate(model.names):
+        if name.startswith("tool."):
+            errors[COMPONENTS.index(name.removeprefix("tool."))] = calibration.estimate[i]
+    return se3.inverse(model.robot.T_flange_tool @ se3.error_transform(errors))
+
+
+def _by_reflectors(calibration: Calibration, measured: Measured) -> GraspedFrame:
+    seen = [name for name in measured.reflectors if name in calibration.targets]
+    if len(seen) < 3:
+        raise TaskcalError(
+            f"'{measured.name}' has {len(seen)} reflectors that the calibration measured ({', '.join(calibration.targets)}); "
+            "it takes 3"
+        )
+    own = np.array([measured.reflectors[name] for name in seen])
+    rows = [calibration.targets.index(name) for name in seen]
+    there = calibration.T_tool_target[rows, :3, 3]
+    T, misfit = fit_points(own, there)
+    if misfit > MAX_MISFIT_M:
+        raise TaskcalError(
+            f"the reflectors of '{measured.name}' do not fit: as calibrated they lie up to {misfit * 1e3:.2f} mm from where "
+            "reflectors_mm puts them; check their names and units"
+        )
+    return GraspedFrame(
+        T_tool_grasped=T,
+        statement=f"tool '{measured.name}' by its reflectors {', '.join(seen)}",
+        twists=lambda q, conditions: _reflector_twists(calibration, rows, T, q, conditions),
+        covariance=_fitted_covariance(own, measured.uncertainty),
+    )
+
+
+def _fitted_covariance(own: Float[np.ndarray, "k 3"], uncertainty: float) -> Float[np.ndarray, "3 3"]:
+    """Covariance of the origin of a frame that is fitted to points known to an uncertainty per axis, metres²."""
+    every = np.eye(own.size).reshape(1, len(own), 3, own.size)
+    by_point = rigid_twists(own[None], every, np.zeros((1, 3)))[0, :3]
+    return uncertainty**2 * by_point @ by_point.T
+
+
+def columns_of(calibration: Calibration, prefix: str) -> list[int]:
+    """Columns of the estimate whose names begin so."""
+    return [i for i, name in enumerate(calibration.all_names) if name.startswith(prefix)]
+
+
+def _flange_twists(
+    calibration: Calibration,
+    T_tool_grasped: Float[np.ndarray, "4 4"],
+    q: Float[np.ndarray, "n joints"],
+    conditions: Conditions | None,
+) -> Float[np.ndarray, "n 6 z"]:
+    """Of a frame fixed to the flange, which the errors of the robot's own tool do not move."""
+    J = calibration.tool_jacobian(q, conditions)
+    J[:, :, columns_of(calibration, "tool.")] = 0.0
+    return se3.carry(J, calibration.predict_tool(q)[:, :3, :3] @ T_tool_grasped[:3, 3])
+
+
+def _reflector_twists(
+    calibration: Calibration,
+    rows: list[int],
+    T: Float[np.ndarray, "4 4"],
+    q: Float[np.ndarray, "n joints"],
+    conditions: Conditions | None,
+) -> Float[np.ndarray, "n 6 z"]:
+    """Of a frame that is known by its reflectors."""
+    J, tool = calibration.tool_jacobian(q, conditions), calibration.predict_tool(q)
+    points = calibration.target_poses(q)[:, rows][..., :3, 3]
+    moved: list[np.ndarray] = []
+    for k, arm in zip(rows, np.moveaxis(points - tool[:, None, :3, 3], 1, 0), strict=True):
+        point = se3.carry(J, arm)[:, :3]
+        columns = calibration.layout.point_columns[k]
+        if columns[0] >= 0:
+            point[:, :, columns] = tool[:, :3, :3]
+        moved.append(point)
+    return rigid_twists(points, np.stack(moved, axis=1), (tool @ T)[:, :3, 3])
+
+
+def _target_twists(
+    calibration: Calibration, measured: Measured, q: Float[np.ndarray, "n joints"], conditions: Conditions | None
+) -> Float[np.ndarray, "n 6 z"]:
+    """Of a frame that is known in the measured target's."""
+    at = calibration.layout.walked(q, calibration.z, calibration.model.prepare(q, conditions))
+    J = walk.columns(at.chain, at.s, at.e, at.layout, at.factor, angular=True)
+    target = calibration.target_poses(q)[:, 0]
+    offset = np.zeros(3) if measured.in_target is None else measured.in_target[:3, 3]
+    return se3.carry(J, target[:, :3, :3] @ offset)
+
+
+# What stands still: in the calibrated base as the controller has it, measured by the tracker, or touched by the
+# robot.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FixedFrame:
+    """What stands still."""
+
+    T_base_fixed: Float[np.ndarray, "4 4"]
+    """In the calibrated base."""
+    statement: str
+    follows_base: bool
+    """Whether it is only known where the controller's base is."""
+    twist: Float[np.ndarray, "6 z"] | None
+    """Derivative of its pose by the estimate, for a point at the tracker's origin; None where it does not depend on it."""
+    covariance: Float[np.ndarray, "6 6"]
+    """Of the twist of its pose by how it was measured, for a point at the tracker's origin, tracker axes; metres and radians.
+
+    What the estimate does not tell: the tracker's measurement of it, or at each touched point the model error, how well a
+    touch repeats, and where the tool that touched has its tip."""
+
+
+def fixed_frame(
+    calibration: Calibration, measured: Measured, controller: Float[np.ndarray, "4 4"], cell: Cell
+) -> FixedFrame:
+    """Where what stands still is.
+
+    Raises:
+        TaskcalError: what was measured of it does not fit to what it is used for, or to the calibration.
+    """
+    if measured.in_flange is not None or measured.in_target is not None or measured.reflectors:
+        raise TaskcalError(
+            f"'{measured.name}' stands still; it cannot be measured in the robot's hand: give tracker or touched_deg in the "
+            "cell file"
+        )
+    if measured.in_tracker is not None:
+        return FixedFrame(
+            T_base_fixed=se3.inverse(calibration.T_tracker_base) @ measured.in_tracker,
+            statement=f"part '{measured.name}' as the tracker measured it",
+            follows_base=False,
+            twist=None,
+            covariance=_position_covariance(measured),
+        )
+    if measured.touched is not None:
+        return _touched(calibration, measured, measured.touched, controller, cell)
+    return FixedFrame(
+        T_base_fixed=controller,
+        statement=f"part '{measured.name}' where the controller has it in the robot's base, as calibrated",
+        follows_base=True,
+        twist=None,
+        covariance=np.zeros((6, 6)),
+    )
+
+
+def _touched(
+    calibration: Calibration,
+    measured: Measured,
+    q: Float[np.ndarray, "k joints"],
+    controller: Float[np.ndarray, "4 4"],
+    cell: Cell,
+) -> FixedFrame:
+    robot = calibration.model.robot
+    if q.shape[1] != len(robot.joints):
+        raise TaskcalError(
+            f"touched_deg of '{measured.name}' has {q.shape[1]} angles a row; {robot.name} has {len(robot.joints)} joints"
+        )
+    toucher = cell.tool(measured.touched_with)
+    T_controller = toucher.controller if toucher.controller is not None else toucher.in_flange
+    if T_controller is None:
+        raise TaskcalError(f"the cell does not say where the controller has '{measured.touched_with}', which touched")
+    tool = grasped_frame(calibration, toucher, T_controller)
+    conditions = Conditions(approach=conditions_in_order(robot, q).approach)
+    true = calibration.tool_in_base(q, conditions) @ tool.T_tool_grasped
+    nominal = nominal_flange(robot, q) @ T_controller
+    M, _ = fit_points(nominal[:, :3, 3], true[:, :3, 3])
+    in_tracker = calibration.T_tracker_base @ true
+    points = in_tracker[:, :3, 3]
+    return FixedFrame(
+        T_base_fixed=M @ controller,
+        statement=f"part '{measured.name}' where the robot touched it with '{measured.touched_with}'",
+        follows_base=False,
+        twist=_fitted_twist(points, tool.twists(q, conditions)[:, :3]),
+        covariance=_touch_covariance(calibration, measured, q, in_tracker, tool.covariance),
+    )
+
+
+def _position_covariance(measured: Measured) -> Float[np.ndarray, "6 6"]:
+    covariance = np.zeros((6, 6))
+    covariance[:3, :3] = measured.uncertainty**2 * np.eye(3)
+    return covariance
+
+
+def _fitted_twist(points: Float[np.ndarray, "k 3"], J: Float[np.ndarray, "k 3 z"]) -> Float[np.ndarray, "6 z"]:
+    """The twist at the tracker's origin of the rigid motion nearest to how touched points move."""
+    return rigid_twists(points[None], J[None], np.zeros((1, 3)))[0]
+
+
+def _touch_covariance(
+    calibration: Calibration,
+    measured: Measured,
+    q: Float[np.ndarray, "k joints"],
+    touched: Float[np.ndarray, "k 4 4"],
+    tip: Float[np.ndarray, "3 3"],
+) -> Float[np.ndarray, "6 6"]:
+    """Of a part fitted to touched points, but for the estimate.
+
+    Args:
+        calibration: of the robot that touched.
+        measured: the part; its uncertainty is that of one touch, per axis.
+        q: joint positions of the touches.
+        touched: poses of the tool that touched, tracker frame.
+        tip: covariance of its tip in its own axes, the same at every touch.
+    """
+    k = len(q)
+    each = np.eye(3 * k).reshape(k, 3, 3 * k)
+    single = _fitted_twist(
+        touched[:, :3, 3], each * np.sqrt(_white_variances(calibration, q) + measured.uncertainty**2)[:, :, None]
+    )
+    common = _fitted_twist(touched[:, :3, 3], touched[:, :3, :3])
+    return single @ single.T + common @ tip @ common.T
+
+
+def _white_variances(calibration: Calibration, q: Float[np.ndarray, "k joints"]) -> Float[np.ndarray, "k 3"]:
+    """Of what the model cannot explain at single poses, metres²."""
+    if calibration.field is None:
+        return np.full((len(q), 3), calibration.model_error[0] ** 2)
+    return calibration.field.variance(q)[:, :3]
+
+
+def nominal_flange(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
+    """Where a controller has its flange at joint positions q."""
+    return ErrorModel(robot).poses(q) @ se3.inverse(robot.T_flange_tool)
+
+
+CHUNK_POSES = 4096
+"""Poses whose derivatives are held at once; those of 10⁵ would take 300 MB."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FrameCalibration:
+    """A tool and a part, on the robot as calibrated."""
+
+    calibration: Calibration
+    grasped: GraspedFrame
+    fixed: FixedFrame
+    part_in_hand: bool
+
+    @property
+    def statement(self) -> str:
+        """What the accuracy is relative to, in words."""
+        return f"{self.grasped.statement}; {self.fixed.statement}"
+
+    @property
+    def placement(self) -> Placement:
+        """Where both are."""
+        return Placement(
+            T_tool_grasped=self.grasped.T_tool_grasped,
+            T_base_fixed=self.fixed.T_base_fixed,
+            part_in_hand=self.part_in_hand,
+        )
+
+    def covariance(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+    ) -> Float[np.ndarray, "n 3 3"]:
+        """Covariance of where the grasped frame's origin is against the fixed frame, in the fixed frame's axes, metres².
+
+        The model error of a single new pose is not in it.
+
+        Args:
+            q: joint positions, radians.
+            conditions: how the poses are reached, for effects that depend on it.
+        """
+        calibration = self.calibration
+        J = self.grasped.twists(q, conditions)[:, :3]
+        if self.fixed.follows_base:
+            J = J.copy()
+            J[:, :, columns_of(calibration, "base.")] = 0.0
+        elif self.fixed.twist is not None:
+            T = self._grasped_poses(q)
+            twist = np.broadcast_to(self.fixed.twist, (len(q), *self.fixed.twist.shape))
+            J = J - se3.carry(twist, T[:, :3, 3])[:, :3]
+        R = (calibration.T_tracker_base @ self.fixed.T_base_fixed)[:3, :3]
+        J = R.T @ J
+        by_estimate = J @ calibration.z_covariance @ np.swapaxes(J, 1, 2)
+        R_fixed_grasped = R.T @ self._grasped_poses(q)[:, :3, :3]
+        grasped = R_fixed_grasped @ self.grasped.covariance @ np.swapaxes(R_fixed_grasped, 1, 2)
+        return by_estimate + grasped + R.T @ self._fixed_covariance(q) @ R
+
+    def points(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3"]:
+        """The grasped frame's origin in the fixed frame, metres."""
+        return (se3.inverse(self.calibration.T_tracker_base @ self.fixed.T_base_fixed) @ self._grasped_poses(q))[
+            :, :3, 3
+        ]
+
+    def spread(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3 k"]:
+        """Errors of the grasped frame's origin by independent causes of one standard deviation each, metres.
+
+        They go together at all poses, so that what poses have in common can be taken out; in the fixed frame's axes, and without
+        what is not known of the fixed frame itself.
+        """
+        R = (self.calibration.T_tracker_base @ self.fixed.T_base_fixed)[:3, :3].T
+        values, vectors = np.linalg.eigh(self.calibration.z_covariance)
+        by_estimate = R @ self.grasped.twists(q, None)[:, :3] @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+        values, vectors = np.linalg.eigh(self.grasped.covariance)
+        held = R @ self._grasped_poses(q)[:, :3, :3] @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+        return np.concatenate([by_estimate, held], axis=2)
+
+    def _grasped_poses(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
+        """Poses of the grasped frame in the tracker's."""
+        return self.calibration.predict_tool(q) @ self.grasped.T_tool_grasped
+
+    def _fixed_covariance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3 3"]:
+        """Of what stands still, at the grasped frame's origin, by how it was measured; tracker axes, metres²."""
+        at = self._grasped_poses(q)[:, :3, 3]
+        arm = se3.carry(np.broadcast_to(np.eye(6), (len(q), 6, 6)), at)[:, :3]
+        return arm @ self.fixed.covariance @ np.swapaxes(arm, 1, 2)
+
+    def uncertainty(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
+        """Root mean square of the error in space that the calibration must expect at joint positions, metres.
+
+        What the parameters do not tell, and what the model cannot explain at a new pose.
+        """
+        return np.sqrt(self.variances(q).sum(axis=1))
+
+    def variances(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+    ) -> Float[np.ndarray, "n sources"]:
+        """The square of the uncertainty by where it comes from, in the order of `SOURCES`, metres².
+
+        Of the geometry is what the calibration does not know of its own targets in the tracker's frame; of the tool, what
+        comes to that for what is held; of the part, what comes to that for what stands still. What falls, because both are
+        in error alike, is counted as nothing.
+
+        Args:
+            q: joint positions, radians.
+            conditions: how the poses are reached, for effects that depend on it.
+        """
+        geometry, grasped, total = (np.zeros(len(q)) for _ in range(3))
+        for part in _chunks(len(q)):
+            there = None if conditions is None else conditions.take(part)
+            covariance = self.calibration.predict_covariance(q[part], there, model_error=False)[..., :3, :3]
+            geometry[part] = _total(covariance).mean(axis=1)
+            grasped[part] = _total(self._grasped_covariance(q[part], there))
+            total[part] = _total(self.covariance(q[part], there))
+        parts = np.stack([geometry, grasped - geometry, total - grasped], axis=1)
+        parts = np.maximum(parts, 0.0)
+        parts *= (total / np.maximum(parts.sum(axis=1), 1e-300))[:, None]
+        return np.stack([parts[:, 0], self.model_variance(q), parts[:, 1], parts[:, 2]], axis=1)
+
+    def _grasped_covariance(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None
+    ) -> Float[np.ndarray, "n 3 3"]:
+        """Of what is held, in the tracker's frame, metres²."""
+        J = self.grasped.twists(q, conditions)[:, :3]
+        R = self._grasped_poses(q)[:, :3, :3]
+        by_estimate = J @ self.calibration.z_covariance @ np.swapaxes(J, 1, 2)
+        return by_estimate + R @ self.grasped.covariance @ np.swapaxes(R, 1, 2)
+
+    def model_variance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
+        """Of what the model cannot explain at a new pose, in space, metres²."""
+        if self.calibration.field is None:
+            return np.full(len(q), 3.0 * self.calibration.model_error[0] ** 2)
+        return self.calibration.field.variance(q)[:, :3].sum(axis=1)
+
+
+def _chunks(n: int) -> list[slice]:
+    return [slice(first, first + CHUNK_POSES) for first in range(0, n, CHUNK_POSES)]
+
+
+def _total(covariance: Float[np.ndarray, "*b 3 3"]) -> Float[np.ndarray, "*b"]:
+    return np.trace(covariance, axis1=-2, axis2=-1)
+
+
+def calibrate_frames(calibration: Calibration, move: Move, cell: Cell) -> FrameCalibration:
+    """Where a motion's tool and part are, on the robot as calibrated.
+
+    Raises:
+        TaskcalError: what was measured of them does not fit to what they are used for, or to the calibration.
+    """
+    tool, part = cell.tool(move.tool.name), cell.part(move.part.name)
+    grasped, fixed = (part, tool) if move.part_in_hand else (tool, part)
+    stated_grasped, stated_fixed = (move.part, move.tool) if move.part_in_hand else (move.tool, move.part)
+    if stated_fixed.moved and (fixed.in_tracker is not None or fixed.touched is not None):
+        raise TaskcalError(
+            f"{move.place}: '{fixed.name}' was measured with the external axes at zero, and here one is away from it: take tracker "
+            "or touched_deg out of the cell file, or give the axes' positions at zero a program of their own"
+        )
+    return FrameCalibration(
+        calibration=calibration,
+        grasped=grasped_frame(calibration, grasped, stated_grasped.T),
+        fixed=fixed_frame(calibration, fixed, stated_fixed.T, cell),
+        part_in_hand=move.part_in_hand,
+    )
+
+
+# Errors at targets on a part that was touched off, or measured, where it stands.
+#
+# Whatever is common to all targets, a shift and a turn of the part against the robot, is then found and taken out.
+# What is left is the error of the targets against each other.
+
+
+def on_touched_parts(
+    frames: Sequence[FrameCalibration],
+    number: Int[np.ndarray, " m"],
+    trajectory: ControllerTrajectory,
+    found: Deviations,
+) -> tuple[float, float]:
+    """Mean squares of the known error and of what is not known, each part touched off for itself, metres².
+
+    Args:
+        frames: tools and parts.
+        number: of the frames of every motion.
+        trajectory: of the controller.
+        found: errors of the program as it was given.
+    """
+    known, left, count = 0.0, 0.0, 0
+    for k, frame in enumerate(frames):
+        rows = np.flatnonzero(found.at_target & (number[found.move] == k))
+        if not len(rows):
+            continue
+        points = trajectory.segments.end[found.move[rows]][:, :3, 3]
+        known += float((without_rigid_motion(points, found.error[rows][:, :, None]) ** 2).sum())
+        left += len(rows) * touched_off_variance(frame, found.q[rows])
+        count += len(rows)
+    return known / max(count, 1), left / max(count, 1)
+
+
+def touched_off_variance(frame: FrameCalibration, q: Float[np.ndarray, "n joints"]) -> float:
+    """Mean square of the error in space that a calibration must expect at targets of one touched part, metres².
+
+    The model error at a pose counts whole; touching off takes little of it where the targets are many.
+
+    Args:
+        frame: the tool and the part.
+        q: joint positions at the targets, radians.
+    """
+    left = without_rigid_motion(frame.points(q), frame.spread(q))
+    return float((left**2).sum(axis=(1, 2)).mean() + frame.model_variance(q).mean())

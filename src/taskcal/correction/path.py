@@ -1,0 +1,377 @@
+"""The segments of a tool's path in a part's frame: lines and arcs, as a controller interpolates them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from robot_programs.core.program import Move, Zone
+from taskcal.geometry import se3
+
+STRAIGHT = 1e-6
+"""An arc whose via point is nearer to its chord than this share of the chord is a line."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Segments:
+    """Many segments at once; along each, orientation turns about one axis in step with the distance travelled."""
+
+    start: Float[np.ndarray, "m 4 4"]
+    """Pose of the tool in the part's frame, metres; NaN where it is not known."""
+    end: Float[np.ndarray, "m 4 4"]
+    via: Float[np.ndarray, "m 3"]
+    """A point on the arc, metres; NaN for a line."""
+
+    @cached_property
+    def turn(self) -> Float[np.ndarray, "m 3"]:
+        """Rotation from start to end in the start's axes, radians; NaN where an end is not known."""
+        out = np.full((len(self.start), 3), np.nan)
+        both_known = np.isfinite(self.start[:, 0, 0] + self.end[:, 0, 0])
+        if both_known.any():
+            R = np.swapaxes(self.start[both_known, :3, :3], 1, 2) @ self.end[both_known, :3, :3]
+            out[both_known] = se3.log(R)
+        return out
+
+    @cached_property
+    def _arc(self) -> tuple[Bool[np.ndarray, " m"], Float[np.ndarray, "m 3"], Float[np.ndarray, "m 3"], np.ndarray]:
+        """Whether each segment is an arc, its centre, its axis, and the angles of its via point and of its end."""
+        a, v, b = self.start[:, :3, 3], self.via, self.end[:, :3, 3]
+        u, w = v - a, b - a
+        with np.errstate(invalid="ignore", divide="ignore"):
+            normal = np.cross(u, w)
+            square = (normal**2).sum(axis=1)
+            chord = np.maximum((w**2).sum(axis=1), (u**2).sum(axis=1))
+            is_arc = square > (STRAIGHT * chord) ** 2
+            # centre of the circle through three points, from the first
+            uu, ww = (u**2).sum(axis=1)[:, None], (w**2).sum(axis=1)[:, None]
+            center = a + np.cross(uu * w - ww * u, normal) / (2.0 * square[:, None])
+            axis = normal / np.sqrt(square)[:, None]
+            angles = np.stack([_angle(a - center, point - center, axis) for point in (v, b)], axis=1)
+        return is_arc, center, axis, angles
+
+    @property
+    def is_arc(self) -> Bool[np.ndarray, " m"]:
+        """Whether each segment is an arc."""
+        return self._arc[0]
+
+    @property
+    def arc_angle(self) -> Float[np.ndarray, " m"]:
+        """Angle that each arc spans about its centre, 0 to 2π; zero for a line."""
+        is_arc, _, _, angles = self._arc
+        return np.where(is_arc, angles[:, 1], 0.0)
+
+    @property
+    def via_share(self) -> Float[np.ndarray, " m"]:
+        """Share of an arc's length at which its via point lies; NaN for a line."""
+        is_arc, _, _, angles = self._arc
+        return np.where(is_arc, angles[:, 0] / np.where(is_arc, angles[:, 1], 1.0), np.nan)
+
+    @cached_property
+    def length(self) -> Float[np.ndarray, " m"]:
+        """Of the tool point's path, metres."""
+        is_arc, center, _, angles = self._arc
+        radius = np.linalg.norm(self.start[:, :3, 3] - center, axis=1)
+        straight = np.linalg.norm(self.end[:, :3, 3] - self.start[:, :3, 3], axis=1)
+        return np.where(is_arc, radius * angles[:, 1], straight)
+
+    def at(self, segment: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 4 4"]:
+        """Poses at shares of the length, 0 to 1, of some segments."""
+        start, end = self.start[segment], self.end[segment]
+        R = start[:, :3, :3] @ se3.exp(share[:, None] * self.turn[segment])
+        p = start[:, :3, 3] + share[:, None] * (end[:, :3, 3] - start[:, :3, 3])
+        is_arc, center, axis, angles = (array[segment] for array in self._arc)
+        if is_arc.any():
+            spoke = start[is_arc, :3, 3] - center[is_arc]
+            turned = se3.exp(axis[is_arc] * (share * angles[:, 1])[is_arc, None])
+            p[is_arc] = center[is_arc] + (turned @ spoke[:, :, None])[:, :, 0]
+        return se3.pose(R, p)
+
+    def direction(self, segment: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3"]:
+        """Unit vectors along some segments; zero where the tool point stays."""
+        out = self.end[segment, :3, 3] - self.start[segment, :3, 3]
+        is_arc, center, axis, _ = (array[segment] for array in self._arc)
+        if is_arc.any():
+            spoke = self.at(segment[is_arc], share[is_arc])[:, :3, 3] - center[is_arc]
+            out[is_arc] = np.cross(axis[is_arc], spoke)
+        size = np.linalg.norm(out, axis=1, keepdims=True)
+        return np.where(size > 1e-9, out / np.maximum(size, 1e-9), 0.0)
+
+
+def _angle(
+    a: Float[np.ndarray, "m 3"], b: Float[np.ndarray, "m 3"], axis: Float[np.ndarray, "m 3"]
+) -> Float[np.ndarray, " m"]:
+    """Angle from a to b about an axis, 0 to 2π."""
+    sine = (np.cross(a, b) * axis).sum(axis=1)
+    return np.arctan2(sine, (a * b).sum(axis=1)) % (2.0 * np.pi)
+
+
+# Corners that a tool rounds: where it leaves one motion for the next without a stop, and where it has joined that.
+#
+# The makers say: a corner path, a parabola, begins at the edge of the zone, which never reaches farther than half
+# of the way to the position before or behind (ABB, RAPID reference manual, data type zonedata, and Motion and I/O
+# principles, corner paths); approximation begins at the earliest at the stated distance from the target, and at
+# half of the motion (KUKA, KST PLC mxAutomation, APO and PTP_APO).
+
+PosesInMotions = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""From numbers of motions (n) and shares of their lengths (n) to poses (n, 4, 4) of the tool in the part's frame."""
+
+AT_ONCE = 1e-6
+"""A motion whose tool point goes less far only turns the tool, metres."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Corners:
+    """Rounded corners of a program."""
+
+    before: Int[np.ndarray, " m"]
+    """Motion that each one joins from in a rounded corner; −1 where it begins in the target before."""
+    after: Int[np.ndarray, " m"]
+    """Motion for which each one is left in a rounded corner; −1 where it goes to its target."""
+    entry: Float[np.ndarray, "m 2"]
+    """Share of its length where it is joined: by the tool point, and by the orientation; zero in the target before."""
+    exit: Float[np.ndarray, "m 2"]
+    """Share of its length that is not gone any more: by the tool point, and by the orientation."""
+    joined: Float[np.ndarray, "m 4 4"]
+    """Tool in part where a motion of the joints is joined; NaN for others, which say their paths themselves."""
+    left: Float[np.ndarray, "m 4 4"]
+    """The same where one is left."""
+
+    @classmethod
+    def none(cls, m: int) -> "Corners":
+        """Of a program that meets all its targets."""
+        nobody, nothing, nowhere = np.full(m, -1), np.zeros((m, 2)), np.full((m, 4, 4), np.nan)
+        return cls(before=nobody, after=nobody, entry=nothing, exit=nothing, joined=nowhere, left=nowhere)
+
+    def only(self, kept: Bool[np.ndarray, " m"]) -> "Corners":
+        """Those at the ends of some motions."""
+        after = np.where(kept, self.after, -1)
+        before = np.where((self.before >= 0) & kept[np.maximum(self.before, 0)], self.before, -1)
+        return replace(
+            self,
+            before=before,
+            after=after,
+            entry=np.where((before >= 0)[:, None], self.entry, 0.0),
+            exit=np.where((after >= 0)[:, None], self.exit, 0.0),
+        )
+
+
+def find_corners(
+    moves: Sequence[Move], segments: Segments, known: Bool[np.ndarray, " m"], driven: PosesInMotions
+) -> Corners:
+    """Where the tool rounds the corners of a program.
+
+    Args:
+        moves: the motions.
+        segments: tool in part along lines and arcs, and from start to end of motions of the joints.
+        known: motions whose start is known, and which can be executed.
+        driven: tool in part along motions of the joints.
+    """
+    corners = Corners.none(len(moves))
+    length, angle = segments.length, np.linalg.norm(segments.turn, axis=1)
+    before, after = corners.before.copy(), corners.after.copy()
+    entry, exit_ = corners.entry.copy(), corners.exit.copy()
+    for i, j in enumerate(_followers(moves)):
+        zone = moves[i].zone
+        if j < 0 or moves[i].stops or zone is None or not zone.rounds:
+            continue
+        if not (known[i] and known[j] and _in_common(moves[i], moves[j])):
+            continue
+        exit_[i], entry[j] = _shares(zone, length[[i, j]], angle[[i, j]])
+        if exit_[i].max() > 0.0:
+            after[i], before[j] = j, i
+    chords = []
+    by_joints = np.array([move.kind in ("joint", "axes") for move in moves], dtype=bool)
+    for partner, share in ((before, entry.max(axis=1, initial=0.0)), (after, 1.0 - exit_.max(axis=1, initial=0.0))):
+        T = corners.left.copy()
+        rows = np.flatnonzero((partner >= 0) & by_joints)
+        if len(rows):
+            T[rows] = driven(rows, share[rows])
+        chords.append(T)
+    return Corners(before=before, after=after, entry=entry, exit=exit_, joined=chords[0], left=chords[1])
+
+
+def _followers(moves: Sequence[Move]) -> list[int]:
+    """The motion behind each one; −1 where there is none, or more than one may come."""
+    followers = [-1] * len(moves)
+    several: set[int] = set()
+    for j, move in enumerate(moves):
+        if move.follows is not None:
+            if followers[move.follows] >= 0:
+                several.add(move.follows)
+            followers[move.follows] = j
+    return [-1 if i in several else j for i, j in enumerate(followers)]
+
+
+def _in_common(first: Move, second: Move) -> bool:
+    """Whether two motions have tool and part in common."""
+    return first.part_in_hand == second.part_in_hand and all(
+        a is b or (a.name == b.name and np.array_equal(a.T, b.T))
+        for a, b in ((first.tool, second.tool), (first.part, second.part))
+    )
+
+
+def _shares(
+    zone: Zone, length: Float[np.ndarray, " 2"], angle: Float[np.ndarray, " 2"]
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Shares of two motions that a corner between them takes: of the first and of the second, by point and orientation."""
+    if (length > AT_ONCE).all():
+        most = min(length.min() / 2.0, zone.share * length[0])
+        sizes = [min(zone.distance, most), min(max(zone.distance, zone.turn_distance), most)]
+        measure = length
+    elif (length <= AT_ONCE).all() and (angle > 0.0).all():
+        sizes = [min(zone.angle, angle.min() / 2.0, zone.share * angle[0])] * 2
+        measure = angle
+    else:  # between a path and a turn on the spot, half of which is no way at all
+        return (0.0, 0.0), (0.0, 0.0)
+    first, second = ((float(sizes[0] / whole), float(sizes[1] / whole)) for whole in measure)
+    return first, second
+
+
+# The path of a tool that rounds its corners.
+
+STRAIGHT_M, STRAIGHT_RAD = 1e-6, 1e-6
+"""A corner whose target the tool passes by nearer than this, metres and radians, is none."""
+
+AT_END = 1e-12
+
+POINT, TURN = 0, 1
+"""Columns of the sizes of a corner: for the tool point, and for the orientation."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RoundedPath:
+    """Segments of a tool's path, with the corners between them rounded.
+
+    In a corner the tool point goes along a cubic Bézier curve that touches both motions where they are left and joined: between
+    lines it is the parabola, between two pieces of one arc the arc to fourth order. The orientation turns as both motions
+    turn it, the one running out while the other sets in. A share of a motion's length is that of its segment; the
+    corner is half passed where the motion would have ended.
+    """
+
+    segments: Segments
+    corners: Corners
+
+    def at(self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 4 4"]:
+        """Poses at shares of the lengths of some motions, 0 to 1; at the end also where the start is not known."""
+        at_end = share >= 1.0 - AT_END
+        T = np.where(at_end[:, None, None], self.segments.end[move], self.segments.at(move, share))
+        passage = self._passage(move, share, POINT)
+        if len(passage.rows):
+            T[passage.rows, :3, 3] = _bezier(self._controls(passage), passage.u[:, None])
+        passage = self._passage(move, share, TURN)
+        if len(passage.rows):
+            T[passage.rows, :3, :3] = self._orientations(passage)
+        return T
+
+    def direction(self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3"]:
+        """Unit vectors along the path; zero where the tool point stays."""
+        out = self.segments.direction(move, share)
+        passage = self._passage(move, share, POINT)
+        if len(passage.rows):
+            A, C, D, B = self._controls(passage)
+            u = passage.u[:, None]
+            along = (1.0 - u) ** 2 * (C - A) + 2.0 * u * (1.0 - u) * (D - C) + u**2 * (B - D)
+            size = np.linalg.norm(along, axis=1, keepdims=True)
+            out[passage.rows] = np.where(size > 1e-12, along / np.maximum(size, 1e-12), 0.0)
+        return out
+
+    def inside(self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]) -> Bool[np.ndarray, " k"]:
+        """Whether the tool is in a corner there."""
+        leaving = 1.0 - share < self.corners.exit[move].max(axis=1, initial=0.0)
+        return leaving | (share < self.corners.entry[move].max(axis=1, initial=0.0))
+
+    def bent(self) -> "RoundedPath":
+        """The path without corners that are as good as straight."""
+        rows = np.flatnonzero(self.corners.after >= 0)
+        T, P = self.at(rows, np.ones(len(rows))), self.segments.end[rows]
+        off = np.linalg.norm(T[:, :3, 3] - P[:, :3, 3], axis=1)
+        turn = np.linalg.norm(se3.log(np.swapaxes(P[:, :3, :3], 1, 2) @ T[:, :3, :3]), axis=1)
+        kept = np.zeros(len(self.corners.after), dtype=bool)
+        kept[rows] = (off > STRAIGHT_M) | (turn > STRAIGHT_RAD)
+        return replace(self, corners=self.corners.only(kept))
+
+    @cached_property
+    def _runs(self) -> tuple[Segments, Segments]:
+        """What is left and what is joined: of a motion of the joints, the chord over the corner."""
+        own, corners = self.segments, self.corners
+        left, joined = _is_known(corners.left), _is_known(corners.joined)
+        return (
+            replace(own, start=np.where(left[:, None, None], corners.left, own.start)) if left.any() else own,
+            replace(own, end=np.where(joined[:, None, None], corners.joined, own.end)) if joined.any() else own,
+        )
+
+    def _passage(self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"], part: int) -> "_Passage":
+        corners = self.corners
+        leaving = 1.0 - share < corners.exit[move, part]
+        rows = np.flatnonzero(leaving | (share < corners.entry[move, part]))
+        own, leaving, share = move[rows], leaving[rows], share[rows]
+        first = np.where(leaving, own, corners.before[own])
+        second = np.where(leaving, corners.after[own], own)
+        exit_, entry = corners.exit[first, part], corners.entry[second, part]
+        from_target = np.where(leaving, (share - 1.0) / exit_, share / entry)
+        # shares of the chords of motions of the joints, which reach over the wider of both corners
+        widest = corners.exit[first].max(axis=1, initial=0.0), corners.entry[second].max(axis=1, initial=0.0)
+        return _Passage(
+            rows=rows,
+            first=first,
+            second=second,
+            u=(1.0 + from_target) / 2.0,
+            exit=np.where(_is_known(corners.left)[first], exit_ / widest[0], exit_),
+            entry=np.where(_is_known(corners.joined)[second], entry / widest[1], entry),
+        )
+
+    def _controls(self, passage: "_Passage") -> tuple[Float[np.ndarray, "k 3"], ...]:
+        """Control points of the curves: where the first motion is left, two on the tangents, where the second is joined."""
+        (left, joined), first, second = self._runs, passage.first, passage.second
+        A = left.at(first, 1.0 - passage.exit)[:, :3, 3]
+        B = joined.at(second, passage.entry)[:, :3, 3]
+        C = A + _handle(left, first, passage.exit) * left.direction(first, 1.0 - passage.exit)
+        D = B - _handle(joined, second, passage.entry) * joined.direction(second, passage.entry)
+        return A, C, D, B
+
+    def _orientations(self, passage: "_Passage") -> Float[np.ndarray, "k 3 3"]:
+        (left, joined), u = self._runs, passage.u
+        R_first = left.at(passage.first, 1.0 - passage.exit * (1.0 - u) ** 2)[:, :3, :3]
+        R_target = self.segments.end[passage.first, :3, :3]
+        R_second = joined.at(passage.second, passage.entry * u**2)[:, :3, :3]
+        return R_first @ np.swapaxes(R_target, 1, 2) @ R_second
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Passage:
+    """Places of the tool in corners."""
+
+    rows: Int[np.ndarray, " k"]
+    """Which places they are."""
+    first: Int[np.ndarray, " k"]
+    """Motion that is left."""
+    second: Int[np.ndarray, " k"]
+    """Motion that is joined."""
+    u: Float[np.ndarray, " k"]
+    """How far the corner is passed, 0 to 1."""
+    exit: Float[np.ndarray, " k"]
+    """Share of the first motion, or of its chord, that the corner takes."""
+    entry: Float[np.ndarray, " k"]
+    """The same of the second."""
+
+
+def _bezier(controls: tuple[Float[np.ndarray, "k 3"], ...], u: Float[np.ndarray, "k 1"]) -> Float[np.ndarray, "k 3"]:
+    A, C, D, B = controls
+    v = 1.0 - u
+    return v**3 * A + 3.0 * u * v**2 * C + 3.0 * u**2 * v * D + u**3 * B
+
+
+def _handle(run: Segments, motion: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 1"]:
+    """Distance of a control point from the end of its curve, metres.
+
+    Two thirds of the way to the target make the parabola between lines; on an arc, a little more keeps to the circle.
+    """
+    half = np.minimum(run.arc_angle[motion] * share, np.pi / 2.0) / 2.0
+    bow = np.where(half > 1e-4, np.tan(half) / np.maximum(half, 1e-4), 1.0)
+    return (2.0 / 3.0 * bow * run.length[motion] * share)[:, None]
+
+
+def _is_known(T: Float[np.ndarray, "m 4 4"]) -> Bool[np.ndarray, " m"]:
+    return np.isfinite(T[:, 0, 0])

@@ -1,0 +1,138 @@
+"""What may have been written wrong: a supposition undoes it, and says in one line how a user does."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.campaigns.campaign import Campaign
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot import Robot
+
+# A robot without limits, so that a file with wrong joints can be read and looked at.
+
+
+def open_limits(robot: Robot) -> Robot:
+    """The robot, able to take any joint position."""
+    joints = tuple(replace(joint, limits=(-np.inf, np.inf)) for joint in robot.joints)
+    return replace(robot, joints=joints, coupled_limits=())
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Case:
+    """A robot and a campaign that are to fit each other."""
+
+    robot: Robot
+    """As stated, with its limits."""
+    model: ErrorModel
+    """Of the same robot with open limits, so that wrong joints can be tried."""
+    campaign: Campaign
+
+    @classmethod
+    def of(cls, robot: Robot, campaign: Campaign) -> "Case":
+        """A case of any robot."""
+        return cls(robot=robot, model=ErrorModel(open_limits(robot)), campaign=campaign)
+
+    def poses(self, rows: Int[np.ndarray, " k"]) -> Float[np.ndarray, "k 4 4"]:
+        """Nominal poses at some rows; NaN where a closed loop does not close."""
+        return nominal_poses(self.model, self.campaign.q[rows])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class JointMap:
+    """Joint positions as they should be, M·q + shift."""
+
+    matrix: Float[np.ndarray, "joints joints"]
+    shift: Float[np.ndarray, " joints"]
+
+    def __call__(self, q: Float[np.ndarray, "*n joints"]) -> Float[np.ndarray, "*n joints"]:
+        """The positions as they should be."""
+        return q @ self.matrix.T + self.shift
+
+    def after(self, first: "JointMap") -> "JointMap":
+        """Both, the other one first."""
+        return JointMap(matrix=self.matrix @ first.matrix, shift=self.matrix @ first.shift + self.shift)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Supposition:
+    """One mistake, undone: in the joints, in the measurements, or in the robot."""
+
+    id: str
+    subject: tuple[str, ...]
+    fix: str
+    """One line that mends it."""
+    joints: JointMap | None = None
+    measured: Callable[[Campaign], Campaign] | None = None
+    robot: Robot | None = None
+    size: float = 1.0
+    """Factor of the points' size; an error counts beside it."""
+    cost: float = 0.0
+    """How much rarer it is than others, as a logarithm; decides where several leave the same error."""
+
+    def undo(self, case: Case) -> Case:
+        """The case without the mistake."""
+        if self.robot is not None:
+            return Case.of(self.robot, case.campaign)
+        if self.measured is not None:
+            return replace(case, campaign=self.measured(case.campaign))
+        assert self.joints is not None
+        # how the wrong joints were approached says nothing of the right ones
+        conditions = replace(case.campaign.conditions, approach=None, move=None)
+        q = np.ascontiguousarray(self.joints(case.campaign.q))
+        return replace(case, campaign=replace(case.campaign, q=q, conditions=conditions))
+
+
+def nominal_poses(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
+    """Nominal poses; NaN where a closed loop does not close."""
+    drive = model.robot.four_bar
+    if drive is None:
+        return model.poses(q)
+    closes = drive.closes(q, np.zeros(3))
+    T = np.full((len(q), 4, 4), np.nan)
+    if closes.any():
+        T[closes] = model.poses(q[closes])
+    return T
+
+
+# One mistake that was found.
+
+IDS = (
+    "too-few-rows", "points-in-metres", "points-in-other-unit", "joints-in-radians", "joint-sign", "joint-zero", "coupling",
+    "joint-order", "dh-convention", "left-handed", "quaternion-order", "inverse-poses", "rows-shuffled", "rows-shifted",
+    "target-swapped", "target-slipped", "station-moved", "drift", "duplicate-poses", "gross-rows", "other-robot",
+    "small-workspace", "few-orientations",
+)  # fmt: skip
+"""All mistakes that are looked for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """A mistake, what it concerns, and what mends it."""
+
+    id: str
+    """One of `IDS`."""
+    subject: tuple[str, ...]
+    """The joints, targets, rows (by their id) or robots."""
+    error_before: float | None
+    """Median distance between measured points and the registered robot as given, metres; of what happened in the course of the
+    campaign the root mean square, the geometry free within its tolerances. None where there are too few rows."""
+    error_after: float | None
+    """The same without the mistake, and those found with it; None where nothing that was tried lowers it."""
+    confidence: float
+    """0 to 1; see `diagnose`."""
+    fix: str
+    """One line that mends it."""
+
+    def as_json(self) -> dict[str, Any]:
+        """As ``taskcal doctor --json`` gives it."""
+        return {
+            "id": self.id,
+            "subject": list(self.subject),
+            "error_before_mm": None if self.error_before is None else self.error_before * 1e3,
+            "error_after_mm": None if self.error_after is None else self.error_after * 1e3,
+            "confidence": self.confidence,
+            "fix": self.fix,
+        }

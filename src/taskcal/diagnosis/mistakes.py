@@ -1,0 +1,443 @@
+"""Measurements in another unit, a left-handed frame, quaternions in another order, inverse poses."""
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.campaigns.campaign import Campaign
+from taskcal.diagnosis.hypotheses import Case, JointMap, Supposition
+from taskcal.errors import TaskcalError
+from taskcal.geometry import se3
+from taskcal.reading.columns import LENGTHS
+from taskcal.robot.catalogue import catalogue_names, load_robot
+from taskcal.robot.robot import Robot
+from taskcal.robot.robot_file import robot_from
+
+# Joints in another unit, with other signs, zeros or couplings, or in another order.
+
+DEGREES = 180.0 / np.pi
+
+LARGEST_IN_RADIANS = 0.125
+"""Joint positions, radians: no campaign whose joints stay below is of use, and π read as degrees is 0.055."""
+
+SMALLEST_IN_DEGREES = 12.6
+"""Joint positions, radians: two turns."""
+
+
+def joint_mistakes(case: Case) -> Iterator[Supposition]:
+    """All that can be wrong with a campaign's joints, one at a time."""
+    yield from unit_mistakes(case)
+    yield from _signs(case)
+    yield from _zeros(case)
+    yield from _couplings(case)
+    yield from _orders(case)
+
+
+def unit_mistakes(case: Case) -> Iterator[Supposition]:
+    """Another unit of the joints, where their size asks for it."""
+    turning = ~np.array(case.robot.prismatic)
+    largest = np.abs(case.campaign.q[:, turning]).max(initial=0.0)
+    names = tuple(name for name, turns in zip(case.robot.joint_names, turning, strict=True) if turns)
+    if 0.0 < largest < LARGEST_IN_RADIANS:
+        yield Supposition(
+            id="joints-in-radians",
+            subject=names,
+            joints=_map(np.diag(np.where(turning, DEGREES, 1.0))),
+            fix="name the joint columns with _rad instead of _deg: they hold radians",
+        )
+    elif largest > SMALLEST_IN_DEGREES:
+        yield Supposition(
+            id="joints-in-radians",
+            subject=names,
+            joints=_map(np.diag(np.where(turning, 1.0 / DEGREES, 1.0))),
+            fix="name the joint columns with _deg instead of _rad: they hold degrees",
+        )
+
+
+def _signs(case: Case) -> Iterator[Supposition]:
+    for j, name in enumerate(case.robot.joint_names):
+        matrix = np.eye(len(case.robot.joints))
+        matrix[j, j] = -1.0
+        yield Supposition(
+            id="joint-sign",
+            subject=(name,),
+            joints=_map(matrix),
+            fix=f'reverse the sign of {name} in the campaign, or give {name} angle = "-{name}" in the robot file',
+        )
+
+
+def _zeros(case: Case) -> Iterator[Supposition]:
+    joints = case.robot.joint_names
+    limits = np.clip(case.robot.limits, -1e3, 1e3)
+    # of the two ways to half a turn the one that leads towards the middle of the limits
+    half_turns = np.where(np.median(case.campaign.q, axis=0) > limits.mean(axis=1), -180.0, 180.0)
+    for (j, name), turn in itertools.product(enumerate(joints), (90.0, -90.0, None)):
+        if case.robot.prismatic[j]:
+            continue
+        degrees = float(half_turns[j]) if turn is None else turn
+        shift = np.zeros(len(joints))
+        shift[j] = np.radians(degrees)
+        yield Supposition(
+            id="joint-zero",
+            subject=(name,),
+            joints=_map(np.eye(len(joints)), shift),
+            fix=f"add {degrees:g}° to {name} in the campaign, or to its offset_deg in the robot file",
+            cost=0.05,
+        )
+
+
+def _couplings(case: Case) -> Iterator[Supposition]:
+    names, n = case.robot.joint_names, len(case.robot.joints)
+    pairs = [(j, j + 1) for j in range(1, n - 1)] + [(j + 1, j) for j in range(1, n - 1)] + [(3, 5)] * (n >= 6)
+    for (source, moved), sign in itertools.product(pairs, (1.0, -1.0)):
+        if case.robot.prismatic[source] or case.robot.prismatic[moved]:
+            continue
+        matrix = np.eye(n)
+        matrix[moved, source] = sign
+        added = f"{names[moved]} {'+' if sign > 0 else '-'} {names[source]}"
+        yield Supposition(
+            id="coupling",
+            subject=(names[source], names[moved]),
+            joints=_map(matrix),
+            fix=f"{names[moved]} is counted with {names[source]}: write {added} for {names[moved]} in the campaign, or into "
+            f"{names[moved]}'s angle in the robot file",
+            cost=0.02 if (source, moved) == (1, 2) else 0.3,
+        )
+
+
+def _orders(case: Case) -> Iterator[Supposition]:
+    n = len(case.robot.joints)
+    orders = {(*range(n),)}
+    for i, j in itertools.combinations(range(n), 2):
+        order = list(range(n))
+        order[i], order[j] = j, i
+        yield from _order(case, tuple(order), orders)
+    turned = [(*range(k, n), *range(k)) for k in range(1, n)]
+    for order in (tuple(reversed(range(n))), *turned):
+        yield from _order(case, order, orders)
+    for i, k in itertools.combinations(range(n), 2):
+        if k - i > 1:
+            part = list(range(i, k + 1))
+            for inner in ([*part[1:], part[0]], [part[-1], *part[:-1]], part[::-1]):
+                yield from _order(case, (*range(i), *inner, *range(k + 1, n)), orders, 0.1)
+
+
+def _order(
+    case: Case, order: tuple[int, ...], known: set[tuple[int, ...]], cost: float = 0.02
+) -> Iterator[Supposition]:
+    if order in known:
+        return
+    known.add(order)
+    names = np.array(case.robot.joint_names)
+    moved = [k for k, source in enumerate(order) if k != source]
+    yield Supposition(
+        id="joint-order",
+        subject=tuple(str(name) for name in names[moved]),
+        joints=_map(np.eye(len(order))[list(order)]),
+        fix=f"the columns {', '.join(names[moved])} hold {', '.join(names[[order.index(k) for k in moved]])}: rename them in "
+        "this order",
+        cost=cost,
+    )
+
+
+def _map(matrix: np.ndarray, shift: np.ndarray | None = None) -> JointMap:
+    return JointMap(matrix=matrix, shift=np.zeros(len(matrix)) if shift is None else shift)
+
+
+SWAP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""x and y exchanged."""
+
+NARROW, WIDE = 0.02, 5.0
+"""Spreads of the points, of the reach, beyond which they may be in another unit. Any points fit any robot that hardly moves once
+they are made a thousand times smaller."""
+
+OTHER_UNITS = {unit: LENGTHS[unit] for unit in ("mm", "m", "in", "cm", "ft")}
+"""In which points are written, and taken for one another."""
+
+SCATTER_WINDOW = 2.0
+"""Largest factor between the scatter of the points and that of the nominal tool point, which a target's place on the tool and
+mistakes of the joints can explain."""
+
+_LONG = {"mm": "millimetres", "m": "metres", "in": "inches", "cm": "centimetres", "ft": "feet"}
+
+
+def frame_mistakes(case: Case) -> Iterator[Supposition]:
+    """All that can be wrong with how a campaign's measurements are written, one at a time."""
+    names = case.campaign.targets
+    yield from scale_mistakes(case)
+    yield Supposition(
+        id="left-handed",
+        subject=names,
+        measured=partial(_turned, both=True),
+        fix="exchange the columns x and y (or reverse one axis): the points are in a left-handed frame",
+        cost=0.02,
+    )
+    if case.campaign.rotations is not None:
+        yield from _of_poses(names)
+
+
+def scale_mistakes(case: Case) -> Iterator[Supposition]:
+    """Another unit of the points, where their spread asks for it; the likeliest first."""
+    names = case.campaign.targets
+    spread = float(np.nanstd(case.campaign.points, axis=0).max())
+    scales = (
+        (1e3, "_m instead of _mm: they hold metres", spread < NARROW * case.model.robot.reach),
+        (1e-3, "_mm instead of _m: they hold millimetres", spread > WIDE * case.model.robot.reach),
+    )
+    metric = [
+        Supposition(
+            id="points-in-metres",
+            subject=names,
+            measured=partial(_scaled, factors=np.full(len(names), factor)),
+            fix=f"name the points' columns with {said}",
+            size=factor,
+        )
+        for factor, said, possible in scales
+        if possible
+    ]
+    expected = _expected_scatter(case)
+    if expected is None:
+        yield from metric
+        return
+    scatter = np.array([_scatter(case.campaign.points[:, t]) for t in range(len(names))])
+    others = sorted(_other_units(names, expected / scatter), key=lambda found: found[0])
+    metric_off = [abs(np.log(expected / np.nanmedian(scatter) / scale[0])) for scale in scales if scale[2]]
+    if others and metric and others[0][0] < metric_off[0]:
+        yield from (supposition for _, supposition in others)
+        yield from metric
+    else:
+        yield from metric
+        yield from (supposition for _, supposition in others)
+
+
+def _other_units(names: tuple[str, ...], ratio: Float[np.ndarray, " targets"]) -> Iterator[tuple[float, Supposition]]:
+    """Units that make the scatter of the points what the joints let expect, and the logarithm of what they leave.
+
+    All targets at first; of several, those alone whose scatter asks for it.
+    """
+    for (taken, as_taken), (unit, size) in itertools.permutations(OTHER_UNITS.items(), 2):
+        if {taken, unit} == {"m", "mm"}:
+            continue
+        off = np.abs(np.log(ratio / (size / as_taken)))
+        wrong = np.asarray(off < np.log(SCATTER_WINDOW))
+        if not wrong.any() or (not wrong.all() and (np.abs(np.log(ratio[~wrong])) > np.log(SCATTER_WINDOW)).any()):
+            continue
+        subject = tuple(name for name, one in zip(names, wrong, strict=True) if one)
+        of = "" if wrong.all() else f" of {', '.join(subject)}"
+        factor = size / as_taken
+        yield (
+            float(off[wrong].max()),
+            Supposition(
+                id="points-in-other-unit",
+                subject=subject,
+                measured=partial(_scaled, factors=np.where(wrong, factor, 1.0)),
+                fix=f"the points{of} are in {_LONG[unit]}, not {_LONG[taken]}: name their columns with _{unit} instead of "
+                f"_{taken}, such as x_{unit}, or multiply them by {factor:.6g}",
+                size=factor if wrong.all() else 1.0,
+                cost=0.02,
+            ),
+        )
+
+
+def _expected_scatter(case: Case) -> float | None:
+    """Of the nominal tool point, the joints in the unit that their size asks for, metres; None where it hardly moves."""
+    for supposition in unit_mistakes(case):
+        case = supposition.undo(case)
+    scatter = _scatter(case.poses(np.arange(len(case.campaign)))[:, :3, 3])
+    return scatter if scatter > NARROW * case.model.robot.reach else None
+
+
+def _scatter(points: Float[np.ndarray, "n 3"]) -> float:
+    """Root mean square distance from the mean, metres."""
+    return float(np.sqrt(np.nanvar(points, axis=0).sum()))
+
+
+def _of_poses(names: tuple[str, ...]) -> Iterator[Supposition]:
+    yield Supposition(
+        id="left-handed",
+        subject=names,
+        measured=partial(_turned, both=False),
+        fix="exchange the columns x and y (or reverse one axis): the points are in a left-handed frame, the rotations are not",
+        cost=0.04,
+    )
+    orders = {"qw qx qy qz": [1, 2, 3, 0], "qy qz qw qx": [3, 0, 1, 2]}
+    for order, taken in orders.items():
+        yield Supposition(
+            id="quaternion-order",
+            subject=names,
+            measured=partial(_reordered, taken=taken),
+            fix=f"the four columns of the quaternion hold {order}: rename them so",
+        )
+    yield Supposition(
+        id="inverse-poses",
+        subject=names,
+        measured=_inverted,
+        fix="invert the poses: they are those of the tracker in the target's frame",
+        cost=0.02,
+    )
+    yield Supposition(
+        id="inverse-poses",
+        subject=names,
+        measured=_transposed,
+        fix="invert the rotations (reverse the sign of qw): they are those of the tracker in the target's frame",
+        cost=0.04,
+    )
+
+
+def _scaled(campaign: Campaign, factors: Float[np.ndarray, " targets"]) -> Campaign:
+    points = campaign.points * factors[:, None]
+    if np.ptp(factors) > 0.0:  # of some targets alone
+        return replace(campaign, points=points)
+    fixed = {name: places * factors[0] for name, places in campaign.reference_points.items()}
+    return replace(campaign, points=points, reference_points=fixed)
+
+
+def _transposed(campaign: Campaign) -> Campaign:
+    return replace(campaign, rotations=np.swapaxes(_rotations(campaign), 1, 2).copy())
+
+
+def _rotations(campaign: Campaign) -> np.ndarray:
+    assert campaign.rotations is not None
+    return campaign.rotations
+
+
+def _turned(campaign: Campaign, *, both: bool) -> Campaign:
+    fixed = {name: places @ SWAP for name, places in campaign.reference_points.items()}
+    turned = replace(campaign, points=campaign.points @ SWAP, reference_points=fixed)
+    if campaign.rotations is None or not both:
+        return turned
+    return replace(turned, rotations=SWAP @ campaign.rotations @ SWAP)
+
+
+def _reordered(campaign: Campaign, taken: list[int]) -> Campaign:
+    return replace(campaign, rotations=se3.from_quaternion(se3.to_quaternion(_rotations(campaign))[:, taken]))
+
+
+def _inverted(campaign: Campaign) -> Campaign:
+    T = se3.inverse(se3.pose(_rotations(campaign), campaign.points[:, 0]))
+    return replace(campaign, points=T[:, None, :3, 3].copy(), rotations=T[:, :3, :3].copy())
+
+
+# Another convention of the robot's table, or another robot of the same number of joints.
+
+_OTHER = {"dh": "mdh", "mdh": "dh"}
+_CONVENTION_NAMES = {"dh": "standard", "mdh": "modified"}
+
+
+def robot_mistakes(case: Case) -> Iterator[Supposition]:
+    """Other robots that the campaign may belong to, one at a time."""
+    yield from _conventions(case)
+    own = case.robot
+    for name in catalogue_names():
+        robot = load_robot(name)
+        if name == own.name or robot.prismatic != own.prismatic or robot.description == own.description:
+            continue
+        yield Supposition(
+            id="other-robot",
+            subject=(name,),
+            robot=robot,
+            fix=f"--robot {name}: the campaign fits this robot, not {own.name}",
+            cost=0.3,
+        )
+
+
+def _conventions(case: Case) -> Iterator[Supposition]:
+    exchanged = other_convention(case.robot)
+    if exchanged is None:
+        return
+    robot, other = exchanged
+    yield Supposition(
+        id="dh-convention",
+        subject=case.robot.joint_names,
+        robot=robot,
+        fix=f"the table is a {_CONVENTION_NAMES[other]} Denavit-Hartenberg table: import it with --convention {other}",
+        cost=0.05,
+    )
+
+
+def other_convention(robot: Robot) -> tuple[Robot, str] | None:
+    """The robot with its table read by the other Denavit-Hartenberg convention, and which that is; None without such a table."""
+    joints = robot.description.get("joint", [])
+    stated = {key for joint in joints for key in _OTHER if joint.get(key) is not None}
+    if len(stated) != 1:
+        return None
+    (convention,) = stated
+    try:
+        return robot_from(_exchanged(robot.description, convention)), _OTHER[convention]
+    except TaskcalError:
+        return None
+
+
+def _exchanged(description: Mapping[str, Any], convention: str) -> dict[str, Any]:
+    def joint(section: Mapping[str, Any]) -> dict[str, Any]:
+        return {_OTHER[convention] if key == convention else key: value for key, value in section.items()}
+
+    # what hangs on parameter names of the other convention says nothing of this one
+    kept = {
+        key: value
+        for key, value in description.items()
+        if key in ("name", "title", "source", "joint", "tool", "four_bar")
+    }
+    return {**kept, "joint": [joint(section) for section in description["joint"]]}
+
+
+# Points that stand some rows below or above their joints.
+
+MOST_ROWS = 12
+"""Shifts that are tried; who loses more rows at the top of a file sees it."""
+
+
+SHIFTED_ALIKE = 0.8
+"""Of the rows that are not where they belong, that make it a shift."""
+
+LEAST_SHIFTED = 4
+"""Rows."""
+
+
+def row_mistakes(case: Case) -> Iterator[Supposition]:
+    """Shifts of the points against the joints, one at a time."""
+    most = min(MOST_ROWS, len(case.campaign) // 4)
+    for k in [step * sign for step in range(1, most + 1) for sign in (1, -1)]:
+        yield Supposition(
+            id="rows-shifted",
+            subject=(f"{k:+d}",),
+            measured=partial(shifted, by=k),
+            fix=shift_fix(k),
+            cost=0.02,
+        )
+
+
+def shift_fix(by: int) -> str:
+    """The line that mends points which stand so many rows below their joints."""
+    where, back = ("below", "up") if by > 0 else ("above", "down")
+    rows = f"{abs(by)} row{'s' if abs(by) > 1 else ''}"
+    return f"the points stand {rows} {where} their joints: move the points' columns {back} by {rows}"
+
+
+def common_shift(source: Int[np.ndarray, " n"]) -> int | None:
+    """By how many rows nearly all measurements that stand in a wrong row are off; None if they are off by different numbers."""
+    offset = source - np.arange(len(source))
+    values, counts = np.unique(offset[offset != 0], return_counts=True)
+    if not len(values) or counts.max() < SHIFTED_ALIKE * counts.sum() or counts.max() < LEAST_SHIFTED:
+        return None
+    return int(values[counts.argmax()])
+
+
+def shifted(campaign: Campaign, by: int) -> Campaign:
+    """The campaign with the points of row i + by at row i; nothing is seen where there is no such row."""
+    source = np.arange(len(campaign)) + by
+    inside = (source >= 0) & (source < len(campaign))
+    taken = np.where(inside, source, 0)
+    points = np.where(inside[:, None, None], campaign.points[taken], np.nan)
+    return replace(
+        campaign,
+        points=points,
+        rotations=None if campaign.rotations is None else campaign.rotations[taken],
+        uncertainty=None if campaign.uncertainty is None else campaign.uncertainty[taken],
+        reference_points={name: places[taken] for name, places in campaign.reference_points.items()},
+    )

@@ -1,0 +1,154 @@
+"""Positive semidefinite matrices of very different scales, inverted and solved on unit diagonal."""
+
+from collections.abc import Callable
+from functools import cache, wraps
+from importlib import import_module
+from typing import Any, ParamSpec, TypeVar
+
+import numpy as np
+from jaxtyping import Float
+from threadpoolctl import ThreadpoolController
+
+
+@cache
+def _lapack(name: str) -> Any:
+    """One of LAPACK's routines for Cholesky's factors; SciPy takes a while to import."""
+    from scipy.linalg import get_lapack_funcs
+
+    return get_lapack_funcs((name,), dtype=np.float64)[0]
+
+
+def inverse_scale(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, " p"]:
+    """1/√diagonal, finite where the diagonal is zero: scale·A·scale has a unit diagonal."""
+    return 1.0 / np.sqrt(np.maximum(np.diag(A), 1e-300))
+
+
+def solve_scaled(A: Float[np.ndarray, "p p"], b: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    """Solve A·x = b for a positive definite A of very different scales, by Cholesky on unit diagonal.
+
+    Raises:
+        numpy.linalg.LinAlgError: A is not positive definite.
+    """
+    if not len(A):  # which LAPACK refuses
+        return b.copy()
+    scale = inverse_scale(A)
+    right = scale * b if b.ndim == 1 else scale[:, None] * b
+    _, x, info = _lapack("posv")(A * scale * scale[:, None], right, lower=True)
+    if info:
+        raise np.linalg.LinAlgError(f"leading minor {info} is not positive definite")
+    return scale * x if b.ndim == 1 else scale[:, None] * x
+
+
+def invert_positive(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
+    """Inverse of a positive definite matrix of very different scales, by Cholesky on unit diagonal.
+
+    Raises:
+        numpy.linalg.LinAlgError: A is not positive definite.
+    """
+    if not len(A):  # which LAPACK refuses
+        return A.copy()
+    scale = inverse_scale(A)
+    factor, info = _lapack("potrf")(A * scale * scale[:, None], lower=True)
+    if info:
+        raise np.linalg.LinAlgError(f"leading minor {info} is not positive definite")
+    inverse = np.tril(_lapack("potri")(factor, lower=True)[0]) * scale * scale[:, None]
+    return inverse + np.tril(inverse, -1).T
+
+
+def factor_positive(C: Float[np.ndarray, "p p"], tolerance: float) -> Float[np.ndarray, "p p"]:
+    """Lower triangular L with L·Lᵀ = C, a positive semidefinite matrix of very different scales, by Cholesky on unit diagonal.
+
+    L·Lᵀ differs from C by less than (p + 1)·1.2·10⁻¹⁶·√(Cᵢᵢ·Cⱼⱼ) in every entry (Higham 2002, Accuracy and Stability of
+    Numerical Algorithms, theorem 10.3). Where C is singular, its eigenvalues on unit diagonal that rounding left under zero
+    are taken for zero.
+
+    Args:
+        C: the matrix, of which the lower triangle is looked at.
+        tolerance: how far under zero an eigenvalue on unit diagonal may be.
+
+    Raises:
+        numpy.linalg.LinAlgError: C is not positive semidefinite.
+    """
+    scale, diagonal = inverse_scale(C), np.diag(C)
+    if not len(C):  # which LAPACK refuses
+        return C.copy()
+    if not np.isfinite(C).all() or diagonal.min() < 0.0:
+        raise np.linalg.LinAlgError(f"its least entry on the diagonal is {diagonal.min():.2g}")
+    unit = C * scale * scale[:, None]
+    factor, info = _lapack("potrf")(unit, lower=True, clean=True)
+    if info:
+        values, vectors = np.linalg.eigh(unit)
+        if values[0] < -tolerance:
+            raise np.linalg.LinAlgError(f"its least eigenvalue on unit diagonal is {values[0]:.2g}")
+        upper = np.linalg.qr((vectors * np.sqrt(np.maximum(values, 0.0))).T).R
+        factor = (upper * np.where(np.diag(upper) < 0.0, -1.0, 1.0)[:, None]).T
+    return np.where(diagonal[:, None] > 0.0, factor / scale[:, None], 0.0)
+
+
+def invert_scaled(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
+    """Inverse of a symmetric matrix, by elimination on unit diagonal.
+
+    Raises:
+        numpy.linalg.LinAlgError: A is singular.
+    """
+    scale = inverse_scale(A)
+    return np.linalg.inv(A * scale * scale[:, None]) * scale * scale[:, None]
+
+
+def pseudo_invert_scaled(A: Float[np.ndarray, "p p"], rcond: float) -> Float[np.ndarray, "p p"]:
+    """Pseudo-inverse of a positive semidefinite matrix; scaled eigenvalues under `rcond` of the largest give zero."""
+    scale = inverse_scale(A)
+    return np.linalg.pinv(A * scale * scale[:, None], rcond=rcond, hermitian=True) * scale * scale[:, None]
+
+
+# Many small covariances factored at once: LAPACK takes some microseconds for each.
+
+
+def inverse_factors(covariance: Float[np.ndarray, "*n b b"]) -> Float[np.ndarray, "*n b b"]:
+    """Lower triangular W with W·covariance·Wᵀ = I, the inverse of Cholesky's factor; NaN where there is none."""
+    b, W = covariance.shape[-1], np.zeros(covariance.shape)
+    for i in range(b):
+        # of row i what the rows before it explain, one number of all blocks after another
+        explained = [sum(W[..., j, k] * covariance[..., i, k] for k in range(j + 1)) for j in range(i)]
+        left = covariance[..., i, i] - sum(part * part for part in explained)
+        scale = 1.0 / np.sqrt(np.where(left > 0.0, left, np.nan))
+        W[..., i, i] = scale
+        for k in range(i):
+            W[..., i, k] = -scale * sum(explained[j] * W[..., j, k] for j in range(k, i))
+    return W
+
+
+# The squared-exponential correlation of a smooth random function (Rasmussen and Williams 2006, eq. 4.9).
+
+
+def squared_exponential(square: Float[np.ndarray, "*b"]) -> Float[np.ndarray, "*b"]:
+    """Correlation exp(−d²/2) of a function's values at two places.
+
+    Args:
+        square: d², squared distance of the places in units of the length scales; rounding may leave it below zero.
+    """
+    return np.exp(-0.5 * np.maximum(square, 0.0))
+
+
+# One thread for the linear algebra: matrices of a hundred rows gain nothing from more, and threads contend for cores.
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+@cache
+def _controller() -> ThreadpoolController:
+    """Of the libraries that are loaded; SciPy brings a BLAS of its own, which would be loaded later and keep its threads."""
+    import_module("scipy.linalg")
+    return ThreadpoolController()
+
+
+def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
+    """Run a function with BLAS held at one thread, and give the caller's setting back."""
+
+    @wraps(function)
+    def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
+        with _controller().limit(limits=1, user_api="blas"):
+            return function(*args, **kwargs)
+
+    return wrapped

@@ -1,0 +1,583 @@
+"""What is handed to another program, and what of the calibration is lost by its form."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.errors import TaskcalError
+from taskcal.geometry import se3
+from taskcal.identification.calibration import Calibration
+from taskcal.kernels.chain import ErrorFrame, Fixed, JointKind
+from taskcal.kinematics.inverse import closes
+from taskcal.public_names import FormerName
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot import Robot
+from taskcal.short_repr import short_repr
+
+ROUNDING = 1e-8
+"""Metres at the tool that the digits of a file may cost."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loss:
+    """Distance of a form's tool point from the calibration's, metres."""
+
+    rms: float
+    maximum: float
+    poses: int
+    reasons: tuple[str, ...]
+    """What the form cannot hold."""
+
+    @classmethod
+    def of(
+        cls,
+        calibration: Calibration,
+        q: Float[np.ndarray, "n joints"],
+        predicted: Float[np.ndarray, "n 4 4"],
+        lacking: tuple[str, ...] = (),
+    ) -> "Loss":
+        """Of the poses that a form predicts at joint positions q; `lacking` is what it cannot hold of any calibration."""
+        off = np.linalg.norm(predicted[:, :3, 3] - calibration.tool_in_base(q)[:, :3, 3], axis=1)
+        model = calibration.model
+        reasons = [*lacking, *(effect.name for effect in model.effects)]
+        if model.robot.four_bar is not None:
+            reasons.append("the four-bar of its drive, where it is no parallelogram")
+        if calibration.field is not None:
+            reasons.append("the residual field")
+        rms, maximum = float(np.sqrt(np.mean(off**2))), float(off.max())
+        return cls(rms=rms, maximum=maximum, poses=len(q), reasons=tuple(reasons) if maximum > ROUNDING else ())
+
+    def refuse(self, form: str) -> None:
+        """Refuse a form that loses more than its digits.
+
+        Raises:
+            TaskcalError: it does; the message says what and how much.
+        """
+        if self.maximum <= ROUNDING:
+            return
+        raise TaskcalError(
+            f"{form} cannot hold {', '.join(self.reasons) or 'this chain'}: {self.rms * 1e3:.4f} mm (rms) and "
+            f"{self.maximum * 1e3:.4f} mm (largest) would be lost over {self.poses} poses; identify without them for this form, "
+            "correct programs with the whole model (taskcal correct), or accept the loss (--accept-loss)"
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """The report, in millimetres."""
+        return {
+            "rms_mm": self.rms * 1e3,
+            "max_mm": self.maximum * 1e3,
+            "poses": self.poses,
+            "not_held": list(self.reasons),
+        }
+
+    to_json = FormerName("summary")
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Export:
+    """A file for another program."""
+
+    text: str
+    loss: Loss
+    frames: Mapping[str, Float[np.ndarray, "4 4"]]
+    """Poses that belong to the file and stand beside it: of its base in the robot's, of the tool in its last frame."""
+    remarks: tuple[str, ...] = ()
+
+
+def placed(T: Float[np.ndarray, "4 4"]) -> dict[str, Any]:
+    """A pose in millimetres, as a quaternion and as angles about fixed x, y, z (``rpy_deg``)."""
+    R = T[:3, :3]
+    pitch = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
+    rpy = [np.arctan2(R[2, 1], R[2, 2]), pitch, np.arctan2(R[1, 0], R[0, 0])]
+    return {
+        "position_mm": [float(value) * 1e3 for value in T[:3, 3]],
+        "quaternion": se3.to_quaternion(R[None])[0].tolist(),
+        "rpy_deg": np.degrees(rpy).tolist(),
+    }
+
+
+# The calibrated chain: what geometry alone holds of a calibration, its defects taken into the fixed parts.
+
+SAMPLES = 400
+"""Poses over the joints' ranges, where no task says which matter."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ChainJoint:
+    """A joint with the fixed part before it."""
+
+    name: str
+    kind: JointKind
+    coordinate: int
+    """Which chain coordinate moves it."""
+    before: Float[np.ndarray, "4 4"]
+    """From the previous joint's frame, or the base."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CalibratedChain:
+    """Fixed parts, joints about or along their z axes, and what moves these."""
+
+    robot: Robot
+    joints: tuple[ChainJoint, ...]
+    end: Float[np.ndarray, "4 4"]
+    """From the last joint's frame to the tool."""
+    matrix: Float[np.ndarray, "coordinates joints"]
+    offset: Float[np.ndarray, " coordinates"]
+    """Chain coordinates are matrix·q + offset, radians or metres."""
+
+    @classmethod
+    def of(cls, calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> "CalibratedChain":
+        """The chain of a calibration; of what effects and loops add at joint positions q, the mean goes into the joints' zeros."""
+        return cls.of_model(calibration.model, calibration.estimate, q)
+
+    @classmethod
+    def of_model(
+        cls, model: ErrorModel, x: Float[np.ndarray, " p"], q: Float[np.ndarray, "n joints"]
+    ) -> "CalibratedChain":
+        """The same of a model with parameter values x."""
+        robot = model.robot
+        count = len(robot.joint_map.offset)
+        frames = se3.error_transform(model.error_frames(x))
+        names = [*robot.joint_names, *(joint.name for joint in robot.driven)]
+        joints: list[ChainJoint] = []
+        pending, met, counted = np.eye(4), 0, 0
+        for step in model.steps:
+            if isinstance(step, Fixed):
+                pending = pending @ step.transform
+            elif isinstance(step, ErrorFrame):
+                pending = pending @ frames[met]
+                met += 1
+            else:
+                k = counted if step.number is None else step.number
+                counted += step.number is None
+                if k < count:  # joints that effects add stand still
+                    joints.append(ChainJoint(name=names[k], kind=step.kind, coordinate=k, before=pending))
+                    pending = np.eye(4)
+        added = model.walk(q, x).s[:, :count] - robot.joint_map(q)
+        return cls(
+            robot=robot,
+            joints=tuple(joints),
+            end=pending,
+            matrix=robot.joint_map.matrix,
+            offset=robot.joint_map.offset + added.mean(axis=0),
+        )
+
+    def poses(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
+        """Poses of the tool in the base."""
+        s = q @ self.matrix.T + self.offset
+        T = np.broadcast_to(np.eye(4), (len(q), 4, 4))
+        for joint in self.joints:
+            T = T @ joint.before @ moved(joint.kind, s[:, joint.coordinate])
+        return T @ self.end
+
+
+def moved(kind: JointKind, value: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 4 4"]:
+    """What joints do at some values, radians or metres."""
+    T = np.tile(np.eye(4), (len(value), 1, 1))
+    if kind == "prismatic":
+        T[:, 2, 3] = value
+    else:
+        T[:, 0, 0] = T[:, 1, 1] = np.cos(value)
+        T[:, 1, 0] = np.sin(value)
+        T[:, 0, 1] = -T[:, 1, 0]
+    return T
+
+
+def spread_poses(calibration: Calibration, count: int = SAMPLES) -> Float[np.ndarray, "n joints"]:
+    """Joint positions all over the ranges at which loops close, radians or metres; the same ones at every call."""
+    model = calibration.model
+    limits = np.clip(model.robot.limits, -np.pi, np.pi)
+    q = np.random.default_rng(0).uniform(limits[:, 0], limits[:, 1], (4 * count, len(limits)))
+    q = q[model.robot.inside_limits(q)]
+    return q[closes(model, q, None) & closes(model, q, calibration.estimate)][:count]
+
+
+# A calibrated robot as URDF with absolute values, its joints at the controller's own.
+
+ANYWHERE = 1000.0
+"""Metres to which a sliding joint without limits may go; URDF wants a limit."""
+
+
+def export_urdf(
+    calibration: Calibration, q: Float[np.ndarray, "n joints"] | None = None, *, accept_loss: bool = False
+) -> Export:
+    """The calibrated robot as URDF: links without shapes, every defect in the joints' origins.
+
+    A joint that the controller couples with others is a row of joints about one axis, of which those that mimic have no motor.
+
+    Args:
+        calibration: the robot.
+        q: joint positions at which a loss is measured; all over the ranges by default.
+        accept_loss: write it although it loses something.
+
+    Raises:
+        TaskcalError: the model has parts that no URDF holds, such as gear harmonics; the message says what would be lost.
+    """
+    q = spread_poses(calibration) if q is None else q
+    chain = CalibratedChain.of(calibration, q)
+    loss = Loss.of(calibration, q, chain.poses(q))
+    if not accept_loss:
+        loss.refuse("a URDF")
+    return Export(text=urdf_text(chain), loss=loss, frames={})
+
+
+def urdf_text(chain: CalibratedChain) -> str:
+    """The URDF of a chain."""
+    robot = chain.robot
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f"<robot name={quoteattr(robot.name)}>",
+        '  <link name="base_link"/>',
+    ]
+    parent, pending = "base_link", np.eye(4)
+    for joint in chain.joints:
+        pending = pending @ joint.before @ moved(joint.kind, chain.offset[joint.coordinate : joint.coordinate + 1])[0]
+        parent = _joint(lines, chain, joint, parent, pending)
+        pending = np.eye(4)
+    pending = pending @ chain.end
+    tip = "tool0" if np.allclose(robot.T_flange_tool, np.eye(4), atol=1e-12) else "tool"
+    lines += [
+        f'  <link name="{tip}"/>',
+        f'  <joint name="{tip}_fixed" type="fixed">',
+        f'    <parent link="{parent}"/>',
+        f'    <child link="{tip}"/>',
+        f"    {_origin(pending)}",
+        "  </joint>",
+        "</robot>",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _UrdfJoint:
+    """A joint of the file and the link that it moves."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: Float[np.ndarray, "4 4"]
+    sign: float = 1.0
+    mimic: str | None = None
+    """The element that says which joint it follows; None for a joint with a motor."""
+
+
+def _joint(
+    lines: list[str], chain: CalibratedChain, joint: ChainJoint, parent: str, origin: Float[np.ndarray, "4 4"]
+) -> str:
+    """Write a joint and those that its coupling takes; returns the last link."""
+    row, names = chain.matrix[joint.coordinate], chain.robot.joint_names
+    own = joint.coordinate if joint.coordinate < len(names) else -1
+    plain = _UrdfJoint(name=joint.name, kind=joint.kind, parent=parent, child=f"{joint.name}_link", origin=origin)
+    if own >= 0 and abs(row[own]) != 1.0:  # its motor stands beside the chain, which follows it with its ratio
+        motor = replace(plain, parent="base_link", child=f"{joint.name}_motor", origin=np.eye(4))
+        lines += _element(chain, motor)
+        own = -1
+    elif own >= 0:
+        lines += _element(chain, replace(plain, sign=float(row[own])))
+        parent, origin = plain.child, np.eye(4)
+    for other in np.flatnonzero(row):
+        if other == own:
+            continue
+        name = f"{joint.name}_with_{names[other]}"
+        mimic = f'<mimic joint="{names[other]}" multiplier="{float(row[other])!r}" offset="0"/>'
+        follower = replace(plain, name=name, parent=parent, child=f"{name}_link", origin=origin, mimic=mimic)
+        lines += _element(chain, follower)
+        parent, origin = follower.child, np.eye(4)
+    return parent
+
+
+def _element(chain: CalibratedChain, joint: _UrdfJoint) -> list[str]:
+    """The lines of a joint and of its link."""
+    low, high, speed = -np.inf, np.inf, np.inf
+    if joint.mimic is None:
+        own = chain.robot.joints[chain.robot.joint_names.index(joint.name)]
+        (low, high), speed = own.limits, own.speed
+    limited = bool(np.isfinite([low, high]).all())
+    if joint.kind == "prismatic" and not limited:
+        low, high, limited = -ANYWHERE, ANYWHERE, True
+    kind = "continuous" if joint.kind == "revolute" and not limited else joint.kind
+    rate = speed if np.isfinite(speed) else 0.0
+    bounds = f'lower="{low!r}" upper="{high!r}" ' if limited else ""
+    return [
+        f'  <link name="{joint.child}"/>',
+        f'  <joint name="{joint.name}" type="{kind}">',
+        f'    <parent link="{joint.parent}"/>',
+        f'    <child link="{joint.child}"/>',
+        f"    {_origin(joint.origin)}",
+        f'    <axis xyz="0 0 {int(np.sign(joint.sign))}"/>',
+        f'    <limit {bounds}velocity="{float(rate)!r}" effort="0"/>',
+        *([f"    {joint.mimic}"] if joint.mimic else []),
+        "  </joint>",
+    ]
+
+
+def _origin(T: Float[np.ndarray, "4 4"]) -> str:
+    return f'<origin xyz="{_numbers(T[:3, 3])}" rpy="{_numbers(roll_pitch_yaw(T[:3, :3]))}"/>'
+
+
+def _numbers(values: Float[np.ndarray, " 3"]) -> str:
+    return " ".join(repr(float(value) + 0.0) for value in values)
+
+
+def roll_pitch_yaw(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 3"]:
+    """Angles about fixed x, y, z, each from what the one before has left, so that they give the rotation to rounding."""
+    yaw = float(np.arctan2(R[1, 0], R[0, 0])) if np.hypot(R[0, 0], R[1, 0]) > 1e-9 else 0.0
+    c, s = np.cos(yaw), np.sin(yaw)
+    pitch = np.arctan2(-R[2, 0], c * R[0, 0] + s * R[1, 0])
+    roll = np.arctan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1])
+    return np.array([roll, pitch, yaw])
+
+
+# A calibrated robot as the ``kinematics`` YAML of Universal Robots' ROS driver.
+
+LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
+"""As the driver calls them, from the base."""
+
+
+def export_ur_yaml(
+    calibration: Calibration, q: Float[np.ndarray, "n joints"] | None = None, *, accept_loss: bool = False
+) -> Export:
+    """The calibrated robot as a place of each link in the one before it.
+
+    The form ends at the last link, in whose frame the controller counts its tools: what stands behind it, which the calibration
+    may have moved as well, is `Export.frames`' ``tool``, to be stated as the tool.
+
+    Args:
+        calibration: the robot.
+        q: joint positions at which a loss is measured; all over the ranges by default.
+        accept_loss: write it although it loses something.
+
+    Raises:
+        TaskcalError: the robot is not built like one of Universal Robots, or has parts that the form does not hold.
+    """
+    q = spread_poses(calibration) if q is None else q
+    chain = CalibratedChain.of(calibration, q)
+    robot = chain.robot
+    alike = len(robot.joints) == len(LINKS) and not any(robot.prismatic) and not robot.driven
+    if not alike or not np.array_equal(chain.matrix, np.eye(len(LINKS))):
+        raise TaskcalError(
+            f"{robot.name} is not built like a UR: the form has six joints that turn by the controller's angles; write a URDF "
+            "(--form urdf)"
+        )
+    loss = Loss.of(calibration, q, chain.poses(q))
+    if not accept_loss:
+        loss.refuse("UR's YAML")
+    origins, tool = _origins(chain)
+    lines = ["kinematics:"]
+    for link, T in zip(LINKS, origins, strict=True):
+        lines.append(f"  {link}:")
+        values = [*T[:3, 3], *roll_pitch_yaw(T[:3, :3])]
+        lines += [
+            f"    {key}: {float(v) + 0.0!r}"
+            for key, v in zip(("x", "y", "z", "roll", "pitch", "yaw"), values, strict=True)
+        ]
+    lines.append(f"  hash: taskcal_{robot.digest}")
+    return Export(text="\n".join(lines) + "\n", loss=loss, frames={"tool": tool})
+
+
+def _origins(chain: CalibratedChain) -> tuple[list[Float[np.ndarray, "4 4"]], Float[np.ndarray, "4 4"]]:
+    """Place of each link in the one before, and of the tool in the last; each link's frame where Universal Robots put it.
+
+    A link's frame may slide along its axis: for a standard table its d, which follows the joint, is taken before it.
+    """
+    described = chain.robot.description["joint"]
+    pending, out = np.eye(4), []
+    for joint in chain.joints:
+        slide = se3.translation(0.0, 0.0, described[joint.coordinate].get("dh", {}).get("d_mm", 0.0) * 1e-3)
+        turned = moved("revolute", chain.offset[joint.coordinate : joint.coordinate + 1])[0]
+        out.append(pending @ joint.before @ turned @ slide)
+        pending = se3.inverse(slide)
+    behind = pending @ chain.end
+    # what turns about and slides along the last axis is the last link's own
+    yaw = float(np.arctan2(behind[1, 0], behind[0, 0])) if np.hypot(behind[0, 0], behind[1, 0]) > 1e-9 else 0.0
+    own = se3.translation(0.0, 0.0, float(behind[2, 3])) @ se3.rotation("z", yaw)
+    out[-1] = out[-1] @ own
+    return out, se3.inverse(own) @ behind
+
+
+# A calibrated robot as a table of Denavit and Hartenberg, with the base and tool that the table cannot hold beside
+# it.
+
+PARALLEL = 1e-9
+"""Sine of the angle between axes that are parallel to rounding."""
+
+NEARLY_PARALLEL = 5e-3
+"""Sine of an angle that only defects make: the common normal of such axes is far away."""
+
+FARTHEST = 1e3
+"""Metres to a common normal that still are a number in a table; beyond them axes are taken for parallel."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DHForm:
+    """Rows of a table, metres and radians, as `export_dh` and the exports write them."""
+
+    convention: Literal["dh", "mdh"]
+    rows: Float[np.ndarray, "joints 4"]
+    """alpha, a, d, theta offset of each."""
+    base: Float[np.ndarray, "4 4"]
+    """Pose of the table's base in the robot's."""
+    tool: Float[np.ndarray, "4 4"]
+    """Pose of the tool in the table's last frame."""
+    matrix: Float[np.ndarray, "joints joints"]
+    """Angles of the table are matrix·q + theta offset."""
+
+    def poses(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
+        """Poses of the tool in the robot's base."""
+        theta = q @ self.matrix.T + self.rows[:, 3]
+        T = np.broadcast_to(self.base, (len(q), 4, 4))
+        for i, (alpha, a, d, _) in enumerate(self.rows):
+            across = (
+                se3.translation(a) @ se3.rotation("x", alpha)
+                if self.convention == "dh"
+                else se3.rotation("x", alpha) @ se3.translation(a)
+            )
+            along = moved("revolute", theta[:, i]) @ se3.translation(0.0, 0.0, d)
+            T = T @ along @ across if self.convention == "dh" else T @ across @ along
+        return T @ self.tool
+
+
+def export_dh(
+    calibration: Calibration,
+    convention: Literal["dh", "mdh"],
+    q: Float[np.ndarray, "n joints"] | None = None,
+    *,
+    accept_loss: bool = False,
+) -> Export:
+    """The calibrated robot as a table, which `taskcal.read_dh_table` reads.
+
+    Any chain of turning joints has such a table, once its base and its tool may stand anywhere; where these are, stands in
+    comments of the file and in `Export.frames`. The tracker's registration takes up the first, the tool's frame the second.
+
+    Args:
+        calibration: the robot.
+        convention: ``dh`` (standard) or ``mdh`` (modified).
+        q: joint positions at which a loss is measured; all over the ranges by default.
+        accept_loss: write it although it loses something.
+
+    Raises:
+        TaskcalError: the robot has sliding or driven joints, or parts that no table holds; the message says what would be lost.
+    """
+    q = spread_poses(calibration) if q is None else q
+    chain = CalibratedChain.of(calibration, q)
+    robot = chain.robot
+    if any(robot.prismatic) or robot.driven:
+        what = "sliding" if any(robot.prismatic) else "driven"
+        raise TaskcalError(f"{robot.name} has {what} joints, which its table could not say; write a URDF (--form urdf)")
+    table, lacking = fit_table(chain, convention), list[str]()
+    twist = np.abs(np.sin(table.rows[:, 0]))
+    while np.abs(table.rows[:, 1:3]).max() > FARTHEST:
+        smallest = float(twist[twist > PARALLEL].min())
+        lacking.append(f"axes {np.degrees(smallest):.5f}° from parallel, whose common normal is beyond {FARTHEST:g} m")
+        table = fit_table(chain, convention, parallel=1.001 * smallest)
+        twist = np.where(twist <= smallest, 0.0, twist)
+    loss = Loss.of(calibration, q, table.poses(q), tuple(lacking))
+    if not accept_loss:
+        loss.refuse("a table")
+    near = np.flatnonzero((twist > PARALLEL) & (twist < NEARLY_PARALLEL))
+    remarks = [
+        f"alpha in row {i + 1} is {np.degrees(table.rows[i, 0]):.5f}°: axes so nearly parallel have their common normal far away, "
+        "and a and d there are no lengths of the robot"
+        for i in near
+    ]
+    frames = {"base": table.base, "tool": table.tool}
+    return Export(text=_text(chain, table), loss=loss, frames=frames, remarks=tuple(remarks))
+
+
+def fit_table(chain: CalibratedChain, convention: Literal["dh", "mdh"], parallel: float = PARALLEL) -> DHForm:
+    """The table of a chain: its axes and their common normals, where the controller's joints are at zero.
+
+    Args:
+        chain: the chain.
+        convention: ``dh`` (standard) or ``mdh`` (modified).
+        parallel: sine of the angle below which axes are taken for parallel.
+    """
+    n = len(chain.joints)
+    frames: list[np.ndarray] = []
+    T = np.eye(4)
+    for joint in chain.joints:
+        T = T @ joint.before @ moved(joint.kind, chain.offset[joint.coordinate : joint.coordinate + 1])[0]
+        frames.append(T)
+    base = _first_frame(frames[0])
+    x, foot = base[:3, 0], base[:3, 3]
+    rows = np.zeros((n, 4))
+    after = np.zeros((n, 2))  # alpha and a behind each axis
+    for i in range(n - 1):
+        z = frames[i][:3, 2]
+        normal, here, there = _common_normal(frames[i], frames[i + 1], foot, parallel)
+        across = np.cross(z, frames[i + 1][:3, 2])
+        after[i] = np.arctan2(across @ normal, z @ frames[i + 1][:3, 2]), (there - here) @ normal
+        rows[i, 2:] = (here - foot) @ z, np.arctan2(np.cross(x, normal) @ z, x @ normal)
+        x, foot = normal, there
+    z = frames[-1][:3, 2]
+    last = se3.pose(np.stack([x, np.cross(z, x), z], axis=1), foot)
+    end = se3.inverse(last) @ T @ chain.end
+    flange = end @ se3.inverse(chain.robot.T_flange_tool)
+    yaw = np.arctan2(flange[1, 0], flange[0, 0]) if np.hypot(flange[0, 0], flange[1, 0]) > 1e-9 else 0.0
+    rows[-1, 2:] = flange[2, 3], yaw
+    turned = se3.rotation("z", float(yaw)) @ se3.translation(0.0, 0.0, float(flange[2, 3]))
+    rows[:, :2] = after if convention == "dh" else np.roll(after, 1, axis=0)
+    return DHForm(convention=convention, rows=rows, base=base, tool=se3.inverse(turned) @ end, matrix=chain.matrix[:n])
+
+
+def _first_frame(first: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "4 4"]:
+    """On the first axis, as near to the robot's base as can be."""
+    z, on = first[:3, 2], first[:3, 3]
+    start = np.eye(3)[0] if abs(z[0]) < 0.9 else np.eye(3)[1]
+    x = start - z * (start @ z)
+    x /= np.linalg.norm(x)
+    return se3.pose(np.stack([x, np.cross(z, x), z], axis=1), on - z * (on @ z))
+
+
+def _common_normal(
+    one: Float[np.ndarray, "4 4"], other: Float[np.ndarray, "4 4"], start: Float[np.ndarray, " 3"], parallel: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Direction of the common normal of two z axes, as near to the first frame's x as its sign allows, and its two feet."""
+    z, w = one[:3, 2], other[:3, 2]
+    across, between = np.cross(z, w), other[:3, 3] - one[:3, 3]
+    square = float(across @ across)
+    if square < parallel**2:
+        here = start
+        way = other[:3, 3] - here
+        way = way - z * (way @ z)
+        distance = float(np.linalg.norm(way))
+        normal = way / distance if distance > 1e-9 else one[:3, 0]
+        there = here + way
+    else:
+        normal = across / np.sqrt(square)
+        here = one[:3, 3] + z * (np.cross(between, w) @ across / square)
+        there = other[:3, 3] + w * (np.cross(between, z) @ across / square)
+    return (normal if normal @ one[:3, 0] >= 0.0 else -normal), here, there
+
+
+def _text(chain: CalibratedChain, table: DHForm) -> str:
+    names = chain.robot.joint_names
+    lines = [f"# {chain.robot.name}, calibrated; {table.convention}, millimetres and degrees"]
+    for what, T in (("base of the table in the robot's base", table.base), ("tool in the last frame", table.tool)):
+        place = placed(T)
+        x, y, z = place["position_mm"]
+        a, b, c, d = place["quaternion"]
+        lines.append(f"# {what}: x {x:.6f} y {y:.6f} z {z:.6f} mm; qx {a:.12f} qy {b:.12f} qz {c:.12f} qw {d:.12f}")
+    limits = np.degrees(chain.robot.limits)
+    limited, coupled = bool(np.isfinite(limits).all()), not np.array_equal(table.matrix, np.eye(len(names)))
+    header = ["joint", "alpha_deg", "a_mm", "d_mm", "theta_offset_deg"]
+    lines.append(
+        ",".join(
+            [*header, *(["theta_from_controller"] if coupled else []), *(["lower_deg", "upper_deg"] if limited else [])]
+        )
+    )
+    for i, (alpha, a, d, theta) in enumerate(table.rows):
+        cells = [names[i], *(f"{v:.12f}" for v in (np.degrees(alpha), a * 1e3, d * 1e3, np.degrees(theta)))]
+        if coupled:
+            cells.append(" ".join(f"{v:+.12g}*{names[j]}" for j, v in enumerate(table.matrix[i]) if v))
+        if limited:
+            cells += [f"{v:.9g}" for v in limits[i]]
+        lines.append(",".join(cells))
+    return "\n".join(lines) + "\n"

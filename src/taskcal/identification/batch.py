@@ -1,0 +1,342 @@
+"""Campaigns of one model identified together: what `identify` finds of each, many times as fast.
+
+A study, or a test of coverage, identifies one campaign after another of the same model, and needs of each the estimate, its
+covariance and the hyperparameters alone. They are fitted in one compiled pass over many robots (`search_kernel`), from the rows
+that `identify` would fit, from the same start and by the same steps. A campaign that has anything unusual, rows that disagree
+among them, is left to `identify`, which says what it is.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.campaigns.campaign import Campaign, check_rows
+from taskcal.errors import CampaignError, ClosureError
+from taskcal.estimation import evidence
+from taskcal.estimation.least_squares import Stopping
+from taskcal.estimation.matrices import single_threaded
+from taskcal.estimation.prior import GaussianPrior, Squared
+from taskcal.geometry import se3
+from taskcal.identification.calibration import tells_nothing
+from taskcal.identification.hyperparameters import LINEAR_WITHIN, MANY, MAX_ROUNDS
+from taskcal.identification.layout import UNOBSERVABLE_PRIOR, belief_of, frame_precision
+from taskcal.identification.options import FitOptions
+from taskcal.identification.problem import MOST_NUMBERS, FrameLayout
+from taskcal.kernels.chunks import in_chunks
+from taskcal.kernels.closure import coordinate_room
+from taskcal.kernels.covariance import keep_room, propagate
+from taskcal.kernels.fit import CONVERGED, UNTOUCHED, Campaigns, Fits, Model, Rooms, Search, search_robots
+from taskcal.kernels.lanes import LANES
+from taskcal.kernels.observations import allocate_points
+from taskcal.kernels.products import allocate_products
+from taskcal.observations.base import UNMEASURED, TrackerNoise
+from taskcal.registration.registration import Registration
+from taskcal.registration.together import Registrations, register_together
+from taskcal.robot.conditions import Conditions
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.joint_side import FourBarDrive, JointSide
+
+ROBOTS = 64
+"""A thread takes at a time."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Estimate:
+    """What a campaign says of a robot, without what only a report of it needs."""
+
+    layout: FrameLayout
+    z: Float[np.ndarray, " z"]
+    """All parameters, tracker frame and target, in the order of the layout's names."""
+    z_covariance: Float[np.ndarray, "z z"]
+    model_error: tuple[float, ...]
+    """Standard deviation of what the model does not explain, metres per axis."""
+    prior_scale: float
+    """Factor of the prior's standard deviations."""
+
+    @property
+    def model(self) -> ErrorModel:
+        """The model that was identified."""
+        return self.layout.model
+
+    @cached_property
+    def estimate(self) -> Float[np.ndarray, " p"]:
+        """Every parameter of the model, metres and radians."""
+        return self.layout.parameters(self.z)
+
+    @cached_property
+    def standard_errors(self) -> Float[np.ndarray, " p"]:
+        """Posterior standard deviation of every parameter, metres and radians."""
+        return np.sqrt(np.diag(self.z_covariance)[: len(self.model)])
+
+    def predict(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+    ) -> Float[np.ndarray, "n targets 3"]:
+        """Where the target will be in the tracker frame, metres; arguments as of `Calibration.predict`."""
+        base, targets = self.layout.frames(self.z)
+        T = base @ self.tool_in_base(q, conditions)
+        return np.stack([se3.apply(T, target[:3, 3]) for target in targets], axis=1)
+
+    def predict_covariance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n targets 3 3"]:
+        """Covariance of the target's true position about the predicted one, metres², as of `Calibration.predict_covariance`."""
+        at = self.layout.walked(q, self.z)
+        _, covariance = propagate(at, self.layout.nowhere(at, self.z), self.z_covariance)
+        return covariance + self.model_error[0] ** 2 * np.eye(3)
+
+    def tool_in_base(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+    ) -> Float[np.ndarray, "n 4 4"]:
+        """Poses of the tool in the robot's base."""
+        return self.model.poses(q, self.estimate, conditions)
+
+
+def can_fit_together(model: ErrorModel, options: FitOptions) -> bool:
+    """Whether campaigns of a model can be fitted together at all."""
+    prior = options.prior
+    independent = isinstance(prior, str) or (
+        isinstance(prior, GaussianPrior) and not prior.mean.any() and _is_diagonal(prior.covariance)
+    )
+    return (
+        independent
+        and not model.effects
+        and len(model) > 0
+        and (options.keep is None or len(set(model.indices(options.keep))) == len(model))
+        and isinstance(options.loss, Squared)
+        and options.registration is None
+        and options.frames == "fit"
+        and not isinstance(options.model_error, tuple)
+    )
+
+
+def _is_diagonal(A: Float[np.ndarray, "k k"]) -> bool:
+    return not (A - np.diag(np.diag(A))).any()
+
+
+@single_threaded
+def fit_together(model: ErrorModel, campaigns: Sequence[Campaign], options: FitOptions) -> list[Estimate | None]:
+    """The estimates of `identify`, to a millionth of a standard deviation, of campaigns of one model.
+
+    Args:
+        model: the model.
+        campaigns: each of one robot, of any numbers of rows.
+        options: of the fits.
+
+    Returns:
+        of each campaign its estimate, or None where `identify` has to look at it by itself.
+    """
+    out: list[Estimate | None] = [None] * len(campaigns)
+    if not can_fit_together(model, options):
+        return out
+    alike: dict[int, list[int]] = {}
+    for i, campaign in enumerate(campaigns):
+        if _is_plain(campaign) and _is_small(model, campaign):
+            alike.setdefault(len(campaign), []).append(i)
+    for indices in alike.values():
+
+        def fit_some(rows: slice, indices: list[int] = indices) -> None:
+            some = indices[rows]
+            for i, estimate in zip(some, _fit_alike(model, [campaigns[i] for i in some], options), strict=True):
+                out[i] = estimate
+
+        in_chunks(fit_some, len(indices), ROBOTS)
+    return out
+
+
+def _is_plain(campaign: Campaign) -> bool:
+    """Whether a tracker saw one target at every row."""
+    plain = not campaign.observations and campaign.rotations is None and len(campaign.targets) == 1
+    return plain and bool(campaign.valid.all())
+
+
+def _is_small(model: ErrorModel, campaign: Campaign) -> bool:
+    """Whether a fit would keep its rows, and begin with all of them; and whether they are enough."""
+    try:
+        check_rows(campaign)
+    except CampaignError:
+        return False
+    return len(campaign) <= MANY and 9 * len(campaign) * (len(model) + 9) <= MOST_NUMBERS
+
+
+def _fit_alike(model: ErrorModel, campaigns: Sequence[Campaign], options: FitOptions) -> list[Estimate | None]:
+    """Of campaigns with as many rows each."""
+    q, points = np.stack([one.q for one in campaigns]), np.stack([one.points[:, 0] for one in campaigns])
+    robots, n, joints = q.shape
+    try:
+        T = model.poses(q.reshape(-1, joints)).reshape(robots, n, 4, 4)
+    except ClosureError:
+        return [None] * robots
+    frames = register_together(T, points, model.robot.reach, options.target_within)
+    fitting = _Fitting.of(model, frames, campaigns[0].targets, q, points, _noise(campaigns, points, options), options)
+    fitting.search()
+    sound = frames.sound & (fitting.state.state == CONVERGED)
+    return [fitting.estimate(i) if good and fitting.is_worth(i) else None for i, good in enumerate(sound)]
+
+
+def _noise(
+    campaigns: Sequence[Campaign], points: Float[np.ndarray, "robots n 3"], options: FitOptions
+) -> Float[np.ndarray, "robots n 1 3 3"]:
+    if all(one.uncertainty is None for one in campaigns):
+        return (options.noise or TrackerNoise()).covariance(points[:, :, None])
+    return np.stack([one.covariances(options.noise) for one in campaigns])
+
+
+def _layout(model: ErrorModel, frames: Registrations, i: int, targets: tuple[str, ...]) -> FrameLayout:
+    registration = Registration(
+        T_tracker_base=frames.T_tracker_base[i],
+        T_tool_target=se3.translation(*frames.target[i])[None],
+        rms=0.0,
+        unobservable=frames.unobservable[i],
+    )
+    return FrameLayout(model=model, kept=np.arange(len(model)), registration=registration, targets=targets, pose=False)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Fitting:
+    """Everything of a compiled search over many robots."""
+
+    first: FrameLayout
+    """Of the first robot; those of the others differ in their registrations."""
+    frames: Registrations
+    options: FitOptions
+    model: Model
+    campaigns: Campaigns
+    state: Fits
+    likeliest: Float[np.ndarray, " robots"]
+    """Most probable factors of the prior's variances."""
+
+    @classmethod
+    def of(
+        cls,
+        model: ErrorModel,
+        frames: Registrations,
+        targets: tuple[str, ...],
+        q: Float[np.ndarray, "robots n joints"],
+        points: Float[np.ndarray, "robots n 3"],
+        noise: Float[np.ndarray, "robots n 1 3 3"],
+        options: FitOptions,
+    ) -> "_Fitting":
+        first, robots = _layout(model, frames, 0, targets), len(q)
+        p = len(first.names)
+        start = np.zeros((robots, p))
+        start[:, -3:] = frames.target
+        error = options.model_error**2 if isinstance(options.model_error, float | int) else -1.0
+        factor = 1.0 if isinstance(options.prior_scale, str) else options.prior_scale**2
+        along = noise[:, :, 0, 0, 0]
+        return cls(
+            first=first,
+            frames=frames,
+            options=options,
+            model=_model(first, options),
+            campaigns=Campaigns(
+                q=np.ascontiguousarray(q),
+                position=np.ascontiguousarray(points[:, :, None]),
+                valid=np.ones((robots, q.shape[1], 1), dtype=bool),
+                noise=noise,
+                tracker=np.ascontiguousarray(frames.T_tracker_base[:, :3]),
+                start=start,
+                frames=_frame_precisions(first, frames),
+                typical=np.median(np.where(along < UNMEASURED, along, np.nan), axis=1),
+            ),
+            state=Fits(
+                z=start.copy(),
+                left=np.zeros((robots, p)),
+                variance=np.full(robots, error),
+                factor=np.full(robots, factor),
+                information=np.zeros((robots, p, p)),
+                posterior=np.zeros((robots, p, p)),
+                state=np.full(robots, UNTOUCHED),
+            ),
+            likeliest=np.full(robots, factor),
+        )
+
+    def search(self) -> None:
+        """Find hyperparameters and estimates, as `fit_with_hyperparameters` does."""
+        error, scale = self.options.model_error == "estimate", self.options.prior_scale == "estimate"
+        final = Stopping()
+        search = Search(
+            error=error,
+            scale=scale,
+            loose=LINEAR_WITHIN,
+            last=LINEAR_WITHIN if scale else final.decrement,
+            linear=scale,
+            iterations=final.iterations,
+            rounds=MAX_ROUNDS,
+            smallest=evidence.SCALE_RANGE[0],
+            largest=evidence.SCALE_RANGE[1],
+        )
+        self._run(search)
+        self.likeliest[:] = self.state.factor
+        if scale:
+            self._expect_scale()
+            self._run(search._replace(error=False, scale=False, last=final.decrement, linear=False))
+
+    def _run(self, search: Search) -> None:
+        walked = self.first.walked(self.campaigns.q[0, :1], self.campaigns.start[0])
+        p, n = self.campaigns.start.shape[1], self.campaigns.q.shape[1]
+        rooms = Rooms(
+            coordinates=coordinate_room(self.campaigns.q.shape[2], len(self.model.drive.offset)),
+            point=allocate_points(walked),
+            kept=keep_room(n, 1, p),
+            products=allocate_products(p, 3 * -(-n // LANES)),
+        )
+        search_robots(self.model, self.campaigns, search, self.state, rooms)
+
+    def _expect_scale(self) -> None:
+        """Put the expected factor of the prior's variances in the place of the likeliest one, where the fit converged."""
+        state, k = self.state, len(self.model.believed)
+        good = np.flatnonzero(state.state == CONVERGED)
+        H = state.information[good]
+        free = H[:, k:, k:] + self.campaigns.frames[good]
+        own = H[:, :k, :k] - H[:, :k, k:] @ np.linalg.solve(free, H[:, k:, :k])
+        deviation = (state.z + state.left)[good, :k]
+        state.factor[good] = evidence.expect_factor(own, np.diag(self.model.believed), deviation, state.factor[good])
+
+    def is_worth(self, i: int) -> bool:
+        """Whether anything was learnt, where that is asked."""
+        if self.options.prior_scale != "estimate":
+            return True
+        found, tolerances = self.estimate(i), self.first.model.tolerances
+        likeliest = float(np.sqrt(self.likeliest[i]))
+        return not tells_nothing(found.standard_errors, tolerances, found.prior_scale, likeliest, found.model_error[0])
+
+    def estimate(self, i: int) -> Estimate:
+        """Of one robot."""
+        state = self.state
+        return Estimate(
+            layout=_layout(self.first.model, self.frames, i, self.first.targets),
+            z=state.z[i],
+            z_covariance=state.posterior[i],
+            model_error=(float(np.sqrt(state.variance[i])),),
+            prior_scale=float(np.sqrt(state.factor[i])),
+        )
+
+
+def _frame_precisions(first: FrameLayout, frames: Registrations) -> Float[np.ndarray, "robots f f"]:
+    """Of every robot, from that of the first: they differ in the directions that the poses do not tell."""
+    out = np.tile(frame_precision(first), (len(frames.unobservable), 1, 1))
+    out[:, 6:, 6:] += (frames.unobservable - frames.unobservable[0]) / UNOBSERVABLE_PRIOR**2
+    return out
+
+
+def _model(layout: FrameLayout, options: FitOptions) -> Model:
+    """What the robots have in common, as the compiled pass takes it."""
+    model, belief = layout.model, belief_of(layout, options.prior)
+    # the tracker's frame is never the identity here, which a chain would leave out
+    moved = replace(layout.registration, T_tracker_base=se3.translation(1.0, 1.0, 1.0))
+    chain, robot = replace(layout, registration=moved).chain, model.robot
+    joint_side = JointSide(joint_map=robot.joint_map, four_bar=robot.four_bar)
+    assert belief.prior is not None
+    return Model(
+        steps=chain.steps,
+        drive=joint_side.drive,
+        loop=joint_side.loop_numbers(np.zeros(3)),
+        lengths=np.array([i for i, name in enumerate(model.names) if name in FourBarDrive.names], dtype=np.int64),
+        wanted=joint_side.wanted(np.ones(len(layout.layout.joint), dtype=bool)),
+        layout=layout.layout.arrays,
+        point_columns=layout.point_columns,
+        not_turned=np.eye(3),
+        believed=np.diag(belief.prior.covariance).copy(),
+        sizes=np.concatenate([belief.sizes, np.full(9, 1e-3)]),
+    )

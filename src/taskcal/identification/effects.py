@@ -1,0 +1,558 @@
+"""What geometry cannot explain: effects that are asked for, or all that may be there in one model.
+
+With all of them, each effect of each joint is as large as the data say, which may be nothing (`one_model`). Closed forms tell
+what each is worth: how far the log evidence would fall without it, and how far the error where rows were not fitted would
+rise. The model is kept only where it predicts rows that were not fitted better than the geometry alone, and where the log
+evidence is for it as much as for an effect that is called proven.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Unpack
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.analysis.collinearity import Collinearity
+from taskcal.analysis.identifiability import identifiability
+from taskcal.arguments import expect_kinds, warn_renamed
+from taskcal.campaigns.campaign import Campaign
+from taskcal.errors import CampaignError, ClosureError, FitError, TaskcalError, shortened
+from taskcal.estimation.group_variances import log_integrated
+from taskcal.estimation.matrices import single_threaded
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.group_search import (
+    LEAVING_OUT,
+    SHARPENING,
+    SHARPENINGS,
+    TOGETHER,
+    OneModelFound,
+    find_one_model,
+    validate_groups,
+)
+from taskcal.identification.held_out import group_neighbours
+from taskcal.identification.holdout import mean_over_rows, predict_left_out, split_postures
+from taskcal.identification.identify import Attempt, attempt, with_size_held
+from taskcal.identification.options import FitChoices, FitOptions
+from taskcal.observations.base import TrackerNoise
+from taskcal.public_names import FormerName
+from taskcal.robot.effects import SPECTRUM, Effect, JointField, kinds
+from taskcal.robot.effects import candidates as default_candidates
+from taskcal.robot.error_model import ErrorModel
+from taskcal.short_repr import short_repr
+
+# Which effects may be added to the geometry, and how they are put to the proof.
+
+
+@short_repr
+@dataclass(frozen=True, kw_only=True)
+class EffectSearch:
+    """What may be added to the geometry, and how it is put to the proof."""
+
+    effects: Sequence[Effect] | None = None
+    """Those to add without proof; None to try the candidates."""
+    candidates: Sequence[Effect] | None = None
+    """Effects that compete; None for what every effect that is defined proposes for the robot (`Effect.candidates`)."""
+    field: bool = False
+    """Let the smooth field of all joints (`JointField`) take part, too."""
+    folds: int = 5
+    """Of the cross-validation."""
+    seed: int = 0
+    """Of its folds."""
+
+
+class ExplainChoices(FitChoices, total=False):
+    """Keywords of `explain`: those of `EffectSearch`, and of `identify`."""
+
+    effects: Sequence[Effect] | None
+    candidates: Sequence[Effect] | None
+    field: bool
+    folds: int
+    seed: int
+
+
+def untried_effects(model: ErrorModel, campaign: Campaign, search: EffectSearch) -> dict[str, str]:
+    """Effects that do not compete, each with the reason.
+
+    Args:
+        model: the geometric model, possibly with effects.
+        campaign: the measurements.
+        search: what may be added.
+    """
+    robot, conditions = model.robot, campaign.conditions
+    if robot.driven:
+        return {
+            "all effects": f"{robot.name} has joints that others drive ({robot.driven[0].name}), and how effects pass through "
+            "their linkage is not modelled"
+        }
+    competing, instead = competing_effects(model, campaign, search)
+    tried = {type(effect) for effect in (*competing, *instead, *model.effects)}
+    if search.candidates is not None:
+        asked = {type(effect) for effect in search.candidates}
+    else:
+        asked = set(kinds()) if search.effects is None else {JointField}
+    return {kind.label: kind.untried(robot, conditions) for kind in kinds() if kind in asked - tried}
+
+
+def competing_effects(model: ErrorModel, campaign: Campaign, search: EffectSearch) -> tuple[list[Effect], list[Effect]]:
+    """Effects that take part, those that were named or all that the campaign tells of; and those that may replace one.
+
+    Each parameter takes part once: the first effect that has it is taken, a later one may replace it.
+    """
+    conditions = campaign.conditions
+    if model.robot.driven:
+        return [], []
+    if search.candidates is not None:
+        named = list(search.candidates)
+    else:
+        named = default_candidates(model.robot, conditions) if search.effects is None else []
+    if search.field and not any(isinstance(effect, JointField) for effect in named):
+        named.append(JointField())
+    out: list[Effect] = []
+    instead: list[Effect] = []
+    taken: set[str] = set()
+    for effect in named:
+        own = set(effect.term(model.robot).names)
+        if not effect.is_told(conditions) or own & set(model.names):
+            continue
+        (instead if own & taken else out).append(effect)
+        taken |= own
+    return out, instead
+
+
+# What a selection of effects found: a calibration with what the data prove, and the proof, step by step.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage:
+    """One step of the explanation."""
+
+    name: str
+    parameters: int
+    log_evidence: float | None
+    """Gain over the stage before, and of one effect among others what would be lost without it; None for the first."""
+    cross_validated: float
+    """Mean error in space on rows left out, metres; of one effect among others that without it."""
+    standard_error: float
+    """Of the change, metres."""
+    accepted: bool
+    reason: str
+    """Why."""
+    worth: float | None = None
+    """What the error on rows left out falls by, metres; None for the first."""
+    among_others: bool = False
+    """Whether it is one effect among all that were fitted together, not a step after the one before."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Explanation:
+    """A calibration with the effects and the field that the data prove, and the proof."""
+
+    calibration: Calibration
+    effects: tuple[Effect, ...]
+    stages: tuple[Stage, ...]
+    tracker: float
+    """What the tracker's noise alone would leave, metres in space."""
+    collinearities: tuple[Collinearity, ...]
+    """Parameters of effects that geometry nearly repeats at the fitted poses, the most repeated first."""
+    untried: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Effects that were not tried, each with the reason."""
+
+    @property
+    def steps(self) -> tuple[Stage, ...]:
+        """Geometry, and what came after it as a whole."""
+        return tuple(stage for stage in self.stages if not stage.among_others)
+
+    @property
+    def worths(self) -> tuple[Stage, ...]:
+        """What each effect is worth among all others that were fitted with it, the most first."""
+        return tuple(stage for stage in self.stages if stage.among_others)
+
+    def __repr__(self) -> str:
+        taken = ", ".join(stage.name for stage in self.stages if stage.accepted)
+        return f"Explanation({shortened(taken, 150)}: {self.calibration!r})"
+
+    @property
+    def alike(self) -> tuple[Collinearity, ...]:
+        """Former name of `collinearities`."""
+        warn_renamed("Explanation.alike", "collinearities", stacklevel=2)
+        return self.collinearities
+
+    def summary(self) -> list[dict[str, Any]]:
+        """The table, in millimetres."""
+        return [
+            {
+                "stage": stage.name,
+                "parameters": stage.parameters,
+                "log_evidence_gain": stage.log_evidence,
+                "cross_validated_mm": stage.cross_validated * 1e3,
+                "standard_error_mm": stage.standard_error * 1e3,
+                "worth_mm": None if stage.worth is None else stage.worth * 1e3,
+                "accepted": stage.accepted,
+                "reason": stage.reason,
+            }
+            for stage in self.stages
+        ]
+
+    to_json = FormerName("summary")
+
+
+# The steps of a search for effects, as they are told while it runs.
+
+GEOMETRY = "geometry"
+ASKED_FOR = "effects that were asked for"
+CHECK = "rows that were not fitted"
+
+
+def search_steps(model: ErrorModel, campaign: Campaign, search: EffectSearch) -> tuple[str, ...]:
+    """What `select_effects` tells its `progress` one after another; it may pass over some.
+
+    Args:
+        model: as given to `select_effects`.
+        campaign: as given to it.
+        search: as given to it.
+    """
+    folds = [CHECK] * search.folds
+    steps = [GEOMETRY, *folds]
+    for effect in search.effects or ():
+        model = model + effect
+    if search.effects:
+        steps += [ASKED_FOR, *folds]
+    if search.effects is None or search.field:
+        competing, instead = competing_effects(model, campaign, search)
+        if competing:
+            steps += [TOGETHER, *(effect.name for effect in instead)]
+            steps += [SHARPENING] * (SHARPENINGS if SPECTRUM in [*competing, *instead] else 0)
+            steps += [LEAVING_OUT, *folds]
+    return tuple(steps)
+
+
+MIN_EVIDENCE_GAIN = 3.0
+"""Fall of log evidence without it from which on an effect is called proven, odds of 20 to 1."""
+
+MANY = 100
+"""Parameters of an effect from which on it is not asked what geometry repeats of them: their sum counts, not each."""
+
+
+def _silent(_: str) -> None:
+    """Say nothing."""
+
+
+def explain(
+    model: ErrorModel,
+    campaign: Campaign,
+    *,
+    progress: Callable[[str], None] = _silent,
+    **choices: Unpack[ExplainChoices],
+) -> Explanation:
+    """`select_effects` by keywords.
+
+    Args:
+        model: the geometric model, possibly with effects that are certain, or expected whatever the data say.
+        campaign: the measurements.
+        progress: told what is being done, in the order of `search_steps`.
+        **choices: ``effects`` to add without proof; by default the candidates are tried. ``field``, to
+            let the smooth field of all joints take part, too.
+            ``candidates``, effects that compete; by default what every effect that is defined proposes for the robot
+            (`Effect.candidates`). ``folds`` of the cross-validation (5), ``seed`` of its folds (0). All others are those of
+            `identify`.
+
+    Raises:
+        CampaignError: too few rows.
+        FitError: a fit did not converge.
+        TaskcalError: effects are to be found by evidence, without a prior.
+    """
+    names = [f.name for f in fields(EffectSearch)]
+    search = EffectSearch(**{name: value for name, value in choices.items() if name in names})  # pyright: ignore[reportArgumentType]
+    options = FitOptions.of(**{name: value for name, value in choices.items() if name not in names})  # pyright: ignore[reportArgumentType]
+    return select_effects(model, campaign, search, options=options, progress=progress)
+
+
+@single_threaded
+def select_effects(
+    model: ErrorModel,
+    campaign: Campaign,
+    search: EffectSearch | None = None,
+    *,
+    options: FitOptions | None = None,
+    progress: Callable[[str], None] = _silent,
+) -> Explanation:
+    """Identify geometry, then geometry and all effects at once, and keep the effects where the data prove them.
+
+    Candidates compete where the campaign tells what they need and use (`Effect.is_told`): backlash, settling and overshoot where
+    it has the ways to its rows, thermal expansion where all rows have temperatures, or times, that differ enough. Of two that have
+    parameters in common the model gets one.
+
+    All effects together are kept where they predict rows better that were not fitted, both single postures and groups of
+    neighbouring ones (`group_neighbours`); else the geometry is, or tracker frame and targets alone where no parameter of the
+    geometry explains the rows. The calibration's remarks say so.
+
+    Args:
+        model: the geometric model, possibly with effects that are certain, or expected whatever the data say.
+        campaign: the measurements.
+        search: what may be added.
+        options: of every fit.
+        progress: told what is being done, in the order of `search_steps`.
+
+    Raises:
+        CampaignError: too few rows.
+        FitError: nothing explains the rows, and they are farther off than the robot's tolerances allow.
+        TaskcalError: effects are to be found by evidence, without a prior.
+    """
+    expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
+    expect_kinds({"search": EffectSearch | None, "options": FitOptions | None}, search=search, options=options)
+    search, options = search or EffectSearch(), options or FitOptions()
+    if search.effects is None and options.prior is None:
+        raise TaskcalError(
+            "effects are found by their evidence, which needs a prior; name the effects, or keep the prior"
+        )
+    options = with_size_held(model, campaign, options)
+    progress(GEOMETRY)
+    first = attempt(model, campaign, options)
+    best = first.calibration
+    # rows that are wrong for the geometry are wrong for all that is tried beside it
+    left_out, said = best.left_out, best.remarks[:1] if best.left_out else ()
+    campaign = campaign.without(np.isin(campaign.ids, [row.id for row in left_out]))
+    options = replace(options, gross_errors="keep")
+    parts = split_postures(campaign.q, search.folds, search.seed)
+    trial = _Trial(campaign=campaign, parts=parts, progress=progress)
+    errors = trial.errors_left_out(model, options)
+    start = _stage("geometry", best, None, errors, None, accepted=True, reason="the start")
+    selection = _Selection(model=model, options=options, calibration=best, errors=errors, stages=(start,))
+    if search.effects:
+        selection = _add(selection, search.effects, trial)
+    if search.effects is None or search.field:
+        selection = _find_all(selection, trial, search)
+    calibration = selection.calibration
+    if calibration is best:
+        calibration = replace(first.checked(), remarks=(*best.remarks, *selection.remarks))
+    else:
+        calibration = replace(calibration, left_out=left_out, remarks=(*said, *calibration.remarks, *selection.remarks))
+    return Explanation(
+        calibration=calibration,
+        effects=selection.effects,
+        stages=selection.stages,
+        tracker=tracker_error(campaign, options.noise),
+        collinearities=_repeated_by_geometry(selection.calibration, selection.effects, campaign),
+        untried=untried_effects(model, campaign, search) if search.effects is None or search.field else {},
+    )
+
+
+def tracker_error(campaign: Campaign, noise: TrackerNoise | None = None) -> float:
+    """Mean error in space that the tracker's noise alone would leave, metres.
+
+    Args:
+        campaign: the measurements.
+        noise: the tracker's, where the campaign does not state uncertainties.
+    """
+    covariance = campaign.covariances(noise)[campaign.valid][:, :3, :3]
+    # mean length of an isotropic normal vector: √(8/π) standard deviations
+    return float(np.sqrt(8.0 / np.pi) * np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean() / 3.0))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Trial:
+    """On what models are tried, and how."""
+
+    campaign: Campaign
+    parts: list[Int[np.ndarray, " _"]]
+    """Rows of each fold."""
+    progress: Callable[[str], None]
+
+    def fit(self, model: ErrorModel, options: FitOptions) -> Attempt:
+        """The fit of all rows."""
+        return attempt(model, self.campaign, options)
+
+    def errors_left_out(
+        self, model: ErrorModel, options: FitOptions, parts: list[Int[np.ndarray, " _"]] | None = None
+    ) -> Float[np.ndarray, "rows targets"]:
+        """Errors where a row was not fitted, metres; of the folds, or of other parts."""
+
+        def fit(campaign: Campaign) -> Calibration:
+            self.progress(CHECK)
+            return attempt(model, campaign, options).calibration
+
+        return predict_left_out(fit, self.campaign, self.parts if parts is None else parts)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Selection:
+    """The model so far, its fit, and how it came about."""
+
+    model: ErrorModel
+    options: FitOptions
+    calibration: Calibration
+    errors: Float[np.ndarray, "rows targets"]
+    """Where a row was not fitted, metres."""
+    effects: tuple[Effect, ...] = ()
+    """Those that were added."""
+    stages: tuple[Stage, ...]
+    remarks: tuple[str, ...] = ()
+    """Why effects are not part of it."""
+
+
+def _add(selection: _Selection, effects: Sequence[Effect], trial: _Trial) -> _Selection:
+    """Effects that were asked for, all at once."""
+    model, options = selection.model, selection.options
+    for effect in effects:
+        model, options = _with(model, effect, options)
+    trial.progress(ASKED_FOR)
+    name, tried = ", ".join(effect.name for effect in effects), trial.fit(model, options)
+    if tried.refusal is not None:
+        remark = f"{name}: asked for, and not fitted: {_shortly(tried.refusal)}"
+        return replace(selection, remarks=(*selection.remarks, remark))
+    calibration, errors = tried.calibration, trial.errors_left_out(model, options)
+    reason = "asked for, not put to the proof"
+    stage = _stage(name, calibration, selection.calibration, errors, selection.errors, accepted=True, reason=reason)
+    return _Selection(
+        model=model,
+        options=options,
+        calibration=calibration,
+        errors=errors,
+        effects=tuple(effects),
+        stages=(*selection.stages, stage),
+    )
+
+
+def _find_all(selection: _Selection, trial: _Trial, search: EffectSearch) -> _Selection:
+    """The one model, where it predicts better than what is there."""
+    competing, instead = competing_effects(selection.model, trial.campaign, search)
+    if not competing:
+        why = untried_effects(selection.model, trial.campaign, search)
+        remark = (
+            f"no effect was tried: {'; '.join(f'{name}: {reason}' for name, reason in why.items()) or 'none competes'}"
+        )
+        return replace(selection, remarks=(*selection.remarks, remark))
+    try:
+        one = find_one_model(
+            selection.calibration,
+            trial.campaign,
+            competing,
+            instead,
+            trial.parts,
+            selection.options,
+            seed=search.seed,
+            progress=trial.progress,
+        )
+    except (FitError, ClosureError) as refusal:
+        remark = f"effects were tried and are not part of the calibration: {_shortly(refusal)}"
+        return replace(selection, remarks=(*selection.remarks, remark))
+    whole = one.errors.whole
+    gain, error = mean_over_rows(selection.errors - whole)
+    after, before = one.calibration.log_evidence, selection.calibration.log_evidence
+    for_it = gain > error if after is None or before is None else after - before > MIN_EVIDENCE_GAIN
+    reason = f"predicts rows that were not fitted {'' if gain > 0.0 else 'no '}better"
+    if gain > 0.0 and not for_it:
+        reason += ", but without the evidence for it"
+    beside, own = _errors_of_neighbours(selection, trial, one, search)
+    better = bool(gain > 0.0 and for_it and own <= beside)
+    if gain > 0.0 and own > beside:
+        reason += f", but neighbouring poses left out together worse: {own * 1e3:.4f} in place of {beside * 1e3:.4f} mm"
+    together = _stage(
+        "all effects", one.calibration, selection.calibration, whole, selection.errors, accepted=better, reason=reason
+    )
+    worths = {effect: _worth(effect, one, enters=better) for effect in one.effects}
+    stages = sorted(worths.values(), key=lambda stage: -(stage.worth or 0.0))
+    selection = replace(selection, stages=(*selection.stages, together, *stages))
+    if not better:
+        remark = f"effects were tried and are not part of the calibration: their model {reason}"
+        return replace(selection, remarks=(*selection.remarks, remark))
+    proven = [effect for effect, stage in worths.items() if stage.accepted]
+    return replace(
+        selection,
+        model=one.calibration.model,
+        calibration=one.calibration,
+        errors=whole,
+        effects=(*selection.effects, *proven),
+    )
+
+
+def _errors_of_neighbours(
+    selection: _Selection, trial: _Trial, one: OneModelFound, search: EffectSearch
+) -> tuple[float, float]:
+    """Mean errors, metres, where neighbouring poses are left out together: of what is there, and of the one model.
+
+    Infinite where the other poses do not determine the frames.
+
+    Of two poses side by side, one in the fit tells the other's error: effects that follow the rows closely look good among them,
+    and need not be so where the robot was not measured.
+    """
+    group = group_neighbours(trial.campaign.q, search.folds)
+    parts = [np.flatnonzero(group == number) for number in range(group.max() + 1)]
+    try:
+        beside = trial.errors_left_out(selection.model, selection.options, parts)
+    except CampaignError:  # the others do not determine the frames
+        return np.inf, np.inf
+    own = validate_groups(one.fitted, parts, (), np.random.default_rng(search.seed)).whole
+    return mean_over_rows(beside)[0], mean_over_rows(own)[0]
+
+
+def _shortly(refusal: TaskcalError) -> str:
+    """A refusal without what it advises."""
+    return str(refusal).partition(". ")[0].partition("; ")[0]
+
+
+def _worth(effect: Effect, one: OneModelFound, *, enters: bool) -> Stage:
+    """What the model would lose without an effect."""
+    groups = one.fitted.one.of_effect(effect.name)
+    fall = log_integrated(one.fitted.found) - log_integrated(one.fitted.found, groups)
+    errors = one.errors.without[effect.name]
+    worth, error = mean_over_rows(errors - one.errors.whole)
+    gained = f"log evidence falls by {fall:.1f} without it, {MIN_EVIDENCE_GAIN:g} is asked for"
+    return Stage(
+        name=effect.name,
+        parameters=len(effect.term(one.calibration.model.robot).names),
+        log_evidence=float(fall),
+        cross_validated=mean_over_rows(errors)[0],
+        standard_error=error,
+        accepted=bool(enters and fall > MIN_EVIDENCE_GAIN and worth > error),
+        reason=gained if worth > error or fall <= MIN_EVIDENCE_GAIN else f"{gained}, but the error hardly rises",
+        worth=worth,
+        among_others=True,
+    )
+
+
+def _repeated_by_geometry(
+    calibration: Calibration, proven: Sequence[Effect], campaign: Campaign
+) -> tuple[Collinearity, ...]:
+    """Parameters of effects that the fitted geometry, tracker frame and target nearly repeat at the campaign's poses."""
+    robot = calibration.model.robot
+    few = [effect for effect in proven if len(effect.term(robot).names) <= MANY]
+    model = ErrorModel(robot, lengths_only=calibration.model.lengths_only, effects=few)
+    effects = [name for name in model.effect_names if name in calibration.kept]
+    if not effects:
+        return ()
+    analysis = identifiability(model, campaign.q[campaign.valid.any(axis=1)], frames=True)
+    fitted = {*calibration.kept, *(analysis.names[len(model) :] if not calibration.layout.fixed_frames else ())}
+    return analysis.collinear(effects, against=sorted((fitted & set(analysis.names)) - set(effects)))
+
+
+def _with(model: ErrorModel, effect: Effect, options: FitOptions) -> tuple[ErrorModel, FitOptions]:
+    """The model with an effect, and the options that keep its parameters where not all are kept."""
+    more = model + effect
+    return more, options.keeping(more.names[len(model) :])
+
+
+def _stage(
+    name: str,
+    calibration: Calibration,
+    before: Calibration | None,
+    errors: Float[np.ndarray, "rows targets"],
+    left: Float[np.ndarray, "rows targets"] | None,
+    *,
+    accepted: bool,
+    reason: str,
+) -> Stage:
+    gain = None
+    if before is not None and before.log_evidence is not None and calibration.log_evidence is not None:
+        gain = calibration.log_evidence - before.log_evidence
+    return Stage(
+        name=name,
+        parameters=len(calibration.kept),
+        log_evidence=gain,
+        cross_validated=mean_over_rows(errors)[0],
+        standard_error=(mean_over_rows(errors) if left is None else mean_over_rows(left - errors))[1],
+        accepted=accepted,
+        reason=reason,
+        worth=None if left is None else mean_over_rows(left - errors)[0],
+    )

@@ -1,0 +1,626 @@
+"""From a geometric calibration to the one model: which effects take part, the orders that are sharp, and what each is worth."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.special import chdtri, fdtri, gammaln
+
+from taskcal.campaigns.campaign import Campaign
+from taskcal.estimation.group_variances import (
+    GroupedFit,
+    Groups,
+    Reduced,
+    find_sizes,
+    log_integrated,
+    reduce_normal,
+    reduce_rows,
+    without,
+)
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.calibration_format import spread_of
+from taskcal.identification.group_model import (
+    EMPTY,
+    GEOMETRY,
+    MOST_ROUNDS,
+    OneFit,
+    OneModel,
+    RowErrors,
+    assemble,
+    fit_one_model,
+    judged_rows,
+    log_weights,
+    of_targets,
+    spread_to_all,
+    weigh,
+)
+from taskcal.identification.held_out import studentise
+from taskcal.identification.layout import layout_of, problem_of
+from taskcal.identification.options import FitOptions
+from taskcal.identification.problem import Problem, linearise_rows
+from taskcal.identification.provenance import Provenance
+from taskcal.robot.effects import SPECTRUM, Effect
+from taskcal.robot.effects.harmonics import Harmonics
+from taskcal.robot.error_model import ErrorModel
+
+# The calibration that the one model gives: estimate, covariance with the sizes' own uncertainty, residuals.
+
+DRAWS = 12
+"""Of the sizes of the groups, over which the covariance is averaged."""
+
+
+def calibrate(
+    fitted: OneFit, campaign: Campaign, options: FitOptions, stretch: float, rng: np.random.Generator
+) -> Calibration:
+    """The calibration of a fit.
+
+    Args:
+        fitted: the fit.
+        campaign: what was fitted.
+        options: how.
+        stretch: factor of all covariances but the instrument's.
+        rng: for the draws of the sizes.
+    """
+    one, errors = fitted.one, fitted.errors
+    layout, model = one.problem.frames, one.problem.frames.model
+    x, S = fitted.found.averaged(DRAWS, rng)
+    S = _considered(fitted, S) * np.outer(one.scale, one.scale)
+    z = layout.start() + one.scale * x
+    at = linearise_rows(one.problem, z)
+    n, targets = one.problem.seen.valid.shape
+    residual = at.residual.reshape(n, targets, -1).copy()
+    residual[~one.problem.seen.valid] = np.nan
+    R = errors.covariance(at, one.problem.noise)
+    followed = at.by_entry @ S @ np.swapaxes(at.by_entry, 1, 2)
+    single, tracker = of_targets(R, targets), one.problem.noise
+    # stretched beside the tracker's noise; where there is more than was predicted, all of it, so that none is negative
+    known = max(1.0 - stretch, 0.0) * tracker
+    noise, own = known + stretch * single, known + stretch * (single - of_targets(followed, targets))
+    studentised, outliers = studentise(residual, own, noise, campaign, options.outlier_level)
+    T_tracker_base, T_tool_target = layout.frames(z)
+    white = [errors.position] if errors.rotation is None else [errors.position, errors.rotation]
+    estimated = np.flatnonzero(one.kept[: len(model)])
+    scales = [
+        v for label, v in zip(one.labels, fitted.found.evidence.log_variances, strict=True) if label.effect == GEOMETRY
+    ]
+    return Calibration(
+        model=model,
+        layout=replace(layout, kept=np.arange(len(model))),
+        estimated=estimated,
+        z=z,
+        z_spread=spread_of(0.5 * stretch * (S + S.T)),
+        T_tracker_base=T_tracker_base,
+        T_tool_target=T_tool_target,
+        residuals=residual,
+        studentised=studentised,
+        outliers=outliers,
+        left_out=(),
+        ids=campaign.ids,
+        q=campaign.q,
+        model_error=tuple(float(d) for d in np.sqrt(stretch * np.array(white))),
+        joint_error=tuple(float(d) for d in np.sqrt(stretch * errors.joints)),
+        prior_scale=float(np.exp(0.5 * np.mean(scales))) if scales else 1.0,
+        group_deviations=_group_deviations(fitted),
+        log_evidence=log_evidence(fitted),
+        field=None,
+        iterations=fitted.rounds,
+        rounds=fitted.rounds,
+        reason="geometry, effects and their sizes stand still"
+        if fitted.rounds < MOST_ROUNDS
+        else "geometry, effects and their sizes hardly move",
+        remarks=_remarks(fitted, z, S),
+        provenance=Provenance.of(model, campaign, options.described(model, campaign)),
+    )
+
+
+def log_evidence(fitted: OneFit) -> float:
+    """Log marginal likelihood of the fit, but for a constant of the campaign, as of an `identify`; sizes integrated out."""
+    reduced = fitted.found.reduced
+    whitened = np.log(np.abs(np.diagonal(fitted.whitener, axis1=1, axis2=2))).sum()
+    weighed = log_weights(fitted.weights[fitted.at.seen.any(axis=1)])
+    return float(whitened + weighed + reduced.log_alone + log_integrated(fitted.found))
+
+
+def _group_deviations(fitted: OneFit) -> Float[np.ndarray, " p"]:
+    """Prior standard deviation of every parameter at the likeliest sizes."""
+    p = len(fitted.one.problem.frames.model)
+    sizes = np.exp(0.5 * fitted.found.evidence.log_variances)
+    return fitted.one.scale[:p] * sizes[fitted.one.group[:p]]
+
+
+def _considered(fitted: OneFit, S: Float[np.ndarray, "z z"]) -> Float[np.ndarray, "z z"]:
+    """Covariance with what is not estimated, but varies all the same: C + G·Σ·Gᵀ, G what it does to the estimate."""
+    left = np.flatnonzero(~fitted.one.kept)
+    if not len(left):
+        return S
+    scale = fitted.one.scale[left]
+    columns = np.einsum("nij,njk->nik", fitted.whitener, fitted.at.by_entry[:, :, left]) * scale
+    pull = np.einsum("nip,nik->pk", fitted.A, columns)
+    G = -S @ pull
+    C = S.copy()
+    variance = np.diag(S)[left]
+    C[:, left] += G * variance
+    C[left] += (G * variance).T
+    return C + (G * variance) @ G.T
+
+
+def _remarks(fitted: OneFit, z: Float[np.ndarray, " z"], S: Float[np.ndarray, "z z"]) -> tuple[str, ...]:
+    """What is unusual about the effects' estimates."""
+    model = fitted.one.problem.frames.model
+    deviation = np.sqrt(np.maximum(np.diag(S), 0.0))
+    estimates = {name: (float(z[i]), float(deviation[i])) for i, name in enumerate(model.names) if fitted.one.kept[i]}
+    return tuple(remark for effect in model.effects for remark in effect.remarks(model.robot, estimates))
+
+
+# What the one model is worth where it was not fitted: cross-validated errors, and how far its stated regions reach.
+#
+# Folds are left out of the normal equations, and the sizes of the groups follow by a few steps of the scoring, as
+# do the weights of the poses; the rows are not linearised again, and what single poses add stays. An effect's worth
+# is the error without its groups, the others as they are, so that no model is fitted again.
+#
+# Real errors have longer tails than normal ones, sizes that were fitted are a little too good, and effects that
+# were allowed for but are not there make what is stated too large: all of it shows in the left-out errors. They are
+# taken for t-distributed with ν degrees of freedom and the scale N + f·X, N the covariance of the instrument's
+# noise, which is stated, and X what is predicted beside it; X is stretched so that the 95 % region of N and X is
+# that of this distribution.
+
+STEPS = 2
+"""Of the scoring in a fold."""
+
+VALIDATION_DRAWS = 2
+"""Of the sizes in a fold."""
+
+TAILS = np.array([4.0, 6.0, 9.0, 14.0, 25.0, 60.0, 1000.0])
+"""Degrees of freedom that are tried."""
+
+STRETCH = np.exp(np.linspace(np.log(0.05), np.log(9.0), 73))
+"""Values of f that are tried."""
+
+MOST_STRETCH = 25.0
+"""With the tails."""
+
+STRETCH_WIDTH = 1.0
+"""Standard deviation of the logarithm of f, which is expected to be 1, before anything is left out."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LeftOutErrors:
+    """Errors where rows were not fitted."""
+
+    whole: Float[np.ndarray, "n targets"]
+    """Of the one model, metres; NaN where a beam was lost."""
+    without: Mapping[str, Float[np.ndarray, "n targets"]]
+    """The same with each effect left out."""
+    stretch: float
+    """Factor of the covariance, but for the instrument's noise, that makes 95 % regions hold 95 %."""
+
+
+def validate_groups(
+    fitted: OneFit, parts: Sequence[Int[np.ndarray, " _"]], effects: Sequence[str], rng: np.random.Generator
+) -> LeftOutErrors:
+    """Cross-validate a fit.
+
+    Args:
+        fitted: the fit.
+        parts: rows of each fold.
+        effects: names of those whose worth is asked for.
+        rng: for the draws of the sizes.
+    """
+    n = len(fitted.A)
+    targets = fitted.one.problem.seen.valid.shape[1]
+    numbers = {name: fitted.one.of_effect(name) for name in effects}
+    errors = {name: np.full((n, targets), np.nan) for name in ("", *effects)}
+    error, predicted = np.zeros((n, targets, 3)), np.zeros((n, targets, 3, 3))
+    # the weights of the fit know the rows that are left out: those that disagree with them count less
+    root = np.sqrt(fitted.weights)[:, None]
+    even = _Rows(A=fitted.A / root[:, :, None], y=fitted.y / root, stated=fitted.stated, groups=fitted.one.groups)
+    numbered = fitted.at.seen.sum(axis=1)
+    for part in parts:
+        rest = np.ones(n, dtype=bool)
+        rest[part] = False
+        fold = find_sizes(even.without(part), fitted.found.evidence.log_variances, STEPS)
+        if fitted.errors.searched:
+            weights = weigh(_squares(even, fold), numbered)
+            weighed = np.sqrt(weights[rest])[:, None]
+            reduced = even.reduced(even.A[rest] * weighed[:, :, None], even.y[rest] * weighed)
+            fold = find_sizes(reduced, fold.evidence.log_variances, STEPS)
+        mean, S = fold.averaged(VALIDATION_DRAWS, rng)
+        error[part], predicted[part] = _judge(fitted, part, mean, S)
+        errors[""][part] = np.linalg.norm(error[part], axis=2)
+        for name, group in numbers.items():
+            errors[name][part] = _lengths(fitted, part, _mean_without(fold, group))
+    seen = fitted.one.problem.seen.valid
+    for values in errors.values():
+        values[~seen] = np.nan
+    noise = fitted.one.problem.noise[:, :, :3, :3][seen]
+    return LeftOutErrors(
+        whole=errors[""],
+        without={name: errors[name] for name in effects},
+        stretch=stretch_of(error[seen], noise, predicted[seen] - noise),
+    )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Rows:
+    """Whitened rows that all count alike, and what is known beside them."""
+
+    A: Float[np.ndarray, "n m p"]
+    y: Float[np.ndarray, "n m"]
+    stated: tuple[Float[np.ndarray, "k p"], Float[np.ndarray, " k"]]
+    groups: Groups
+
+    def reduced(self, A: Float[np.ndarray, "r m p"], y: Float[np.ndarray, "r m"]) -> Reduced:
+        """The equations of other rows beside what is known."""
+        known, known_y = self.stated
+        rows = np.concatenate([A.reshape(-1, A.shape[2]), known])
+        return reduce_rows(rows, np.concatenate([y.reshape(-1), known_y]), self.groups)
+
+    @cached_property
+    def _normal(self) -> tuple[np.ndarray, np.ndarray, float]:
+        known, known_y = self.stated
+        A, y = self.A.reshape(-1, self.A.shape[2]), self.y.reshape(-1)
+        return A.T @ A + known.T @ known, A.T @ y + known.T @ known_y, float(y @ y + known_y @ known_y)
+
+    def without(self, part: Int[np.ndarray, " _"]) -> Reduced:
+        """The equations without some of the rows."""
+        n, m, p = self.A.shape
+        if n * m < p:
+            rest = np.setdiff1d(np.arange(n), part)
+            return self.reduced(self.A[rest], self.y[rest])
+        H, b, square = self._normal
+        own, own_y = self.A[part].reshape(-1, p), self.y[part].reshape(-1)
+        return reduce_normal(H - own.T @ own, b - own.T @ own_y, square - float(own_y @ own_y), self.groups)
+
+
+def _squares(rows: _Rows, fold: GroupedFit) -> Float[np.ndarray, " n"]:
+    """Expected squares of what a fold's fit leaves."""
+    own = fold.reduced.groups.own
+    x = fold.reduced.mean(fold.evidence.mean(own))
+    S = fold.reduced.covariance(fold.evidence.spread)
+    n, m, p = rows.A.shape
+    A = rows.A[judged_rows(n)]
+    spread = np.einsum("nip,nip->n", (A.reshape(-1, p) @ S).reshape(-1, m, p), A)
+    return ((rows.y - rows.A @ x) ** 2).sum(axis=1) + spread_to_all(spread, n)
+
+
+def _mean_without(fold: GroupedFit, group: Int[np.ndarray, " k"]) -> Float[np.ndarray, " p"]:
+    at = without(fold, group)
+    return fold.reduced.mean(at.mean(fold.reduced.groups.own))
+
+
+def _left(fitted: OneFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarray, "k m"]:
+    """Whitened residuals of some rows; what only they measure, such as a socket of theirs, stands where they say."""
+    left = fitted.y[part] - fitted.A[part] @ mean
+    frames = np.flatnonzero(fitted.one.group < 0)
+    others = np.delete(fitted.A[:, :, frames], part, axis=0)
+    lone = frames[~others.any(axis=(0, 1)) & fitted.A[np.ix_(part, np.arange(left.shape[1]), frames)].any(axis=(0, 1))]
+    if not len(lone):
+        return left
+    own = fitted.A[part][:, :, lone].reshape(-1, len(lone))
+    return left - (own @ np.linalg.lstsq(own, left.reshape(-1), rcond=None)[0]).reshape(left.shape)
+
+
+def _lengths(fitted: OneFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarray, "k targets"]:
+    """Errors of position of some rows, metres."""
+    error = np.linalg.solve(fitted.whitener[part], _left(fitted, part, mean)[..., None])[..., 0]
+    targets = fitted.one.problem.seen.valid.shape[1]
+    return np.linalg.norm(error.reshape(len(part), targets, -1)[:, :, :3], axis=2)
+
+
+def _judge(
+    fitted: OneFit, part: np.ndarray, mean: np.ndarray, S: np.ndarray
+) -> tuple[Float[np.ndarray, "k targets 3"], Float[np.ndarray, "k targets 3 3"]]:
+    """Errors of position of some rows, and their predicted covariance."""
+    A, k, m = fitted.A[part], len(part), fitted.A.shape[1]
+    back = np.linalg.inv(fitted.whitener[part])
+    error = np.einsum("nij,nj->ni", back, _left(fitted, part, mean))
+    # a new pose has a weight of its own, that is told by no residual
+    single = np.eye(m) * fitted.weights[part, None, None]
+    spread = (A.reshape(k * m, -1) @ S).reshape(A.shape) @ np.swapaxes(A, 1, 2) + single
+    covariance = back @ spread @ np.swapaxes(back, 1, 2)
+    targets = fitted.one.problem.seen.valid.shape[1]
+    width = m // targets
+    own = [slice(t * width, t * width + 3) for t in range(targets)]
+    return np.stack([error[:, at] for at in own], axis=1), np.stack([covariance[:, at, at] for at in own], axis=1)
+
+
+def stretch_of(
+    error: Float[np.ndarray, "points 3"],
+    noise: Float[np.ndarray, "points 3 3"],
+    predicted: Float[np.ndarray, "points 3 3"],
+) -> float:
+    """Factor of the predicted covariance that makes the 95 % region of it and the noise hold 95 % of such errors.
+
+    Args:
+        error: left-out errors.
+        noise: covariance of the instrument's noise.
+        predicted: covariance of what is predicted beside it.
+    """
+    # in the axes in which noise is 1 and what is predicted diagonal, the scale is 1 + f·v
+    root = np.linalg.inv(np.linalg.cholesky(noise))
+    v, turn = np.linalg.eigh(root @ predicted @ np.swapaxes(root, 1, 2))
+    square = (np.swapaxes(turn, 1, 2) @ (root @ error[..., None]))[..., 0] ** 2
+    v = np.maximum(v, 0.0)
+    scales = 1.0 + STRETCH[:, None, None] * v
+    lengths, volume = (square / scales).sum(axis=2), 0.5 * np.log(scales).sum(axis=(1, 2))
+    log = np.array([multivariate_t_log(lengths, nu).sum(axis=1) - volume for nu in TAILS]).T
+    log -= 0.5 * (np.log(STRETCH)[:, None] / STRETCH_WIDTH) ** 2
+    best, tail = np.unravel_index(int(log.argmax()), log.shape)
+    longer = float(3.0 * fdtri(3.0, TAILS[tail], 0.95) / chdtri(3.0, 0.05))
+    # longer tails of the whole, the noise's with it, are held by what is predicted alone: in the mean, or as far as that goes
+    scale = 1.0 + STRETCH[best] * v
+
+    def held(stretch: float) -> float:
+        return float((scale / (1.0 + stretch * v)).mean()) - 1.0 / longer
+
+    if held(MOST_STRETCH) >= 0.0:
+        return MOST_STRETCH
+    low, high = 0.0, MOST_STRETCH
+    for _ in range(60):  # halved down to rounding; SciPy's root finders take longer to import
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if held(middle) > 0.0 else (low, middle)
+    return low
+
+
+def multivariate_t_log(squares: Float[np.ndarray, "..."], nu: float) -> Float[np.ndarray, "..."]:
+    """Log density of a t-distribution in three dimensions at these squared lengths, but for its scale and log π."""
+    return gammaln(0.5 * (nu + 3.0)) - gammaln(0.5 * nu) - 1.5 * np.log(nu) - 0.5 * (nu + 3.0) * np.log1p(squares / nu)
+
+
+# Orders of gears and motors that the rows prove: found in a spectrum over each joint's angle, at any frequency.
+#
+# A strain-wave gear errs some hundred times in a turn of the joint, not always a whole number of times. The
+# spectrum is that of score tests: for joint j and order f, with a_i = c_ijᵀR_i⁻¹r_i of every pose i,
+#
+#     χ² = |Σ_i a_i·exp(i·f·q_ij)|² / (½ Σ_i c_ijᵀR_i⁻¹c_ij),
+#
+# which has two degrees of freedom where nothing recurs (Lomb 1976, Astrophysics and Space Science 39, in the form
+# for noise of uneven size). An order is taken where χ² is beyond chance among all orders of all joints
+# (Bonferroni).
+
+HIGHEST = 640.0
+"""Order that is looked for: four times in a turn of the motor behind a gear of 160."""
+
+CHANCE = 0.01
+"""Of taking any order where none recurs."""
+
+FINENESS = 0.1
+"""Step of the search, in periods over the whole range of a joint."""
+
+APART = 1.5
+"""Periods over the whole range by which orders found at once differ at least."""
+
+AT_ONCE = 3
+"""Orders of a joint that are taken before the others are looked at again."""
+
+SMALLEST_RANGE = 0.2
+"""Of a joint that is searched, radians."""
+
+SHARP_TOLERANCE = 3e-5
+"""Amplitude expected of each, radians: six seconds of arc."""
+
+
+def find_sharp_orders(fitted: OneFit, lowest: float) -> list[tuple[str, float]]:
+    """Joints and orders that the fit's residuals prove, the clearest first.
+
+    Args:
+        fitted: the fit.
+        lowest: order from which on the search begins.
+    """
+    robot, at = fitted.one.problem.frames.model.robot, fitted.at
+    q = robot.joint_map(fitted.one.problem.q)
+    # the fit was linearised where it ended
+    left = np.einsum("nji,nj->ni", fitted.whitener, np.einsum("nij,nj->ni", fitted.whitener, at.residual))
+    weighted = np.einsum("nij,nik->njk", fitted.whitener, fitted.whitener @ at.by_joint)
+    pull = np.einsum("nik,ni->nk", at.by_joint, left)
+    size = 0.5 * np.einsum("nik,nik->k", at.by_joint, weighted)
+    ranges = np.ptp(q, axis=0)
+    joints = [j for j in range(len(ranges)) if not robot.prismatic[j] and ranges[j] > SMALLEST_RANGE and size[j] > 0.0]
+    tried = sum((HIGHEST - lowest) * ranges[j] / np.pi for j in joints)
+    beyond_chance = 2.0 * np.log(max(tried, 1.0) / CHANCE)
+    found: list[tuple[float, int, float]] = []
+    for j in joints:
+        period = 2.0 * np.pi / ranges[j]
+        orders = np.arange(lowest, HIGHEST, FINENESS * period)
+        test = _spectrum(q[:, j], pull[:, j], orders) / size[j]
+        for _ in range(AT_ONCE):
+            k = int(test.argmax())
+            if test[k] < beyond_chance:
+                break
+            found.append((float(test[k]), j, float(orders[k])))
+            test[np.abs(orders - orders[k]) < APART * period] = 0.0
+    return [(robot.joint_names[j], round(order, 2)) for _, j, order in sorted(found, reverse=True)]
+
+
+def find_clear_orders(fitted: OneFit, effect: str) -> dict[str, tuple[str, float]]:
+    """Parameters of orders that are far beyond what the others of their joint let expect, with a name and a tolerance for each.
+
+    An estimate x̂ of a parameter of variance v, with the posterior variance s, is itself of variance v − s. Cosine and sine of an
+    order are χ²-distributed together, and an order stands out where χ² is beyond chance among all of them (Bonferroni).
+
+    Args:
+        fitted: the fit.
+        effect: whose orders share a size for each joint.
+    """
+    one, found = fitted.one, fitted.found
+    own = found.reduced.groups.own
+    x, S = found.evidence.mean(own), np.square(found.evidence.spread).sum(axis=1)
+    v = np.exp(found.evidence.log_variances)[own]
+    labels, names = [one.labels[g] for g in own], [one.problem.frames.names[i] for i in one.groups.grouped]
+    chance = x**2 / np.maximum(v - S, 1e-6 * v)
+    both: dict[str, list[int]] = {}
+    for k, (label, name) in enumerate(zip(labels, names, strict=True)):
+        if label.effect == effect and not label.part:
+            both.setdefault(name.replace(".cos", ".").replace(".sin", "."), []).append(k)
+    beyond = 2.0 * np.log(max(len(both), 1) / CHANCE)
+    return {
+        names[k]: (order, SHARP_TOLERANCE)
+        for order, members in both.items()
+        if chance[members].sum() > beyond
+        for k in members
+    }
+
+
+def _spectrum(
+    angle: Float[np.ndarray, " n"], pull: Float[np.ndarray, " n"], orders: Float[np.ndarray, " k"]
+) -> Float[np.ndarray, " k"]:
+    """|Σ pull·exp(i·order·angle)|² at evenly spaced orders."""
+    out = np.empty(len(orders))
+    turned = pull * np.exp(1j * orders[0] * angle)
+    step = np.exp(1j * (orders[1] - orders[0]) * angle)
+    for k in range(len(orders)):
+        total = turned.sum()
+        out[k] = total.real**2 + total.imag**2
+        turned *= step
+    return out
+
+
+def as_effects(orders: list[tuple[str, float]]) -> list[Harmonics]:
+    """One effect for each joint that has such orders."""
+    by_joint: dict[str, list[float]] = {}
+    for joint, order in orders:
+        by_joint.setdefault(joint, []).append(order)
+    return [
+        Harmonics(joints=(joint,), orders=tuple(sorted(set(own))), tolerance=SHARP_TOLERANCE)
+        for joint, own in sorted(by_joint.items())
+    ]
+
+
+TOGETHER = "geometry and all effects"
+SHARPENING = "orders of gears and motors"
+LEAVING_OUT = "cross-validation"
+
+LARGE = 2.0
+"""Log variance of every group to start from: from a size that is next to nothing the scoring would hardly come back."""
+
+SHARPENINGS = 4
+"""Times that sharp orders are looked for; each finds what stood behind the clearest ones."""
+
+SHARPENING_ROUNDS = 2
+"""Of a fit between, which need not be at its end."""
+
+FEW = 1e-6
+"""Least standard deviation of single poses to start from, metres and radians."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OneModelFound:
+    """The one model of a campaign."""
+
+    fitted: OneFit
+    calibration: Calibration
+    errors: LeftOutErrors
+    effects: tuple[Effect, ...]
+    """All that take part, beside those of the model it started from."""
+
+
+def find_one_model(
+    base: Calibration,
+    campaign: Campaign,
+    competing: Sequence[Effect],
+    instead: Sequence[Effect],
+    parts: Sequence[Int[np.ndarray, " _"]],
+    options: FitOptions,
+    *,
+    seed: int,
+    progress: Callable[[str], None],
+) -> OneModelFound:
+    """Geometry and all effects at once.
+
+    Args:
+        base: a calibration of the geometry, and of effects that are certain.
+        campaign: the measurements.
+        competing: effects that take part, each as far as the data prove it.
+        instead: effects that replace those with which they have parameters in common, where the evidence is for them.
+        parts: rows of each fold of the cross-validation.
+        options: of the fit; `keep` names geometric parameters.
+        seed: of draws.
+        progress: told what is being done.
+
+    Raises:
+        FitError: the fit ran away.
+    """
+    progress(TOGETHER)
+    effects = tuple(competing)
+    fitted = _fit(base, campaign, effects, options, None)
+    for other in instead:
+        progress(other.name)
+        replaced = (*(effect for effect in effects if not _share(effect, other, base.model)), other)
+        tried = _fit(base, campaign, replaced, options, None)
+        if log_evidence(tried) > log_evidence(fitted):
+            effects, fitted = replaced, tried
+    competing = effects
+    if SPECTRUM in effects:
+        sharp: list[tuple[str, float]] = []
+        clear: dict[str, tuple[str, float]] = {}
+        for _ in range(SHARPENINGS):
+            progress(SHARPENING)
+            clearer = find_clear_orders(fitted, SPECTRUM.name)
+            new = [order for order in find_sharp_orders(fitted, max(SPECTRUM.orders) + 0.5) if order not in sharp]
+            if not new and not clearer:
+                break
+            sharp, clear = sharp + new, clear | clearer
+            effects = (*competing, *as_effects(sharp))
+            fitted = _fit(base, campaign, effects, options, fitted, SHARPENING_ROUNDS, clear)
+        if sharp or clear:
+            fitted = _fit(base, campaign, effects, options, fitted, apart=clear)
+    progress(LEAVING_OUT)
+    names = [effect.name for effect in (*base.model.effects, *effects)]
+    errors = validate_groups(fitted, parts, names, np.random.default_rng(seed))
+    calibration = calibrate(fitted, campaign, options, errors.stretch, np.random.default_rng(seed))
+    return OneModelFound(fitted=fitted, calibration=calibration, errors=errors, effects=effects)
+
+
+def _fit(
+    base: Calibration,
+    campaign: Campaign,
+    effects: Sequence[Effect],
+    options: FitOptions,
+    before: OneFit | None,
+    most_rounds: int = MOST_ROUNDS,
+    apart: Mapping[str, tuple[str, float]] = EMPTY,
+) -> OneFit:
+    model = base.model
+    for effect in effects:
+        model = model + effect
+    problem = _problem(base, model, campaign, options)
+    one = assemble(problem, options.keep, options, apart)
+    start, names = problem.frames.start(), problem.frames.names
+    held = dict(zip(base.all_names, base.z, strict=True))
+    if before is not None:
+        held |= dict(zip(before.one.problem.frames.names, before.z, strict=True))
+    for i, name in enumerate(names):
+        start[i] = held.get(name, start[i])
+    errors = _first_errors(base, options, len(model.robot.joints)) if before is None else before.errors
+    weights = None if before is None else before.weights
+    return fit_one_model(one, start, errors, options, _first_sizes(one, before), weights, most_rounds)
+
+
+def _share(one: Effect, other: Effect, model: ErrorModel) -> bool:
+    """Whether two effects have a parameter in common."""
+    return bool(set(one.term(model.robot).names) & set(other.term(model.robot).names))
+
+
+def _problem(base: Calibration, model: ErrorModel, campaign: Campaign, options: FitOptions) -> Problem:
+    layout = layout_of(model, np.arange(len(model)), base.layout.registration, campaign, fixed=base.layout.fixed_frames)
+    return problem_of(layout, campaign, options.noise)
+
+
+def _first_sizes(one: OneModel, before: OneFit | None) -> np.ndarray:
+    """Large ones, or those of the fit before."""
+    known = {} if before is None else dict(zip(before.one.labels, before.found.evidence.log_variances, strict=True))
+    return np.array([known.get(label, LARGE) for label in one.labels])
+
+
+def _first_errors(base: Calibration, options: FitOptions, joints: int) -> RowErrors:
+    """Half of what geometry alone left, of every kind; or what was given, and nothing else."""
+    given = not isinstance(options.model_error, str)
+    size = [max(error if given else 0.5 * error, 0.0 if given else FEW) for error in base.model_error]
+    return RowErrors(
+        position=max(size[0] ** 2, 1e-14),
+        rotation=max(size[1] ** 2, 1e-14) if base.layout.block_size == 6 else None,
+        joints=np.full(joints, 1e-14 if given else size[0] ** 2),
+        searched=not given,
+    )

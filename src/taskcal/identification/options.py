@@ -1,0 +1,154 @@
+"""How a fit is made: one frozen value that is handed on."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Literal, TypedDict, Unpack
+
+from taskcal.arguments import expect_kinds, with_choices
+from taskcal.campaigns.campaign import Campaign
+from taskcal.estimation.prior import GaussianPrior, Loss, Squared
+from taskcal.observations.base import TrackerNoise
+from taskcal.registration.consensus import TARGET_WITHIN
+from taskcal.registration.registration import Registration
+from taskcal.robot.error_model import ErrorModel
+
+Estimate = Literal["estimate"]
+Prior = GaussianPrior | Literal["tolerances"] | None
+Frames = Literal["fit", "fixed"]
+GrossErrors = Literal["leave out", "keep"]
+
+LARGEST_MODEL_ERROR = 1.0
+"""Metres (and radians, for poses): more is no calibration's concern."""
+
+LARGEST_TARGET_WITHIN = 100.0
+"""Metres from the tool point: no robot carries a tool that is longer."""
+
+SMALLEST_PRIOR_SCALE, LARGEST_PRIOR_SCALE = 1e-6, 1e6
+"""Beyond, the prior holds a parameter at zero, or not at all, and its square leaves the range of numbers."""
+
+
+class FitChoices(TypedDict, total=False):
+    """`FitOptions` by keywords: all of them at once, some of them, or some that replace those of a whole."""
+
+    options: "FitOptions | None"
+    keep: Iterable[str] | None
+    prior: Prior
+    loss: Loss | None
+    noise: TrackerNoise | None
+    registration: Registration | None
+    frames: Frames
+    model_error: float | tuple[float, float] | Estimate
+    prior_scale: float | Estimate
+    outlier_level: float
+    gross_errors: GrossErrors
+    target_within: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FitOptions:
+    """Options of a fit; `dataclasses.replace` gives others.
+
+    Raises:
+        ValueError: a value that would silently mean something else, or that no campaign can have.
+    """
+
+    keep: tuple[str, ...] | None = None
+    """Names of the parameters to estimate; None for all."""
+    prior: Prior = "tolerances"
+    """``tolerances`` for the robot's own; a prior over the kept parameters; or None."""
+    loss: Loss = field(default_factory=Squared)
+    """How much a large residual counts."""
+    noise: TrackerNoise | None = None
+    """The tracker's, where the campaign does not state uncertainties; None for the default."""
+    registration: Registration | None = None
+    """Tracker frame and targets to start from, or to hold; None to find them from the data."""
+    frames: Frames = "fit"
+    """``fit`` refines tracker frame and targets with the parameters, ``fixed`` holds them as registered."""
+    model_error: float | tuple[float, float] | Estimate = "estimate"
+    """Standard deviation of what the model cannot explain, metres (and radians, for poses); or estimated."""
+    prior_scale: float | Estimate = "estimate"
+    """Common factor of the prior's standard deviations; or estimated."""
+    outlier_level: float = 0.01
+    """Chance of naming any outlier where there is none."""
+    gross_errors: GrossErrors = "leave out"
+    """``leave out`` rows that cannot be right beside all others, up to a tenth of them, or ``keep`` them."""
+    target_within: float = TARGET_WITHIN
+    """How far from the tool point a target may be found, metres."""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.keep, str):
+            raise ValueError(f"keep is {self.keep!r}; give a list of names, or None for all parameters")
+        if not (self.prior is None or self.prior == "tolerances" or isinstance(self.prior, GaussianPrior)):
+            raise ValueError(f"prior is {self.prior!r}; give 'tolerances', None, or a GaussianPrior")
+        expect_kinds(
+            {"loss": Loss, "noise": TrackerNoise | None, "registration": Registration | None},
+            loss=self.loss,
+            noise=self.noise,
+            registration=self.registration,
+        )
+        if self.frames not in ("fit", "fixed"):
+            raise ValueError(f"frames is {self.frames!r}; give 'fit' or 'fixed'")
+        if self.gross_errors not in ("leave out", "keep"):
+            raise ValueError(f"gross_errors is {self.gross_errors!r}; give 'leave out' or 'keep'")
+        if not _within(self.target_within, 0.0, LARGEST_TARGET_WITHIN):
+            raise ValueError(
+                f"target_within is {self.target_within!r}; give metres from 0 to {LARGEST_TARGET_WITHIN:g}"
+            )
+        errors = self.model_error if isinstance(self.model_error, tuple) else (self.model_error,)
+        if self.model_error != "estimate" and not all(_within(e, 0.0, LARGEST_MODEL_ERROR) for e in errors):
+            raise ValueError(
+                f"model_error is {self.model_error!r}; give 'estimate', or metres from 0 to {LARGEST_MODEL_ERROR:g}"
+            )
+        if self.prior_scale != "estimate" and not _within(self.prior_scale, SMALLEST_PRIOR_SCALE, LARGEST_PRIOR_SCALE):
+            raise ValueError(
+                f"prior_scale is {self.prior_scale!r}; give 'estimate', or a factor from {SMALLEST_PRIOR_SCALE:g} to "
+                f"{LARGEST_PRIOR_SCALE:g}"
+            )
+        if not (_within(self.outlier_level, 0.0, 1.0) and 0.0 < self.outlier_level < 1.0):
+            raise ValueError(f"outlier_level is {self.outlier_level!r}; give a chance between 0 and 1, such as 0.01")
+
+    @classmethod
+    def of(cls, **choices: Unpack[FitChoices]) -> "FitOptions":
+        """Options by keywords, those not named as in ``options``, or as by default.
+
+        Raises:
+            TypeError: an option that does not exist; the message names all.
+        """
+        options = choices.pop("options", None)
+        expect_kinds({"options": FitOptions | None}, options=options)
+        options = options or cls()
+        keep = choices.get("keep")
+        if keep is not None and not isinstance(keep, str):
+            choices["keep"] = tuple(keep)
+        if "loss" in choices and choices["loss"] is None:
+            choices["loss"] = Squared()
+        return with_choices(options, choices, "a fit")
+
+    def keeping(self, names: Iterable[str]) -> "FitOptions":
+        """The options, with these parameters estimated too where not all are."""
+        return self if self.keep is None else replace(self, keep=(*self.keep, *names))
+
+    def described(self, model: ErrorModel, campaign: Campaign) -> dict[str, Any]:
+        """What they were for a model and a campaign, as a file can hold it."""
+        kept = range(len(model)) if self.keep is None else model.indices(self.keep)
+        loss = {"kind": type(self.loss).__name__.lower()}
+        model_error = list(self.model_error) if isinstance(self.model_error, tuple) else self.model_error
+        description = {
+            "keep": "all" if len(kept) == len(model) else [model.names[i] for i in kept],
+            "prior": "given" if isinstance(self.prior, GaussianPrior) else self.prior,
+            "loss": loss if isinstance(self.loss, Squared) else {**loss, **asdict(self.loss)},
+            "noise": "stated" if campaign.uncertainty is not None else asdict(self.noise or TrackerNoise()),
+            "frames": self.frames,
+            "model_error": model_error,
+            "prior_scale": self.prior_scale,
+            "outlier_level": self.outlier_level,
+            "gross_errors": self.gross_errors,
+            "target_within": self.target_within,
+        }
+        return json.loads(json.dumps(description))  # lists for tuples
+
+
+def _within(value: object, least: float, most: float) -> bool:
+    """Whether it is a number in these bounds; what is not a number (NaN) is not."""
+    return isinstance(value, int | float) and least <= value <= most

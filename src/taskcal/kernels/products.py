@@ -1,0 +1,167 @@
+"""Sums of products of columns, JᵀJ, from a block of rows at a time that stays in the nearest cache.
+
+A rank-one update for each row would go through the whole sum every time. Here rows are gathered, their numbers of one column side
+by side, and each tile of four by four sums is taken along all of them in registers.
+"""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.kernels.compiled import inlined, part
+from taskcal.kernels.lanes import LANES, empty_for_lanes, total_of
+
+TILE = 4
+"""Columns and rows of the sums that are taken at once."""
+
+VECTORS = 48
+"""Lanes of rows in a block: two tiles' columns of a block fit the first cache."""
+
+
+class Products(NamedTuple):
+    """A block of rows, and the sums of what went before."""
+
+    columns: int
+    """Without the last one, which stands for the residuals."""
+    block: Float[np.ndarray, "tiled vectors lanes"]
+    """The rows' numbers, column by column; columns that only fill up a tile are zero."""
+    sums: Float[np.ndarray, "tiled tiled"]
+
+
+def allocate_products(columns: int, vectors: int) -> Products:
+    """Room for columns besides the residuals, and for so many lanes of rows in all, of which a block has no more; sums of zero."""
+    tiled = -(-(columns + 1) // TILE) * TILE
+    block = empty_for_lanes((tiled, min(VECTORS, vectors), LANES))
+    block[columns + 1 :] = 0.0
+    return Products(columns, block, np.zeros((tiled, tiled)))
+
+
+@inlined
+def _add_totals(row, k, a, b, c, d):
+    row[k] += total_of(a)
+    row[k + 1] += total_of(b)
+    row[k + 2] += total_of(c)
+    row[k + 3] += total_of(d)
+
+
+@part
+def add_products(block, vectors, sums):
+    """Add the products of a block's columns, as lanes, over its first vectors, one at least; tiles on and above the diagonal."""
+    for j in range(0, block.shape[0], TILE):
+        for k in range(j, block.shape[0], TILE):
+            a, b, c, d = block[k, 0], block[k + 1, 0], block[k + 2, 0], block[k + 3, 0]
+            v, w, x, y = block[j, 0], block[j + 1, 0], block[j + 2, 0], block[j + 3, 0]
+            s00, s01, s02, s03 = v * a, v * b, v * c, v * d
+            s10, s11, s12, s13 = w * a, w * b, w * c, w * d
+            s20, s21, s22, s23 = x * a, x * b, x * c, x * d
+            s30, s31, s32, s33 = y * a, y * b, y * c, y * d
+            for i in range(1, vectors):
+                a, b, c, d = block[k, i], block[k + 1, i], block[k + 2, i], block[k + 3, i]
+                v = block[j, i]
+                s00, s01, s02, s03 = s00 + v * a, s01 + v * b, s02 + v * c, s03 + v * d
+                v = block[j + 1, i]
+                s10, s11, s12, s13 = s10 + v * a, s11 + v * b, s12 + v * c, s13 + v * d
+                v = block[j + 2, i]
+                s20, s21, s22, s23 = s20 + v * a, s21 + v * b, s22 + v * c, s23 + v * d
+                v = block[j + 3, i]
+                s30, s31, s32, s33 = s30 + v * a, s31 + v * b, s32 + v * c, s33 + v * d
+            _add_totals(sums[j], k, s00, s01, s02, s03)
+            _add_totals(sums[j + 1], k, s10, s11, s12, s13)
+            _add_totals(sums[j + 2], k, s20, s21, s22, s23)
+            _add_totals(sums[j + 3], k, s30, s31, s32, s33)
+
+
+def symmetric(sums: Float[np.ndarray, "tiled tiled"]) -> Float[np.ndarray, "tiled tiled"]:
+    """The sums with those below the diagonal, which are not added up."""
+    return np.where(_above(len(sums)), sums, sums.T)
+
+
+@cache
+def _above(size: int) -> np.ndarray:
+    return np.triu(np.ones((size, size), dtype=bool))
+
+
+# Positive definite matrices of very different scales inside kernels: factored on unit diagonal, solved and
+# inverted.
+#
+# As `estimation.scaled` does it by LAPACK, which a kernel that runs without Python cannot reach. Inner loops go
+# along rows, so that the compiler takes several numbers at a time.
+
+
+@part
+def factor_scaled(A, scale, U):
+    """Fill U with the upper factor, Uᵀ·U = scale·A·scale, and `scale` with 1/√diagonal of A; whether A is positive definite.
+
+    Of A only what is on and above the diagonal is read, and only that of U is filled.
+    """
+    p = A.shape[0]
+    for i in range(p):
+        scale[i] = 1.0 / np.sqrt(max(A[i, i], 1e-300))
+    for i in range(p):
+        for j in range(i, p):
+            U[i, j] = A[i, j] * scale[i] * scale[j]
+    for i in range(p):
+        pivot = U[i, i]
+        if not pivot > 0.0:
+            return False
+        inverse = 1.0 / np.sqrt(pivot)
+        for j in range(i, p):
+            U[i, j] *= inverse
+        for k in range(i + 1, p):
+            v = U[i, k]
+            for j in range(k, p):
+                U[k, j] -= v * U[i, j]
+    return True
+
+
+@part
+def solve_factored(U, scale, b, x):
+    """Fill x with the solution of A·x = b, of the factor that `factor_scaled` leaves of A."""
+    p = b.shape[0]
+    for i in range(p):
+        x[i] = b[i] * scale[i]
+    for i in range(p):
+        x[i] /= U[i, i]
+        v = x[i]
+        for j in range(i + 1, p):
+            x[j] -= U[i, j] * v
+    for i in range(p - 1, -1, -1):
+        v = x[i]
+        for j in range(i + 1, p):
+            v -= U[i, j] * x[j]
+        x[i] = v / U[i, i]
+    for i in range(p):
+        x[i] *= scale[i]
+
+
+@part
+def invert_factored(U, scale, work, out):
+    """Fill `out` with the inverse of A; `work` is room for a matrix."""
+    p = U.shape[0]
+    # rows of work: those of the inverse of Uᵀ, which is lower triangular
+    for i in range(p):
+        for j in range(p):
+            work[i, j] = 0.0
+    for i in range(p):
+        work[i, i] += 1.0
+        inverse = 1.0 / U[i, i]
+        for j in range(i + 1):
+            work[i, j] *= inverse
+        for k in range(i + 1, p):
+            v = U[i, k]
+            for j in range(i + 1):
+                work[k, j] -= v * work[i, j]
+    for i in range(p):
+        for j in range(p):
+            out[i, j] = 0.0
+    for k in range(p):
+        for i in range(k + 1):
+            v = work[k, i]
+            for j in range(i, k + 1):
+                out[i, j] += v * work[k, j]
+    for i in range(p):
+        for j in range(i, p):
+            out[i, j] *= scale[i] * scale[j]
+            out[j, i] = out[i, j]

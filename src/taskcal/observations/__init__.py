@@ -1,0 +1,31 @@
+"""Kinds of observation: what is measured of something on the tool, as a function of where it is and of unknowns of its own.
+
+A kind is one class in one file. It says how many numbers it measures, what it predicts and how that moves, where to start
+without a guess, and how sure it is; registration, fit, identifiability, reports and plans take it from there.
+"""
+
+from taskcal.observations.base import WAYS as WAYS
+from taskcal.observations.base import Compared as Compared
+from taskcal.observations.base import Differential as Differential
+from taskcal.observations.base import Measured as Measured
+from taskcal.observations.base import Observation as Observation
+from taskcal.observations.base import ObservedColumns as ObservedColumns
+from taskcal.observations.base import Placed as Placed
+from taskcal.observations.base import Read as Read
+from taskcal.observations.base import Scene as Scene
+from taskcal.observations.base import Standalone as Standalone
+from taskcal.observations.base import Stated as Stated
+from taskcal.observations.base import Way as Way
+from taskcal.observations.base import find_columns as find_columns
+from taskcal.observations.base import instrument_of as instrument_of
+from taskcal.observations.base import kind_of as kind_of
+from taskcal.observations.base import kinds as kinds
+from taskcal.observations.base import refer as refer
+from taskcal.observations.board import Boards as Boards
+from taskcal.observations.cube import Cubes as Cubes
+from taskcal.observations.distance import Lengths as Lengths
+from taskcal.observations.landmark import Landmarks as Landmarks
+from taskcal.observations.plane import Planes as Planes
+from taskcal.observations.point import Point as Point
+from taskcal.observations.pose import Pose as Pose
+from taskcal.observations.socket import Sockets as Sockets

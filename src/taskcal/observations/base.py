@@ -1,0 +1,515 @@
+"""The concept: an observation is a function of the pose of something on the tool, with unknowns and noise of its own."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from taskcal.errors import CampaignError, FileError, UnknownName, shown
+from taskcal.robot.parameter import ShownUnit
+from taskcal.short_repr import short_repr
+from taskcal.tables.table import Table
+
+# Columns of a file that a kind of observation reads, by the kind's own names for them.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ObservedColumns:
+    """The cells of such columns."""
+
+    path: Path
+    lines: Int[np.ndarray, " n"]
+    """Of the file, from 1."""
+    cells: Mapping[str, tuple[str, ...]]
+    """As text, by the kind's name of the column."""
+    headers: Mapping[str, str]
+    """The file's name of each column."""
+    scales: Mapping[str, float | None]
+    """From the column's unit to metres; None where it states none."""
+
+    def __contains__(self, column: str) -> bool:
+        return column in self.cells
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def texts(self, column: str) -> tuple[str, ...]:
+        """The cells of a column; empty ones where there is no such column."""
+        return self.cells.get(column, ("",) * len(self.lines))
+
+    def lengths(self, column: str) -> Float[np.ndarray, " n"]:
+        """The numbers of a column, metres; NaN for empty cells.
+
+        Raises:
+            FileError: a cell is not a number, or the column states no unit.
+        """
+        scale = self.scales[column]
+        if scale is None:
+            name = self.headers[column]
+            raise FileError(self.path, f"the unit is not stated; name the column {name}_mm", line=1, column=name)
+        return scale * self.numbers(column)
+
+    def numbers(self, column: str) -> Float[np.ndarray, " n"]:
+        """The numbers of a column as they stand; NaN for empty cells.
+
+        Raises:
+            FileError: a cell is not a number.
+        """
+        rows = tuple((text,) for text in self.cells[column])
+        lines = tuple(int(line) for line in self.lines)
+        table = Table(path=self.path, header=(self.headers[column],), rows=rows, lines=lines)
+        return table.numbers(self.headers[column], empty=True)
+
+    def error(self, message: str, row: int, column: str) -> FileError:
+        """An error that points at a cell."""
+        return FileError(self.path, message, line=int(self.lines[row]), column=self.headers.get(column, column))
+
+    def refuse_without(self, column: str, present: np.ndarray, needs: str) -> None:
+        """See that rows which have one thing have another.
+
+        Raises:
+            FileError: a row has no cell where it needs one.
+        """
+        for row in np.flatnonzero(present):
+            if not self.texts(column)[row]:
+                raise self.error(f"the cell is empty; {needs}", int(row), column)
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "ObservedColumns":
+        """Some of the rows."""
+        cells = {name: tuple(texts[i] for i in rows) for name, texts in self.cells.items()}
+        return replace(self, lines=self.lines[rows], cells=cells)
+
+    def shown(self, column: str, row: int) -> str:
+        """A cell, for a message."""
+        return shown(self.cells[column][row])
+
+
+# Uncertainty of a laser tracker's points: along the beam and across it, growing with distance.
+
+
+@short_repr
+@dataclass(frozen=True, kw_only=True)
+class TrackerNoise:
+    """Maximum permissible errors of range and transverse position, linear in the distance, and what share is 1σ.
+
+    The defaults are those of a Leica AT901: ±(15 µm + 6 µm/m) in both, with the MPE taken as two standard deviations.
+    """
+
+    range_m: float = 15e-6
+    """MPE along the beam, metres."""
+    range_per_m: float = 6e-6
+    transverse_m: float = 15e-6
+    """MPE across the beam, metres."""
+    transverse_per_m: float = 6e-6
+    mpe_to_sigma: float = 0.5
+    """1σ per MPE: 0.5 where the MPE is two standard deviations, 1/√3 for a rectangular distribution."""
+    station: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where the beam leaves, in the measuring frame, metres."""
+    rotation: float = 5e-5
+    """1σ of each rotation component of a measured pose, radians."""
+
+    def covariance(self, points: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3 3"]:
+        """Covariance of measured points, m²; NaN stays NaN."""
+        beam = points - np.asarray(self.station)
+        distance = np.linalg.norm(beam, axis=-1)[..., None]
+        u = beam / np.maximum(distance, 1e-9)
+        along = (self.mpe_to_sigma * (self.range_m + self.range_per_m * distance)) ** 2
+        across = (self.mpe_to_sigma * (self.transverse_m + self.transverse_per_m * distance)) ** 2
+        return across[..., None] * np.eye(3) + (along - across)[..., None] * u[..., :, None] * u[..., None, :]
+
+
+UNMEASURED = 1.0
+"""Variance of what a kind does not measure of its block, m² or rad²: as good as infinite, and finite for the algebra."""
+
+
+class Measured(NamedTuple):
+    """What was read of one target, row by row."""
+
+    points: Float[np.ndarray, "n 3"]
+    """The kind's numbers, metres, those it does not measure zero; NaN where nothing was."""
+    rotations: Float[np.ndarray, "n 3 3"] | None = None
+    """Rotations, for kinds that measure them."""
+
+    @property
+    def valid(self) -> Bool[np.ndarray, " n"]:
+        """Rows in which something was read."""
+        return ~np.isnan(self.points[:, 0])
+
+    def take(self, rows: Int[np.ndarray, " k"] | Bool[np.ndarray, " n"]) -> "Measured":
+        """Some of the rows."""
+        return Measured(self.points[rows], None if self.rotations is None else self.rotations[rows])
+
+
+class Differential(NamedTuple):
+    """An observation about an estimate, w numbers a row."""
+
+    residual: Float[np.ndarray, "n w"]
+    """Measured less predicted."""
+    by_target: Float[np.ndarray, "n w 6"]
+    """Derivative of what is predicted by the target's twist: velocity of its centre, then rotation, in the measuring frame."""
+    by_unknown: Float[np.ndarray, "n w u"]
+    """The same by the kind's own unknowns."""
+
+
+class Placed(NamedTuple):
+    """Where a registration puts a target and the kind's own unknowns."""
+
+    T_tool_target: Float[np.ndarray, "4 4"]
+    unknown: Float[np.ndarray, " u"]
+    distance: Float[np.ndarray, " n"]
+    """How far each row is off, metres; zero where nothing was read."""
+    unobservable: Float[np.ndarray, "3 3"]
+    """Projector onto directions in which the rows do not tell where the target sits on the tool."""
+
+
+class Read(NamedTuple):
+    """What a file says of one target that a kind observed."""
+
+    target: str
+    """Its name."""
+    observation: "Observation"
+    points: Float[np.ndarray, "n 3"]
+    """The kind's numbers, metres; NaN where nothing was read."""
+    rotations: Float[np.ndarray, "n 3 3"] | None = None
+
+
+class Scene(NamedTuple):
+    """What stands in a virtual cell, and what the tool carries: enough to measure a kind there."""
+
+    observation: "Observation"
+    """With what each row refers to."""
+    target: str
+    """Name of what is on the tool."""
+    T_tool_target: Float[np.ndarray, "4 4"]
+    unknown: Float[np.ndarray, " u"]
+    """The kind's unknowns as they are, in the measuring frame."""
+    approach: Callable[[Float[np.ndarray, "k 4 4"], Int[np.ndarray, " k"]], Float[np.ndarray, "k 4 4"]] | None = None
+    """From poses of the target, and the rows that they are of, to the poses nearby at which those rows are measured; None where
+    any pose will do."""
+
+
+class Stated(NamedTuple):
+    """What is known of the unknowns beside the measurements: stated less found, its derivative, and how sure it is."""
+
+    residual: Float[np.ndarray, " k"]
+    by_unknown: Float[np.ndarray, "k u"]
+    uncertainty: Float[np.ndarray, " k"]
+
+
+_KINDS: dict[str, type["Observation"]] = {}
+"""Every kind by its key, entered as it is defined."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compared:
+    """A length that is stated, and the same as the calibrated robot finds it."""
+
+    name: str
+    stated: float
+    """Metres."""
+    found: float
+    """Metres."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Observation(ABC):
+    """A kind of observation of one target, with what each row refers to.
+
+    The frame of the target is on the tool; poses are in the measuring frame, which is the tracker's where there is one and
+    the robot's base where there is none.
+    """
+
+    key: ClassVar[str]
+    """Name of the kind, in files."""
+    width: ClassVar[int] = 3
+    """Numbers that it measures in a row."""
+    turned: ClassVar[bool] = False
+    """Whether it depends on how the target is turned on the tool."""
+    along_axes: ClassVar[bool] = False
+    """Whether its first three numbers are along the axes of the measuring frame: neither a length nor in a sensor's axes."""
+    in_tracker: ClassVar[bool] = False
+    """Whether it is measured in a frame that stands, whose pose is unknown."""
+    instrument: ClassVar[str] = ""
+    """What it is measured with, in a word: the kind's name on the command line."""
+    touched: ClassVar[bool] = False
+    """Whether no number is read, but the robot is brought to where something touches."""
+    columns: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
+    """Columns that it reads, each with the words that people write for it, in small letters and parted by blanks."""
+    needed: ClassVar[tuple[str, ...]] = ()
+    """Those of them that a file must have."""
+    label: ClassVar[str] = ""
+    """The column that names what each row refers to: a file with a tracker's points has the kind only where this is there."""
+    units: ClassVar[Mapping[str, ShownUnit]] = MappingProxyType(dict.fromkeys(("rx", "ry", "rz"), ShownUnit.of("rad")))
+    """Units in which people see its unknowns, by the last part of their names; millimetres for all others."""
+    of: Int[np.ndarray, " n"] | None = None
+    """Which of several things each row refers to, −1 for none; None where there is one, or where no rows belong to it."""
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "key" in vars(cls):
+            _KINDS[cls.key] = cls
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """Names of its own unknowns."""
+        return ()
+
+    @property
+    def deviations(self) -> Float[np.ndarray, " u"]:
+        """Standard deviations of its unknowns about where they start: by default as good as unknown."""
+        return np.ones(len(self.unknowns))
+
+    @property
+    def tells_scale(self) -> bool:
+        """Whether it compares the robot with a length that is known."""
+        return True
+
+    @property
+    def shrinks(self) -> bool:
+        """Whether its residuals vanish with the size of the robot, whatever was read."""
+        return False
+
+    @abstractmethod
+    def differentiate(
+        self, target: Float[np.ndarray, "n 4 4"], unknown: Float[np.ndarray, " u"], measured: Measured
+    ) -> Differential:
+        """Residual and derivatives at poses of the target; rows in which nothing was read may hold anything."""
+
+    @abstractmethod
+    def covariance(
+        self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise
+    ) -> Float[np.ndarray, "n w w"]:
+        """Of the noise of each row, m² and rad²; the uncertainty, metres, where the campaign states it."""
+
+    def settle(
+        self, target: Float[np.ndarray, "n 4 4"], measured: Measured, known: Float[np.ndarray, " u"]
+    ) -> Float[np.ndarray, " u"]:
+        """The unknowns that fit best where the poses of the target are known; NaN for those that no row shows.
+
+        Args:
+            target: its poses.
+            measured: what was read.
+            known: the unknowns as a calibration has them, NaN for those that it does not know; of no concern to most kinds.
+        """
+        return np.nan_to_num(known)
+
+    def stated(self, unknown: Float[np.ndarray, " u"]) -> Stated:
+        """What is known of the unknowns."""
+        return Stated(np.zeros(0), np.zeros((0, len(unknown))), np.zeros(0))
+
+    def compare(self, unknown: Float[np.ndarray, " u"]) -> tuple[Compared, ...]:
+        """What is stated beside what is found; nothing for kinds of which nothing is stated."""
+        return ()
+
+    def named_like(self, other: "Observation", unknown: Float[np.ndarray, " u"]) -> Float[np.ndarray, " v"]:
+        """Another one's unknowns in the order of these, NaN for those it does not have."""
+        known = dict(zip(other.unknowns, unknown, strict=True))
+        return np.array([known.get(name, np.nan) for name in self.unknowns])
+
+    def numbered_like(self, other: "Observation") -> "Observation":
+        """The same rows, what they refer to numbered as another one does; −1 where that does not know it."""
+        return self
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "Observation":
+        """That of some of the rows."""
+        return self
+
+    @classmethod
+    def read(cls, columns: ObservedColumns) -> Read | None:
+        """What a file says; None where it does not have the kind's columns.
+
+        Raises:
+            FileError: a cell is not what it must be.
+        """
+        return None
+
+    def cells(self, measured: Measured) -> dict[str, list[str]] | None:
+        """Columns of a file from which `read` reads the same; None for what a tracker measured."""
+        return None
+
+    def describe(self) -> dict[str, Any]:
+        """What a file holds of it, beside its key: all but the rows."""
+        return {}
+
+    @classmethod
+    def of_description(cls, content: Mapping[str, Any]) -> "Observation":
+        """What `describe` gave, without rows."""
+        return cls(**content)
+
+
+class Standalone(Observation):
+    """A kind that needs no tracker: it finds by itself where it is."""
+
+    things: ClassVar[str]
+    """The field that names what rows refer to."""
+
+    @property
+    def numbers(self) -> Int[np.ndarray, " n"]:
+        """What each row refers to, any for rows that refer to nothing."""
+        assert self.of is not None
+        return np.maximum(self.of, 0)
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Names of what rows refer to."""
+        return getattr(self, self.things)
+
+    def labels(self, measured: Measured) -> list[str]:
+        """The name that each row refers to; empty where nothing was read."""
+        assert self.of is not None
+        return [self.named[k] if k >= 0 and there else "" for k, there in zip(self.of, measured.valid, strict=True)]
+
+    def numbered_like(self, other: Observation) -> Observation:
+        """The same rows, with numbers of another one."""
+        assert self.of is not None
+        assert isinstance(other, Standalone)
+        number = [other.named.index(name) if name in other.named else -1 for name in self.named]
+        return replace(other, of=np.array([*number, -1])[self.of])
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> Observation:
+        """That of some of the rows, with what these refer to."""
+        assert self.of is not None
+        names, of = refer(tuple(self.named[k] if k >= 0 else "" for k in self.of[rows]))
+        return replace(self, of=of, **{self.things: names})
+
+    @classmethod
+    def stage(cls, tool: Float[np.ndarray, "n 4 4"], places: int | None, rng: np.random.Generator) -> Scene:
+        """A virtual cell for robots that measure about some poses of the tool.
+
+        Args:
+            tool: one for each row.
+            places: how many things stand there; as many as are usual by default.
+            rng: source of what differs from cell to cell.
+
+        Raises:
+            CampaignError: the kind does not say.
+        """
+        raise CampaignError(f"'{cls.key}' observations cannot be simulated: the kind says nothing of a cell for them")
+
+    @abstractmethod
+    def place(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Placed:
+        """Where target and unknowns are, from poses of the tool alone, in spite of a few rows that are wrong.
+
+        Raises:
+            CampaignError: the rows do not tell.
+        """
+
+
+def kinds() -> tuple[type[Observation], ...]:
+    """Every kind that is defined."""
+    return tuple(_KINDS.values())
+
+
+def find_columns(texts: Sequence[str], *, tracked: bool) -> dict[int, str]:
+    """Columns of kinds of observation that need no tracker, by the kinds' own names.
+
+    A kind is there with the columns that it needs; beside a tracker's points, where ``d`` and ``sx`` may mean something else, with
+    the column that names what it refers to.
+    """
+    out: dict[int, str] = {}
+    for kind in kinds():
+        at = {
+            column: next((k for k, text in enumerate(texts) if text in words), None)
+            for column, words in kind.columns.items()
+        }
+        there = bool(kind.needed) and all(at[column] is not None for column in kind.needed)
+        if there and (not tracked or at[kind.label] is not None):
+            out |= {k: column for column, k in at.items() if k is not None}
+    return out
+
+
+def instrument_of(name: str) -> type[Standalone]:
+    """The kind that is measured with an instrument.
+
+    Raises:
+        UnknownName: there is none.
+    """
+    found = {kind.instrument: kind for kind in kinds() if kind.instrument and issubclass(kind, Standalone)}
+    if name not in found:
+        raise UnknownName("way to measure", name, ("tracker", *found))
+    return found[name]
+
+
+def kind_of(key: str) -> type[Observation]:
+    """The kind of a key.
+
+    Raises:
+        UnknownName: there is none.
+    """
+    if key not in _KINDS:
+        raise UnknownName("kind of observation", key, tuple(_KINDS))
+    return _KINDS[key]
+
+
+def refer(labels: tuple[str, ...]) -> tuple[tuple[str, ...], Int[np.ndarray, " n"]]:
+    """Different names in the order in which they come, and which of them each row has; −1 where it has none."""
+    names = tuple(dict.fromkeys(label for label in labels if label))
+    number = {name: k for k, name in enumerate(names)}
+    return names, np.array([number.get(label, -1) for label in labels], dtype=int)
+
+
+# Ways of measuring a robot, in the words of options and tables, and the kinds of observation that each of them gives.
+
+Way = Literal["tracker", "socket", "wire", "camera", "board"]
+
+WAYS: dict[Way, tuple[str, ...]] = {
+    "tracker": ("point", "pose"),
+    "socket": ("socket",),
+    "wire": ("distance",),
+    "camera": ("landmark",),
+    "board": ("board",),
+}
+"""Keys of the kinds that a campaign measured so may have."""
+
+
+# Which directions of a target's place on the tool the rows do not tell.
+
+LOCATED_WITHIN = 0.02
+"""A direction is determined if its standard deviation is below this, metres."""
+
+LEAST_ERROR = 1e-3
+"""A residual under this, metres, is taken for it: a robot that happens to be exact has not more orientations for it."""
+
+
+def unlocated(
+    by_place: Float[np.ndarray, "m 3"], by_other: Float[np.ndarray, "m u"], rms: float
+) -> Float[np.ndarray, "3 3"]:
+    """Projector onto directions of the place that are not determined beside what else is unknown.
+
+    Args:
+        by_place: derivative of what is predicted, in metres, by the place.
+        by_other: the same by all other unknowns.
+        rms: of the residuals, metres.
+    """
+    scale = np.linalg.norm(by_other, axis=0)
+    q = np.linalg.svd(by_other[:, scale > 0] / scale[scale > 0], full_matrices=False)
+    basis = q[0][:, q[1] > 1e-7 * q[1].max(initial=0.0)]
+    left = by_place - basis @ (basis.T @ by_place)
+    values, vectors = np.linalg.eigh(left.T @ left)
+    weak = vectors[:, values < (max(rms, LEAST_ERROR) / LOCATED_WITHIN) ** 2]
+    return weak @ weak.T
+
+
+# Where things stand in a virtual cell: well inside of what the tool reaches, and far from each other.
+
+INNER = 0.5
+"""Share of the positions, those nearest to the middle, that things stand at."""
+
+
+def spots(position: Float[np.ndarray, "n 3"], count: int) -> Int[np.ndarray, " count"]:
+    """Numbers of some positions: the one nearest to the middle, then always the one farthest from those taken.
+
+    Some come twice where there are fewer positions.
+    """
+    away = np.linalg.norm(position - np.median(position, axis=0), axis=1)
+    inner = np.argsort(away)[: max(int(INNER * len(position)), min(count, len(position)))]
+    taken = [int(inner[0])]
+    while len(taken) < count:
+        near = np.linalg.norm(position[inner][:, None] - position[taken], axis=2).min(axis=1)
+        taken.append(int(inner[np.argmax(near)]))
+    return np.array(taken)

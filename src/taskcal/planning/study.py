@@ -1,0 +1,720 @@
+"""Studies: what task error to expect, over many true robots, by number of poses, by plan and by model.
+
+Each true robot is drawn, measured by every plan and identified with every model from random numbers of its own, so that
+the result depends on the seed alone, not on the engine, the number of workers or an interruption.
+
+The robots have a model error: at every pose, measured or of the task, the point is off by white noise that no parameter
+explains. On real robots it is alike at neighbouring poses.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict, Unpack
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.analysis.elimination_table import published_kept
+from taskcal.arguments import expect_kinds, warn_renamed, with_choices
+from taskcal.campaigns.campaign import Campaign
+from taskcal.errors import CampaignError, FileError, NothingLearntError, TaskcalError, UnknownName
+from taskcal.estimation.prior import GaussianPrior
+from taskcal.geometry import se3
+from taskcal.identification.batch import Estimate, can_fit_together, fit_together
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.effects import explain
+from taskcal.identification.identify import fit_nominal, identify
+from taskcal.identification.options import FitOptions
+from taskcal.io.files import write_whole
+from taskcal.io.text_file import read_text
+from taskcal.observations.base import TrackerNoise
+from taskcal.planning.candidates import enlarge, measuring_task
+from taskcal.planning.expected_error import known_hyperparameters
+from taskcal.planning.plan import PlanOptions, PoseChoice
+from taskcal.planning.selection import select
+from taskcal.planning.task_map import allow_geometry
+from taskcal.planning.workers import side_by_side
+from taskcal.robot.approach import conditions_in_order
+from taskcal.robot.conditions import Conditions
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot import ModelError, model_error_of
+from taskcal.task.task import Task, reach_task
+from taskcal.virtual.cell import SimulationOptions, Truth, simulate
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+# What a study simulates: one frozen value.
+
+PlanKind = Literal["planned", "random", "grid"]
+PLANS: tuple[PlanKind, ...] = ("planned", "random", "grid")
+MODELS = ("all", "selected", "published", "published-damped", "geometry", "auto")
+
+
+class StudyChoices(TypedDict, total=False):
+    """`StudyOptions` by keywords: all of them at once, some of them, or some that replace those of a whole."""
+
+    options: "StudyOptions | None"
+    robots: int
+    counts: Iterable[int]
+    plans: Iterable[PlanKind]
+    models: Iterable[str]
+    seed: int
+    noise: TrackerNoise | None
+    model_error: float | None
+    calibration: Calibration | None
+    observe: Iterable[str]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StudyOptions:
+    """Options of a study; `dataclasses.replace` gives others.
+
+    Raises:
+        UnknownName: a plan or a model that does not exist.
+    """
+
+    robots: int = 200
+    """How many true robots."""
+    counts: tuple[int, ...] = (30, 60)
+    """Numbers of measured poses."""
+    plans: tuple[PlanKind, ...] = ("planned", "random")
+    """``planned`` by `plan`, ``random`` or ``grid`` in the task's own workspace."""
+    models: tuple[str, ...] = ("all",)
+    """``all`` parameters, those ``selected`` for the task, the ``published`` ones, or ``published-damped`` without prior;
+    ``geometry`` without the model's effects, or ``auto`` with those that the data prove."""
+    seed: int = 0
+    """Of everything."""
+    noise: TrackerNoise | None = None
+    """The tracker's; None for the default."""
+    model_error: float | None = None
+    """Standard deviation per axis of what no parameter explains, metres, which every robot has at every pose; None for that of
+    the robot's file, or of a typical robot (`model_error_of`)."""
+    calibration: Calibration | None = None
+    """Robots like this one, with defects and effects of the sizes that were found, and its model error."""
+    observe: tuple[str, ...] = ("tracker",)
+    """How the robots are measured, each way as `simulate` has it: ``tracker``, ``socket``, ``socket+wire`` … Where it is not by a
+    tracker alone, errors are those that are left once the work's frame and the tool point were taught with the calibrated robot,
+    and postures are drawn from the room that measuring may take about the task."""
+
+    def __post_init__(self) -> None:
+        kinds = {"noise": TrackerNoise | None, "calibration": Calibration | None}
+        expect_kinds(kinds, noise=self.noise, calibration=self.calibration)
+        for kind in self.plans:
+            if kind not in PLANS:
+                raise UnknownName("plan", kind, PLANS)
+        for name in self.models:
+            if name not in MODELS:
+                raise UnknownName("model", name, MODELS)
+        for way in self.observe:
+            SimulationOptions(observe=way)
+        if self.aligned and "planned" in self.plans:
+            raise TaskcalError(
+                "a study plans for a tracker alone; with other ways to measure give the plans random or grid, and see what to "
+                "expect of a plan for one of them by plan(observe=…)"
+            )
+
+    @property
+    def aligned(self) -> bool:
+        """Whether errors are those of the shape alone, the same for all ways to measure."""
+        return self.observe != ("tracker",)
+
+    @classmethod
+    def of(cls, **choices: Unpack[StudyChoices]) -> "StudyOptions":
+        """Options by keywords, those not named as in ``options``, or as by default.
+
+        Raises:
+            TypeError: an option that does not exist; the message names all.
+        """
+        if "observe" in choices:
+            choices["observe"] = tuple(choices["observe"])
+        if "counts" in choices:
+            choices["counts"] = tuple(choices["counts"])
+        if "plans" in choices:
+            choices["plans"] = tuple(choices["plans"])
+        if "models" in choices:
+            choices["models"] = tuple(choices["models"])
+        return with_choices(choices.pop("options", None) or cls(), choices, "a study")
+
+
+# The robots of a study: how large their defects are, and what single poses add.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class VirtualRobots:
+    """Robots of one model, which differ in their defects."""
+
+    model: ErrorModel
+    deviations: Float[np.ndarray, " p"]
+    """Standard deviation of every parameter, metres and radians."""
+    model_error: ModelError
+    """What no parameter explains at a pose."""
+    joint_error: Float[np.ndarray, " joints"]
+    """Standard deviation of what every joint is off at a pose, radians (metres where it slides)."""
+    origin: str = "drawn from the tolerances"
+    """Where the sizes come from, in words."""
+    prior: GaussianPrior | None = None
+    """What a fit that is told the sizes expects; None for the tolerances."""
+
+    @classmethod
+    def of_tolerances(cls, model: ErrorModel, model_error: float | None) -> "VirtualRobots":
+        """As the robot's file has them."""
+        nothing = np.zeros(len(model.robot.joints))
+        error = model_error_of(model.robot, model_error)
+        return cls(model=model, deviations=model.tolerances, model_error=error, joint_error=nothing)
+
+    @classmethod
+    def like(cls, calibration: Calibration, model_error: float | None) -> "VirtualRobots":
+        """Robots like one that was calibrated: its parameters of the sizes that were found, and what single poses added.
+
+        Raises:
+            CampaignError: the calibration has no prior, whose scale tells the sizes.
+        """
+        if calibration.prior_scale is None:
+            raise CampaignError(
+                "the calibration has no prior, and does not say how large the defects of such robots are; identify with a prior"
+            )
+        model, known = calibration.model, known_hyperparameters(calibration)
+        joints = np.zeros(len(model.robot.joints))
+        joints[: len(known.joint_error)] = known.joint_error
+        stated = ModelError(position=known.model_error[0], source=known.origin)
+        error = stated if model_error is None else model_error_of(model.robot, model_error)
+        sizes = known.deviations(model)
+        prior, origin = GaussianPrior.of_deviations(sizes), "with defects of the sizes that the calibration found"
+        return cls(model=model, deviations=sizes, model_error=error, joint_error=joints, origin=origin, prior=prior)
+
+    def draw(self, rng: np.random.Generator) -> Float[np.ndarray, " p"]:
+        """Defects of one robot."""
+        return rng.normal(size=len(self.model)) * self.deviations
+
+    def conditions(self, q: Float[np.ndarray, "n joints"]) -> Conditions | None:
+        """How poses are reached one after another, where the model asks."""
+        return conditions_in_order(self.model.robot, q) if self.model.conditioned else None
+
+    def measure(
+        self,
+        x: Float[np.ndarray, " p"],
+        q: Float[np.ndarray, "n joints"],
+        noise: TrackerNoise,
+        rng: np.random.Generator,
+        observe: str = "tracker",
+    ) -> tuple[Campaign, Truth]:
+        """A campaign, and the robot and cell that it is of; how it is measured as `simulate` has it."""
+        if observe != "tracker":
+            return simulate(
+                self.model,
+                q,
+                rng=rng,
+                x=x,
+                noise=noise,
+                model_error=self.model_error.position,
+                joint_error=self.joint_error,
+                observe=observe,
+            )
+        off = self._joints_off(q, rng)
+        campaign, truth = simulate(
+            self.model,
+            q + off,
+            rng=rng,
+            x=x,
+            noise=noise,
+            conditions=self.conditions(q),
+            model_error=self.model_error.position,
+        )
+        return replace(campaign, q=q), truth
+
+    def unexplained(
+        self, truth: Truth, q: Float[np.ndarray, "n joints"], rng: np.random.Generator
+    ) -> Float[np.ndarray, "n 3"]:
+        """What single poses add to the tool point at each pose, metres."""
+        white = self.model_error.position * rng.normal(size=(len(q), 3))
+        if not self.joint_error.any():
+            return white
+        conditions = self.conditions(q)
+        return white + (truth.points(q + self._joints_off(q, rng), conditions) - truth.points(q, conditions))[:, 0]
+
+    def _joints_off(self, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        return self.joint_error * rng.normal(size=q.shape) if self.joint_error.any() else np.zeros(q.shape)
+
+
+# What a calibrated robot is off once the work's frame and the tool point were taught with it.
+#
+# Without a tracker nobody knows where the robot's base stands, or asks; and what a camera sees says nothing of a
+# spindle beside it. Both are taught with the calibrated robot itself. What is left is the error of its shape, the
+# same for every way to measure.
+
+
+def aligned_errors(
+    tool: Float[np.ndarray, "n 4 4"], true: Float[np.ndarray, "n 3"], weights: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, "n 3"]:
+    """True less predicted tool points, metres, with the frame and the tool point on the tool that make them least.
+
+    Args:
+        tool: poses of the tool that a calibration predicts, in the base.
+        true: the true tool points, in the base; some millimetres off, for which the equations are linear.
+        weights: how much each pose counts.
+    """
+    p = tool[:, :3, 3]
+    middle = np.average(p, axis=0, weights=weights)
+    A = np.concatenate([se3.by_twist(p - middle), tool[:, :3, :3]], axis=2)
+    root = np.sqrt(weights)
+    x = np.linalg.lstsq((A * root[:, None, None]).reshape(-1, 9), ((true - p) * root[:, None]).reshape(-1), rcond=1e-9)[
+        0
+    ]
+    return true - p - A @ x
+
+
+# Robots of a study: each drawn, measured in every way, identified with every model, and compared with the truth.
+
+TOGETHER = 16
+"""Robots that are tried at once: a study that is interrupted loses no more than what they take."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StudySetting:
+    """Everything that a robot of the study needs."""
+
+    task_q: Float[np.ndarray, "n joints"]
+    weights: Float[np.ndarray, " n"]
+    plans: Mapping[str, Float[np.ndarray, "count joints"]]
+    """Fixed plans, by kind and count."""
+    pool: Float[np.ndarray, "pool joints"]
+    cases: tuple[tuple[str, str, int], ...]
+    """Way to measure, kind of plan, number of poses."""
+    models: Mapping[str, FitOptions]
+    noise: TrackerNoise
+    seed: int
+    robots: VirtualRobots
+    aligned: bool = False
+    """Whether errors are those that are left once frames were taught."""
+
+
+class _Measured(NamedTuple):
+    """One robot, measured in one way."""
+
+    robot: int
+    observe: str
+    kind: str
+    poses: int
+    """How many were asked for."""
+    campaign: Campaign
+    truth: Truth
+    unexplained: Float[np.ndarray, "n 3"]
+    """What single poses of the task add, metres."""
+
+
+def robots_together(setting: StudySetting) -> int:
+    """How many robots are best tried at once: what is measured otherwise than by a tracker is identified one by one."""
+    fitted = (can_fit_together(_model_of(setting, name), options) for name, options in setting.models.items())
+    return TOGETHER if all(way == "tracker" for way, _, _ in setting.cases) and any(fitted) else 1
+
+
+def try_robots(setting: StudySetting, indices: Sequence[int]) -> list[tuple[int, list[dict[str, Any]]]]:
+    """All ways to measure, plans and models of some of the true robots; of each what it would be by itself."""
+    measured = [case for index in indices for case in _measure(setting, index)]
+    found = {name: _learn(setting, name, measured) for name in setting.models}
+    rows: dict[int, list[dict[str, Any]]] = {index: [] for index in indices}
+    for k, case in enumerate(measured):
+        for name in setting.models:
+            rows[case.robot].append(_compare(setting, case, name, found[name][k]))
+    return list(rows.items())
+
+
+def _measure(setting: StudySetting, index: int) -> list[_Measured]:
+    """One robot in every way and by every plan."""
+    rng = _own_numbers(setting, index)
+    robots = setting.robots
+    x, out = robots.draw(rng), list[_Measured]()
+    for observe, kind, count in setting.cases:
+        q = setting.plans.get(f"{kind} {count}")
+        if q is None:
+            q = setting.pool[rng.permutation(len(setting.pool))[:count]]
+        campaign, truth = robots.measure(x, q, setting.noise, rng, observe)
+        # the same for all plans, and drawn beside the robot, which does not depend on it
+        alone = np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index, 1)))
+        unexplained = robots.unexplained(truth, setting.task_q, alone)
+        out.append(_Measured(index, observe, kind, count, campaign, truth, unexplained))
+    return out
+
+
+def _model_of(setting: StudySetting, name: str) -> ErrorModel:
+    model = setting.robots.model
+    return ErrorModel(model.robot, lengths_only=model.lengths_only) if name in ("geometry", "auto") else model
+
+
+def _learn(setting: StudySetting, name: str, measured: Sequence[_Measured]) -> list[Calibration | Estimate | None]:
+    """What the model that a name stands for says of each campaign; None where nothing was learnt."""
+    model, options = _model_of(setting, name), setting.models[name]
+    campaigns = [case.campaign for case in measured]
+    together = [None] * len(campaigns) if name == "auto" else fit_together(model, campaigns, options)
+    out: list[Calibration | Estimate | None] = []
+    for campaign, found in zip(campaigns, together, strict=True):
+        try:
+            found = found or _identify(model, campaign, name, options)
+        except NothingLearntError:
+            found = None
+        if isinstance(found, Calibration) and not len(found.estimated) and options.keep != ():
+            found = None  # tracker frame and targets alone
+        out.append(found)
+    return out
+
+
+def _identify(model: ErrorModel, campaign: Campaign, name: str, options: FitOptions) -> Calibration:
+    if name == "auto":
+        return explain(model, campaign, options=options).calibration
+    return identify(model, campaign, options=options)
+
+
+def _compare(setting: StudySetting, case: _Measured, name: str, found: Calibration | Estimate | None) -> dict[str, Any]:
+    """The row of one robot, way to measure and model."""
+    robots, options = setting.robots, setting.models[name]
+    # where nothing is learnt, what is left to its user is the robot as it is
+    known = fit_nominal(robots.model, case.campaign, options) if found is None else found
+    off = _off(setting, known, case.truth)
+    error, single = np.linalg.norm(off, axis=1), np.linalg.norm(off - case.unexplained * 1e3, axis=1)
+    return {
+        "robot": case.robot,
+        "plan": case.kind,
+        "count": case.poses,
+        "model": name,
+        "rms_mm": float(np.sqrt(np.sum(setting.weights * error**2))),
+        "max_mm": float(error.max()),
+        "rms_with_model_error_mm": float(np.sqrt(np.sum(setting.weights * single**2))),
+        "observe": case.observe,
+        "learnt": found is not None,
+    }
+
+
+def _own_numbers(setting: StudySetting, index: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index,)))
+
+
+def _off(setting: StudySetting, calibration: Calibration | Estimate, truth: Truth) -> Float[np.ndarray, "n 3"]:
+    """Predicted less true tool points over the task, in the measuring frame, millimetres."""
+    q, way = setting.task_q, setting.robots.conditions(setting.task_q)
+    if not setting.aligned:
+        return (calibration.predict(q, way) - truth.points(q, way))[:, 0] * 1e3
+    true = truth.model.poses(q, truth.x, way)[:, :3, 3]
+    off = aligned_errors(calibration.tool_in_base(q, way), true, setting.weights)
+    return -1e3 * off @ truth.T_tracker_base[:3, :3].T
+
+
+def errors_before(setting: StudySetting, robots: int) -> tuple[float, ...]:
+    """What the nominal robot is off with frames that were taught with it, of every robot, metres."""
+    q, model = setting.task_q, setting.robots.model
+    way, out = setting.robots.conditions(q), list[float]()
+    for index in range(robots):
+        true = model.poses(q, setting.robots.draw(_own_numbers(setting, index)), way)[:, :3, 3]
+        off = aligned_errors(model.nominal.poses(q), true, setting.weights)
+        out.append(float(np.sqrt(setting.weights @ (off**2).sum(axis=1))))
+    return tuple(out)
+
+
+POOL = 2000
+"""Poses of the task's workspace that random plans are drawn from."""
+
+GROUPS = 4
+"""Of robots for each worker, at least: what is done is kept as often, and the last to end is not waited for long."""
+
+Rows = list[tuple[int, list[dict[str, Any]]]]
+"""Of robots, by their numbers."""
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Study:
+    """Task errors of every robot, plan, number of poses and model."""
+
+    rows: tuple[Mapping[str, Any], ...]
+    """One for each: robot, observe, plan, count, model; rms_mm and max_mm of the error of the predicted geometry over the task, and
+    rms_with_model_error_mm of single poses, which have the model error beside it; and whether anything was learnt from the
+    measurements, or else the nominal robot stands for the calibrated one, with its frames found."""
+    robots: int
+    seed: int
+    accuracy: float | None = None
+    """Needed by the task, metres."""
+    model_error: float = 0.0
+    """Standard deviation per axis of what no parameter explains at a pose, metres."""
+    model_error_origin: str = ""
+    """Where that comes from, in words."""
+    origin: str = "drawn from the tolerances"
+    """Where the robots' defects come from, in words."""
+    before: tuple[float, ...] = ()
+    """Where errors are those that are left once frames were taught: the same of every robot before it is calibrated, metres."""
+
+    def __repr__(self) -> str:
+        plans, models = ({row[key] for row in self.rows} for key in ("plan", "model"))
+        return (
+            f"Study({self.robots} robots, {len(plans)} plans, {len({row['count'] for row in self.rows})} numbers of poses, "
+            f"{len(models)} models: {len(self.rows)} rows, seed {self.seed})"
+        )
+
+    @property
+    def unlearnt(self) -> int:
+        """Rows with the nominal robot, since nothing was learnt from the measurements."""
+        return sum(not row.get("learnt", True) for row in self.rows)
+
+    @property
+    def aligned(self) -> bool:
+        """Whether errors are those that are left once frames were taught."""
+        return bool(self.before)
+
+    def spread_before(self) -> dict[str, float]:
+        """Median and 5 and 95 % quantiles over the robots of the error before calibration, metres; nothing without `before`."""
+        if not self.before:
+            return {}
+        return {
+            "median": float(np.median(self.before)),
+            "p05": float(np.percentile(self.before, 5)),
+            "p95": float(np.percentile(self.before, 95)),
+        }
+
+    @property
+    def geometry_allowance(self) -> float | None:
+        """What the accuracy leaves to the identified geometry, beside the model error of a single pose, metres.
+
+        None if no accuracy is stated; zero if the model error alone takes all of it.
+        """
+        return allow_geometry(self.accuracy, self.model_error)
+
+    def to_frame(self) -> "pd.DataFrame":
+        """All rows."""
+        import pandas as pd
+
+        return pd.DataFrame(list(self.rows))
+
+    def summary(self) -> list[dict[str, Any]]:
+        """Quantiles over the robots of the rms error, for each plan, count and model, in the order asked for.
+
+        Where the task states an accuracy, ``share_accurate`` is the share of robots that meet it at single poses.
+        """
+        groups: dict[tuple[str, str, int, str], list[Mapping[str, Any]]] = {}
+        for row in self.rows:
+            groups.setdefault((row["observe"], row["plan"], row["count"], row["model"]), []).append(row)
+        return [
+            {"observe": way, "plan": kind, "count": count, "model": model, **self._quantiles(rows)}
+            for (way, kind, count, model), rows in groups.items()
+        ]
+
+    def _quantiles(self, rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+        """Of the robots of one plan, count and model."""
+        geometry = np.array([row["rms_mm"] for row in rows])
+        single = np.array([row["rms_with_model_error_mm"] for row in rows])
+        accurate = {} if self.accuracy is None else {"share_accurate": float(np.mean(single <= self.accuracy * 1e3))}
+        return {
+            "median_mm": float(np.median(geometry)),
+            "p05_mm": float(np.percentile(geometry, 5)),
+            "p95_mm": float(np.percentile(geometry, 95)),
+            "rms_mm": float(np.sqrt(np.mean(np.square(geometry)))),
+            "rms_with_model_error_mm": float(np.sqrt(np.mean(np.square(single)))),
+            **accurate,
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """Former report: `summary`, and what the study rests on."""
+        warn_renamed("Study.to_json", "summary", stacklevel=2)
+        return {
+            "robots": self.robots,
+            "seed": self.seed,
+            "accuracy_mm": None if self.accuracy is None else self.accuracy * 1e3,
+            "model_error_mm": self.model_error * 1e3,
+            "model_error_origin": self.model_error_origin,
+            "summary": self.summary(),
+        }
+
+
+def study(
+    model: ErrorModel,
+    task: Task,
+    *,
+    engine: str = "loky",
+    workers: int = -1,
+    resume: str | Path | None = None,
+    progress: Progress = lambda done, total: None,
+    **options: Unpack[StudyChoices],
+) -> Study:
+    """Simulate many true robots and see how accurate the task becomes.
+
+    Args:
+        model: the model that the true robots are drawn from.
+        task: what the robot has to do.
+        engine: of joblib: ``loky``, ``threading``, ``sequential``, or ``dask:ADDRESS`` of a scheduler.
+        workers: how many; −1 for one per core.
+        resume: a file that keeps what is done; a study that was interrupted goes on from it.
+        progress: called with the robots done and their total.
+        **options: those of `StudyOptions`, each by its name, and all at once as ``options``; names replace what is in those.
+
+            ``robots``: how many true robots.
+
+            ``counts``: numbers of measured poses.
+
+            ``plans``: ``planned`` by `plan`, ``random`` or ``grid`` in the task's own workspace.
+
+            ``models``: ``all`` parameters, those ``selected`` for the task, the ``published`` ones, or ``published-damped``
+            without prior; ``geometry`` without the model's effects, or ``auto`` with those that the data prove (`explain`).
+
+            ``seed``: of everything.
+
+            ``noise``: the tracker's.
+
+            ``model_error``: standard deviation per axis of what no parameter explains, metres, which every robot has at every
+            pose; by default that of the robot's file, or of a typical robot (`model_error_of`).
+
+            ``calibration``: of this model; robots like that one, with defects and effects of the sizes that it found, and its
+            model error, in place of the tolerances.
+
+            ``observe``: how the robots are measured, each way as `simulate` has it; by a tracker by default.
+
+    Raises:
+        CampaignError: the calibration is of another robot or model, or has no prior.
+        UnknownName: a plan, model or engine that does not exist.
+        FileError: the file to resume from belongs to another study.
+        ReachError: the robot does not reach the task.
+    """
+    expect_kinds({"model": ErrorModel, "task": Task}, model=model, task=task)
+    chosen = StudyOptions.of(**options)
+    setting = _prepare(model, task, chosen)
+    done = _read(resume, setting)
+    progress(len(done), chosen.robots)
+    left = [index for index in range(chosen.robots) if index not in done]
+    with closing(_tried(setting, left, engine, workers)) as results:
+        for found in results:
+            done.update(found)
+            if resume is not None:
+                _append(Path(resume), setting, done)
+            progress(len(done), chosen.robots)
+    rows = [row for index in range(chosen.robots) for row in done[index]]
+    return Study(
+        rows=tuple(rows),
+        robots=chosen.robots,
+        seed=chosen.seed,
+        accuracy=task.accuracy,
+        model_error=setting.robots.model_error.position,
+        model_error_origin=setting.robots.model_error.source,
+        origin=setting.robots.origin,
+        before=errors_before(setting, chosen.robots) if setting.aligned else (),
+    )
+
+
+def _tried(setting: StudySetting, robots: list[int], engine: str, workers: int) -> Generator[Rows, None, None]:
+    """Rows of some robots after another, as they are done."""
+    function, most = partial(try_robots, setting), robots_together(setting)
+    if engine == "loky" and most > 1 and robots:
+        # here, so that what has to be compiled is compiled once, and said, before every worker would
+        yield function(robots[:1])
+        robots = robots[1:]
+    yield from side_by_side(function, _in_groups(robots, most, engine, workers), engine, workers)
+
+
+def _in_groups(robots: list[int], most: int, engine: str, workers: int) -> list[list[int]]:
+    """Robots that are tried at once, so many at most, and so few that every worker gets some groups."""
+    if workers < 1:
+        workers = 1 if engine == "sequential" else os.cpu_count() or 1
+    size = max(min(most, -(-len(robots) // (GROUPS * workers))), 1)
+    return [robots[first : first + size] for first in range(0, len(robots), size)]
+
+
+def _prepare(model: ErrorModel, task: Task, options: StudyOptions) -> StudySetting:
+    seed, noise = options.seed, options.noise or TrackerNoise()
+    robots = _robots(model, options)
+    model_error = robots.model_error
+    goal = reach_task(model, task, 200, seed)
+    room = enlarge(task, model) if options.aligned else measuring_task(model, task)
+    fixed: dict[str, np.ndarray] = {}
+    asked = PlanOptions(seed=seed, noise=noise, model_error=model_error.position)
+    planning = PoseChoice.among(model, task, asked) if "planned" in options.plans else None
+    for count in options.counts:
+        if planning is not None:
+            fixed[f"planned {count}"] = planning.choose(count).q
+        if "grid" in options.plans:
+            fixed[f"grid {count}"] = reach_task(model, room, count, 0).q
+    fits = {name: replace(_fit_of(robots, task, name), noise=noise) for name in options.models}
+    return StudySetting(
+        task_q=goal.q,
+        weights=goal.weights,
+        plans=fixed,
+        pool=reach_task(model, room, POOL, seed + 1).q,
+        cases=tuple(
+            (way, kind, count) for way in options.observe for count in options.counts for kind in options.plans
+        ),
+        models=fits,
+        noise=noise,
+        seed=seed,
+        robots=robots,
+        aligned=options.aligned,
+    )
+
+
+def _robots(model: ErrorModel, options: StudyOptions) -> VirtualRobots:
+    known = options.calibration
+    if known is None:
+        return VirtualRobots.of_tolerances(model, options.model_error)
+    if known.model.robot.digest != model.robot.digest or known.names != model.names:
+        raise CampaignError("the calibration is of another robot or model; study the calibration's own model")
+    return VirtualRobots.like(known, options.model_error)
+
+
+def _fit_of(robots: VirtualRobots, task: Task, name: str) -> FitOptions:
+    """Options of the identification that a model's name stands for."""
+    model = robots.model
+    if name == "selected":
+        return FitOptions(keep=select(model, task, model_error=robots.model_error.position).kept)
+    if name.startswith("published"):
+        if not model.robot.published.source:
+            raise TaskcalError(f"nothing is published of {model.robot.name}; leave out the model '{name}'")
+        return FitOptions(keep=published_kept(model), prior=None if name.endswith("damped") else "tolerances")
+    return FitOptions(prior=robots.prior) if name == "all" and robots.prior is not None else FitOptions()
+
+
+def _fingerprint(setting: StudySetting) -> str:
+    robots = setting.robots
+    out = hashlib.sha256((robots.model.robot.digest + " ".join(robots.model.names)).encode())
+    sizes = (
+        (1e6 * robots.deviations, 1e6 * robots.joint_error) if robots.deviations is not robots.model.tolerances else ()
+    )
+    for array in (setting.task_q, setting.weights, setting.pool, *setting.plans.values(), *sizes):
+        out.update(np.round(array, 9).tobytes())
+    models = {name: (options.keep, options.prior is None) for name, options in setting.models.items()}
+    cases = setting.cases if setting.aligned else [case[1:] for case in setting.cases]
+    out.update(
+        json.dumps(
+            [cases, models, setting.seed, vars(setting.noise), setting.robots.model_error.position],
+            sort_keys=True,
+        ).encode()
+    )
+    return out.hexdigest()[:16]
+
+
+def _read(resume: str | Path | None, setting: StudySetting) -> dict[int, list[dict[str, Any]]]:
+    if resume is None or not Path(resume).exists():
+        return {}
+    try:
+        data = json.loads(read_text(resume))
+        done = {int(index): [_row(row) for row in rows] for index, rows in data["robots"].items()}
+        fingerprint = data["study"]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise FileError(resume, "does not hold a study; name another file, or remove it") from error
+    if fingerprint != _fingerprint(setting):
+        raise FileError(resume, "holds a study of other settings; name another file, or remove it to start afresh")
+    return done
+
+
+def _row(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A row as it was written; a KeyError where it is not whole."""
+    row = {"observe": "tracker", "learnt": True, **row}
+    kinds = {"robot": int, "plan": str, "count": int, "model": str}
+    errors = {"rms_mm": float, "max_mm": float, "rms_with_model_error_mm": float, "observe": str, "learnt": bool}
+    return {key: kind(row[key]) for key, kind in (kinds | errors).items()}
+
+
+def _append(path: Path, setting: StudySetting, done: Mapping[int, list[dict[str, Any]]]) -> None:
+    content = {"study": _fingerprint(setting), "robots": {str(index): done[index] for index in sorted(done)}}
+    write_whole(path, json.dumps(content))

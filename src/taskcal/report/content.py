@@ -1,0 +1,393 @@
+"""What a report is made of: sections of short texts, tables, figures and commands."""
+
+import math
+import textwrap
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from taskcal.identification.calibration import Calibration
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+    from rich.console import Console
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A table of texts, the same on paper and in a terminal."""
+
+    kind: ClassVar[str] = "table"
+    title: str
+    header: tuple[str, ...]
+    groups: tuple[tuple[str, tuple[tuple[str, ...], ...]], ...]
+    """Rows in groups; each group has a heading over its rows, or none where that is empty."""
+    text_columns: tuple[int, ...] = (0,)
+    """Columns of words, set flush left; the others are numbers."""
+    note: str = ""
+    """What the table shows."""
+    folded: bool = False
+    """Whether a page shows it only on demand."""
+
+    @classmethod
+    def of_rows(
+        cls,
+        title: str,
+        header: tuple[str, ...],
+        rows: list[tuple[str, ...]],
+        *,
+        text_columns: tuple[int, ...] = (0,),
+        note: str = "",
+        folded: bool = False,
+    ) -> "Table":
+        """A table without groups."""
+        return cls(
+            title=title,
+            header=header,
+            groups=(("", tuple(rows)),),
+            text_columns=text_columns,
+            note=note,
+            folded=folded,
+        )
+
+    @property
+    def rows(self) -> tuple[tuple[str, ...], ...]:
+        """Those of all groups, without the headings."""
+        return tuple(row for _, rows in self.groups for row in rows)
+
+    def __len__(self) -> int:
+        return sum(len(rows) for _, rows in self.groups)
+
+
+@dataclass(frozen=True)
+class Text:
+    """Paragraphs."""
+
+    kind: ClassVar[str] = "text"
+    paragraphs: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Points:
+    """A list of short statements."""
+
+    kind: ClassVar[str] = "points"
+    items: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """A few numbers to remember, each with its unit and what it is."""
+
+    kind: ClassVar[str] = "numbers"
+    items: tuple[tuple[str, str, str], ...]
+
+
+@dataclass(frozen=True)
+class Commands:
+    """Lines to type into a terminal."""
+
+    kind: ClassVar[str] = "commands"
+    lines: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Chart:
+    """A figure, and how to read it."""
+
+    kind: ClassVar[str] = "chart"
+    title: str
+    figure: "go.Figure"
+    note: str = ""
+    least_width: int = 0
+    """CSS pixels under which a page scrolls it sideways, where it has many panels or labels."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scene:
+    """A figure in space that is turned with the mouse, and how to read it. All lengths are millimetres."""
+
+    kind: ClassVar[str] = "scene"
+    title: str
+    poses: tuple[Mapping[str, Any], ...] = ()
+    """A robot at some poses, as `robot_scene.draw_robot` has them; one is shown at a time."""
+    radius: float = 0.0
+    """Of the robot's first link."""
+    layers: tuple[Mapping[str, Any], ...] = ()
+    """Strokes, arrows, points and markers, each with a label and a colour."""
+    shown: int = 0
+    """Number of the pose that is shown first."""
+    scale: float | None = None
+    """Times that arrows are drawn longer than they are at first; None where there are no arrows."""
+    floor: bool = False
+    """Whether a grid at height zero and the axes of the base are drawn."""
+    note: str = ""
+
+    @property
+    def scale_decades(self) -> float:
+        """Where the slider stands at first."""
+        return math.log10(self.scale or 1.0)
+
+    def content(self) -> dict[str, Any]:
+        """What the page draws."""
+        return {
+            "poses": self.poses,
+            "radius": self.radius,
+            "layers": self.layers,
+            "shown": self.shown,
+            "scale": None if self.scale is None else {"start": self.scale},
+            "floor": self.floor,
+        }
+
+
+Block = Table | Text | Points | Numbers | Commands | Chart | Scene
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Section:
+    """A part of a report."""
+
+    title: str
+    blocks: tuple[Block, ...]
+
+
+# Tables and labelled lines as text of a given width, in which no word and no number is ever broken.
+#
+# A table that is too wide first folds its header, then its columns of words, between words; then it is turned on
+# its side, where it has few rows; then it leaves out columns that it can do without, and names them; else its rows
+# stand one below the other, cell by cell. A single word that is wider than the line stays whole.
+
+FEW_ROWS = 4
+"""Rows up to which a table that is too wide is turned on its side."""
+
+NARROWEST = 14
+"""Characters that a column of words keeps, if it has them."""
+
+GAP = 3
+"""Spaces between columns; one less where that lets a table fit."""
+
+Rows = Sequence[Sequence[str]]
+
+
+def lay_out_table(
+    header: Sequence[str],
+    groups: Sequence[tuple[str, Rows]],
+    left: Collection[int],
+    width: int,
+    spare: Sequence[int] = (),
+) -> list[str]:
+    """The lines of a table.
+
+    Args:
+        header: of the columns.
+        groups: of rows, each with a heading over them or none.
+        left: columns of words, set flush left; the others are numbers.
+        width: of the text, characters.
+        spare: columns that the table can do without where it is too wide, those that go first at the front.
+    """
+    rows = [row for _, group in groups for row in group]
+    for gap in (GAP, GAP - 1):
+        widths = _fit(header, rows, left, width - gap * (len(header) - 1) - 1)
+        if widths:
+            return _columns(header, groups, left, widths, gap)
+    if 0 < len(rows) <= FEW_ROWS and len(groups) == 1:
+        turned = [[name, *(row[k] for row in rows)] for k, name in enumerate(header)]
+        first, others = turned[0], turned[1:]
+        for gap in (GAP, GAP - 1):
+            widths = _fit(first, others, {0}, width - gap * len(rows) - 1)
+            if widths:
+                return _columns(first, [("", others)], {0}, widths, gap)
+    return _without_spare(header, groups, left, width, spare) or _stacked(header, groups, width)
+
+
+def _without_spare(
+    header: Sequence[str], groups: Sequence[tuple[str, Rows]], left: Collection[int], width: int, spare: Sequence[int]
+) -> list[str]:
+    """The lines of a table without as many of the spare columns as have to go; none where that is not enough."""
+    for number in range(1, len(spare) + 1):
+        gone = set(spare[:number])
+        stay = [k for k in range(len(header)) if k not in gone]
+        names = [header[k] for k in stay]
+        narrower = [(heading, [[row[k] for k in stay] for row in rows]) for heading, rows in groups]
+        words = [place for place, k in enumerate(stay) if k in left]
+        for gap in (GAP, GAP - 1):
+            room = width - gap * (len(stay) - 1) - 1
+            widths = _fit(names, [row for _, rows in narrower for row in rows], words, room)
+            if widths:
+                said = f"(not shown for want of width: {', '.join(header[k] for k in sorted(gone))})"
+                return [*_columns(names, narrower, words, widths, gap), *(f" {line}" for line in fold(said, width - 1))]
+    return []
+
+
+def lay_out_facts(facts: Iterable[tuple[str, str]], width: int) -> list[str]:
+    """Labelled texts, folded between words beside their labels."""
+    pairs = list(facts)
+    label_width = max((len(label) for label, _ in pairs), default=0)
+    indent = label_width + 2
+    out: list[str] = []
+    for label, text in pairs:
+        lines = [line for part in text.split("\n") for line in fold(part, max(width - indent, 1))]
+        out += [f"{label if number == 0 else '':<{indent}}{line}".rstrip() for number, line in enumerate(lines)]
+    return out
+
+
+def fold(text: str, width: int) -> list[str]:
+    """Lines of a text, cut between words alone."""
+    return textwrap.wrap(text, max(width, 1), break_long_words=False, break_on_hyphens=False) or [""]
+
+
+def _fit(header: Sequence[str], rows: Rows, left: Collection[int], room: int) -> list[int]:
+    """Widths of the columns that fit into so many characters; none where they cannot."""
+    cells = [[row[k] for row in rows] for k in range(len(header))]
+    whole = [max([len(name), *map(len, column)]) for name, column in zip(header, cells, strict=True)]
+    if sum(whole) <= room:
+        return whole
+    widths = [max([_longest_word(name), *map(len, column)]) for name, column in zip(header, cells, strict=True)]
+    least = [
+        max([_longest_word(name), min(width, NARROWEST), *map(_longest_word, column)]) if k in left else width
+        for k, (name, column, width) in enumerate(zip(header, cells, widths, strict=True))
+    ]
+    if sum(least) > room:
+        return []
+    while sum(widths) > room:
+        widest = max(range(len(widths)), key=lambda k: widths[k] - least[k])
+        widths[widest] -= 1
+    return widths
+
+
+def _longest_word(text: str) -> int:
+    return max(map(len, text.split()), default=0)
+
+
+def _columns(
+    header: Sequence[str], groups: Sequence[tuple[str, Rows]], left: Collection[int], widths: Sequence[int], gap: int
+) -> list[str]:
+    """A table of columns of these widths."""
+    depth = max(len(fold(name, width)) for name, width in zip(header, widths, strict=True))
+    lines = [fold(name, width) for name, width in zip(header, widths, strict=True)]
+    above = [[""] * (depth - len(parts)) + parts for parts in lines]  # units stand right above the numbers
+    out = [line for number in range(depth) for line in _row([parts[number] for parts in above], left, widths, gap)]
+    out.append(" " + "─" * (sum(widths) + gap * (len(widths) - 1)))
+    for heading, rows in groups:
+        if heading:
+            out += [f" {line}" for line in fold(heading, sum(widths) + gap * (len(widths) - 1))]
+        for row in rows:
+            out += _row(row, left, widths, gap)
+    return out
+
+
+def _row(cells: Sequence[str], left: Collection[int], widths: Sequence[int], gap: int) -> list[str]:
+    """The lines of one row; a cell folds where it has to."""
+    folded = [[cell] if len(cell) <= width else fold(cell, width) for cell, width in zip(cells, widths, strict=True)]
+    out: list[str] = []
+    for number in range(max(map(len, folded))):
+        texts = [lines[number] if number < len(lines) else "" for lines in folded]
+        set_out = [
+            f"{t:<{w}}" if k in left else f"{t:>{w}}" for k, (t, w) in enumerate(zip(texts, widths, strict=True))
+        ]
+        out.append(f" {(' ' * gap).join(set_out)}".rstrip())
+    return out
+
+
+def _stacked(header: Sequence[str], groups: Sequence[tuple[str, Rows]], width: int) -> list[str]:
+    """Rows one below the other: the first cell, then the others with their headers."""
+    out: list[str] = []
+    for heading, rows in groups:
+        out += [f" {line}" for line in fold(heading, width - 1)] if heading else []
+        for row in rows:
+            out += [f" {line}" for line in fold(f"{header[0]} {row[0]}".strip(), width - 1)]
+            named = [(f"   {name}", cell) for name, cell in zip(header[1:], row[1:], strict=True) if cell]
+            out += lay_out_facts(named, width)
+    return out
+
+
+# A report's tables in a terminal.
+
+
+def print_tables(console: "Console", tables: "Iterable[Table]") -> None:
+    """Print tables one below the other, what each shows under it."""
+    from rich.text import Text
+
+    for table in tables:
+        for line in fold(table.title, console.width):
+            console.print(Text(line, style="bold"), soft_wrap=True)
+        for line in lay_out_table(table.header, table.groups, table.text_columns, console.width):
+            console.print(Text(line), soft_wrap=True)
+        for line in fold(table.note, console.width) if table.note else ():
+            console.print(Text(line, style="dim"), soft_wrap=True)
+        console.print()
+
+
+# The unit of short lengths on a page: one of them throughout.
+
+
+@dataclass(frozen=True)
+class LengthUnit:
+    """Millimetres or micrometres, and the digits that are worth reading."""
+
+    name: str
+    factor: float
+    """From metres."""
+    digits: int
+    """Behind the point: a tenth of a micrometre for what was computed, a micrometre for what was measured."""
+
+
+MILLIMETRES = LengthUnit("mm", 1e3, 3)
+MICROMETRES = LengthUnit("µm", 1e6, 1)
+
+
+# Numbers with as many digits as they are worth.
+
+DIGITS = 2
+"""Of an uncertainty that are worth stating (GUM:2008, 7.2.6)."""
+
+COVERAGE = 1.96
+"""Standard uncertainties on either side of an interval that holds 95 % of a normal distribution."""
+
+
+def decimals_of(uncertainty: float) -> int:
+    """Digits behind the point that an uncertainty leaves worth stating."""
+    if not 0.0 < uncertainty < math.inf:
+        return 4
+    return min(max(DIGITS - 1 - math.floor(math.log10(uncertainty)), 0), 9)
+
+
+def with_interval(value: float, uncertainty: float) -> tuple[str, str]:
+    """A value and its 95 % interval, with the same digits.
+
+    Args:
+        value: the best estimate.
+        uncertainty: its standard uncertainty.
+    """
+    digits = decimals_of(uncertainty)
+    half = COVERAGE * uncertainty
+    return signed(value, digits), f"{signed(value - half, digits)} to {signed(value + half, digits)}"
+
+
+def signed(value: float, digits: int) -> str:
+    """A number with its sign; nothing has none."""
+    text = f"{value:+.{digits}f}".replace("-", "−")
+    return text if float(text.replace("−", "-")) else f"{0.0:.{digits}f}"
+
+
+# Where the figures of model error and prior scale come from, in words.
+
+
+def model_error_origin(calibration: Calibration) -> str:
+    """Whether the model error was given, found, or none was found."""
+    if calibration.provenance.options.get("model_error", "estimate") != "estimate":
+        return "as given"
+    if not any(calibration.model_error):
+        return "none shows beside the tracker's noise"
+    return f"what geometry {'and effects leave' if calibration.model.effects else 'leaves'} unexplained"
+
+
+def state_model_error(millimetres: float, origin: str, milliradians: float | None = None) -> str:
+    """The model error that a plan, a study or a choice of parameters rests on, and where it comes from."""
+    rotation = "" if milliradians is None else f" and {milliradians:.3g} mrad"
+    return f"{millimetres:.3g} mm{rotation} per axis at every pose: {origin}"
+
+
+def prior_scale_origin(calibration: Calibration) -> str:
+    """What is to be added to the prior's scale, if anything."""
+    return "as given" if calibration.provenance.options.get("prior_scale", "estimate") != "estimate" else ""

@@ -1,0 +1,318 @@
+"""A report as one self-contained page: nothing is fetched when it is opened."""
+
+import base64
+import html
+import json
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+import unicodedata
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Literal, get_args
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
+
+from taskcal.errors import TaskcalError, printable
+from taskcal.report.content import Chart, Commands, Numbers, Points, Scene, Section, Table, Text
+from taskcal.report.theme import figure_json
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Page:
+    """A report, before it is written as a page or as text."""
+
+    title: str
+    sections: tuple[Section, ...]
+    """In order; each gets an entry in the table of contents."""
+    lead: str = ""
+    """A sentence or two under the title."""
+    footer: str = ""
+    """Where the numbers come from."""
+    header: tuple[tuple[str, str], ...] = ()
+    """Whom and what it is for: labels and what belongs to them."""
+
+    def html(self) -> str:
+        """The page, with its figures and, once, the library that draws them (about 5 MB)."""
+        kinds = {block.kind for section in self.sections for block in section.blocks}
+        return _template().render(
+            page=self,
+            chart_json=_chart_json,
+            scene_json=_scene_json,
+            plotly=Markup(get_plotlyjs()) if Chart.kind in kinds else "",  # noqa: S704 - a library's own text
+            scenes=Markup(_script("scene.js")) if Scene.kind in kinds else "",  # noqa: S704 - ours
+            behaviour=Markup(_script("page.js")),  # noqa: S704 - ours
+        )
+
+
+def report_html(title: str, sections: Sequence[Section], *, lead: str = "", footer: str = "") -> str:
+    """A report as a page.
+
+    Args:
+        title: of the page.
+        sections: in order.
+        lead: a sentence or two under the title.
+        footer: where the numbers come from.
+    """
+    return Page(title=title, sections=tuple(sections), lead=lead, footer=footer).html()
+
+
+def _chart_json(chart: Chart) -> Markup:
+    return _for_script(figure_json(chart.figure))
+
+
+def _scene_json(scene: Scene) -> Markup:
+    return _for_script(json.dumps(scene.content(), ensure_ascii=False, allow_nan=False, separators=(",", ":")))
+
+
+def _for_script(text: str) -> Markup:
+    """Data for a script element, which only a closing tag could end."""
+    return Markup(text.replace("<", "\\u003c"))  # noqa: S704 - escaped here
+
+
+@cache
+def _script(name: str) -> str:
+    return (files("taskcal.report") / name).read_text(encoding="utf-8")
+
+
+@cache
+def _template() -> Template:
+    environment = Environment(
+        loader=PackageLoader("taskcal", "report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html.j2")
+
+
+# A browser without a window, which draws what pages show: Chromium or one of its kin, as it is installed.
+
+NAMES = (
+    "chromium",
+    "chromium-browser",
+    "google-chrome",
+    "google-chrome-stable",
+    "chrome",
+    "msedge",
+    "microsoft-edge",
+    "brave-browser",
+)
+"""Programs that will do, the first that is found."""
+
+VARIABLE = "TASKCAL_BROWSER"
+"""Of the environment; names the program where it is called otherwise, or stands elsewhere."""
+
+PATIENCE = 120.0
+"""Seconds."""
+
+
+def find_browser() -> str:
+    """The program.
+
+    Raises:
+        TaskcalError: there is none.
+    """
+    named = os.environ.get(VARIABLE)
+    for name in (named,) if named else NAMES:
+        program = shutil.which(name)
+        if program:
+            return program
+    missing = f"{VARIABLE} names {named}, which is not a program" if named else "none was found"
+    raise TaskcalError(
+        f"figures are drawn by a browser, and {missing}: install Chromium, Chrome or Edge, or let {VARIABLE} name it"
+    )
+
+
+def run_browser(page: Path, arguments: Sequence[str]) -> str:
+    """Open a page without a window, and give back what the browser prints.
+
+    Args:
+        page: file.
+        arguments: what to do with it, such as ``--dump-dom``.
+
+    Raises:
+        TaskcalError: there is no browser, or it fails.
+    """
+    program = find_browser()
+    with tempfile.TemporaryDirectory(prefix="taskcal-browser-", ignore_cleanup_errors=True) as profile:
+        command = [
+            program,
+            "--headless=new",
+            "--disable-gpu",
+            "--no-first-run",
+            "--hide-scrollbars",
+            f"--user-data-dir={profile}",
+        ]
+        if hasattr(os, "geteuid") and os.geteuid() == 0:
+            command.append("--no-sandbox")  # Chromium refuses to run as root otherwise
+        command += ["--virtual-time-budget=20000", *arguments, page.resolve().as_uri()]
+        try:
+            done = subprocess.run(command, capture_output=True, timeout=PATIENCE, check=False)
+        except (OSError, subprocess.TimeoutExpired) as failure:
+            raise TaskcalError(f"the browser {program} did not draw the figures: {failure}") from failure
+    if done.returncode:
+        said = done.stderr.decode(errors="replace").strip().splitlines()
+        raise TaskcalError(
+            f"the browser {program} failed with status {done.returncode}{f': {said[-1]}' if said else ''}"
+        )
+    return done.stdout.decode(errors="replace")
+
+
+# Figures of a report as files of their own: PNG, SVG or PDF.
+
+FigureFormat = Literal["png", "svg", "pdf"]
+
+FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
+
+_DRAWN = re.compile(r'<pre id="figure-files">(.*?)</pre>', re.DOTALL)
+
+
+def figures_of(page: "Page") -> dict[str, str]:
+    """Name of a file, without its ending, by the title of each figure, in order."""
+    titles = [block.title for section in page.sections for block in section.blocks if isinstance(block, Chart | Scene)]
+    return {title: f"{number:02d}-{_slug(title)}" for number, title in enumerate(titles, start=1)}
+
+
+def draw_figures(page: "Page", kind: FigureFormat) -> dict[str, bytes]:
+    """Every figure of a page, by the title.
+
+    Args:
+        page: the report.
+        kind: of the files.
+
+    Raises:
+        TaskcalError: no browser is installed, or it fails.
+    """
+    figures = [block for section in page.sections for block in section.blocks if isinstance(block, Chart | Scene)]
+    if not figures:
+        return {}
+    alone = replace(page, sections=(Section(title=page.title, blocks=tuple(figures)),), header=())
+    with tempfile.TemporaryDirectory(prefix="taskcal-figures-") as folder:
+        place = Path(folder)
+        file = place / "figures.html"
+        file.write_text(
+            alone.html().replace("<html", f'<html data-export="{"svg" if kind == "svg" else "png"}"', 1), "utf-8"
+        )
+        found = _DRAWN.search(run_browser(file, ["--dump-dom"]))
+        if found is None:
+            raise TaskcalError("the browser drew no figures; is it Chromium, Chrome or Edge of the last three years?")
+        drawn = [_decoded(text) for text in json.loads(html.unescape(found[1]))]
+        if kind == "pdf":
+            drawn = [_printed(place, png) for png in drawn]
+    return dict(zip((figure.title for figure in figures), drawn, strict=True))
+
+
+def _printed(folder: Path, png: bytes) -> bytes:
+    """A picture on a sheet of its own size."""
+    wide, high = int.from_bytes(png[16:20], "big"), int.from_bytes(png[20:24], "big")  # of a PNG's first chunk
+    sheet, out = folder / "sheet.html", folder / "sheet.pdf"
+    data = base64.b64encode(png).decode()
+    sheet.write_text(
+        f"<!DOCTYPE html><title>figure</title><style>@page{{size:{wide / 2}px {high / 2}px;margin:0}}body{{margin:0}}"
+        f"img{{width:{wide / 2}px;display:block}}</style><img src='data:image/png;base64,{data}'>",
+        "utf-8",
+    )
+    run_browser(sheet, [f"--print-to-pdf={out}", "--no-pdf-header-footer"])
+    return out.read_bytes()
+
+
+def _decoded(address: str) -> bytes:
+    """The content of a data address."""
+    head, _, data = address.partition(",")
+    if head.endswith("base64"):
+        return base64.b64decode(data)
+    from urllib.parse import unquote_to_bytes
+
+    return unquote_to_bytes(data)
+
+
+def _slug(title: str) -> str:
+    """Letters and digits of a title, for a file's name."""
+    plain = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode().lower()
+    return re.sub(r"[^a-z0-9]+", "-", plain).strip("-")[:60]
+
+
+# A report as Markdown text: the same words, numbers and tables, with the figures beside it, if they were written.
+
+
+def as_markdown(page: Page, figures: Mapping[str, str] | None = None) -> str:
+    """The text.
+
+    Args:
+        page: the report.
+        figures: file of each figure by its title; without, a figure is its title and what to see in it.
+    """
+    out = [f"# {_plain(page.title)}"]
+    out += [_plain(page.lead)] if page.lead else []
+    out += ["\n".join(f"- {_plain(label)}: {_plain(text)}" for label, text in page.header)] if page.header else []
+    for number, section in enumerate(page.sections, start=1):
+        out.append(f"## {number}. {_plain(section.title)}")
+        out += _blocks(section, figures or {})
+    out += [f"*{_plain(page.footer)}*"] if page.footer else []
+    return "\n\n".join(out) + "\n"
+
+
+def _blocks(section: Section, figures: Mapping[str, str]) -> list[str]:
+    out: list[str] = []
+    for block in section.blocks:
+        match block:
+            case Text(paragraphs):
+                out += [_plain(paragraph) for paragraph in paragraphs]
+            case Points(items):
+                out.append("\n".join(f"- {_plain(item)}" for item in items))
+            case Numbers(items):
+                out.append(
+                    "\n".join(
+                        f"- **{_plain(f'{value} {unit}'.strip())}** {_plain(said)}" for value, unit, said in items
+                    )
+                )
+            case Commands(lines):
+                out.append(_fenced(lines))
+            case Table():
+                out += _table(block)
+            case Chart() | Scene():
+                out += _figure(block, figures)
+    return out
+
+
+def _figure(block: Chart | Scene, figures: Mapping[str, str]) -> list[str]:
+    title, file = _plain(block.title), figures.get(block.title)
+    shown = f"![{title}]({file})" if file else f"**Figure: {title}**"
+    return [shown, _plain(block.note)] if block.note else [shown]
+
+
+def _table(table: Table) -> list[str]:
+    if not len(table):
+        return []
+    marks = [":--" if k in table.text_columns else "--:" for k in range(len(table.header))]
+    lines = [_row(table.header), "|".join(["", *marks, ""])]
+    for heading, rows in table.groups:
+        lines += [_row((heading, *([""] * (len(table.header) - 1))))] if heading else []
+        lines += [_row(row) for row in rows]
+    out = [f"**{_plain(table.title)}**", "\n".join(lines)]
+    return [*out, _plain(table.note)] if table.note else out
+
+
+def _row(cells: tuple[str, ...]) -> str:
+    return f"| {' | '.join(_plain(cell) for cell in cells)} |"
+
+
+def _fenced(lines: str) -> str:
+    """Lines as they are, between fences longer than any that a name in them could be."""
+    fence = "`" * (1 + max([2, *map(len, re.findall("`+", lines))]))
+    shown = printable(lines, keep="\n")
+    return f"{fence}\n{shown}\n{fence}"
+
+
+def _plain(text: str) -> str:
+    """Text on one line in which nothing of a file's names acts as Markdown or HTML, or commands a terminal that shows it."""
+    return re.sub(r"([\\`*_~\[\]<>|#]|&(?=#?\w+;))", r"\\\1", printable(" ".join(text.split())))

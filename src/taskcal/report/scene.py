@@ -1,0 +1,234 @@
+"""A calibrated robot in space: itself at measured poses, where it was measured, and how far it was off before and after."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.validation import MeasuredErrors
+from taskcal.report.content import Scene
+from taskcal.report.theme import BLUE, INK, PURPLE, VERMILION
+from taskcal.robot.mechanism import trace_skeleton
+from taskcal.robot.robot import Robot
+from taskcal.task.workspace import Workspace
+
+# Layers that several scenes in space share.
+
+
+def to_mm(points: Float[np.ndarray, "k 3"]) -> list[list[float]]:
+    """Millimetres, to a tenth."""
+    return np.round(np.asarray(points) * 1e3, 1).tolist()
+
+
+def spread_rows(count: int, most: int) -> np.ndarray:
+    """Numbers of at most so many rows, spread evenly over all."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int)) if count else np.zeros(0, dtype=int)
+
+
+def workspace_layer(space: Workspace) -> Mapping[str, Any]:
+    """The edges of a workspace."""
+    edges = outline(space)
+    gaps = np.flatnonzero(np.isnan(edges[:, 0]))
+    strokes = [to_mm(stroke[np.isfinite(stroke[:, 0])]) for stroke in np.split(edges, gaps)]
+    return {
+        "kind": "strokes",
+        "label": "workspace of the task",
+        "colour": PURPLE,
+        "width": 2.2,
+        "at": [stroke for stroke in strokes if stroke],
+    }
+
+
+def coloured_points(
+    label: str,
+    points: Float[np.ndarray, "k 3"],
+    values: Float[np.ndarray, " k"],
+    span: tuple[float, float],
+    tips: Sequence[str],
+) -> Mapping[str, Any]:
+    """Points from dark to bright by a value each.
+
+    Args:
+        label: of the layer, with what the colours mean.
+        points: metres.
+        values: of the points.
+        span: values of the darkest and the brightest colour.
+        tips: what is said of each point.
+    """
+    return {
+        "kind": "points",
+        "label": label,
+        "size": 4,
+        "at": to_mm(points),
+        "values": np.round(values, 5).tolist(),
+        "least": span[0],
+        "most": span[1],
+        "tips": list(tips),
+    }
+
+
+def outline(space: Workspace) -> Float[np.ndarray, "k 3"]:
+    """Edges of a workspace in the base, metres; NaN between the strokes."""
+    if space.shape == "box":
+        corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) - 0.5
+        rings = [np.c_[corners, np.full(5, side)] for side in (-0.5, 0.5)]
+        posts = [np.array([[*corner, -0.5], [*corner, 0.5]]) for corner in corners[:4]]
+    else:
+        angle = np.linspace(0.0, 2.0 * np.pi, 49)
+        circle = 0.5 * np.c_[np.cos(angle), np.sin(angle)]
+        rings = [np.c_[circle, np.full(49, side)] for side in (-0.5, 0.5)]
+        posts = [np.array([[*circle[k], -0.5], [*circle[k], 0.5]]) for k in (0, 12, 24, 36)]
+    gap = np.full((1, 3), np.nan)
+    local = np.concatenate([part for stroke in (*rings, *posts) for part in (stroke, gap)]) * space.size
+    in_frame = space.center + local @ space.turned.T
+    return in_frame @ space.T_base_frame[:3, :3].T + space.T_base_frame[:3, 3]
+
+
+MAX_POSES = 60
+"""At which a page can show the robot."""
+
+MAX_ARROWS = 400
+"""Of each kind; of more points some are shown, spread evenly over the rows."""
+
+THICKNESS = 0.025
+"""Radius at which the first link is drawn, over the robot's reach."""
+
+ARROW = 0.06
+"""Length at which the median error is drawn at first, over the robot's reach."""
+
+FAR = 1.6
+"""Reaches beyond which the tracker is only pointed at."""
+
+
+def robot_scene(calibration: Calibration, errors: MeasuredErrors, space: Workspace | None) -> Scene:
+    """The robot with its errors.
+
+    Args:
+        calibration: the calibration.
+        errors: before and after, at the rows that were fitted.
+        space: the task's workspace, if there is one.
+    """
+    robot = calibration.model.robot
+    rows = spread_rows(len(errors.q), MAX_POSES)
+    names = [f"id {calibration.ids[row]}" for row in rows]
+    after, before = errors.after[..., :3].reshape(-1, 3), errors.before[..., :3].reshape(-1, 3)
+    seen = np.flatnonzero(np.isfinite(after[:, 0]))
+    seen = seen[spread_rows(len(seen), MAX_ARROWS)]
+    at = errors.points.reshape(-1, 3)[seen]
+    targets = after.shape[0] // len(errors.q)
+    tips = [
+        f"id {calibration.ids[k // targets]}, {calibration.targets[k % targets]}: {_length(before[k]):.3f} mm before, "
+        f"{_length(after[k]):.3f} mm after"
+        for k in seen
+    ]
+    layers: list[Mapping[str, Any]] = [
+        {"kind": "points", "label": "measured points", "colour": INK, "size": 2.2, "at": to_mm(at), "tips": tips},
+        _arrows("error before", before[seen], at, VERMILION, width=1.3, dash=True),
+        _arrows("error after", after[seen], at, BLUE, width=2.4),
+    ]
+    if space is not None:
+        layers.append(workspace_layer(space))
+    layers.append(_tracker(calibration))
+    typical = float(np.median(np.linalg.norm(before[seen], axis=1))) if len(seen) else 0.0
+    return Scene(
+        title="The robot, where it was measured, and how far it was off",
+        poses=draw_robot(robot, errors.q[rows], names),
+        radius=link_radius(robot) * 1e3,
+        layers=tuple(layers),
+        shown=len(rows) // 2,
+        scale=nice_scale(ARROW * robot.reach / typical) if typical > 0.0 else None,
+        floor=True,
+        note=_note(calibration, len(seen), int(np.isfinite(after[:, 0]).sum())),
+    )
+
+
+def _note(calibration: Calibration, shown: int, points: int) -> str:
+    some = f" Arrows at {shown} of {points} points." if shown < points else ""
+    loosely = (
+        " Effects that depend on how a pose is reached are drawn as in the middle of their range."
+        if calibration.model.conditioned
+        else ""
+    )
+    return (
+        "Look at the arrows: dashed ones show where the nominal robot was off, solid ones what is left, both from the predicted "
+        f"to the measured point and drawn much longer than they are.{some} Fixed parts are drawn as straight lines of the robot's "
+        f"own dimensions, not as its castings.{loosely}"
+    )
+
+
+def draw_robot(robot: Robot, q: Float[np.ndarray, "n joints"], names: Sequence[str]) -> tuple[Mapping[str, Any], ...]:
+    """A robot's lines at some poses, as a scene takes them, millimetres.
+
+    Args:
+        robot: the robot.
+        q: joint positions, radians.
+        names: of the poses.
+    """
+    drawn = trace_skeleton(robot, q)
+    return tuple(
+        {
+            "name": name,
+            "links": [to_mm(_corners(link[k])) for link in drawn.links],
+            "joints": [
+                [to_mm(origin[None])[0], np.round(axis, 4).tolist()]
+                for origin, axis in zip(drawn.origins[k], drawn.axes[k], strict=True)
+            ],
+            "loop": [to_mm(bar[k]) for bar in drawn.loop],
+        }
+        for k, name in enumerate(names)
+    )
+
+
+def _corners(link: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "m 3"]:
+    """The corners of a link without those that lie on the one before."""
+    apart = np.linalg.norm(np.diff(link, axis=0), axis=1) > 1e-6
+    return link[np.concatenate([[True], apart])]
+
+
+def link_radius(robot: Robot) -> float:
+    """At which the first link is drawn, metres: thin, so that it hides little."""
+    return THICKNESS * robot.reach
+
+
+def _arrows(
+    label: str,
+    errors: Float[np.ndarray, "k 3"],
+    at: Float[np.ndarray, "k 3"],
+    colour: str,
+    *,
+    width: float,
+    dash: bool = False,
+) -> Mapping[str, Any]:
+    return {
+        "kind": "arrows",
+        "label": label,
+        "colour": colour,
+        "width": width,
+        "dash": dash,
+        "at": to_mm(at),
+        "by": np.round(errors * 1e3, 5).tolist(),
+    }
+
+
+def _tracker(calibration: Calibration) -> Mapping[str, Any]:
+    """Where the measuring frame is, or the direction in which it lies."""
+    T, reach = calibration.T_tracker_base, calibration.model.robot.reach
+    at = -T[:3, :3].T @ T[:3, 3]
+    away = float(np.linalg.norm(at))
+    if away <= FAR * reach:
+        label = "origin of the measuring frame" if away < 0.1 * reach else "tracker"
+        return {"kind": "marker", "label": label, "colour": INK, "at": to_mm(at[None])}
+    end = at / away * FAR * reach
+    return {"kind": "marker", "label": f"to the tracker, {away:.1f} m away", "colour": INK, "at": to_mm(end[None])}
+
+
+def nice_scale(scale: float) -> float:
+    """The nearest 1, 2 or 5 of a decade, from 1 to 10 000."""
+    choices = np.array([m * 10.0**k for k in range(4) for m in (1, 2, 5)] + [1e4])
+    return float(choices[np.argmin(np.abs(np.log(choices / max(scale, 1e-9))))])
+
+
+def _length(error: Float[np.ndarray, " 3"]) -> float:
+    return float(np.linalg.norm(error)) * 1e3

@@ -1,0 +1,615 @@
+"""Robots from URDF files: the chain between two links, as the content of a robot file."""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, cast, get_args
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.errors import FileError, TaskcalError, UnknownName, shown
+from taskcal.geometry import se3
+from taskcal.io.xml_file import Element, parse_xml, read_xml
+from taskcal.robot.robot_file import robot_from
+
+# URDF, the robot description of ROS: links and joints of a file, with the lines they stand in.
+
+UrdfKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
+
+FARTHEST = 1e3
+"""Metres or radians of any number that places something; larger ones stand for none."""
+
+MOST_RAD = 8.0 * np.pi
+"""Of an angle in the file, four turns: cables stop real joints sooner, and no part is turned so often. Degrees are more."""
+
+CLOSING = ("loop_joint", "closure", "constraint", "loop")
+"""Elements by which dialects close a loop, which URDF itself cannot."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mimic:
+    """A joint's value as another's."""
+
+    joint: str
+    multiplier: float
+    offset: float
+    """Radians or metres."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class UrdfJoint:
+    """A joint of the file."""
+
+    name: str
+    kind: UrdfKind
+    parent: str
+    child: str
+    origin: Float[np.ndarray, "4 4"]
+    """Pose of the child in the parent, where the joint is at zero."""
+    axis: Float[np.ndarray, " 3"]
+    """Of unit length, in the child."""
+    limits: tuple[float, float] | None
+    """Radians or metres; None where none are stated."""
+    speed: float | None
+    """Radians or metres per second."""
+    mimic: Mimic | None
+    remark: str
+    """What was made of unusual limits; empty where they are as usual."""
+    line: int
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is anything but fixed."""
+        return self.kind != "fixed"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class UrdfTree:
+    """Links and joints of a file: a tree with one root."""
+
+    path: Path
+    name: str
+    links: tuple[str, ...]
+    above: dict[str, UrdfJoint]
+    """The joint that each link hangs on, by the link's name; none for the root."""
+
+    @property
+    def joints(self) -> dict[str, UrdfJoint]:
+        """By name."""
+        return {joint.name: joint for joint in self.above.values()}
+
+    @property
+    def root(self) -> str:
+        """The link that hangs on none."""
+        return next(link for link in self.links if link not in self.above)
+
+    @property
+    def leaves(self) -> tuple[str, ...]:
+        """Links on which nothing hangs."""
+        parents = {joint.parent for joint in self.above.values()}
+        return tuple(link for link in self.links if link not in parents)
+
+    def path_to(self, link: str) -> list[UrdfJoint]:
+        """Joints from the root to a link."""
+        out: list[UrdfJoint] = []
+        while link in self.above:
+            out.append(self.above[link])
+            link = self.above[link].parent
+        return out[::-1]
+
+
+def read_urdf_tree(path: Path) -> UrdfTree:
+    """Links and joints of a URDF file.
+
+    Raises:
+        FileError: it is not XML, not a URDF, or its joints make no tree.
+    """
+    return _tree(path, read_xml(path))
+
+
+def parse_urdf_tree(path: Path, content: bytes) -> UrdfTree:
+    """Links and joints of a URDF that was made of a file; errors as of `read_urdf_tree`."""
+    return _tree(path, parse_xml(path, content))
+
+
+def _tree(path: Path, root: Element) -> UrdfTree:
+    if root.tag != "robot":
+        raise FileError(path, f"is not a URDF: its root is <{shown(root.tag, 40)}>, not <robot>", line=root.line)
+    if any(tag.tag.startswith("xacro:") for tag in root.children):
+        raise FileError(path, "is a xacro file, not a URDF; name it .xacro, so that its macros are carried out")
+    for tag in CLOSING:
+        closing = root.first(tag)
+        if closing is not None:
+            message = (
+                f"closes a loop by <{tag}>, which URDF does not define; describe the loop as [four_bar] of a robot file"
+            )
+            raise FileError(path, message, line=closing.line)
+    links = [_attribute(path, link, "name") for link in root.all("link")]
+    joints = [_joint(path, element) for element in root.all("joint")]
+    if not joints:
+        raise FileError(path, "has no joints; is it the right file?")
+    _see_all_differ(path, [*root.all("link")], links, "links")
+    _see_all_differ(path, [*root.all("joint")], [joint.name for joint in joints], "joints")
+    return _joined(path, root.attributes.get("name", ""), links, joints)
+
+
+def _joined(path: Path, name: str, links: list[str], joints: list[UrdfJoint]) -> UrdfTree:
+    above: dict[str, UrdfJoint] = {}
+    known = set(links)
+    for joint in joints:
+        for link in (joint.parent, joint.child):
+            if link not in known:
+                message = f"joint '{shown(joint.name)}' hangs on link '{shown(link)}', which the file does not have"
+                raise FileError(path, message, line=joint.line)
+        if joint.child in above:
+            first = above[joint.child]
+            raise FileError(
+                path,
+                f"link '{shown(joint.child)}' hangs on two joints, '{shown(first.name)}' and '{shown(joint.name)}': a closed loop, "
+                "which URDF cannot hold; describe it as [four_bar] of a robot file",
+                line=joint.line,
+            )
+        above[joint.child] = joint
+    roots = [link for link in links if link not in above]
+    if len(roots) != 1:
+        named = ", ".join(f"'{shown(link, 40)}'" for link in roots[:4]) or "none, its joints go round in a circle"
+        raise FileError(path, f"must have one link that hangs on no joint; it has {named}")
+    tree = UrdfTree(path=path, name=name, links=tuple(links), above=above)
+    _see_a_tree(tree)
+    _see_mimics(tree)
+    return tree
+
+
+def _see_a_tree(tree: UrdfTree) -> None:
+    """See that all links hang on the root: joints beside it may go round in a circle."""
+    below: dict[str, list[UrdfJoint]] = {}
+    for joint in tree.above.values():
+        below.setdefault(joint.parent, []).append(joint)
+    reached, waiting = 1, [tree.root]
+    while waiting:
+        children = [joint.child for joint in below.get(waiting.pop(), ())]
+        reached += len(children)
+        waiting += children
+    if reached < len(tree.links):
+        raise FileError(tree.path, "has joints that go round in a circle, apart from its root; a URDF is a tree")
+
+
+def _see_mimics(tree: UrdfTree) -> None:
+    """See that every mimic names a joint that moves, and none follows itself."""
+    joints = tree.joints
+    for joint in joints.values():
+        followed, turns = joint, 0
+        while followed.mimic is not None:
+            other = joints.get(followed.mimic.joint)
+            if other is None or not other.moves:
+                message = f"joint '{shown(followed.name)}' mimics '{shown(followed.mimic.joint)}', which is no joint that moves"
+                raise FileError(tree.path, message, line=followed.line)
+            followed, turns = other, turns + 1
+            if turns > len(joints):
+                raise FileError(
+                    tree.path, f"joint '{shown(joint.name)}' mimics itself by way of others", line=joint.line
+                )
+
+
+def _see_all_differ(path: Path, elements: list[Element], names: list[str], what: str) -> None:
+    seen: set[str] = set()
+    for element, name in zip(elements, names, strict=True):
+        if name in seen:
+            raise FileError(path, f"two {what} are named '{shown(name)}'", line=element.line)
+        seen.add(name)
+
+
+def _joint(path: Path, element: Element) -> UrdfJoint:
+    name = _attribute(path, element, "name")
+    kind = _attribute(path, element, "type")
+    if kind not in get_args(UrdfKind):
+        error = UnknownName("type", kind, get_args(UrdfKind), f"of joint '{shown(name)}'")
+        raise FileError(path, str(error), line=element.line)
+    axis, mimic = element.first("axis"), element.first("mimic")
+    pose = placed_at(path, element.first("origin"), f"joint '{shown(name)}'")
+    limits, speed = _limits(path, element, name, sliding=kind == "prismatic")
+    remark = ""
+    if kind in ("revolute", "prismatic") and element.first("limit") is not None and limits is None:
+        remark = f"limits of {name} are not a range, and taken for none"
+    if kind == "revolute" and limits is not None and max(map(abs, limits)) > MOST_RAD:
+        remark = f"limits of {name}, {limits[0]:g} to {limits[1]:g} rad, are taken for none; are they degrees?"
+        limits = None
+    return UrdfJoint(
+        name=name,
+        kind=cast(UrdfKind, kind),
+        parent=_linked(path, element, "parent"),
+        child=_linked(path, element, "child"),
+        origin=pose,
+        axis=_axis(path, axis, name) if kind != "fixed" else np.array([0.0, 0.0, 1.0]),
+        limits=limits if kind in ("revolute", "prismatic") else None,
+        speed=speed,
+        remark=remark,
+        mimic=None
+        if mimic is None
+        else Mimic(
+            joint=_attribute(path, mimic, "joint"),
+            multiplier=_number(path, mimic, "multiplier", 1.0),
+            offset=_number(path, mimic, "offset", 0.0),
+        ),
+        line=element.line,
+    )
+
+
+def placed_at(path: Path, origin: Element | None, of: str) -> Float[np.ndarray, "4 4"]:
+    """The pose that an ``<origin>`` states, metres; none where there is no such element.
+
+    Raises:
+        FileError: it is not six numbers, or its angles are degrees.
+    """
+    if origin is None:
+        return np.eye(4)
+    roll, pitch, yaw = triple_of(path, origin, "rpy", (0.0, 0.0, 0.0))
+    _refuse_degrees(path, origin, of, (roll, pitch, yaw))
+    R = se3.rotation("z", yaw) @ se3.rotation("y", pitch) @ se3.rotation("x", roll)
+    return se3.pose(R[:3, :3], np.array(triple_of(path, origin, "xyz", (0.0, 0.0, 0.0))))
+
+
+def _refuse_degrees(path: Path, origin: Element, of: str, angles: tuple[float, float, float]) -> None:
+    most = max(map(abs, angles))
+    if most > MOST_RAD:
+        message = (
+            f"rpy of <origin> of {of} has {most:g}, {most / (2 * np.pi):.0f} turns; URDF counts in radians: "
+            f"write {np.radians(most):.6g} for {most:g}°"
+        )
+        raise FileError(path, message, line=origin.line)
+
+
+def _axis(path: Path, element: Element | None, joint: str) -> Float[np.ndarray, " 3"]:
+    """Along x where none is stated, as URDF has it; of unit length."""
+    if element is None:
+        return np.array([1.0, 0.0, 0.0])
+    axis = np.array(triple_of(path, element, "xyz", (1.0, 0.0, 0.0)))
+    length = float(np.linalg.norm(axis))
+    if length < 1e-6:
+        raise FileError(path, f"the axis of joint '{shown(joint)}' has no direction", line=element.line)
+    return axis / length
+
+
+def _limits(
+    path: Path, element: Element, name: str, *, sliding: bool
+) -> tuple[tuple[float, float] | None, float | None]:
+    """Limits and speed; none where they are not stated, or as far out as nothing goes."""
+    limit = element.first("limit")
+    if limit is None:
+        return None, None
+    speed = _number(path, limit, "velocity", 0.0, far=True)
+    low, high = _number(path, limit, "lower", 0.0, far=True), _number(path, limit, "upper", 0.0, far=True)
+    if low > high:
+        unit = "m" if sliding else "rad"
+        message = f"joint '{shown(name)}' has the lower limit {low:g} {unit} above the upper {high:g} {unit}"
+        raise FileError(path, message, line=limit.line)
+    stated = low < high and abs(low) <= FARTHEST and abs(high) <= FARTHEST
+    return (low, high) if stated else None, speed if 0.0 < speed <= FARTHEST else None
+
+
+def _linked(path: Path, element: Element, tag: str) -> str:
+    inner = element.first(tag)
+    if inner is None:
+        name = shown(element.attributes.get("name", ""))
+        raise FileError(path, f"joint '{name}' has no <{tag} link=…>", line=element.line)
+    return _attribute(path, inner, "link")
+
+
+def _attribute(path: Path, element: Element, name: str) -> str:
+    value = element.attributes.get(name, "").strip()
+    if not value:
+        raise FileError(path, f"<{element.tag}> has no {name}", line=element.line)
+    return value
+
+
+def _number(path: Path, element: Element, name: str, default: float, *, far: bool = False) -> float:
+    text = element.attributes.get(name)
+    return default if text is None else _parsed(path, element, name, text, far=far)
+
+
+def triple_of(
+    path: Path, element: Element, name: str, default: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Three numbers of an attribute, or the default where it is not stated.
+
+    Raises:
+        FileError: they are not three numbers.
+    """
+    text = element.attributes.get(name)
+    if text is None:
+        return default
+    words = text.split()
+    if len(words) != 3:
+        raise FileError(path, f'{name}="{shown(text)}" of <{element.tag}> is not three numbers', line=element.line)
+    x, y, z = (_parsed(path, element, name, word) for word in words)
+    return x, y, z
+
+
+def _parsed(path: Path, element: Element, name: str, text: str, *, far: bool = False) -> float:
+    try:
+        value = float(text) if text.isascii() and "_" not in text else math.nan
+    except ValueError:
+        value = math.nan
+    if math.isnan(value) or (not far and abs(value) > FARTHEST):
+        message = (
+            f"{name} of <{element.tag}>: '{shown(text)}' is not a number of metres or radians; write such as 0.0825"
+        )
+        raise FileError(path, message, line=element.line)
+    return value
+
+
+# A rigid transform as the elementary steps of a robot file.
+
+NOTHING = 1e-15
+"""Metres and radians that rounding leaves."""
+
+DIGITS = 12
+"""Of millimetres and degrees behind the point: a femtometre, and 2e-14 rad."""
+
+
+def steps_of(T: Float[np.ndarray, "4 4"], number: str = "") -> list[dict[str, Any]]:
+    """Elementary steps that make a transform: its translation, then rotations about z, y and x.
+
+    The angles are taken one after another from what the one before has left (Givens), so that their product is the rotation
+    to rounding even where z and x line up.
+
+    Args:
+        T: the transform, metres.
+        number: what follows ``x``, ``y`` and ``z`` in the symbols of its lengths; none by default.
+    """
+    steps: list[dict[str, Any]] = []
+    for axis, value in zip("xyz", T[:3, 3], strict=True):
+        if abs(value) > NOTHING:
+            symbol = {"symbol": f"{axis}{number}"} if number else {}
+            steps.append({f"t{axis}_mm": round(float(value) * 1e3, DIGITS), **symbol})
+    R = T[:3, :3]
+    yaw = np.arctan2(R[1, 0], R[0, 0]) if np.hypot(R[0, 0], R[1, 0]) > 1e-9 else 0.0
+    c, s = np.cos(yaw), np.sin(yaw)
+    pitch = np.arctan2(-R[2, 0], c * R[0, 0] + s * R[1, 0])
+    roll = np.arctan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1])
+    for axis, angle in (("z", yaw), ("y", pitch), ("x", roll)):
+        if abs(angle) > NOTHING:
+            steps.append({f"r{axis}_deg": round(float(np.degrees(angle)), DIGITS)})
+    return steps
+
+
+FLANGE = "tool0"
+"""What ROS calls the frame in which a controller counts its tools (REP 199)."""
+
+FARTHEST_TOGETHER = 100.0
+"""Metres that the links of a robot add up to, at most; of a small one in millimetres they are more."""
+
+RESERVED = ("tool", "base", "loop")
+"""What Taskcal calls parameters that belong to no joint."""
+
+
+def describe_urdf(
+    path: str | Path, *, tip: str | None = None, base: str | None = None, name: str | None = None
+) -> dict[str, Any]:
+    """A robot file's content from a URDF file.
+
+    Joints keep their names and limits. Fixed joints, axes in any direction and mimic joints are taken into the chain: a joint
+    that mimics another of the chain is driven by it.
+
+    Args:
+        path: the file.
+        tip: the link that is the tool; by default the one at the end of the longest chain, ``tool0`` among several.
+        base: the link that is the robot's base; the root by default.
+        name: the robot's name; that in the file by default.
+
+    Raises:
+        FileError: the file is not a URDF, or does not say which of several links is the tip.
+        UnknownName: it has no link of that name.
+    """
+    path = Path(path)
+    return describe_tree(read_urdf_tree(path), tip=tip, base=base, name=name)
+
+
+def describe_tree(
+    tree: UrdfTree, *, tip: str | None = None, base: str | None = None, name: str | None = None
+) -> dict[str, Any]:
+    """A robot file's content from links and joints; arguments and errors as of `describe_urdf`."""
+    for option, link in (("tip", tip), ("base", base)):
+        if link is not None and link not in tree.links:
+            raise UnknownName("link", link, tree.links, f"in {tree.path}, for its {option}")
+    end = tip or choose_tip(tree)
+    begin = base or tree.root
+    start, joints = _between(tree, begin, end)
+    described: dict[str, Any] = {
+        "name": name or re.sub(r"[^\w.+-]+", "-", tree.name).strip("-") or tree.path.stem,
+        "source": [f"imported from {tree.path.name}: base {begin}, tip {end}", *(j.remark for j in joints if j.remark)],
+        **_Writer(tree, joints).written(start, end),
+    }
+    try:
+        robot = robot_from(described)
+    except TaskcalError as error:
+        raise FileError(tree.path, str(error)) from error
+    parts = [part for joint in robot.joints for part in (*joint.before, *joint.after)] + list(robot.tool)
+    apart = sum(float(np.linalg.norm(part.transform[:3, 3])) for part in parts)
+    if apart > FARTHEST_TOGETHER:
+        message = f"places the links from '{shown(begin)}' to '{shown(end)}' {apart:.0f} m apart; URDF counts in metres"
+        raise FileError(tree.path, f"{message}: are these millimetres?")
+    return described
+
+
+def choose_tip(tree: UrdfTree) -> str:
+    """The link at the end of the longest chain of joints with motors; ``tool0`` where there are several.
+
+    Links behind a joint that another one off their way mimics, as a gripper's finger, are none.
+
+    Raises:
+        FileError: several are left.
+    """
+    lengths: dict[str, int] = {}
+    for leaf in tree.leaves:
+        way = [joint for joint in tree.path_to(leaf) if joint.moves]
+        if way and _has_its_motor(tree, way) and not _is_followed(tree, way):
+            lengths[leaf] = sum(joint.mimic is None for joint in way)
+    if not lengths:
+        raise FileError(
+            tree.path, f"has no chain of joints with motors; name its tip with --tip: {_listed(tree.links)}"
+        )
+    longest = [leaf for leaf, length in lengths.items() if length == max(lengths.values())]
+    preferred = [leaf for leaf in longest if leaf == FLANGE] or [leaf for leaf in longest if leaf.endswith(FLANGE)]
+    if len(longest) == 1 or len(preferred) == 1:
+        return (preferred or longest)[0]
+    file, tip = shown(tree.path.name, 40), shown(longest[0], 40)
+    raise FileError(
+        tree.path,
+        f"has several links that may be the tip: {_listed(longest)}; name one, as in {file}#{tip}, or to taskcal robots import by "
+        f"--tip {tip}",
+    )
+
+
+def _listed(links: Sequence[str]) -> str:
+    return ", ".join(shown(link, 40) for link in links[:12]) + (", …" if len(links) > 12 else "")
+
+
+def _has_its_motor(tree: UrdfTree, way: list[UrdfJoint]) -> bool:
+    """Whether the last joint has a motor, or follows one that is on the way to it."""
+    joints, last = tree.joints, way[-1]
+    while last.mimic is not None:
+        last = joints[last.mimic.joint]
+    return last in way
+
+
+def _is_followed(tree: UrdfTree, way: list[UrdfJoint]) -> bool:
+    """Whether a joint off the way mimics its last."""
+    return any(
+        joint.mimic is not None and joint.mimic.joint == way[-1].name and joint not in way
+        for joint in tree.above.values()
+    )
+
+
+def _between(tree: UrdfTree, base: str, tip: str) -> tuple[Float[np.ndarray, "4 4"], list[UrdfJoint]]:
+    """Pose in the base of the link where the joints towards the tip begin, and these.
+
+    Raises:
+        FileError: the base moves, seen from there, or nothing moves in between.
+    """
+    down, up = tree.path_to(tip), tree.path_to(base)
+    shared = sum(a is b for a, b in zip(down, up, strict=False))
+    T = np.eye(4)
+    for joint in up[shared:]:
+        if joint.moves:
+            raise FileError(
+                tree.path,
+                f"base '{shown(base)}' moves by joint '{shown(joint.name)}' against the chain to '{shown(tip)}'; name a base "
+                "before it",
+            )
+        T = T @ joint.origin
+    joints = down[shared:]
+    if not any(joint.moves for joint in joints):
+        raise FileError(tree.path, f"has no joint that moves between base '{shown(base)}' and tip '{shown(tip)}'")
+    return se3.inverse(T), joints
+
+
+class _Writer:
+    """Writes a chain of joints as a robot file has it: parts, then a joint about, or along, its own z axis."""
+
+    def __init__(self, tree: UrdfTree, chain: list[UrdfJoint]):
+        self.tree, self.chain = tree, chain
+        self.every = tree.joints
+        self.names = plain_joint_names(tree)
+
+    def written(self, start: Float[np.ndarray, "4 4"], tip: str) -> dict[str, Any]:
+        """Joints, tool and flange."""
+        out: list[dict[str, Any]] = []
+        leaders = {joint.name for joint in self.chain if joint.moves and joint.mimic is None}
+        pending, flange = start, None
+        for joint in self.chain:
+            pending = pending @ joint.origin
+            if joint.moves:
+                turned = _towards(joint.axis)
+                parts = steps_of(pending @ turned, f"{len(out) + 1}")
+                out.append(self._joint(joint, parts, leaders))
+                pending, flange = se3.inverse(turned), None
+            if joint.child == FLANGE:
+                flange = pending
+        flange = pending if flange is None else flange
+        return {"joint": out, "tool": steps_of(pending), "flange": steps_of(flange)}
+
+    def _joint(self, joint: UrdfJoint, parts: list[dict[str, Any]], leaders: set[str]) -> dict[str, Any]:
+        if joint.kind in ("floating", "planar"):
+            message = f"joint '{shown(joint.name)}' is {joint.kind}; Taskcal knows joints that turn or slide: name a base behind it"
+            raise FileError(self.tree.path, message, line=joint.line)
+        leader, multiplier, offset = self._leader(joint)
+        described: dict[str, Any] = {"name": self.names[joint.name], "type": _type(joint), "steps": parts}
+        own = leader
+        if leader is not joint:
+            if leader.name in leaders:
+                described["driven"] = True
+                own = None
+            else:  # the joint that it follows is on another branch: its motor moves this one alone
+                described["name"] = self.names[leader.name]
+                leaders.add(leader.name)
+            described["angle"] = f"{multiplier!r}*{self.names[leader.name]}"
+            if offset:
+                described.update(_scaled(joint, "offset", offset))
+        if own is not None and _type(own) != _type(joint):
+            message = (
+                f"joint '{shown(joint.name)}' {_does(joint)} as '{shown(own.name)}' {_does(own)} on another branch, which is not "
+                "read"
+            )
+            raise FileError(self.tree.path, message, line=joint.line)
+        if own is not None and own.limits is not None:
+            described.update(_scaled(own, "limits", own.limits))
+        if own is not None and own.speed is not None:
+            described.update(_scaled(own, "speed", own.speed))
+        return described
+
+    def _leader(self, joint: UrdfJoint) -> tuple[UrdfJoint, float, float]:
+        """The joint with a motor that a joint follows, itself by default, and its factor and offset."""
+        multiplier, offset = 1.0, 0.0
+        while joint.mimic is not None:
+            offset += multiplier * joint.mimic.offset
+            multiplier *= joint.mimic.multiplier
+            joint = self.every[joint.mimic.joint]
+        return joint, multiplier, offset
+
+
+def _type(joint: UrdfJoint) -> str:
+    return "prismatic" if joint.kind == "prismatic" else "revolute"
+
+
+def _does(joint: UrdfJoint) -> str:
+    return "slides" if joint.kind == "prismatic" else "turns"
+
+
+def _scaled(joint: UrdfJoint, key: str, value: float | tuple[float, float]) -> dict[str, Any]:
+    """A value of a joint in the units of a robot file."""
+    unit, scale = ("mm", 1e3) if joint.kind == "prismatic" else ("deg", 180.0 / np.pi)
+    rate = "_s" if key == "speed" else ""
+    shown_value = [v * scale for v in value] if isinstance(value, tuple) else value * scale
+    return {f"{key}_{unit}{rate}": shown_value}
+
+
+def plain_joint_names(tree: UrdfTree) -> dict[str, str]:
+    """What Taskcal calls the joints that move, by their names in the file."""
+    return _plain_names([joint.name for joint in tree.joints.values() if joint.moves])
+
+
+def _plain_names(names: Sequence[str]) -> dict[str, str]:
+    """Names as robot files and columns have them, all different."""
+    out: dict[str, str] = {}
+    for name in names:
+        plain = re.sub(r"[^A-Za-z0-9_]", "_", name)[:70]
+        plain = plain if re.match(r"[A-Za-z_]", plain) else f"J_{plain}"
+        plain = f"{plain}_joint" if plain in RESERVED else plain
+        number = 1
+        while plain in out.values():
+            number += 1
+            plain = f"{re.sub(r'_[0-9]+$', '', plain)}_{number}"
+        out[name] = plain
+    return out
+
+
+def _towards(axis: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "4 4"]:
+    """A rotation that turns the z axis to a direction; exact for the axes themselves."""
+    x, y, z = axis
+    return se3.rotation("z", float(np.arctan2(y, x)) if x or y else 0.0) @ se3.rotation(
+        "y", float(np.arctan2(np.hypot(x, y), z))
+    )

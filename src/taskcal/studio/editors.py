@@ -1,0 +1,500 @@
+"""What external axes carry: asked for where a program moves one of which the cell file says nothing, and written there."""
+
+import json
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import tomli_w
+from jaxtyping import Float
+from nicegui import ui
+from nicegui.elements.mixins.text_element import TextElement
+
+from taskcal.correction.cell import AXES, ExternalAxis, load_cell
+from taskcal.errors import TaskcalError
+from taskcal.geometry import se3
+from taskcal.geometry.euler import from_angles, to_angles
+from taskcal.io.files import write_whole
+from taskcal.robot.robot import Robot
+from taskcal.studio.controls import ValueInput, button, choice, drop_zone, facts, message, number, text
+from taskcal.studio.project import CELL_ENDINGS, LAYOUT, STATION_ENDINGS, Project
+from taskcal.studio.task_box import FREE, TENTHS, THOUSANDTHS, TaskBox, ToolRoom
+from taskcal.studio.texts import Texts
+from taskcal.studio.views import UPDATES_S, BoxView, Part, RobotView, add_views
+from taskcal.virtual.station import Station, load_station
+
+FARTHEST_MM = 1e5
+"""That a positioner stands from the world's origin, to each side."""
+
+WAYS: Mapping[str, tuple[str, tuple[float, ...]]] = {
+    f"{way} {sign}{letter}": (key, tuple(-float(k == i) if sign else float(k == i) for k in range(3)))
+    for way, key in (("slides", "slides_along"), ("turns", "turns_about"))
+    for i, letter in enumerate("xyz")
+    for sign in ("", "−")
+}
+"""How an axis may move: key and direction in the cell file."""
+
+_ASKED = re.compile(r"write \[\[axis\]\] number = ([1-6])\b")
+
+
+def asked_axes(reasons: Iterable[str]) -> list[int]:
+    """Numbers of the external axes that a correction asks for, in the reasons for which it refused motions."""
+    return sorted({int(found[1]) for reason in reasons if (found := _ASKED.search(reason))})
+
+
+def stated_axis(section: Mapping[str, Any], carries: str, way: str) -> dict[str, Any] | None:
+    """An axis of the cell file that carries and moves as chosen; None while that is not complete.
+
+    Args:
+        section: as the file has it, with its number at least.
+        carries: nothing, robot or part.
+        way: one of `WAYS`, or ``file`` for that of the section.
+    """
+    number = {"number": section["number"]}
+    if carries == "nothing":
+        return {**number, "carries": "nothing"}
+    if not carries or not way:
+        return None
+    kept = [
+        *(("slides_along", "turns_about") if way == "file" else ()),
+        *(("frame", "unit") if carries == "part" else ()),
+    ]
+    moved = {} if way == "file" else {WAYS[way][0]: list(WAYS[way][1])}
+    return {**number, "carries": carries, **moved, **{key: section[key] for key in kept if key in section}}
+
+
+def with_axis(written: str, section: Mapping[str, Any]) -> str:
+    """A cell file's text with an axis in place of what it said of that one.
+
+    An axis that is new is added at its end; where one is changed, the file's comments are lost.
+    """
+    content = tomllib.loads(written)
+    others = [one for one in content.get("axis", []) if one["number"] != section["number"]]
+    wanted = {**content, "axis": [*others, section]}
+    lines = [f"{key} = {_value(value)}\n" for key, value in section.items()]
+    added = "".join([written.rstrip("\n"), "\n\n" if written.strip() else "", "[[axis]]\n", *lines])
+    with suppress(tomllib.TOMLDecodeError):  # a file may state its axes within one line
+        if tomllib.loads(added) == wanted:
+            return added
+    return tomli_w.dumps(wanted)
+
+
+def _value(value: Any) -> str:
+    """As TOML, on one line."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_value(one)}" for key, one in value.items()) + " }"
+    return "[" + ", ".join(map(_value, value)) + "]" if isinstance(value, list) else json.dumps(value)
+
+
+def _name(axis: int) -> str:
+    return ExternalAxis(number=axis, carries="nothing").name
+
+
+class AxisEditor:
+    """Two lists for every external axis, and numbers for where a positioner stands."""
+
+    def __init__(self, project: Project, asked: Iterable[int], texts: Texts) -> None:
+        """Show them; what is complete is saved at once, in the chosen cell file or a new one.
+
+        Args:
+            project: whose cell file it is.
+            asked: axes that a program moves; those that the cell file has are shown, too.
+            texts: of the page.
+        """
+        self._project, self._texts = project, texts
+        chosen = project.choices.cell
+        content: Mapping[str, Any] = {}
+        if chosen:
+            try:
+                load_cell(project.path(chosen))
+                content = tomllib.loads(project.path(chosen).read_text(encoding="utf-8"))
+            except (OSError, TaskcalError) as error:  # it went between both readings; it is not a cell file
+                message(str(error))
+                return
+        stated = {section["number"]: section for section in content.get("axis", [])}
+        numbers = sorted({*asked, *stated})
+        text("h2", texts("axis.title"))
+        text("p", texts("axis.how")).classes("quiet")
+        with ui.element("div") as groups:
+            for axis in numbers:
+                self._group(axis, stated.get(axis, {"number": axis}))
+        others = {str(axis): _name(axis) for axis in range(1, AXES + 1) if axis not in numbers}
+
+        def add(value: str) -> None:
+            if others.pop(value, None):
+                with groups:
+                    self._group(int(value), {"number": int(value)})
+
+        choice(texts("axis.add"), dict(others), "", add, group="axis-added")
+
+    def _group(self, axis: int, section: dict[str, Any]) -> None:
+        texts = self._texts
+        ways = {key: texts(f"axis.{key.split()[0]}", direction=key.split()[1]) for key in WAYS}
+        way = next((key for key, (kind, d) in WAYS.items() if tuple(section.get(kind, ())) == d), "")
+        if not way and {"slides_along", "turns_about"} & section.keys():
+            ways["file"], way = texts("axis.as_file"), "file"
+        carried = {kind: texts(f"axis.{kind}") for kind in ("nothing", "robot", "part")}
+        carries = str(section.get("carries", ""))
+
+        state = [carries, way]
+
+        def choose(k: int, value: str) -> None:
+            state[k] = value
+            complete = stated_axis(section, *state)
+            if complete is None:
+                told.set_text(texts("axis.unfinished"))
+            else:
+                self._write(complete)
+
+        with ui.element("fieldset").classes("orientation"):
+            text("legend", _name(axis))
+            with ui.element("div").classes("row"):
+                choice(texts("axis.carries"), carried, carries, lambda value: choose(0, value), group=f"axis-{axis}")
+                choice(texts("axis.moves"), ways, way, lambda value: choose(1, value), group=f"axis-{axis}-moves")
+            told = text("p", "").classes("quiet").props("role=status")
+            if carries == "part":
+                self._frame(section)
+
+    def _frame(self, section: dict[str, Any]) -> None:
+        """Where the frame of an axis that carries the part is, with the axis at zero."""
+        texts = self._texts
+        frame = section.get("frame", {"position_mm": [0.0, 0.0, 0.0]})
+        place = np.array(frame["position_mm"], dtype=float)
+        turn = np.degrees(
+            to_angles("rpy", se3.from_quaternion(np.array(frame.get("quaternion", [0.0, 0.0, 0.0, 1.0]))))
+        )
+
+        def put(numbers: np.ndarray, i: int, value: float) -> None:
+            numbers[i] = value
+            quaternion = se3.to_quaternion(from_angles("rpy", np.radians(turn)))
+            section["frame"] = {"position_mm": place.tolist(), "quaternion": quaternion.tolist()}
+            self._write(section, again=False)
+
+        text("p", texts("axis.frame")).classes("quiet")
+        with ui.element("div").classes("row"):
+            for i, letter in enumerate("xyz"):
+                number(
+                    texts("axis.at", axis=letter), place[i], lambda value, i=i: put(place, i, value),
+                    low=-FARTHEST_MM, high=FARTHEST_MM, step="any",
+                )  # fmt: skip
+            for i, name in enumerate(("roll", "pitch", "yaw")):
+                number(
+                    texts(f"task.{name}"), turn[i], lambda value, i=i: put(turn, i, value),
+                    low=-360.0, high=360.0, step="any",
+                )  # fmt: skip
+
+    def _write(self, section: dict[str, Any], *, again: bool = True) -> None:
+        """Put an axis into the cell file, or into a new one."""
+        project, chosen = self._project, self._project.choices.cell
+        try:
+            if chosen:
+                path = project.path(chosen)
+                write_whole(path, with_axis(path.read_text(encoding="utf-8"), section))
+            else:
+                begun = with_axis("", section).encode()
+                project.choose(cell=project.put(LAYOUT.cells, "cell.toml", begun, CELL_ENDINGS))
+        except (OSError, ValueError, TaskcalError) as error:
+            # a disk; a file that was made no TOML since the page was shown; a path that leads out of the project
+            message(str(error))
+            return
+        if again:
+            ui.navigate.reload()
+
+
+# A robot and the box of its task, moved, stretched and turned by sliders and numbers, and dragged in the scene.
+
+SMALLEST_MM, STEP_MM, STEP_DEG = 1.0, 5.0, 1.0
+
+Property = Literal["center", "size", "turn"]
+
+UNITS: dict[Property, str] = {"center": "mm", "size": "mm", "turn": "°"}
+
+
+class BoxEditor:
+    """The scene and the controls."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        q: np.ndarray,
+        box: TaskBox,
+        texts: Texts,
+        *,
+        on_move: Callable[[TaskBox], None],
+        on_release: Callable[[TaskBox], TaskBox],
+    ) -> None:
+        """Show a box.
+
+        Args:
+            robot: drawn beside it.
+            q: its joint positions, radians or metres.
+            box: to begin with.
+            texts: of the page.
+            on_move: called with every place of the box while it is dragged.
+            on_release: called with the place where it is left; gives the box as it was saved.
+        """
+        self.box = box
+        self._on_move, self._on_release = on_move, on_release
+        self._controls: dict[tuple[Property, int], tuple[ValueInput, ValueInput]] = {}
+        reach = float(np.ceil(robot.reach * 10.0) * 100.0)
+        with ui.element("div").classes("side-by-side"):
+            with ui.element("div"):
+                view = RobotView(robot, q)
+                self._view = BoxView(view.scene, view.size, len(box.rooms), self._drag)
+                with ui.element("div").classes("row"):
+                    add_views(view.scene, view.look, texts("task.space_of", robot=robot.title), texts)
+                text("p", texts("task.drag")).classes("quiet")
+            with ui.element("div"):
+                ranges: dict[Property, tuple[float, float, float]] = {
+                    "center": (-reach, reach, STEP_MM),
+                    "size": (SMALLEST_MM, reach, STEP_MM),
+                    "turn": (-180.0, 180.0, STEP_DEG),
+                }
+                for of, limits in ranges.items():
+                    text("h2", texts(f"task.{of}"))
+                    for axis, letter in enumerate("xyz"):
+                        self._add_controls(of, axis, f"{texts(f'task.{of}')} {letter}", letter, limits)
+        self._show()
+
+    def change(self, box: TaskBox, *, release: bool = True, held: Part | None = None) -> None:
+        """Show another box, and hand it on.
+
+        Args:
+            box: the box.
+            release: whether it stays, and is saved.
+            held: what of it the mouse has in the scene.
+        """
+        self.box = box
+        if release:
+            self.box = self._on_release(box)
+        self._show(held)
+        if not release:
+            self._on_move(box)
+
+    def save(self, box: TaskBox) -> None:
+        """Save a box whose orientations are others in number; the page has to be shown anew."""
+        self.box = self._on_release(box)
+
+    def _add_controls(
+        self, of: Property, axis: int, label: str, letter: str, limits: tuple[float, float, float]
+    ) -> None:
+        low, high, step = limits
+        with ui.element("div").classes("joint"):
+            text("span", letter)
+            slider = ValueInput("range", label, "", min=f"{low:g}", max=f"{high:g}", step=f"{step:g}")
+            slider.on_moved(lambda given: self._take(of, axis, given), UPDATES_S)
+            slider.on_left(lambda given: self._take(of, axis, given, release=True))
+            number = ValueInput("number", f"{label} ({UNITS[of]})", "", step="any").classes("value")
+            number.on_left(lambda given: self._take(of, axis, given, release=True))
+        self._controls[of, axis] = (slider, number)
+
+    def _take(self, of: Property, axis: int, given: str, *, release: bool = False) -> None:
+        """A length from the browser, millimetres, or an angle, degrees."""
+        try:
+            value = float(given)
+        except ValueError:
+            value = np.nan
+        box = self.box
+        most = {"center": 1e6, "size": 1e6, "turn": 360.0}[of]
+        if np.isfinite(value) and abs(value) < most and (of != "size" or value >= SMALLEST_MM):
+            changed = getattr(box, of).copy()
+            changed[axis] = round(value, THOUSANDTHS if of == "turn" else TENTHS)
+            box = replace(box, **{of: changed})
+        self.change(box, release=release)
+
+    def _drag(self, part: Part, place: np.ndarray, done: bool) -> None:
+        """The box, or a ball of one of its axes, is dragged in the scene."""
+        box = self.box.moved_to(place) if part == "box" else self.box.turned_to("xyz".index(part), place)
+        self.change(box, release=done, held=None if done else part)
+
+    def _show(self, held: Part | None = None) -> None:
+        """The box as it is now.
+
+        Args:
+            held: what of it the mouse has in the scene.
+        """
+        for (of, axis), controls in self._controls.items():
+            value = f"{getattr(self.box, of)[axis]:.{2 if of == 'turn' else 1}f}"
+            for control in controls:
+                control.show(value)
+        workspace = self.box.workspace
+        R = workspace.T_base_frame[:3, :3]
+        tools = [(R @ room.rotation, room) for room in workspace.orientations]
+        self._view.place(self.box.T_base_box, workspace.size, tools, held)
+
+
+# The orientations of the tool in a task: their angles, the cone in which it may tilt, and how far it may turn about
+# its axis.
+
+MOST = 6
+"""Orientations that are edited here; a task file may have more."""
+
+
+class OrientationEditor:
+    """A group of numbers for every orientation."""
+
+    def __init__(self, editor: BoxEditor, texts: Texts) -> None:
+        """Show them; a change is saved at once.
+
+        Args:
+            editor: of the box in which the tool is turned so.
+            texts: of the page.
+        """
+        self._editor, self._texts = editor, texts
+        self._directions: list[TextElement] = []
+        text("h2", texts("task.orientations"))
+        text("p", texts("task.orientations_how")).classes("quiet")
+        rooms = editor.box.rooms
+        for k, room in enumerate(rooms):
+            self._group(k, room, removable=len(rooms) > 1)
+        if len(rooms) < MOST:
+            button(texts("task.add_orientation"), lambda: self._renew((*self._rooms, self._rooms[-1])), plain=True)
+        self._tell()
+
+    @property
+    def _rooms(self) -> tuple[ToolRoom, ...]:
+        return self._editor.box.rooms
+
+    def _group(self, k: int, room: ToolRoom, *, removable: bool) -> None:
+        texts = self._texts
+        with ui.element("fieldset").classes("orientation"):
+            text("legend", texts("task.orientation", number=k + 1))
+            with ui.element("div").classes("row"):
+                for i, name in enumerate(("roll", "pitch", "yaw")):
+                    number(
+                        texts(f"task.{name}"), room.angles[i], lambda value, i=i: self._turn(k, i, value),
+                        low=-360.0, high=360.0, step="any",
+                    )  # fmt: skip
+                number(
+                    texts("task.cone"),
+                    room.cone,
+                    lambda value: self._change(k, cone=value),
+                    low=0,
+                    high=180,
+                    step="any",
+                )
+                number(
+                    texts("task.spin"),
+                    room.spin,
+                    lambda value: self._change(k, spin=value),
+                    low=0,
+                    high=FREE,
+                    step="any",
+                )
+                if removable:
+                    button(texts("task.remove_orientation", number=k + 1), lambda: self._remove(k), plain=True)
+            told = text("p", "").classes("quiet")
+            told.props("role=status")
+            self._directions.append(told)
+
+    def _remove(self, k: int) -> None:
+        self._renew(tuple(room for other, room in enumerate(self._rooms) if other != k))
+
+    def _turn(self, k: int, i: int, value: float) -> None:
+        angles = list(self._rooms[k].angles)
+        angles[i] = round(value, THOUSANDTHS)
+        self._change(k, angles=tuple(angles))
+
+    def _change(self, k: int, **changed: object) -> None:
+        rounded = {name: round(v, THOUSANDTHS) if isinstance(v, float) else v for name, v in changed.items()}
+        rooms = tuple(replace(room, **rounded) if other == k else room for other, room in enumerate(self._rooms))
+        self._editor.change(replace(self._editor.box, rooms=rooms))
+        self._tell()
+
+    def _renew(self, rooms: tuple[ToolRoom, ...]) -> None:
+        self._editor.save(replace(self._editor.box, rooms=rooms))
+        ui.navigate.reload()
+
+    def _tell(self) -> None:
+        """Where the tool's z points, in words that need no convention of angles."""
+        for place, orientation in zip(self._directions, self._editor.box.workspace.orientations, strict=True):
+            x, y, z = orientation.rotation[:, 2]
+            place.set_text(self._texts("task.points_to", direction=f"{x:+.3f} {y:+.3f} {z:+.3f}"))
+
+
+# The measuring station of a plan: chosen, dropped or begun, and where its tracker stands.
+
+AWAY = 1.5
+"""Of the robot's reach, how far before it a tracker is put that nobody has placed yet."""
+
+
+class StationEditor:
+    """A list of the station files, a place to drop one, and numbers for where the tracker stands."""
+
+    def __init__(
+        self, project: Project, robot: Robot, texts: Texts, show_message: Callable[[TaskcalError], str]
+    ) -> None:
+        """Show it; a change is saved at once.
+
+        Args:
+            project: whose stations they are.
+            robot: that is measured.
+            texts: of the page.
+            show_message: words of what is wrong with a file.
+        """
+        self._project, self._texts = project, texts
+        self.station: Station | None = None
+        """As the chosen file has it."""
+        chosen = project.choices.station
+        files = {path: path for path in project.files(LAYOUT.stations, STATION_ENDINGS)}
+        text("h2", texts("station.title"))
+        text("p", texts("station.how")).classes("quiet")
+        choice(texts("station.choose"), {"-": texts("station.none"), **files}, chosen or "-", self._take)
+        if chosen:
+            try:
+                self.station = load_station(project.path(chosen))
+            except TaskcalError as error:
+                message(show_message(error))
+            else:
+                self._place(chosen, self.station)
+        with ui.element("details"):
+            text("summary", texts("station.another"))
+            drop_zone(texts, "station", texts("station.drop"), STATION_ENDINGS)
+            button(texts("station.begin"), lambda: self._begin(robot), plain=True)
+
+    def _take(self, path: str) -> None:
+        self._project.choose(station="" if path == "-" else path)
+        ui.navigate.reload()
+
+    def _begin(self, robot: Robot) -> None:
+        """Begin with a tracker before the robot, and one reflector at the tool point."""
+        path = self._project.put(LAYOUT.stations, "station.toml", first_station(robot).encode(), STATION_ENDINGS)
+        self._take(path)
+
+    def _place(self, path: str, station: Station) -> None:
+        texts = self._texts
+        place = station.position * 1e3
+        with ui.element("div").classes("row"):
+            for axis, letter in enumerate("xyz"):
+
+                def put(value: float, axis: int = axis) -> None:
+                    place[axis] = value
+                    move_tracker(self._project.path(path), place)
+
+                number(
+                    texts("station.at", axis=letter), place[axis], put, low=-FARTHEST_MM, high=FARTHEST_MM, step="any"
+                )
+        names = ", ".join(reflector.name for reflector in station.reflectors)
+        facts([(texts("station.reflectors"), names), (texts("station.keep_out"), str(len(station.keep_out)))])
+
+
+def first_station(robot: Robot) -> str:
+    """A station file to begin with: a tracker before the robot, and a reflector at the tool point that is seen from everywhere."""
+    away = float(np.ceil(AWAY * robot.reach * 10.0) * 100.0)
+    content: dict[str, Any] = {
+        "position_mm": [away, -0.5 * away, 0.25 * away],
+        "reflector": [{"name": "smr1", "position_mm": [0.0, 0.0, 0.0]}],
+    }
+    return tomli_w.dumps(content)
+
+
+def move_tracker(path: Path, place: Float[np.ndarray, " 3"]) -> None:
+    """Write into a station file where its tracker stands, millimetres in the base; comments are lost, all else stays."""
+    content = tomllib.loads(path.read_text(encoding="utf-8"))
+    content["position_mm"] = place.tolist()
+    write_whole(path, tomli_w.dumps(content))

@@ -1,0 +1,220 @@
+"""Tables in files, whatever form they have: text in columns or a workbook."""
+
+import codecs
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from taskcal.arguments import repeated
+from taskcal.errors import FileError, shown
+from taskcal.io.text_file import read_bytes
+from taskcal.tables.layout import Laid, lay_out, lay_out_plain
+from taskcal.tables.motion_capture import is_motion_capture, parse_motion_capture
+from taskcal.tables.parquet import is_parquet, read_parquet
+from taskcal.tables.table import FaultyFile, Sheet, Table, refuse_wide
+from taskcal.tables.text import (
+    DecimalMark,
+    has_labelled_values,
+    in_plain_digits,
+    parse_delimited,
+    parse_labelled_values,
+    parse_plain,
+    with_decimal_points,
+)
+
+# Which characters the bytes of a text file stand for.
+
+_MARKS = (
+    (codecs.BOM_UTF32_LE, "utf-32-le"),
+    (codecs.BOM_UTF32_BE, "utf-32-be"),
+    (codecs.BOM_UTF8, "utf-8"),
+    (codecs.BOM_UTF16_LE, "utf-16-le"),
+    (codecs.BOM_UTF16_BE, "utf-16-be"),
+)
+"""Byte order marks; the longer come first, since that of UTF-32 begins with that of UTF-16."""
+
+_FORMS = {
+    b"\xd0\xcf\x11\xe0": "is a workbook of an old kind (.xls); save it as .xlsx or CSV",
+    b"%PDF": "is a PDF; export the table as CSV",
+    b"PK\x03\x04": "is a packed file; a table in it must be a workbook (.xlsx)",
+    b"\x1f\x8b": "is compressed; unpack it first",
+    b"{\\rtf": "is a rich text document; save it as plain text",
+}
+"""What is no text, by its first bytes."""
+
+_SAMPLE = 4096
+"""Bytes that tell whether every second one is zero, as in UTF-16 without a mark."""
+
+
+def decode(path: str | Path, content: bytes) -> str:
+    r"""The text that bytes stand for, line ends as Python has them.
+
+    UTF-8 or UTF-16 and UTF-32 with their marks, UTF-16 without one where every second byte is zero, and otherwise
+    Windows-1252, in which European instruments write ``°``, ``µ`` and umlauts.
+
+    Raises:
+        FileError: it is no text, or not in the encoding that its first bytes state.
+    """
+    for start, message in _FORMS.items():
+        if content.startswith(start):
+            raise FileError(path, message)
+    for mark, encoding in _MARKS:
+        if content.startswith(mark):
+            return _strict(path, content[len(mark) :], encoding)
+    head = content[:_SAMPLE]
+    if b"\0" in head:
+        encoding = _unmarked(head)
+        if encoding is None:
+            raise FileError(path, "is a binary file; export it as CSV")
+        return _strict(path, content, encoding)
+    # a single character may make the text four times as large as the bytes
+    content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError:
+        return _western(path, content)
+
+
+def _strict(path: str | Path, content: bytes, encoding: str) -> str:
+    try:
+        text = content.decode(encoding)
+    except UnicodeDecodeError as error:
+        named = encoding.upper().removesuffix("-LE").removesuffix("-BE")
+        raise FileError(path, f"is not the {named} text that it says it is; save it as CSV in UTF-8") from error
+    if "\0" in text:
+        raise FileError(path, "is a binary file; export it as CSV")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _unmarked(head: bytes) -> str | None:
+    """UTF-16 without a mark: one byte of nearly every pair is zero, and the other hardly ever."""
+    first, second = head[0::2].count(0), head[1::2].count(0)
+    pairs = len(head) // 2
+    if second > 0.8 * pairs and first == 0:
+        return "utf-16-le"
+    if first > 0.8 * pairs and second == 0:
+        return "utf-16-be"
+    return None
+
+
+def _western(path: str | Path, content: bytes) -> str:
+    text = content.decode("cp1252", errors="replace")
+    if "\ufffd" in text or any(ord(c) < 32 and c not in "\t\n\r\f\v\x1a" for c in text):
+        raise FileError(path, "is neither UTF-8 nor Windows-1252 text; save it as CSV in UTF-8")
+    return text
+
+
+MANY_LINES, SHORTEST_LINE = 30_000, 12
+"""So many lines have so many characters at least, by the mean: three numbers of four digits, and what parts them. Lines cost time
+and memory however short they are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableForm:
+    """What a user may state of a table that the file does not say; nothing by default."""
+
+    columns: tuple[str, ...] | None = None
+    """Names of the columns, for a file that has none, or others."""
+    decimal: DecimalMark | None = None
+    """The decimal mark."""
+    sheet: str | None = None
+    """Of a workbook."""
+
+
+def lay_out_file(path: str | Path, form: TableForm | None = None) -> Laid:
+    """The table of a file, with what stands around it.
+
+    Text in UTF-8, UTF-16 or Windows-1252 in columns parted by commas, semicolons, tabs, bars or blanks, with decimal
+    points or commas; logs of labelled values (``X=1.0 Y=2.0``); motion capture as Motive exports it; workbooks (.xlsx),
+    with a sheet's name behind a ``#`` where one is meant (``measured.xlsx#Points``).
+
+    Raises:
+        FileError: the file is missing, is not a table, or has no rows.
+        UnknownName: a workbook has no such sheet.
+    """
+    path, named = _sheet_behind(Path(path))
+    form = form or TableForm()
+    content = read_bytes(path)
+    from taskcal.tables.spreadsheet import is_workbook, read_workbook
+
+    if is_parquet(content):
+        sheet = read_parquet(path, content)
+    elif is_workbook(content):
+        sheet = with_decimal_points(read_workbook(path, content, named or form.sheet), form.decimal)
+    else:
+        text = decode(path, content)
+        # the bytes of a large file are no longer needed while its text is parted
+        del content
+        sheet = parse_sheet(path, text, form.decimal)
+    return lay_out(sheet, form.columns)
+
+
+def _sheet_behind(path: Path) -> tuple[Path, str | None]:
+    """A workbook and the sheet that its name states, as in ``measured.xlsx#Points``; a file of that name comes first."""
+    text, mark, sheet = str(path).rpartition("#")
+    if not mark or path.exists() or not Path(text).is_file():
+        return path, None
+    return Path(text), sheet
+
+
+def parse_sheet(path: Path, text: str, decimal: DecimalMark | None = None) -> Sheet:
+    """The rows that a file's text holds, in whatever form.
+
+    Raises:
+        FileError: it is a form whose rows cannot be told, has far more lines than such short ones can be rows, or a line of far
+            more cells than a table has.
+    """
+    lines = text.count("\n")
+    if lines > MANY_LINES and len(text) < SHORTEST_LINE * lines:
+        mean = len(text) / lines - 1.0
+        raise FileError(path, f"has {lines} lines of {mean:.0f} characters by the mean; is it a table of measurements?")
+    refuse_wide(path, text)
+    text = in_plain_digits(text)
+    if is_motion_capture(text):
+        return parse_motion_capture(path, text)
+    if has_labelled_values(text):
+        return parse_labelled_values(path, text)
+    return parse_delimited(path, text, decimal)
+
+
+def read_csv(path: str | Path, form: TableForm | None = None) -> Table:
+    """Read a table whose header names its columns.
+
+    Raises:
+        FileError: the file is missing, is not a table, names no columns, or two alike, or a line has more or fewer fields than
+            the header.
+    """
+    return named_table(lay_out_file(path, form))
+
+
+def parse_csv(path: Path, text: str) -> Table:
+    """The table that a file's text holds whose cells will be rewritten in place: plain CSV, taken as it is written.
+
+    Raises:
+        FileError: as `read_csv`, for the file named.
+    """
+    refuse_wide(path, text)
+    table = named_table(lay_out_plain(parse_plain(path, text)))
+    # who rewrites a cell asks for its row
+    return replace(table, rows=tuple(table.rows))
+
+
+def named_table(laid: Laid) -> Table:
+    """The table, where its names are all there and differ.
+
+    Raises:
+        FileError: they do not, or a line has more or fewer fields than there are names.
+    """
+    table = laid.table
+    if not any(table.header):
+        raise FileError(table.path, "names no columns; its first line must name them", line=1)
+    if any(laid.units):
+        units = " ".join(filter(None, laid.units))
+        raise FileError(table.path, f"has a row of units ({shown(units)}); state them in the names, as in x_mm")
+    if twice := repeated(table.header):
+        message = f"two columns are named '{shown(min(twice))}'; column names must differ"
+        raise FileError(table.path, message, line=table.header_line)
+    if len(laid.faults) == 1:
+        raise laid.faults[0]
+    if laid.faults:
+        raise FaultyFile(laid.faults)
+    return table

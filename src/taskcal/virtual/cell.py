@@ -1,0 +1,528 @@
+"""The virtual cell: a true robot drawn from tolerances, measured by a virtual tracker, or with sockets, wires and cameras."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TypedDict, Unpack
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.arguments import expect_kinds, with_choices
+from taskcal.campaigns.campaign import Campaign, join
+from taskcal.errors import CampaignError
+from taskcal.geometry import se3
+from taskcal.kinematics.inverse import Reached, solve_near
+from taskcal.observations import Differential, Measured, Observation, Scene, Standalone, instrument_of
+from taskcal.observations.base import TrackerNoise
+from taskcal.robot.approach import conditions_in_order
+from taskcal.robot.conditions import Conditions
+from taskcal.robot.error_model import ErrorModel
+from taskcal.short_repr import short_repr
+
+# Measuring a virtual robot without a tracker: it goes to what stands in its cell, or looks at it.
+#
+# Where something touches, the true robot is there: its joints are solved for by what it is, not by what its
+# controller believes.
+
+WITH_ROTATION = 6
+"""Numbers of a kind that measures rotations."""
+
+ATTEMPTS = 40
+"""Postures that are tried for a row, the row's own first."""
+
+SHAKEN = 0.1
+"""Standard deviation of the joints about another row's posture, where the row's own does not serve, radians."""
+
+NAMED = 6
+"""Things that a message names."""
+
+ROUNDS, MET = 8, 1e-8
+"""Of going where something touches, for robots of which it depends on the way how they get there; and how well they meet it,
+metres."""
+
+
+class OutOfReachError(CampaignError):
+    """What stands in a cell cannot be measured from any posture that was tried."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TrueRobot:
+    """A robot as it is, and where it stands in the measuring frame."""
+
+    model: ErrorModel
+    x: Float[np.ndarray, " p"]
+    T_tracker_base: Float[np.ndarray, "4 4"]
+    joint_error: Float[np.ndarray, " joints"]
+    """Standard deviation of the joints about what the controller says, radians (metres where a joint slides)."""
+    model_error: float
+    """Standard deviation per axis of what no parameter explains, metres."""
+
+    def poses(
+        self, q: Float[np.ndarray, "n joints"], target: Float[np.ndarray, "4 4"], conditions: Conditions | None = None
+    ) -> Float[np.ndarray, "n 4 4"]:
+        """Of a target, in the measuring frame."""
+        return self.T_tracker_base @ self.model.poses(q, self.x, conditions) @ target
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Visit:
+    """What was read at the rows of one scene."""
+
+    q: Float[np.ndarray, "n joints"]
+    """Joints as the controller says, radians."""
+    read: Measured
+    conditions: Conditions
+
+
+def visit(
+    robot: TrueRobot,
+    scene: Scene,
+    q: Float[np.ndarray, "n joints"],
+    *,
+    conditions: Conditions | None,
+    rng: np.random.Generator,
+) -> Visit:
+    """Measure near postures that are given: at what stands there if it is touched, before it if it is looked at.
+
+    Args:
+        robot: as it is.
+        scene: the cell, with as many rows.
+        q: joints, one for each row.
+        conditions: how the rows were reached; in their order by default, where the model asks.
+        rng: source of the noise.
+
+    Raises:
+        OutOfReachError: a row cannot be measured from any posture that was tried.
+    """
+    touched = scene.observation.touched
+    error = robot.model_error * rng.normal(size=(len(q), 3))
+    noise = _noise(scene, len(q), rng)
+
+    def goal(at: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        T = at if scene.approach is None else scene.approach(at, rows).copy()
+        if touched:
+            # where it touches nothing else can give way: a ball that sits badly, and what no parameter explains, move the robot
+            along = np.linalg.pinv(_differential(scene, T, rows).by_target[:, :, :3])
+            T[:, :3, 3] += (along @ noise[rows][:, :, None])[:, :, 0] - error[rows]
+        return T
+
+    goals, true = _reach(robot, scene, q, goal, rng)
+    way = conditions
+    if robot.model.conditioned:
+        true, way = _settle(robot, scene, true, goals, conditions)
+    at = robot.poses(true, scene.T_tool_target, way)
+    at[:, :3, 3] += error
+    off = robot.joint_error * rng.normal(size=true.shape)
+    return Visit(q=true - off, read=_read(scene, at, noise), conditions=way or Conditions())
+
+
+def _reach(
+    robot: TrueRobot,
+    scene: Scene,
+    q: Float[np.ndarray, "n joints"],
+    goal: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    rng: np.random.Generator,
+) -> tuple[Float[np.ndarray, "n 4 4"], Float[np.ndarray, "n joints"]]:
+    """Poses of the target at which every row is measured, and the true robot's joints there."""
+    left, seed, true = np.arange(len(q)), q, q.copy()
+    goals = np.zeros((len(q), 4, 4))
+    for _ in range(ATTEMPTS):
+        goals[left] = goal(robot.poses(seed, scene.T_tool_target), left)
+        reached = _solve(robot, scene, goals[left], seed)
+        true[left] = reached.q
+        left = left[~reached.reached]
+        if not len(left):
+            return goals, true
+        seed = q[rng.integers(len(q), size=len(left))] + SHAKEN * rng.normal(size=(len(left), q.shape[1]))
+    raise OutOfReachError(_unreached(robot, scene, goals, left))
+
+
+def _unreached(robot: TrueRobot, scene: Scene, goals: Float[np.ndarray, "n 4 4"], left: Int[np.ndarray, " k"]) -> str:
+    """Which rows are not reached, of what, how far away that is, and what would help."""
+    kind, name = scene.observation, robot.model.robot.name
+    assert isinstance(kind, Standalone)
+    named = ", ".join(f"'{kind.named[k]}'" for k in np.unique(kind.numbers[left])[:NAMED])
+    base = se3.inverse(robot.T_tracker_base) @ goals[left]
+    away = np.linalg.norm(base[:, :3, 3], axis=1) * 1e3
+    distance = " to ".join(dict.fromkeys(f"{one:.0f}" for one in (away.min(), away.max())))
+    return (
+        f"{name} cannot measure with '{kind.instrument}' in {len(left)} of {len(goals)} rows: {ATTEMPTS} postures were tried, and "
+        f"from none does it get inside its limits to {kind.label} {named}, {distance} mm from its base "
+        f"(its links are {robot.model.robot.reach * 1e3:.0f} mm long in all); move the task to the middle of its reach, make it "
+        "smaller, or let the tool turn less"
+    )
+
+
+def _solve(
+    robot: TrueRobot, scene: Scene, goals: Float[np.ndarray, "n 4 4"], seed: Float[np.ndarray, "n joints"]
+) -> Reached:
+    tool = se3.inverse(robot.T_tracker_base) @ goals @ se3.inverse(scene.T_tool_target)
+    return solve_near(robot.model, tool, seed, robot.x)
+
+
+def _settle(
+    robot: TrueRobot,
+    scene: Scene,
+    q: Float[np.ndarray, "n joints"],
+    goals: Float[np.ndarray, "n 4 4"],
+    conditions: Conditions | None,
+) -> tuple[Float[np.ndarray, "n joints"], Conditions]:
+    """Joints at which the robot touches where it should, although it depends on the way how it gets there; and the way."""
+    aim = goals.copy()
+    for _ in range(ROUNDS):
+        way = conditions_in_order(robot.model.robot, q) if conditions is None else conditions
+        if not scene.observation.touched:
+            return q, way
+        off = goals[:, :3, 3] - robot.poses(q, scene.T_tool_target, way)[:, :3, 3]
+        if np.abs(off).max() < MET:
+            return q, way
+        aim[:, :3, 3] += off
+        q = _solve(robot, scene, aim, q).q
+    raise CampaignError(
+        f"{robot.model.robot.name} does not come to rest at what it touches: its effects change by more than they bring it nearer"
+    )
+
+
+def _of_rows(scene: Scene, rows: Int[np.ndarray, " k"]) -> Observation:
+    """The kind for some of the rows, its unknowns as they are."""
+    of = scene.observation.of
+    return scene.observation if of is None else replace(scene.observation, of=of[rows])
+
+
+def _blank(scene: Scene, count: int) -> Measured:
+    """As if everything read zero."""
+    turned = scene.observation.width == WITH_ROTATION
+    return Measured(np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)) if turned else None)
+
+
+def _differential(scene: Scene, target: Float[np.ndarray, "k 4 4"], rows: Int[np.ndarray, " k"]) -> Differential:
+    return _of_rows(scene, rows).differentiate(target, scene.unknown, _blank(scene, len(rows)))
+
+
+def _noise(scene: Scene, count: int, rng: np.random.Generator) -> Float[np.ndarray, "n w"]:
+    """As large as the kind says."""
+    covariance = scene.observation.covariance(_blank(scene, count), None, TrackerNoise())
+    factor = np.linalg.cholesky(covariance)
+    return (factor @ rng.normal(size=(*factor.shape[:2], 1)))[:, :, 0]
+
+
+def _read(scene: Scene, target: Float[np.ndarray, "n 4 4"], noise: Float[np.ndarray, "n w"]) -> Measured:
+    """What the instrument shows at true poses of the target."""
+    blank = _blank(scene, len(target))
+    if scene.observation.touched:
+        return blank
+    # what is predicted is less by the residual than what was read, which is nothing
+    residual = _differential(scene, target, np.arange(len(target))).residual
+    points = np.zeros((len(target), 3))
+    width = min(residual.shape[1], 3)
+    points[:, :width] = (noise - residual)[:, :width]
+    if blank.rotations is None:
+        return Measured(points)
+    return Measured(points, se3.exp(noise[:, 3:]) @ np.swapaxes(se3.exp(residual[:, 3:]), 1, 2))
+
+
+CELLS = 6
+"""That are set up one after another where what stands in one is out of reach; people look for another place, too."""
+
+TRACKER_POSE = se3.pose(se3.exp(np.array([0.02, -0.01, 2.1])), np.array([3.2, -1.9, -0.35]))
+"""Where the base is seen by default: a tracker some four metres away that stands nearly upright."""
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Truth:
+    """What a simulated campaign was made from."""
+
+    model: ErrorModel
+    x: Float[np.ndarray, " p"]
+    """The true robot's defects, metres and radians."""
+    T_tracker_base: Float[np.ndarray, "4 4"]
+    T_tool_target: Float[np.ndarray, "targets 4 4"]
+    unknowns: Mapping[str, float] = field(default_factory=dict[str, float])
+    """Where sockets, anchors, landmarks … stand, by the names that they have in a fit, metres and radians."""
+
+    def poses(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+    ) -> Float[np.ndarray, "n targets 4 4"]:
+        """True poses of the targets in the tracker frame."""
+        T = self.T_tracker_base @ self.model.poses(q, self.x, conditions)
+        return T[:, None] @ self.T_tool_target
+
+    def points(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+    ) -> Float[np.ndarray, "n targets 3"]:
+        """True positions of the targets in the tracker frame, metres."""
+        return self.poses(q, conditions)[..., :3, 3]
+
+
+def draw_defects(model: ErrorModel, rng: np.random.Generator) -> Float[np.ndarray, " p"]:
+    """Defects of a robot drawn from the model's tolerances."""
+    return rng.normal(size=len(model)) * model.tolerances
+
+
+class SimulationChoices(TypedDict, total=False):
+    """`SimulationOptions` by keywords: all of them at once, some of them, or some that replace those of a whole."""
+
+    options: "SimulationOptions | None"
+    x: Float[np.ndarray, " p"] | None
+    targets: Mapping[str, Float[np.ndarray, " 3"]] | None
+    pose: bool
+    noise: TrackerNoise | None
+    T_tracker_base: Float[np.ndarray, "4 4"] | None
+    lost: float
+    conditions: Conditions | None
+    model_error: float
+    joint_error: float | Float[np.ndarray, " joints"]
+    observe: str
+    places: int | None
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SimulationOptions:
+    """What a virtual robot is measured with; `dataclasses.replace` gives others."""
+
+    x: Float[np.ndarray, " p"] | None = None
+    """The true robot's defects; None to draw them from the tolerances."""
+    targets: Mapping[str, Float[np.ndarray, " 3"]] | None = None
+    """Target centres in the tool frame, metres; None for one at the tool point."""
+    pose: bool = False
+    """Measure poses of the first target instead of points."""
+    noise: TrackerNoise | None = None
+    """The tracker's; None for the default."""
+    T_tracker_base: Float[np.ndarray, "4 4"] | None = None
+    """Where the tracker sees the base."""
+    lost: float = 0.0
+    """Share of beams that are lost."""
+    conditions: Conditions | None = None
+    """How the poses were reached; None for one after another in the order of the rows, where an effect of the model depends on
+    it, and at its reference where it grows."""
+    model_error: float = 0.0
+    """Standard deviation per axis of what the model does not explain, metres; white, at every measured point."""
+    joint_error: float | Float[np.ndarray, " joints"] = 0.0
+    """Standard deviation of the true joints about what the controller says, radians (metres where a joint slides)."""
+    observe: str = "tracker"
+    """How: ``tracker``, ``socket``, ``wire``, ``camera``, ``board``, ``plane``, ``cube``; ``socket+wire`` shares the rows."""
+    places: int | None = None
+    """How many blocks, anchors, landmarks, planes or cubes stand there, without a tracker; three blocks, anchors or planes, one of
+    the others by default."""
+
+    def __post_init__(self) -> None:
+        expect_kinds(
+            {"noise": TrackerNoise | None, "conditions": Conditions | None},
+            noise=self.noise,
+            conditions=self.conditions,
+        )
+        for way in self.ways:
+            if way != "tracker":
+                instrument_of(way)
+            if self.ways.count(way) > 1:
+                raise CampaignError(f"'{self.observe}' names {way} twice; name each way to measure once")
+        if self.pose and self.ways != ("tracker",):
+            raise CampaignError(
+                f"poses are measured by a tracker alone, not by '{self.observe}'; leave out one of both"
+            )
+        if self.places is not None and (self.places < 1 or self.ways == ("tracker",)):
+            raise CampaignError(
+                f"{self.places} places do not go with '{self.observe}'; give one or more, for what stands without a tracker"
+            )
+
+    @classmethod
+    def of(cls, **choices: Unpack[SimulationChoices]) -> "SimulationOptions":
+        """Options by keywords, those not named as in ``options``, or as by default.
+
+        Raises:
+            TypeError: an option that does not exist; the message names all.
+        """
+        return with_choices(choices.pop("options", None) or cls(), choices, "a simulation")
+
+    @property
+    def ways(self) -> tuple[str, ...]:
+        """To measure, one after another."""
+        return tuple(self.observe.split("+"))
+
+    def reflectors_beside(self, others: set[str]) -> dict[str, Float[np.ndarray, " 3"]]:
+        """The targets that a tracker measures: one at the tool point where all that are named are measured otherwise."""
+        named = {name: np.asarray(at, dtype=float) for name, at in (self.targets or {}).items() if name not in others}
+        named = named or {"tool": np.zeros(3)}
+        return dict(list(named.items())[:1]) if self.pose else named
+
+
+def simulate(
+    model: ErrorModel,
+    q: Float[np.ndarray, "n joints"],
+    *,
+    rng: np.random.Generator,
+    **options: Unpack[SimulationChoices],
+) -> tuple[Campaign, Truth]:
+    """Measure a virtual robot.
+
+    Args:
+        model: the model that the true robot follows.
+        q: joint positions of the measured poses, radians; where something is touched or looked at, of poses near them.
+        rng: source of the defects and of the noise.
+        **options: those of `SimulationOptions`, each by its name, and all at once as ``options``; names replace what is in those.
+
+            ``x``: the true robot's defects; drawn from the tolerances by default.
+
+            ``targets``: target centres in the tool frame, metres; one at the tool point by default.
+
+            ``pose``: measure poses of the first target instead of points.
+
+            ``noise``: the tracker's.
+
+            ``T_tracker_base``: where the tracker sees the base.
+
+            ``lost``: share of beams that are lost.
+
+            ``conditions``: how the poses were reached; one after another in the order of the rows by default, where an effect
+            of the model depends on it, and at its reference where it grows.
+
+            ``model_error``: standard deviation per axis of what the model does not explain, metres; white, at every measured
+            point.
+
+            ``joint_error``: standard deviation of the true joints about what the controller says.
+
+            ``observe``: how: ``tracker``, ``socket``, ``wire``, ``camera``, ``board``, ``plane``, ``cube``; ``socket+wire`` shares
+            the rows. With a socket or a camera the true robot takes the posture nearby at which the ball is in the socket, or
+            the landmark in the picture.
+
+            ``places``: how many blocks, anchors, landmarks stand there.
+
+    Returns:
+        the campaign, and the truth it was made from.
+
+    Raises:
+        UnknownName: a way to measure that does not exist.
+        CampaignError: options do not go together.
+        CampaignError: in none of some cells does the robot reach all that stands there.
+        ClosureError: a closed loop cannot be assembled at some pose.
+    """
+    expect_kinds({"model": ErrorModel}, model=model)
+    chosen, q = SimulationOptions.of(**options), np.asarray(q, dtype=float)
+    ways = chosen.ways
+    if len(q) < len(ways):
+        raise CampaignError(f"{len(q)} rows cannot be shared among {len(ways)} ways to measure; give more")
+    base = TRACKER_POSE if chosen.T_tracker_base is None else chosen.T_tracker_base
+    robot = TrueRobot(
+        model=model,
+        x=draw_defects(model, rng) if chosen.x is None else np.asarray(chosen.x, dtype=float),
+        T_tracker_base=base if "tracker" in ways else np.eye(4),
+        joint_error=np.broadcast_to(np.asarray(chosen.joint_error, dtype=float), q.shape[1:]),
+        model_error=chosen.model_error,
+    )
+    rows = {way: np.arange(k, len(q), len(ways)) for k, way in enumerate(ways)}
+    scenes = {way: _scene(robot, chosen, way, q[rows[way]], rng) for way in ways if way != "tracker"}
+    reflectors = chosen.reflectors_beside({scene.target for scene in scenes.values()})
+    parts: list[Campaign] = []
+    targets: list[np.ndarray] = []
+    for way, own in rows.items():
+        conditions = None if chosen.conditions is None else chosen.conditions.take(own)
+        if way in scenes:
+            scenes[way], part = _visit_one(robot, chosen, way, scenes[way], q[own], conditions, rng)
+            parts.append(part)
+            targets.append(scenes[way].T_tool_target)
+        else:
+            parts.append(_track(robot, chosen, reflectors, q[own], conditions, rng))
+            targets += [se3.translation(*at) for at in reflectors.values()]
+    truth = Truth(
+        model=model,
+        x=robot.x,
+        T_tracker_base=robot.T_tracker_base,
+        T_tool_target=np.stack(targets),
+        unknowns={
+            name: float(value)
+            for scene in scenes.values()
+            for name, value in zip(scene.observation.unknowns, scene.unknown, strict=True)
+        },
+    )
+    return join(parts), truth
+
+
+def _scene(robot: TrueRobot, options: SimulationOptions, way: str, q: np.ndarray, rng: np.random.Generator) -> Scene:
+    """What stands there, for rows about these joints; what is on the tool where it is asked to be."""
+    scene = instrument_of(way).stage(robot.T_tracker_base @ robot.model.nominal.poses(q), options.places, rng)
+    if options.targets is None or scene.target not in options.targets:
+        return scene
+    at = np.asarray(options.targets[scene.target], dtype=float)
+    return scene._replace(T_tool_target=se3.pose(scene.T_tool_target[:3, :3], at))
+
+
+def _visit_one(
+    robot: TrueRobot,
+    options: SimulationOptions,
+    way: str,
+    scene: Scene,
+    q: Float[np.ndarray, "n joints"],
+    conditions: Conditions | None,
+    rng: np.random.Generator,
+) -> tuple[Scene, Campaign]:
+    """The first of some cells in which the robot reaches what stands there, and what is read of it.
+
+    Raises:
+        OutOfReachError: it reaches it in none of them.
+    """
+    for _ in range(CELLS - 1):
+        try:
+            return scene, _visit(robot, options, scene, q, conditions, rng)
+        except OutOfReachError:
+            scene = _scene(robot, options, way, q, rng)
+    return scene, _visit(robot, options, scene, q, conditions, rng)
+
+
+def _visit(
+    robot: TrueRobot,
+    options: SimulationOptions,
+    scene: Scene,
+    q: Float[np.ndarray, "n joints"],
+    conditions: Conditions | None,
+    rng: np.random.Generator,
+) -> Campaign:
+    """What is read of what stands there."""
+    found = visit(robot, scene, q, conditions=conditions, rng=rng)
+    points = found.read.points
+    if options.lost:
+        points[rng.random(len(points)) < options.lost] = np.nan
+    return Campaign(
+        ids=tuple(str(i) for i in range(len(points))),
+        q=found.q,
+        targets=(scene.target,),
+        points=points[:, None],
+        rotations=found.read.rotations,
+        observations=(scene.observation,),
+        conditions=found.conditions,
+        source="virtual cell",
+    )
+
+
+def _track(
+    robot: TrueRobot,
+    options: SimulationOptions,
+    reflectors: Mapping[str, Float[np.ndarray, " 3"]],
+    q: Float[np.ndarray, "n joints"],
+    conditions: Conditions | None,
+    rng: np.random.Generator,
+) -> Campaign:
+    """What a tracker sees."""
+    noise = options.noise or TrackerNoise()
+    if conditions is None and robot.model.conditioned:
+        conditions = conditions_in_order(robot.model.robot, q)
+    true = q + robot.joint_error * rng.normal(size=q.shape) if robot.joint_error.any() else q
+    T = np.stack([robot.poses(true, se3.translation(*at), conditions) for at in reflectors.values()], axis=1)
+    points = T[..., :3, 3]
+    factor = np.linalg.cholesky(noise.covariance(points) + options.model_error**2 * np.eye(3))
+    points = points + (factor @ rng.normal(size=(*points.shape, 1)))[..., 0]
+    rotations = None
+    if options.pose:
+        rotations = se3.exp(noise.rotation * rng.normal(size=(len(q), 3))) @ T[:, 0, :3, :3]
+    if options.lost:
+        points[rng.random(points.shape[:2]) < options.lost] = np.nan
+    return Campaign(
+        ids=tuple(str(i) for i in range(len(q))),
+        q=q,
+        targets=tuple(reflectors),
+        points=points,
+        rotations=rotations,
+        conditions=conditions or Conditions(),
+        source="virtual cell",
+    )

@@ -1,0 +1,111 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taskcal.campaigns.campaign import Campaign
+from taskcal.errors import CampaignError, UnknownName
+from taskcal.observations.base import TrackerNoise
+from taskcal.robot.conditions import Conditions
+
+
+def campaign(n=12, targets=3, poses=False, seed=0):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(n, targets, 3))
+    points[2, 0] = np.nan
+    return Campaign(
+        ids=tuple(f"row {i}" for i in range(n)),
+        q=rng.normal(size=(n, 6)),
+        targets=tuple(f"smr{t}" for t in range(targets)),
+        points=points,
+        rotations=rng.normal(size=(n, 3, 3)) if poses else None,
+        uncertainty=rng.uniform(1e-5, 1e-4, (n, targets)),
+        reference_points={"base": rng.normal(size=(n, 3))},
+        conditions=Conditions(
+            temperature=rng.normal(size=n),
+            time=rng.uniform(0.0, 1e4, n),
+            approach=rng.choice([-1.0, 0.0, 1.0], (n, 6)),
+            move=rng.normal(size=(n, 6)),
+        ),
+    )
+
+
+@pytest.mark.parametrize("rows", [np.array([3, 1, 5]), [0], slice(2, 7), np.arange(12) % 3 == 0, [-1]], ids=str)
+def test_taking_rows_takes_them_from_every_array(rows):
+    whole = campaign()
+    some = whole.take(rows)
+    index = np.arange(12)[rows]
+    assert some.ids == tuple(f"row {i}" for i in index)
+    for name in ("q", "points", "uncertainty", "temperature", "time", "approach", "move"):
+        np.testing.assert_array_equal(getattr(some, name), getattr(whole, name)[index])
+    np.testing.assert_array_equal(some.reference_points["base"], whole.reference_points["base"][index])
+    assert some.targets == whole.targets
+
+
+def test_rows_keep_their_number_and_line_however_often_rows_are_taken():
+    whole = replace(campaign(), lines=np.arange(12) * 2 + 3)
+    some = whole.take([1, 4, 7, 10]).take(np.array([False, True, True, True])).take(slice(1, None))
+    assert [(some.row_of(i), some.line_of(i), some.row(i)) for i in range(2)] == [
+        (7, 17, "row 7 (id row 7, line 17)"),
+        (10, 23, "row 10 (id row 10, line 23)"),
+    ]
+    assert (campaign().row_of(3), campaign().line_of(3), campaign().row(3)) == (3, None, "row 3 (id row 3)")
+
+
+@pytest.mark.parametrize("rows", [[12], [0, 99], np.ones(5, dtype=bool)], ids=str)
+def test_rows_the_campaign_does_not_have_are_refused(rows):
+    with pytest.raises(CampaignError, match="rows run from 0 to 11"):
+        campaign().take(rows)
+
+
+@given(st.floats(0.05, 0.95), st.integers(0, 99))
+def test_a_split_puts_every_row_on_one_side_and_repeats_with_its_seed(fraction, seed):
+    whole = campaign()
+    fitted, held = whole.split(fraction, np.random.default_rng(seed))
+    assert sorted(fitted.ids + held.ids) == sorted(whole.ids)
+    assert len(held) == round(fraction * 12)
+    again = whole.split(fraction, np.random.default_rng(seed))
+    assert (fitted.ids, held.ids) == (again[0].ids, again[1].ids)
+
+
+@pytest.mark.parametrize("fraction", [0.0, 1.0, 0.01, -0.5, 2.0])
+def test_a_split_that_leaves_one_side_empty_is_refused(fraction):
+    with pytest.raises(CampaignError, match="leaves"):
+        campaign().split(fraction, np.random.default_rng(0))
+
+
+def test_targets_are_taken_in_the_order_asked_for():
+    whole = campaign()
+    some = whole.of_targets(["smr2", "smr0"])
+    np.testing.assert_array_equal(some.points, whole.points[:, [2, 0]])
+    np.testing.assert_array_equal(some.uncertainty, whole.uncertainty[:, [2, 0]])
+    np.testing.assert_array_equal(some.valid, whole.valid[:, [2, 0]])
+    with pytest.raises(UnknownName, match="no target 'smr3'; did you mean 'smr"):
+        whole.of_targets(["smr3"])
+
+
+def test_stated_uncertainty_is_per_axis_and_the_trackers_noise_stands_in_for_it():
+    stated = campaign()
+    covariance = stated.covariances()
+    np.testing.assert_allclose(covariance[0, 1], stated.uncertainty[0, 1] ** 2 * np.eye(3))
+    noise = TrackerNoise(range_m=1e-3)
+    unstated = Campaign(ids=stated.ids, q=stated.q, targets=stated.targets, points=stated.points)
+    np.testing.assert_allclose(unstated.covariances(noise)[0, 1], noise.covariance(stated.points[0, 1]))
+    assert np.isfinite(unstated.covariances()).all()
+
+
+def test_a_poses_covariance_adds_that_of_its_rotation():
+    poses = campaign(targets=1, poses=True)
+    covariance = poses.covariances(TrackerNoise(rotation=3e-4))
+    assert covariance.shape == (12, 1, 6, 6)
+    np.testing.assert_allclose(covariance[0, 0, :3, :3], poses.uncertainty[0, 0] ** 2 * np.eye(3))
+    np.testing.assert_allclose(covariance[0, 0, 3:, 3:], 9e-8 * np.eye(3))
+    assert not covariance[:, :, :3, 3:].any()
+
+
+def test_the_digest_is_of_the_measurements_alone():
+    assert campaign().digest == campaign().digest
+    assert campaign(seed=1).digest != campaign().digest
+    assert campaign().take(slice(0, 11)).digest != campaign().digest

@@ -1,0 +1,34 @@
+"""Poses that can be measured."""
+
+import numpy as np
+import pytest
+
+from taskcal.errors import ReachError
+from taskcal.geometry import se3
+from taskcal.kinematics.clearance import Box, clear_of_itself, place_links
+from taskcal.planning.candidates import enlarge
+from taskcal.planning.plan import plan
+from taskcal.virtual.station import Reflector
+from tests.planning.measuring_cell import TASK, cell
+
+
+def test_a_reflector_that_is_never_visible_is_refused_with_the_reasons(model):
+    blind = Reflector(name="smr", position=np.zeros(3), axis=np.array([0, 0, -1.0]), acceptance=np.radians(1.0))
+    with pytest.raises(ReachError, match=r"none of 100 candidate poses.*no reflector visible; move the tracker"):
+        plan(model, TASK, 12, candidates=100, station=cell(reflectors=(blind,)))
+    everywhere = Box(pose=se3.translation(1.5, 0.0, 1.2), size=np.full(3, 3.0))
+    with pytest.raises(ReachError, match=r"none of 100 .* in a keep-out box"):
+        plan(model, TASK, 12, candidates=100, station=cell(keep_out=(everywhere,)))
+
+
+def test_planned_poses_are_inside_the_room_that_measuring_may_take(model, small):
+    assert model.robot.inside_limits(small.q).all()
+    assert clear_of_itself(place_links(model, small.q)).all()
+    T = model.poses(small.q)
+    space = enlarge(TASK, model).workspace
+    # refinement moves each joint by a few tenths of a radian at most
+    assert np.all(np.abs(T[:, :3, 3] - space.center) <= 0.5 * space.size + 0.8)
+    unrefined = model.poses(plan(model, TASK, 12, candidates=100, refine=0).q)
+    assert np.all(np.abs(unrefined[:, :3, 3] - space.center) <= 0.5 * space.size + 1e-9)
+    tilt = np.arccos((unrefined[:, :3, 2] * TASK.workspace.orientations[0].rotation[:, 2]).sum(axis=1))
+    assert tilt.max() <= np.radians(45.0) + 1e-9

@@ -1,0 +1,38 @@
+"""Postures that a way of measuring allows."""
+
+import numpy as np
+from scipy.stats import qmc
+
+from taskcal.planning.instruments import CameraWay, find_observable, stand_by_default
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from tests.planning.without_tracker import MODEL, TASK, TIP, WAYS, way_of
+
+
+def test_joints_that_turn_more_than_once_are_not_wound_up():
+    model = ErrorModel(load_robot("ur5e"))
+    assert model.robot.limits.max() > 6.0
+    way = CameraWay(standing=stand_by_default("camera", model, TASK, TIP), T_tool_tip=TIP)
+    found = find_observable(model, TASK, way, 90, 0)
+    assert np.abs(found.q).max() <= np.pi
+    goals = way.goals(model, TASK, 0, qmc.Halton(6, rng=0).random(30))
+    reached = model.poses(found.q[found.visible[:, 0]])
+    apart = np.abs(reached[:, None] - goals[None]).max(axis=(2, 3)).min(axis=1)
+    assert apart.max() < 1e-6
+
+
+def test_what_stands_by_default_stands_above_the_base_and_things_are_apart():
+    for way in WAYS:
+        position = way_of(way).standing.position
+        assert position[:, 2].min() >= 0.0
+        apart = np.linalg.norm(position[:, None] - position, axis=2)
+        assert apart[np.triu_indices(len(position), 1)].min() > 0.09
+
+
+def test_postures_of_different_branches_are_found():
+    found = find_observable(MODEL, TASK, way_of("camera"), 150, 0)
+    # wrist flipped either way, and the camera turned all about its axis
+    assert (found.q[:, 4] > 0.1).any()
+    assert (found.q[:, 4] < -0.1).any()
+    x = (MODEL.poses(found.q) @ TIP)[:, :2, 0]
+    assert len(np.unique(np.floor((np.arctan2(x[:, 1], x[:, 0]) + np.pi) / (np.pi / 4)))) == 8

@@ -1,0 +1,114 @@
+"""Plans without a tracker: their postures can be measured, and promise what virtual robots give."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.errors import CampaignError, ReachError
+from taskcal.identification.identify import identify
+from taskcal.planning.candidates import Measurable
+from taskcal.planning.expected_error import assumed_hyperparameters
+from taskcal.planning.experiment import make_observed_experiment
+from taskcal.planning.plan import plan
+from taskcal.virtual.cell import draw_defects
+from tests.planning.without_tracker import (
+    CANDIDATES,
+    COUNT,
+    GOAL,
+    MODEL,
+    TASK,
+    WAYS,
+    aligned_error,
+    measure,
+    plan_of,
+    way_of,
+)
+
+every_way = pytest.mark.parametrize("way", WAYS)
+
+
+@every_way
+def test_a_plan_is_better_than_chance_and_falls_with_the_number_of_poses(way):
+    made = plan_of(way)
+    assert made.expected < made.random.min() < made.random.max() < made.before
+    assert made.expected < made.grid
+    assert np.all(np.diff(made.by_count) <= 1e-12)
+    assert made.expected <= made.by_count[-1] * (1 + 1e-9)
+    assert len(set(made.rows)) == len(made.q) == COUNT
+
+
+@every_way
+def test_every_posture_is_inside_the_limits_and_everything_that_stands_has_its_fill(way):
+    made = plan_of(way)
+    assert MODEL.robot.inside_limits(made.q).all()
+    assert np.bincount(made.of).min() >= way_of(way).fewest
+    assert made.names == tuple(way_of(way).standing.names[k] for k in made.of)
+    assert made.summary()["poses_each"] == {name: made.names.count(name) for name in way_of(way).standing.names}
+    # what does not stand at the same time is measured one behind another
+    stage = way_of(way).stages[made.of]
+    assert np.count_nonzero(np.diff(stage)) == len(np.unique(stage)) - 1
+
+
+@pytest.mark.parametrize("way", ["socket", "wire"])
+def test_virtual_robots_become_as_accurate_as_expected(way):
+    rng, made = np.random.default_rng(2), plan_of(way)
+    squares = []
+    for _ in range(8):
+        x = draw_defects(MODEL, rng)
+        calibration = identify(MODEL, measure(way_of(way), made.q, made.of, x, rng, made.model_error))
+        squares.append(aligned_error(calibration, x, way_of(way).T_tool_tip) ** 2)
+    # of few robots; `python -m tests.planning.observed_accuracy` has many, of all kinds
+    assert np.sqrt(np.mean(squares)) == pytest.approx(made.expected, rel=0.4)
+
+
+def test_the_same_seed_gives_the_same_plan():
+    again = plan(MODEL, TASK, COUNT, observe=way_of("wire"), candidates=CANDIDATES)
+    np.testing.assert_array_equal(again.q, plan_of("wire").q)
+    assert again.names == plan_of("wire").names
+
+
+def expected_in(way, made):
+    """Expected error of the postures of a plan, measured in another way."""
+    found = Measurable(q=made.q, rows=np.arange(len(made.q)), visible=made.visible, lost={})
+    hyper = assumed_hyperparameters(MODEL)
+    return make_observed_experiment(MODEL, GOAL, found, way, hyper).error(made.q, made.visible)
+
+
+def test_a_stated_distance_of_sockets_is_worth_something_and_a_coarse_one_little():
+    made, way = plan_of("socket"), way_of("socket")
+    coarse = tuple(replace(one, uncertainty=1e-2) for one in way.distances)
+    fine, little, none = (expected_in(replace(way, distances=d), made) for d in (way.distances, coarse, ()))
+    assert 1.01 * fine < none
+    assert little == pytest.approx(none, rel=5e-3)
+
+
+def test_a_board_says_more_than_a_landmark_and_an_unknown_scale_less_than_a_known_one():
+    camera, wire = plan_of("camera"), plan_of("wire")
+    assert expected_in(way_of("board"), camera) < expected_in(way_of("camera"), camera)
+    assert expected_in(replace(way_of("wire"), scaled=True), wire) > expected_in(way_of("wire"), wire)
+
+
+def test_too_few_poses_are_refused_and_as_many_as_the_message_says_are_planned():
+    way = way_of("camera")
+    with pytest.raises(CampaignError, match="each of 3 landmarks needs 5; plan at least 15"):
+        plan(MODEL, TASK, 14, observe=way, candidates=90)
+    made = plan(MODEL, TASK, 15, observe=way, candidates=90)
+    assert np.bincount(made.of).tolist() == [5, 5, 5]
+
+
+def test_postures_that_are_too_few_are_said_of_what():
+    with pytest.raises(
+        ReachError, match=r"only \d+ postures were found in which anchor '.*' can be measured; it needs 12"
+    ):
+        plan(MODEL, TASK, COUNT, observe=way_of("wire"), candidates=30)
+
+
+def test_given_joints_or_measurements_do_not_go_with_it():
+    way = way_of("socket")
+    with pytest.raises(CampaignError, match="are looked for where things stand"):
+        plan(MODEL, TASK, COUNT, observe=way, candidates=GOAL.q)
+    made = plan_of("socket")
+    campaign = measure(way, made.q, made.of, np.zeros(len(MODEL)), np.random.default_rng(0), 1e-4)
+    with pytest.raises(CampaignError, match="begins anew"):
+        plan(MODEL, TASK, COUNT, observe=way, campaign=campaign)

@@ -1,0 +1,52 @@
+"""Plans for a station: what the tracker sees, and what stands in the way."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.kinematics.clearance import beam_is_free, clear_of_boxes, clear_of_itself, place_links
+from taskcal.planning.candidates import find_measurable
+from taskcal.planning.expected_error import design
+from taskcal.planning.plan import plan
+from taskcal.task.task import reach_task
+from taskcal.virtual.cell import simulate
+from tests.planning.measuring_cell import TASK, cell
+
+
+def test_every_pose_of_a_plan_for_a_station_can_be_measured(model):
+    station = cell()
+    made = plan(model, TASK, 12, candidates=500, station=station)
+    assert made.visible.shape == (12, 2)
+    assert made.visible.any(axis=1).all()
+    assert model.robot.inside_limits(made.q).all()
+    links = place_links(model, made.q)
+    assert clear_of_itself(links).all()
+    assert clear_of_boxes(links, station.keep_out).all()
+    T = model.poses(made.q)
+    for k, reflector in enumerate(station.reflectors):
+        center = T[:, :3, :3] @ reflector.position + T[:, :3, 3]
+        beam = station.position - center
+        unhidden = beam_is_free(station.position, center, links, station.keep_out)
+        if reflector.axis is not None:
+            looks = (T[:, :3, :3] @ reflector.axis * beam).sum(axis=1) / np.linalg.norm(beam, axis=1)
+            unhidden &= looks >= np.cos(reflector.acceptance)
+        np.testing.assert_array_equal(made.visible[:, k], unhidden)
+    assert made.lost["in a keep-out box"] > 0
+    found = find_measurable(model, TASK, station, 500, 0)
+    assert sum(made.lost.values()) + len(found.q) == 500
+    assert made.candidates == len(found.q)
+
+
+def test_lost_beams_count_in_the_expected_error(model):
+    """The campaign that is planned has gaps where a reflector is hidden; a design from it agrees."""
+    station = cell()
+    made = plan(model, TASK, 12, candidates=500, station=station)
+    campaign, _ = simulate(
+        model, made.q, rng=np.random.default_rng(0), x=np.zeros(len(model)), T_tracker_base=station.T_tracker_base,
+        targets={reflector.name: reflector.position for reflector in station.reflectors},
+    )  # fmt: skip
+    points = np.where(made.visible[..., None], campaign.points, np.nan)
+    goal = reach_task(model, TASK, 200, 0)
+    expected = design(model, replace(campaign, points=points), goal, model_error=(made.model_error,))
+    assert made.expected == pytest.approx(expected.expected_error(np.arange(len(model))), rel=1e-3)

@@ -1,0 +1,146 @@
+"""The choice of parameters for a task, and its reasons."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.demo.procedure import reference_task
+from taskcal.errors import CampaignError, ReachError
+from taskcal.geometry import se3
+from taskcal.identification.hyperparameters import Hyperparameters
+from taskcal.identification.identify import identify
+from taskcal.planning.selection import SUFFICIENT, select, selection_steps
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from taskcal.task.task import Task, reach_task
+from taskcal.virtual.cell import simulate
+
+
+@pytest.fixture(scope="module")
+def model():
+    return ErrorModel(load_robot("abb-irb6660-205-1.9"))
+
+
+@pytest.fixture(scope="module")
+def listed(model) -> Task:
+    """The task as a list of poses whose joints are known."""
+    reached = reach_task(model, reference_task(np.radians(20.0)), 30)
+    return Task(name="listed", poses=reached.T, joints=reached.q)
+
+
+def test_the_chosen_model_is_the_smallest_that_suffices(model):
+    chosen = select(model, reference_task(), model_error=0.0)
+    full = chosen.ladder[0].expected
+    sizes = [nested.size for nested in chosen.ladder if nested.expected <= SUFFICIENT * full]
+    assert len(chosen.kept) == min(sizes) < 25
+    assert set(chosen.kept) | set(chosen.dropped) == set(model.names)
+    assert not set(chosen.kept) & set(chosen.dropped)
+    assert chosen.before > 20 * full
+
+
+def test_every_dropped_parameter_carries_a_reason_that_holds(model):
+    chosen = select(model, reference_task(np.radians(20.0)), model_error=0.0)
+    assert "no effect" in chosen.dropped["tool.rx"]
+    assert chosen.dropped["J4.tz"] == "repeats J3.ty"
+    assert chosen.dropped["J4.rz"] == "repeats 0.28·J1.ty + J3.ry"
+    assert all(reason for reason in chosen.dropped.values())
+
+
+def test_the_published_and_the_identifiable_set_stand_in_the_same_picture(model):
+    chosen = select(model, reference_task())
+    assert chosen.references["published"][0] == 33
+    assert chosen.references["identifiable"][0] == 24
+    assert all(e >= chosen.ladder[0].expected * (1 - 1e-9) for _, e in chosen.references.values())
+
+
+def test_its_steps_are_told_as_they_were_foreseen(model, listed):
+    told = []
+    select(model, listed, count=10, progress=told.append)
+    assert tuple(told) == selection_steps(None)
+
+
+def test_an_accuracy_is_met_by_the_smallest_model_that_meets_it(model):
+    loose = select(model, reference_task(), accuracy=1e-4)
+    assert len(loose.kept) < len(select(model, reference_task()).kept)
+    by_size = {nested.size: nested.expected for nested in loose.ladder}
+    assert by_size[len(loose.kept)] <= 1e-4 < by_size[len(loose.kept) - 1]
+
+
+def test_an_accuracy_below_the_noise_is_refused_with_what_can_be_reached(model):
+    with pytest.raises(CampaignError, match=r"out of reach.*0\.00\d mm rms"):
+        select(model, reference_task(), accuracy=1e-6, model_error=0.0)
+
+
+def test_a_model_error_that_is_assumed_is_said_and_leaves_fewer_parameters_worth_their_variance(model):
+    assumed, exact = (select(model, reference_task(), count=60, model_error=u) for u in (None, 0.0))
+    assert len(assumed.kept) < len(exact.kept)
+    assert assumed.ladder[0].expected > 2.0 * exact.ladder[0].expected
+    assert assumed.summary()["model_error_mm"] == pytest.approx(0.05)
+    assert assumed.model_error_origin == model.robot.model_error.source
+    assert (exact.model_error, exact.model_error_origin) == (0.0, "as given")
+
+
+def test_a_campaign_cross_validates_every_size(model):
+    task = reference_task(np.radians(20.0))
+    measured = reach_task(model, task, 40, seed=2)
+    campaign, _ = simulate(model, measured.q, rng=np.random.default_rng(0))
+    chosen = select(model, task, campaign, folds=3)
+    crossed = [nested.cross_validated for nested in chosen.ladder]
+    assert all(value is not None for value in crossed)
+    assert crossed[-1] > 5 * crossed[0]
+    assert 10 < len(chosen.kept) < 26
+
+
+def test_an_unreachable_workspace_says_so(model):
+    task = reference_task()
+    far = replace(task.workspace, center=np.array([6.0, 0.0, 1.0]))
+    with pytest.raises(ReachError, match="does not reach"):
+        select(model, replace(task, workspace=far))
+
+
+def test_every_rung_is_what_the_model_without_the_dropped_ones_is_expected_to_leave(model):
+    """The ladder starts with all and ends with none; each size lacks one more; the choice lies on it."""
+    chosen = select(model, reference_task(), count=60)
+    assert [nested.size for nested in chosen.ladder] == list(range(len(model), -1, -1))
+    order = [nested.dropped_next for nested in chosen.ladder[:-1]]
+    assert sorted(order) == sorted(model.names)
+    assert chosen.ladder[-1].dropped_next == ""
+    assert set(order[: len(model) - len(chosen.kept)]) == set(chosen.dropped)
+    assert np.all(np.diff([nested.expected for nested in chosen.ladder]) >= -1e-12)
+    assert chosen.ladder[-1].expected == pytest.approx(chosen.before, rel=1e-9)
+    again = select(model, reference_task(), count=60)
+    assert (again.kept, again.summary()) == (chosen.kept, chosen.summary())
+
+
+def test_a_robot_of_which_nothing_is_published_is_compared_with_the_identifiable_set_alone():
+    plain = ErrorModel(load_robot("ur5"))
+    q = np.random.default_rng(0).uniform(-1.2, 1.2, (60, 6))
+    chosen = select(plain, Task(name="listed", poses=plain.poses(q), joints=q))
+    assert set(chosen.references) == {"identifiable"}
+    assert len(chosen.kept) <= chosen.references["identifiable"][0]
+
+
+def test_too_few_rows_for_the_folds_are_refused(model):
+    campaign, _ = simulate(model, reach_task(model, reference_task(), 12).q, rng=np.random.default_rng(0))
+    with pytest.raises(CampaignError, match=r"12 rows are too few for cross-validation in 7 folds; measure more"):
+        select(model, reference_task(), campaign, folds=7)
+
+
+def test_the_former_name_of_the_hyperparameters_still_works_and_warns(model, listed):
+    known = Hyperparameters.of_deviations((1e-4,), 2.0)
+    with pytest.warns(DeprecationWarning, match="'scales' is called 'hyperparameters'"):
+        former = select(model, listed, scales=known)
+    assert former.summary() == select(model, listed, hyperparameters=known).summary()
+    assert former.model_error == pytest.approx(1e-4)
+
+
+def test_a_campaign_of_poses_states_its_model_error_in_milliradians_too(model, listed):
+    campaign, _ = simulate(model, listed.joints[:16], rng=np.random.default_rng(2), pose=True)
+    off = se3.exp(1e-3 * np.random.default_rng(3).normal(size=(16, 3)))
+    campaign = replace(campaign, rotations=off @ campaign.rotations)
+    chosen = select(model, listed, campaign, folds=2)
+    found = identify(model, campaign).model_error
+    assert chosen.summary()["model_error_mrad"] == pytest.approx(found[1] * 1e3)
+    assert found[1] > 1e-4
+    assert "model_error_mrad" not in select(model, listed).summary()

@@ -1,0 +1,46 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.errors import ReachError
+from taskcal.kinematics.clearance import place_links, segment_distance
+from taskcal.planning.instruments import find_observable
+from tests.planning.without_tracker import MODEL, TASK, TIP, plan_of, way_of
+
+WAY = way_of("wire")
+
+
+def wires(q, of):
+    tip = MODEL.poses(q) @ TIP
+    return tip, WAY.standing.position[of] - tip[:, :3, 3]
+
+
+def test_every_wire_has_a_length_that_is_measured_and_leaves_the_tool_freely():
+    made = plan_of("wire")
+    tip, way = wires(made.q, made.of)
+    length = np.linalg.norm(way, axis=1)
+    assert WAY.shortest <= length.min() <= length.max() <= WAY.longest
+    assert np.arccos((way * tip[:, :3, 2]).sum(axis=1) / length).max() <= WAY.angle + 1e-9
+
+
+def test_no_wire_crosses_a_link():
+    made = plan_of("wire")
+    tip, way = wires(made.q, made.of)
+    links = place_links(MODEL, made.q)
+    # all but what carries the wire's end, beside which it begins
+    for k in range(5):
+        apart = segment_distance(tip[:, :3, 3], tip[:, :3, 3] + way, links.start[:, k], links.end[:, k])
+        assert apart.min() > links.radius[k]
+
+
+def test_a_wire_that_is_too_short_everywhere_is_refused_and_the_anchor_named():
+    with pytest.raises(
+        ReachError, match=r"anchor 'front' cannot be measured .* the wire too short or too long; move it"
+    ):
+        find_observable(MODEL, TASK, replace(WAY, longest=0.12), 60, 0)
+
+
+def test_a_sensor_of_unknown_scale_tells_less():
+    assert replace(WAY, scaled=True).unknown.shape == (13,)
+    assert WAY.unknown.shape == (12,)

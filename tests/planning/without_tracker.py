@@ -1,0 +1,86 @@
+"""A small robot's cell without a tracker, and virtual robots that are measured in it."""
+
+from functools import cache
+
+import numpy as np
+
+from taskcal.campaigns.campaign import Campaign
+from taskcal.geometry import se3
+from taskcal.identification.calibration import Calibration
+from taskcal.kinematics.inverse import solve_near
+from taskcal.observations import Measured, Way
+from taskcal.observations.base import TrackerNoise
+from taskcal.planning.instruments import (
+    BoardWay,
+    CameraWay,
+    MeasuringWay,
+    SocketWay,
+    WireWay,
+    block_distances,
+    stand_by_default,
+)
+from taskcal.planning.plan import Plan, plan
+from taskcal.task.task import reach_task
+from taskcal.task.workspace import Orientation
+from taskcal.virtual.station import Standing
+from tests.reading.virtual_task import MODEL, box_before_the_robot
+
+TIP = se3.translation(0.01, -0.02, 0.1)
+TASK = box_before_the_robot(
+    "cell", [0.4, 0.0, 0.3], [0.25, 0.4, 0.2], Orientation(rotation=np.diag([1.0, -1.0, -1.0]), cone=0.3, spin=0.5)
+)
+WAYS: tuple[Way, ...] = ("socket", "wire", "camera")
+GOAL = reach_task(MODEL, TASK, 60, 1)
+COUNT, CANDIDATES = 36, 300
+
+
+@cache
+def way_of(way: Way) -> MeasuringWay:
+    """By default of the task."""
+    standing = stand_by_default(way, MODEL, TASK, TIP)
+    if way == "socket":
+        few = Standing(names=standing.names[:4], position=standing.position[:4], direction=standing.direction[:4])
+        return SocketWay(standing=few, T_tool_tip=TIP, distances=block_distances()[:2])
+    if way == "wire":
+        return WireWay(standing=standing, T_tool_tip=TIP)
+    return (BoardWay if way == "board" else CameraWay)(standing=standing, T_tool_tip=TIP)
+
+
+@cache
+def plan_of(way: Way) -> Plan:
+    """A small plan."""
+    return plan(MODEL, TASK, COUNT, observe=way_of(way), candidates=CANDIDATES)
+
+
+def measure(
+    way: MeasuringWay, q: np.ndarray, of: np.ndarray, x: np.ndarray, rng: np.random.Generator, error: float
+) -> Campaign:
+    """A virtual robot measured in postures: what each reads, with the kind's noise and a model error at the tip."""
+    kind, things = way.observation(of), way.standing.position
+    n = len(q)
+    off = error * rng.normal(size=(n, 3))
+    T = MODEL.poses(q, x)
+    tip = T @ way.T_tool_tip
+    points = np.zeros((n, 3))
+    if way.way == "socket":
+        noise = kind.covariance(Measured(points), None, TrackerNoise())[0, 0, 0] ** 0.5
+        T[:, :3, 3] += things[of] + off + noise * rng.normal(size=(n, 3)) - tip[:, :3, 3]
+        q = solve_near(MODEL, T, q, x).q
+    else:
+        tip[:, :3, 3] += off
+        noise = kind.covariance(Measured(points), None, TrackerNoise())[0, 0, 0] ** 0.5
+        if way.way == "wire":
+            points[:, 0] = np.linalg.norm(tip[:, :3, 3] - things[of], axis=1) + noise * rng.normal(size=n)
+        else:
+            points = se3.apply(se3.inverse(tip), things[of]) + noise * rng.normal(size=(n, 3))
+    return Campaign(ids=tuple(map(str, range(n))), q=q, targets=("tool",), points=points[:, None], observations=(kind,))
+
+
+def aligned_error(calibration: Calibration, x: np.ndarray, T_tool_tip: np.ndarray) -> float:
+    """Of the predicted tip over the task, wherever the base stands, metres."""
+    true = (MODEL.poses(GOAL.q, x) @ T_tool_tip)[:, :3, 3]
+    placed = calibration.layout.frames(calibration.z)[1][0]
+    found = (calibration.model.poses(GOAL.q, calibration.layout.parameters(calibration.z)) @ placed)[:, :3, 3]
+    true, found = true - true.mean(axis=0), found - found.mean(axis=0)
+    R = se3.nearest_rotation(true.T @ found)
+    return float(np.sqrt(np.mean(((found @ R.T - true) ** 2).sum(axis=1))))

@@ -1,0 +1,95 @@
+"""What a folder shows, and for whom a module is there."""
+
+import ast
+from collections import defaultdict
+from pathlib import Path
+
+SOURCES = Path(__file__).resolve().parents[2] / "src"
+MODULES = {
+    ".".join(path.relative_to(SOURCES).with_suffix("").parts): path
+    for path in sorted(SOURCES.rglob("*.py"))
+    if path.name != "__init__.py"
+}
+MAX_FILES = 20
+"""That a folder shows: what a person takes in at one look."""
+MANY_ALIKE = {"taskcal.cli.commands": "one file for each command", "taskcal.studio.pages": "one file for each page"}
+"""Folders that may show more, and whose files need no second importer."""
+ONE_IMPORTER = {
+    "a step of its own in the way of a file, or of a fit": {
+        "robot_programs.apt.resolve",
+        "robot_programs.krl.flow",
+        "taskcal.correction.subdivision",
+        "robot_programs.tp.resolve",
+        "robot_programs.apt.rewrite",
+        "taskcal.diagnosis.course",
+        "taskcal.identification.chunked_fit",
+        "taskcal.identification.group_search",
+        "taskcal.planning.experiment",
+        "taskcal.reading.inference",
+        "taskcal.registration.together",
+        "taskcal.cli.options.correction",
+        "taskcal.cli.options.fit",
+        "taskcal.studio.server",
+    },
+    "one of many alike, which a table names": {
+        "robot_programs.apt.read",
+        "robot_programs.csv_path.read",
+        "robot_programs.krl.compose",
+        "robot_programs.krl.read",
+        "robot_programs.rapid.compose",
+        "robot_programs.tp.read",
+        "taskcal.robot.importers.ur",
+        "taskcal.tables.motion_capture",
+        "taskcal.tables.spreadsheet",
+        "taskcal.demo.procedure_files",
+    },
+    "the page of one subject": {
+        "taskcal.report.fleet",
+        "taskcal.report.performance",
+        "taskcal.report.placement",
+        "taskcal.report.plan",
+        "taskcal.report.selection",
+        "taskcal.report.study",
+    },
+    "compiled": {"taskcal.kernels.fit", "taskcal.kernels.lane_types"},
+    "arithmetic that knows no robot": {"taskcal.geometry.polyline"},
+    "entered by name": {"taskcal.__main__", "taskcal.effects", "taskcal.performance"},
+}
+"""Modules that fewer than two others import and that have no public name, by the reason for which they are there."""
+
+
+def imported(path: Path) -> set[str]:
+    """Modules that a file imports, wherever it does so."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+    return found & set(MODULES)
+
+
+def test_folders_show_few_files() -> None:
+    """A folder shows at most twenty modules, unless it holds many of one kind."""
+    shown = defaultdict(int)
+    for module in MODULES:
+        shown[module.rpartition(".")[0]] += 1
+    assert len(shown) > 20
+    assert {folder: count for folder, count in shown.items() if count > MAX_FILES}.keys() <= MANY_ALIKE.keys()
+
+
+def test_modules_have_two_importers_or_a_reason() -> None:
+    """A module that one other imports belongs to it, unless users import from it or a reason is given here."""
+    importers: dict[str, set[str]] = defaultdict(set)
+    for module, path in MODULES.items():
+        for other in imported(path):
+            importers[other].add(module)
+    packages = SOURCES.rglob("__init__.py*")
+    public = set().union(*(imported(path) for path in packages))
+    alone = {
+        module
+        for module in MODULES
+        if len(importers[module]) < 2 and module not in public and module.rpartition(".")[0] not in MANY_ALIKE
+    }
+    reasoned = set().union(*ONE_IMPORTER.values())
+    assert alone == reasoned

@@ -1,0 +1,64 @@
+"""Maps and tables of placements show each placement where it is, and mark what cannot be used."""
+
+from itertools import product
+
+import numpy as np
+
+from taskcal.correction.part_placement import PartPlacements, PlacedPart
+from taskcal.report.placement import draw_placements, placement_page, varied_axes
+
+XS, YS, TURNS = (-0.2, 0.0, 0.2), (-0.1, 0.1), (-0.5, 0.5)
+
+
+def placed(x: float, y: float = 0.0, turn: float = 0.0) -> PlacedPart:
+    """A placement whose error tells where it is, impossible at the far end."""
+    error = 1e-3 + 1e-3 * x + 2e-4 * y + 1e-5 * turn
+    far = x > 0.1
+    return PlacedPart(
+        shift=np.array([x, y, 0.0]), turn=turn, reached=0.5 if far else 1.0, obstacle="square.csv:2: out of reach" if far else "",
+        before=2 * error, after=error, compliance=np.nan, margin=0.3, conditioning=0.1,
+    )  # fmt: skip
+
+
+def test_maps_go_through_the_placement_and_cross_out_the_impossible():
+    found = PartPlacements(name="square", now=placed(0.0), all=tuple(placed(*at) for at in product(XS, YS, TURNS)))
+    assert varied_axes(found) == [0, 1, 3]
+    best = found.ranked[0]
+    figure = draw_placements(found, best)
+    maps = [trace for trace in figure.data if trace.type == "heatmap"]
+    assert len(maps) == 3
+    first = maps[0]
+    assert (list(first.x), list(first.y)) == ([-200.0, 0.0, 200.0], [-100.0, 100.0])
+    for i, y in enumerate(YS):
+        for k, x in enumerate(XS):
+            shown = np.nan if x > 0.1 else placed(x, y, best.turn).expected * 1e3
+            np.testing.assert_allclose(first.z[i][k], shown)
+    crosses, circle = (trace for trace in figure.data if trace.type == "scatter" and trace.xaxis == first.xaxis)
+    assert set(crosses.x) == {200.0}
+    assert (circle.x[0], circle.y[0]) == (best.shift[0] * 1e3, best.shift[1] * 1e3)
+    labels = [button.label for button in figure.layout.updatemenus[0].buttons]
+    assert labels == [
+        "expected",
+        "before",
+        "joint margin",
+        "executed",
+    ]  # corrected is what is expected; there is no force
+
+
+def test_one_axis_is_a_curve_and_none_has_no_figure():
+    line = PartPlacements(name="square", now=placed(0.0), all=tuple(placed(x) for x in XS))
+    (expected, before) = draw_placements(line, line.ranked[0]).data
+    np.testing.assert_allclose(
+        np.array(expected.y, dtype=float), [placed(-0.2).expected * 1e3, placed(0.0).expected * 1e3, np.nan]
+    )
+    assert list(before.x) == [-200.0, 0.0, 200.0]
+    one = PartPlacements(name="square", now=placed(0.0), all=(placed(0.0),))
+    page = placement_page(one, "robot", calibrated=True, version="0")
+    assert [section.title for section in page.sections] == ["Where to put it"]
+
+
+def test_a_page_says_why_placements_fall_away():
+    found = PartPlacements(name="square", now=placed(0.0), all=tuple(placed(x) for x in XS))
+    page = placement_page(found, "robot", calibrated=True, version="0").html()
+    assert "Placements that cannot be used" in page
+    assert "square.csv:2: out of reach" in page

@@ -1,0 +1,39 @@
+"""Figures of a plan show its numbers, in the units their axes name."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.planning.plan import Plan
+from taskcal.report.plan import draw_by_count
+from taskcal.report.scene import outline
+from taskcal.task.workspace import Workspace
+
+
+def test_a_plan_is_drawn_in_millimetres() -> None:
+    made = Plan(
+        q=np.zeros((4, 6)), rows=(0, 1, 2, 3), visible=np.ones((4, 1), dtype=bool), expected=1e-5,
+        random=np.array([2e-5, 4e-5]), grid=3e-5, by_count=np.array([9.0, 1e-3, 1e-4, 2e-5]), before=1e-3,
+        criterion="task", exchanges=0, accuracy=5e-5,
+    )  # fmt: skip
+    traces = {trace.name.split(":")[0]: trace for trace in draw_by_count(made).data}
+    assert list(traces["chosen one by one"].x) == [2, 3, 4]  # one pose alone says nothing, and is left out
+    assert traces["random poses"].y[0] == pytest.approx(0.03)
+    assert traces["random poses"].error_y.array[0] == pytest.approx(0.01)
+    assert traces["accuracy that the task needs"].y[0] == pytest.approx(0.05)
+    with_error = {trace.name: trace for trace in draw_by_count(replace(made, model_error=4e-5 / 3.0**0.5)).data}
+    assert with_error["accuracy that the task needs, less the model error"].y[0] == pytest.approx(0.03)
+    hopeless = draw_by_count(replace(made, model_error=5e-5))
+    assert not [trace.name for trace in hopeless.data if trace.name.startswith("accuracy")]
+
+
+@pytest.mark.parametrize("shape", ["box", "cylinder"])
+def test_the_outline_of_a_workspace_touches_its_sides(shape: str) -> None:
+    space = Workspace(
+        T_base_frame=np.eye(4), shape=shape, center=np.array([1.0, 2.0, 3.0]), size=np.array([0.4, 0.4, 0.2]),
+        turned=np.eye(3), orientations=(),
+    )  # fmt: skip
+    edges = outline(space)
+    np.testing.assert_allclose(np.nanmin(edges, axis=0), [0.8, 1.8, 2.9], atol=1e-9)
+    np.testing.assert_allclose(np.nanmax(edges, axis=0), [1.2, 2.2, 3.1], atol=1e-9)

@@ -1,0 +1,87 @@
+import json
+import re
+from html.parser import HTMLParser
+
+import plotly.graph_objects as go
+
+from taskcal.report.content import Chart, Commands, Numbers, Points, Section, Table, Text
+from taskcal.report.page import report_html
+
+VOID = {"meta", "br", "hr", "img", "link", "input"}
+
+
+class Outline(HTMLParser):
+    """Checks that elements are closed in order, and collects the visible text and every address."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.text: list[str] = []
+        self.addresses: list[str] = []
+        self.scripts = 0
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in VOID:
+            self.open.append(tag)
+        self.scripts += tag == "script"
+        self.addresses += [value for name, value in attrs if name in ("src", "href") and value]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "script" not in self.open and "style" not in self.open:
+            self.text.append(data)
+
+
+def outline(page: str) -> Outline:
+    out = Outline()
+    out.feed(page)
+    out.close()
+    assert out.open == []
+    return out
+
+
+def sections_of_everything(text: str) -> list[Section]:
+    table = Table.of_rows(text, (text, "b"), [(text, "1"), ("y", "2")], note=text)
+    folded = Table(title=text, header=("a",), groups=((text, ((text,),)),), folded=True)
+    chart = Chart(title=text, figure=go.Figure(go.Scatter(x=[1, 2], y=[3, 4], name=text)), note=text)
+    blocks = (Text((text,)), Points((text,)), Numbers(((text, "µm", text),)), Commands(text), table, folded, chart)
+    return [Section(title=text, blocks=blocks)] * 3
+
+
+def test_a_page_is_whole_and_fetches_nothing() -> None:
+    read = outline(report_html("A report", sections_of_everything("words"), lead="Lead.", footer="Foot."))
+    assert read.addresses == ["#part-1", "#part-2", "#part-3"]
+    assert {"A report", "Lead.", "Foot.", "words"} <= {t.strip() for t in read.text}
+
+
+def test_no_text_can_become_markup() -> None:
+    hostile = "</script><b onclick='x'>&amp;<!--"
+    page = report_html(hostile, sections_of_everything(hostile), lead=hostile, footer=hostile)
+    harmless = report_html("words", sections_of_everything("words"), lead="words", footer="words")
+    assert outline(page).scripts == outline(harmless).scripts
+    assert "<b " not in page
+    assert hostile in outline(page).text
+
+
+def test_figures_come_back_as_they_were_given() -> None:
+    page = report_html("words", sections_of_everything("a < b"))
+    found = re.findall(r'<script type="application/json" data-for="(chart-\d)">(.*?)</script>', page)
+    assert [name for name, _ in found] == ["chart-1", "chart-2", "chart-3"]
+    assert json.loads(found[0][1])["data"][0]["name"] == "a < b"
+
+
+def test_plotly_is_embedded_once_and_only_for_figures() -> None:
+    def size(sections: list[Section]) -> int:
+        return len(report_html("words", sections))
+
+    without = [Section(title="words", blocks=(Text(("words",)),))]
+    once, thrice = without + sections_of_everything("a")[:1], without + sections_of_everything("a")
+    assert size(without) < 20_000
+    assert 3_000_000 < size(once) < 8_000_000
+    assert size(thrice) - size(once) < 50_000
+
+
+def test_a_page_is_the_same_every_time() -> None:
+    assert report_html("a", sections_of_everything("b")) == report_html("a", sections_of_everything("b"))

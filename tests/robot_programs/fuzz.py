@@ -1,0 +1,121 @@
+"""Random programs with random damage: `python -m tests.robot_programs.fuzz rapid 10000 [FIRST_SEED]`.
+
+Whatever the bytes of a file are, reading it ends soon, in a program or in a TaskcalError; without changes every byte stays;
+and a program that was read can be rewritten and read again.
+"""
+
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+
+from robot_programs.core.program import Program, Waypoint
+from robot_programs.core.source import Source
+from taskcal.errors import TaskcalError
+from taskcal.robot.robot import Robot
+
+LONGEST = 5.0
+"""Seconds of computing that no small file may take."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Language:
+    """How programs of a language are made, read and changed."""
+
+    generate: Callable[[np.random.Generator], tuple[Source, ...]]
+    """The files of a random valid program."""
+    read: Callable[[tuple[Source, ...]], Program]
+    waypoints: Callable[[np.random.Generator, Program], Mapping[int, tuple[Waypoint, ...]]]
+    """New waypoints for some of its motions."""
+    robot: Robot
+
+
+LANGUAGES = tuple(sorted(path.parent.name for path in Path(__file__).parent.glob("*/fuzzing.py")))
+"""Each has a module ``fuzzing`` in its folder with its `LANGUAGE`."""
+
+
+def mutated(rng: np.random.Generator, data: bytes, marks: bytes = b"[](){}\\;:=\"'!,<>%$&*/+-. \n\r\t09eE") -> bytes:
+    """Some bytes deleted, inserted, changed or repeated."""
+    for _ in range(int(rng.integers(1, 6))):
+        at, size = int(rng.integers(len(data) + 1)), int(rng.integers(1, 12))
+        match int(rng.integers(4)):
+            case 0:
+                data = data[:at] + data[at + size :]
+            case 1:
+                data = data[:at] + bytes(rng.integers(0, 256, size, dtype=np.uint8)) + data[at:]
+            case 2:
+                data = data[:at] + bytes(rng.choice(list(marks), size).tolist()) + data[at + 1 :]
+            case _:
+                data = data[:at] + data[at : at + 20 * size] + data[at:]
+    return data
+
+
+def damaged(data: bytes, damages: Iterable[tuple[int, bytes, int]]) -> bytes:
+    """Bytes inserted and removed, one damage after another: where, what comes in, and how many bytes go."""
+    for position, inserted, removed in damages:
+        position = min(position, len(data))
+        data = data[:position] + inserted + data[position + removed :]
+    return data
+
+
+def check_case(language: Language, seed: int) -> str:
+    """Damage one file of a random program; says what became of it.
+
+    Raises:
+        AssertionError: the laws above do not hold.
+    """
+    rng = np.random.default_rng(seed)
+    sources = list(language.generate(rng))
+    hit = int(rng.integers(len(sources)))
+    sources[hit] = Source.of(sources[hit].path, mutated(rng, sources[hit].encode()))
+    begin = time.process_time()
+    try:
+        program = language.read(tuple(sources))
+    except TaskcalError:
+        return "refused"
+    finally:
+        assert time.process_time() - begin < LONGEST, "reading takes too long"
+    unchanged = program.rewrite(language.robot, {})
+    assert [s.encode() for s in unchanged] == [s.encode() for s in sources], "bytes change without a reason"
+    waypoints = language.waypoints(rng, program)
+    try:
+        after = program.rewrite(language.robot, waypoints)
+    except TaskcalError:
+        return "read"
+    again = program.reread(after)
+    expected = len(program.moves) + sum(len(path) - 1 for path in waypoints.values())
+    assert len(again.moves) == expected, f"{len(again.moves)} motions instead of {expected}"
+    return "rewritten"
+
+
+def language(name: str) -> Language:
+    """What a language's folder says of it."""
+    return import_module(f"tests.robot_programs.{name}.fuzzing").LANGUAGE
+
+
+def fuzz(name: str, count: int, first: int = 0) -> int:
+    """Check many cases, print those that fail, and say how many did."""
+    tested = language(name)
+    outcomes: dict[str, int] = {}
+    begin = time.perf_counter()
+    for seed in range(first, first + count):
+        try:
+            outcome = check_case(tested, seed)
+        except Exception:
+            outcome = "failed"
+            print(f"seed {seed}:", traceback.format_exc(limit=-3), file=sys.stderr)
+        outcomes[outcome] = outcomes.get(outcome, 0) + 1
+    print(f"{name}: {count} cases in {time.perf_counter() - begin:.0f} s: {outcomes}")
+    return outcomes.get("failed", 0)
+
+
+if __name__ == "__main__":
+    arguments = sys.argv[1:]
+    if len(arguments) not in (2, 3) or arguments[0] not in LANGUAGES:
+        sys.exit(f"usage: python -m tests.robot_programs.fuzz {'|'.join(LANGUAGES)} COUNT [FIRST_SEED]")
+    sys.exit(min(fuzz(arguments[0], *map(int, arguments[1:])), 1))

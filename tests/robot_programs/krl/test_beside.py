@@ -1,0 +1,133 @@
+"""Actions that run beside the lines: from where they start to where they end, nothing that they set can be trusted."""
+
+import pytest
+
+from robot_programs.krl.read import read_krl
+from tests.robot_programs.krl.samples import CONFIG_DAT, source
+from tests.robot_programs.krl.small_programs import FRAMES, POSE, read, texts
+
+DECLARED = "INTERRUPT DECL 5 WHEN $IN[1] DO FOUND( )\n"
+FOUND = "DEF FOUND( )\n$BASE=BASE_DATA[1]\nEND\n"
+LINE = f"LIN {POSE}\n"
+AT_X = "LIN {X X,Y 0,Z 800,A 0,B 90,C 0}\n"
+
+
+def lines(body: str, more: str = FOUND, dat: str = "") -> list[int]:
+    """Lines of the body whose motions are read, counted from 0."""
+    return [move.place.line - 2 for move in read(body, more=more, dat=dat).moves]
+
+
+@pytest.mark.parametrize("number", [" 5", ""])
+def test_interrupt_that_sets_base_counts_from_on_to_next_base(number):
+    body = f"{DECLARED}{FRAMES}{LINE}INTERRUPT ON{number}\n{FRAMES}{LINE}INTERRUPT OFF{number}\n{LINE}{FRAMES}{LINE}"
+    assert lines(body) == [3, 12]
+    refused = texts(read(body, more=FOUND))
+    assert [text.partition(":")[2].partition(":")[0] for text in refused] == ["9", "11"]
+    assert "$BASE may be set at any time by FOUND, which the interrupt of part.src:2 calls" in refused[0]
+
+
+@pytest.mark.parametrize(
+    ("body", "more", "wanted"),
+    [
+        (f"{DECLARED}INTERRUPT ON 5\n{FRAMES}{LINE}", FOUND.replace("$BASE=", "$TOOL=TOOL_DATA[1]\n$BASE="), []),
+        (f"{DECLARED}INTERRUPT ON 5\n{FRAMES}{LINE}", FOUND.replace("$BASE", "$OUT[1]"), [4]),
+        (f"{DECLARED}INTERRUPT ON 5\n{FRAMES}$IPO_MODE=#BASE\n{LINE}", "DEF FOUND( )\n$IPO_MODE=#TCP\nEND\n", []),
+        (f"{DECLARED}INTERRUPT ON 6\n{FRAMES}{LINE}", FOUND, [4]),
+        (f"{DECLARED}INTERRUPT ON 5\nINTERRUPT DISABLE 5\n{FRAMES}{LINE}INTERRUPT ENABLE 5\n{LINE}", FOUND, [5]),
+        (f"{DECLARED}INTERRUPT ON 5\n{FRAMES}PTP {{A1 0,A2 -90,A3 90,A4 0,A5 30,A6 0}}", FOUND, [4]),
+        (f"{DECLARED}{FRAMES}WHILE $IN[7]\n{LINE}INTERRUPT ON 5\nENDWHILE\n{LINE}", FOUND, []),
+        (f"INTERRUPT WITH BRAKE DECL 5 WHEN $IN[1] DO FOUND\nINTERRUPT ON 5\n{FRAMES}{LINE}", FOUND, []),
+        (f"INTERRUPT DECL 5 WHEN $IN[1] DO $BASE=BASE_DATA[1]\nINTERRUPT ON 5\n{FRAMES}{LINE}", "", []),
+        (f"GO( )\n{FRAMES}{LINE}", f"{FOUND}DEF GO( )\nGLOBAL {DECLARED}INTERRUPT ON 5\nEND\n", []),
+        (f"GO( )\n{FRAMES}{LINE}", f"{FOUND}DEF GO( )\n{DECLARED}INTERRUPT ON 5\nEND\n", [3]),
+        (f"{DECLARED}GO( )\n{FRAMES}{LINE}", f"{FOUND}DEF GO( )\nINTERRUPT ON 5\nEND\n", []),
+        (
+            f"{DECLARED}INTERRUPT ON 5\n{FRAMES}{LINE}",
+            f"DEF FOUND( )\nSET( )\nEND\n{FOUND.replace('FOUND', 'SET')}",
+            [],
+        ),
+    ],
+)
+def test_interrupts_count_where_they_are_on(body, more, wanted):
+    assert lines(body, more) == wanted
+
+
+def test_interrupt_number_of_a_data_list_is_known():
+    body = f"{DECLARED.replace('5', 'N')}INTERRUPT ON N\n{FRAMES}{LINE}INTERRUPT OFF N\n{FRAMES}{LINE}"
+    assert lines(body, dat="DECL CONST INT N=5") == [8]
+    assert lines(f"N=6\n{body}", dat="DECL INT N=5") == []
+
+
+def test_interrupt_that_resumes_leaves_what_it_set():
+    found = FOUND.replace("END", "RESUME\nEND")
+    search = f"DEF SEARCH( )\nINTERRUPT ON 5\nLOOP\n{LINE}ENDLOOP\nEND\n"
+    body = f"{DECLARED}{FRAMES}SEARCH( )\n$BASE=$NULLFRAME\n{LINE}"
+    assert lines(body, found + search) == []
+    assert lines(f"{body}INTERRUPT OFF 5\n$BASE=$NULLFRAME\n{LINE}", found + search) == [8]
+
+
+def test_interrupt_that_changes_base_data_makes_it_unknown():
+    body = f"{DECLARED}INTERRUPT ON 5\n$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[1]\n{LINE}"
+    program = read(body, more="DEF FOUND( )\nBASE_DATA[1].X=5\nEND\n")
+    assert not program.moves
+    assert "BASE_DATA[1] is changed by the program, at part.src:10" in texts(program)[0]
+
+
+def test_submit_program_that_changes_base_data_makes_it_unknown():
+    part = f"DEF PART( )\n$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[1]\n{LINE}END\n"
+    submit = "DEF SPS( )\nBASE_DATA[1].X=5\nEND\n"
+    sources = [source("part.src", part), source("$config.dat", CONFIG_DAT)]
+    assert not read_krl([*sources, source("sps.sub", submit)]).moves
+    assert len(read_krl([*sources, source("other.src", submit)]).moves) == 1
+
+
+def test_variable_handed_to_interrupt_is_unknown_while_on():
+    declared = DECLARED.replace("( )", "(P)")
+    body = f"DECL E6POS P\n{declared}{FRAMES}INTERRUPT ON 5\nP={POSE}\nLIN P\nINTERRUPT OFF 5\nP={POSE}\nLIN P"
+    assert lines(body, "DEF FOUND(Q :OUT)\nDECL E6POS Q\nQ.Z=5\nEND\n") == [9]
+    assert lines(body, "DEF FOUND(Q :IN)\nDECL E6POS Q\nQ.Z=5\nEND\n") == [6, 9]
+
+
+def test_distance_counts_from_nowhere_where_interrupt_moves():
+    body = f"{DECLARED}{FRAMES}INTERRUPT ON 5\n{LINE}LIN_REL {{Z 5}}"
+    assert lines(body, "DEF FOUND( )\nPTP {A1 5}\nEND\n") == [4]
+    assert lines(body, "DEF FOUND( )\nBRAKE\nEND\n") == [4, 5]
+
+
+def test_trigger_sets_base_at_a_time_that_is_unknown():
+    body = f"{FRAMES}TRIGGER WHEN DISTANCE=0 DELAY=0 DO FOUND( ) PRIO=-1\n{LINE}$BASE=$NULLFRAME\n{LINE}"
+    assert lines(body) == []
+    assert lines(body.replace("FOUND( ) PRIO=-1", "$OUT[1]=TRUE")) == [3, 5]
+    body = f"DECL REAL X\nX=900\n{FRAMES}TRIGGER WHEN DISTANCE=0 DELAY=0 DO X=800\n{AT_X}"
+    assert "X may be set at any time by the TRIGGER of part.src:6" in texts(read(body))[0]
+
+
+@pytest.mark.parametrize("dat", ["", "DECL REAL X=900.0"])
+def test_followed_analog_signal_is_unknown_until_assigned_after_off(dat):
+    declared = "" if dat else "DECL REAL X\n"
+    body = f"{FRAMES}X=900\nANIN ON X=1.0*SENSOR+0.5\nX=900\n{AT_X}ANIN OFF SENSOR\n{AT_X}X=900\n{AT_X}"
+    (first,) = texts(read(declared + body, dat=dat))[:1]
+    assert f"X may be set at any time by the ANIN of part.src:{6 - bool(dat)}" in first
+    assert lines(declared + body, dat=dat) == [10 - bool(dat)]
+    assert lines(declared + body.replace("OFF SENSOR", "OFF OTHER"), dat=dat) == []
+
+
+def test_followed_analog_signal_overrides_the_data_list():
+    program = read(f"{FRAMES}ANIN ON X=1.0*SENSOR\n{AT_X}", dat="DECL REAL X=900.0")
+    assert not program.moves
+
+
+def test_what_the_files_miss_of_interrupts_is_named():
+    body = f"{DECLARED}{FRAMES}INTERRUPT ON 5\nINTERRUPT ON 7\nTRIGGER WHEN DISTANCE=0 DELAY=0 DO MARK( )\n{LINE}"
+    program = read(body)
+    assert len(program.moves) == 1
+    said = " ".join(texts(program))
+    assert "FOUND is not in the files given; the INTERRUPT that calls it" in said
+    assert "interrupt 7 is declared in none of the files given" in said
+    assert "MARK is not in the files given; the TRIGGER that calls it" in said
+
+
+def test_interrupt_of_the_controller_itself_is_known():
+    body = f"GLOBAL INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO IR_STOPM ( )\nINTERRUPT ON 3\n{FRAMES}{LINE}"
+    program = read(body)
+    assert (len(program.moves), texts(program)) == (1, [])

@@ -1,0 +1,194 @@
+"""The flow of KRL: loops, branches, jumps and calls, as KUKA System Software, Operating and Programming Instructions for System
+Integrators, describes them (program flow control: FOR, WHILE, REPEAT, LOOP, EXIT, SWITCH, GOTO, RETURN, RESUME)."""
+
+import numpy as np
+import pytest
+
+from robot_programs.core.program import Waypoint
+from taskcal.robot.catalogue import load_robot
+from tests.robot_programs.krl.rewriting import Q
+from tests.robot_programs.krl.small_programs import FRAMES, POSE, read, texts
+
+KR16 = load_robot("kuka-kr16-2")
+HIGH = POSE.replace("Z 800", "Z 900")
+POINTS = "\n".join(["DECL E6POS Q[4]", *(f"Q[{i}]={POSE.replace('Z 800', f'Z {800 + 10 * i}')}" for i in range(1, 5))])
+DECLARED = "DECL E6POS P\nINT I,J\n"
+
+
+def heights(body: str, dat: str = POINTS, more: str = "") -> list[float]:
+    """Heights of all motions, in the order of the text."""
+    program = read(DECLARED + FRAMES + body, dat=dat, more=more)
+    assert not texts(program)
+    return [round(float(move.end.T[2, 3]) * 1e3, 6) for move in program.moves]
+
+
+@pytest.mark.parametrize(
+    ("body", "wanted"),
+    [
+        ("FOR I=1 TO 3\nLIN Q[I]\nENDFOR", [810, 820, 830]),
+        ("FOR I=4 TO 1 STEP -2\nLIN Q[I]\nENDFOR", [840, 820]),
+        ("FOR I=3 TO 1\nLIN Q[2]\nENDFOR\nLIN Q[I]", [820, 830]),
+        ("FOR I=1 TO 4\nLIN Q[I]\nI=I+1\nENDFOR", [810, 830]),
+        ("FOR I=1 TO 3\nENDFOR\nFOR I=1 TO 2\nHALT\nLIN Q[I]\nENDFOR\nLIN Q[I]", [810, 820, 830]),
+        ("FOR I=1 TO 2\nFOR J=1 TO 2\nLIN Q[2*I-2+J]\nENDFOR\nENDFOR", [810, 820, 830, 840]),
+        ("FOR I=1 TO 4\nIF I==3 THEN\nEXIT\nENDIF\nLIN Q[I]\nENDFOR", [810, 820]),
+        ("I=1\nWHILE I<=2\nLIN Q[I]\nI=I+1\nENDWHILE", [810, 820]),
+        ("I=1\nREPEAT\nLIN Q[I]\nI=I+1\nUNTIL I>2", [810, 820]),
+        ("I=1\nLOOP\nIF I>2 THEN\nEXIT\nENDIF\nLIN Q[I]\nI=I+1\nENDLOOP\nLIN Q[I]", [810, 820, 830]),
+        (f"P={POSE}\nFOR I=1 TO 3\nP.Z=P.Z+1\nLIN P\nENDFOR", [801, 802, 803]),
+        ("I=2\nSWITCH I\nCASE 1\nLIN Q[1]\nCASE 2,3\nLIN Q[2]\nDEFAULT\nLIN Q[3]\nENDSWITCH", [810, 820, 830]),
+        ("I=0\nAGAIN:\nI=I+1\nIF I<3 THEN\nGOTO AGAIN\nENDIF\nLIN Q[1]", [810]),
+        (f"P={POSE}\nIF $IN[1] THEN\nGOTO ON\nENDIF\nHALT\nON:\nLIN P", [800]),
+        (f"P={POSE}\nAGAIN:\nLIN P\nIF $IN[1] THEN\nGOTO AGAIN\nENDIF", [800]),
+        (f"P={POSE}\nWHILE $IN[1]\nLIN P\nP={POSE}\nENDWHILE", [800]),
+        (f"P={POSE}\nLOOP\nLIN P\nWAIT SEC 1\nENDLOOP", [800]),
+        (f"P={POSE}\nGOTO OVER\nP.Z=0\nOVER:\nLIN P", [800]),
+    ],
+)
+def test_motions_go_where_the_lines_before_lead(body, wanted):
+    assert heights(body) == wanted  # what is never taken is read, too
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "FOR I=1 TO $NUM\nLIN Q[I]\nENDFOR",
+        "I=1\nWHILE $IN[1]\nLIN Q[I]\nI=I+1\nENDWHILE",
+        "I=1\nREPEAT\nLIN Q[I]\nI=I+1\nUNTIL $IN[1]",
+        "I=1\nLOOP\nLIN Q[I]\nI=I+1\nIF $IN[1] THEN\nEXIT\nENDIF\nENDLOOP",
+        "I=1\nAGAIN:\nLIN Q[I]\nI=I+1\nIF $IN[1] THEN\nGOTO AGAIN\nENDIF",
+        "FOR I=1 TO 2000\nLIN Q[I]\nENDFOR",
+        "FOR I=1 TO 3\nIF $IN[1] THEN\nI=J\nENDIF\nLIN Q[I]\nENDFOR",
+        "I=1\nFOR J=1 TO 2\nLIN Q[I]\nIF $IN[1] THEN\nI=2\nENDIF\nENDFOR",
+        "I=1\nIF UP THEN\nI=2\nENDIF\nLIN Q[I]",
+        "FOR I=1 TO COUNT\nLIN Q[I]\nENDFOR",
+        "I=1\nIF Q[1].Z>5 THEN\nI=2\nENDIF\nLIN Q[I]",
+        "P=Q[1]\nI=1\nIF P.Z>5 THEN\nI=2\nENDIF\nLIN Q[I]",
+        "J=COUNT\nFOR I=1 TO J\nLIN Q[I]\nENDFOR",
+        "J=COUNT+1\nI=J\nJ=1\nIF I==3 THEN\nJ=2\nENDIF\nLIN Q[J]",
+        f"P={POSE}\nP.X=COUNT\nI=1\nIF P.Z>5 THEN\nI=2\nENDIF\nLIN Q[I]",
+        "SWITCH $ANIN[1]\nCASE 1\nI=1\nDEFAULT\nI=2\nENDSWITCH\nLIN Q[I]",
+        "I=1\nIF $IN[1] THEN\nI=2\nENDLOOP\nENDIF\nLIN Q[I]",
+    ],
+)
+def test_what_is_known_on_some_ways_only_is_left(body):
+    program = read(
+        DECLARED + FRAMES + body, dat=f"{POINTS}\nDECL BOOL UP=TRUE\nDECL INT COUNT=2"
+    )  # set by hand as well
+    assert not program.moves
+    assert any("LIN stays as it is: " in text for text in texts(program))
+
+
+def test_a_copy_of_a_number_that_may_be_set_by_hand_decides_nothing_either():
+    dat = f"{POINTS}\nDECL INT COUNT=2"
+    given = "DEF GO(N :IN)\nINT N\nIF N==2 THEN\nLIN Q[2]\nELSE\nLIN Q[1]\nENDIF\nEND\n"
+    returned = "DEFFCT INT MANY( )\nRETURN COUNT\nENDFCT\n"
+    back = "DEF SET(N :OUT)\nINT N\nN=COUNT\nEND\n"
+    branch = "IF I==2 THEN\nLIN Q[2]\nELSE\nLIN Q[1]\nENDIF"
+    for body, more in (("I=COUNT\nGO(I)", given), (f"I=MANY()\n{branch}", returned), (f"SET(I)\n{branch}", back)):
+        assert sorted(heights(body, dat, more)) == [810, 820]  # both ways
+    assert heights("I=COUNT\nLIN Q[I]", dat) == [820]
+    assert heights("I=COUNT\nI=3\nIF I==3 THEN\nLIN Q[3]\nENDIF", dat) == [830]
+
+
+def test_blocks_that_do_not_match_are_named():
+    program = read(f"{FRAMES}IF $IN[1] THEN\nLIN {POSE}\nENDFOR\nLIN {POSE}")
+    assert any("part.src:6: ENDFOR does not match the blocks of PART" in text for text in texts(program))
+    assert not program.moves
+
+
+def test_a_loop_begins_where_its_turn_before_ended():
+    program = read(f"{DECLARED}{FRAMES}PTP {POSE}\nFOR I=1 TO 3\nLIN Q[I]\nLIN_REL {{Z 5}}\nENDFOR", dat=POINTS)
+    order = sorted(range(7), key=lambda i: program.moves[i].follows if program.moves[i].follows is not None else -1)
+    assert [round(float(program.moves[i].end.T[2, 3]) * 1e3, 6) for i in range(7)] == [
+        800,
+        810,
+        820,
+        830,
+        815,
+        825,
+        835,
+    ]
+    assert [move.follows for move in program.moves] == [None, 0, 4, 5, 1, 2, 3]
+    assert order[0] == 0
+
+
+def test_what_an_undecided_loop_does_the_same_in_each_turn_still_holds():
+    body = f"{FRAMES}LOOP\n$BASE=BASE_DATA[1]\nLIN {POSE}\n$BASE=$NULLFRAME\nLIN {POSE}\nENDLOOP"
+    assert [move.part.name for move in read(body).moves] == ["BASE_DATA[1]", "$NULLFRAME"]
+
+
+def test_motions_to_which_nothing_leads_are_read_with_what_is_set_before_them_there():
+    """Palletizing programs teach their points behind a GOTO to the end."""
+    body = f"{FRAMES}GOTO FINAL\nBAS(#TOOL,1)\nBAS(#BASE,2)\n$IPO_MODE=#BASE\nPTP {POSE}\nFINAL:\nPTP {POSE}"
+    assert [(move.tool.name, move.part.name) for move in read(body).moves] == [
+        ("TOOL_DATA[1]", "BASE_DATA[2]"), ("$TOOL", "$NULLFRAME")
+    ]  # fmt: skip
+    (diagnostic,) = texts(read(f"{FRAMES}RETURN\nLIN {POSE}"))
+    assert "nothing leads to it" in diagnostic
+
+
+def test_variables_that_a_call_hands_over_come_back():
+    shift = "DEF SHIFT(P,D :IN)\nDECL E6POS P\nREAL D\nP.Z=P.Z+D\nEND\n"
+    assert heights(f"P={POSE}\nSHIFT(P,25)\nLIN P\nSHIFT(P,25)\nLIN P", more=shift) == [825, 850]
+    both = "DEF SHIFT(P,D :IN)\nDECL E6POS P\nREAL D\nP.Z=P.Z+D\nXG.Z=0\nEND\n"
+    program = read(f"{FRAMES}XG={POSE}\nSHIFT(XG,25)\nLIN XG", dat=f"DECL GLOBAL E6POS XG={POSE}", more=both)
+    assert not program.moves
+
+
+def test_points_on_a_circle_are_computed():
+    body = f"REAL R\nR=50\nP={POSE}\nFOR I=0 TO 90 STEP 30\nP.X=900+R/4*SIN(I)\nP.Z=800+R*COS(I)\nLIN P C_DIS\nENDFOR"
+    program = read(DECLARED + FRAMES + body)
+    angles = np.radians([0, 30, 60, 90])
+    np.testing.assert_allclose([m.end.T[0, 3] for m in program.moves], 0.9 + 0.0125 * np.sin(angles), atol=1e-9)
+    np.testing.assert_allclose([m.end.T[2, 3] for m in program.moves], 0.8 + 0.05 * np.cos(angles), atol=1e-9)
+    assert not read(DECLARED + FRAMES + body.replace("REAL R", "INT R")).moves
+
+
+def test_what_a_function_returns_counts():
+    function = "DEFFCT E6POS UP(P :IN)\nDECL E6POS P\nP.Z=P.Z+40\nRETURN P\nENDFCT\n"
+    assert heights("P=UP(Q[2])\nLIN P", more=function) == [860]
+    measured = "DEFFCT E6POS UP(P :IN)\nDECL E6POS P\nP.Z=$ANIN[1]\nRETURN P\nENDFCT\n"
+    program = read(f"{DECLARED}{FRAMES}P=UP(Q[2])\nLIN P", dat=POINTS, more=measured)
+    assert "$ANIN[1] is known only at run time" in texts(program)[0]
+
+
+def test_behind_an_interrupt_that_resumes_a_call_may_have_been_left():
+    search = f"DEF SEARCH( )\nLIN {HIGH}\n$BASE=BASE_DATA[1]\nEND\nDEF FOUND( )\nBRAKE\nRESUME\nEND\n"
+    body = f"INTERRUPT DECL 5 WHEN $IN[1] DO FOUND( )\n{FRAMES}SEARCH( )\nLIN {POSE}"
+    program = read(body, more=search)
+    assert [move.routine for move in program.moves] == ["SEARCH"]
+    assert "an interrupt may resume behind it" in texts(program)[0]
+    assert len(read(body, more=search.replace("RESUME", "HALT")).moves) == 2
+
+
+def test_a_computed_index_that_is_known_changes_that_element_alone():
+    body = "INT N\nN=10\nTOOL_DATA[N]={X 0,Y 0,Z 50,A 0,B 0,C 0}\nBAS(#TOOL,1)\n$BASE=$NULLFRAME\nLIN " + POSE
+    (move,) = read(body).moves
+    assert move.tool.name == "TOOL_DATA[1]"
+    program = read(body.replace("N=10", "N=$ANIN[1]"))
+    assert not program.moves
+
+
+def test_a_motion_known_in_some_calls_only_is_left():
+    more = "DEF GO(N :IN)\nINT N\nLIN Q[N]\nEND\n"
+    program = read(f"{FRAMES}GO(1)\nGO($ANIN[1])", dat=POINTS, more=more)
+    assert not program.moves
+    np.testing.assert_equal(len(texts(program)), 1)
+
+
+def test_where_the_robot_is_counts_where_the_motion_before_says_it():
+    body = f"LIN {HIGH}\nP=$POS_ACT\nP.Z=P.Z-50\nLIN P\nP=$POS_ACT:{{X 0,Y 0,Z 10,A 0,B 0,C 0}}\nLIN P\nPTP $POS_ACT"
+    assert heights(body) == [900, 850, 850]
+    program = read(f"{DECLARED}{FRAMES}P=$POS_ACT\nP.Z=P.Z-50\nLIN P")
+    assert not program.moves
+    program = read(f"{DECLARED}{FRAMES}LIN {HIGH}\n$BASE=BASE_DATA[1]\nP=$POS_ACT\nP.Z=P.Z-50\nLIN P")
+    assert len(program.moves) == 1
+
+
+def test_what_counts_from_the_place_of_the_robot_is_written_whole_where_that_moves():
+    program = read(f"{DECLARED}{FRAMES}LIN {HIGH}\nP=$POS_ACT\nP.Z=P.Z-50\nLIN P")
+    T = program.moves[0].end.T.copy()
+    T[2, 3] += 1e-3
+    again = program.reread(program.rewrite(KR16, {0: (Waypoint(kind="linear", q=Q, T=T),)}))
+    np.testing.assert_allclose([move.end.T[2, 3] for move in again.moves], [0.901, 0.85], atol=1e-9)

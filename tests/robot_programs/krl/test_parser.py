@@ -1,0 +1,154 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot_programs.krl.parse import parse
+from robot_programs.krl.syntax import (
+    Aggregate,
+    Assignment,
+    Begin,
+    Call,
+    Control,
+    Declaration,
+    End,
+    Motion,
+    Reference,
+    lines_of_words,
+)
+
+
+def only(text: str):
+    (line,) = parse(text)
+    return line
+
+
+def test_comments_headers_and_blank_lines_have_no_words():
+    assert parse("&ACCESS RVP\r\n\r\n;FOLD PTP P1;%{PE}\r\n   ; LIN XP1\r\n") == []
+
+
+@given(st.text())
+def test_words_are_where_they_say(text):
+    for words in lines_of_words(text):
+        assert words
+        for word in words:
+            assert text[word.start : word.end] == word.text
+            assert "\n" not in word.text
+
+
+@given(st.text(alphabet="{}[]():,;=#\"'&$_AXE19.+- \r\nPTLIN", max_size=200))
+def test_any_text_has_statements(text):
+    for line in parse(text):
+        assert 0 <= line.start < line.end <= len(text)
+
+
+def test_a_motion_with_all_it_can_say():
+    line = only("slin XP3:{Z 5} WITH $VEL=SVEL_CP(2.0,,LCPDAT1), $TOOL=STOOL2(FP3) C_Spl ; there")
+    assert isinstance(line, Motion)
+    assert (line.keyword, line.passing, line.trouble) == ("SLIN", ("C_SPL",), "")
+    (operand,) = line.operands
+    name, offset = operand.parts
+    assert isinstance(name, Reference)
+    assert name.name == "XP3"
+    assert isinstance(offset, Aggregate)
+    assert offset.value("Z") == 5.0
+    assert {k: "".join(w.text for w in v) for k, v in line.settings.items()} == {
+        "$VEL": "SVEL_CP(2.0,,LCPDAT1)",
+        "$TOOL": "STOOL2(FP3)",
+    }
+
+
+def test_an_arc_has_two_points():
+    line = only("CIRC {X 1,Y 2,Z 3},XP[2] C_DIS C_ORI")
+    assert isinstance(line, Motion)
+    assert [len(o.parts) for o in line.operands] == [1, 1]
+    assert line.operands[1].parts[0].name == "XP[2]"
+    assert line.passing == ("C_DIS", "C_ORI")
+
+
+@pytest.mark.parametrize(
+    ("text", "trouble"),
+    [
+        ("CIRC XP1,XP2,CA 270", "the arc ends at the angle CA"),
+        ("CIRC XP1,XP2,CA=270 C_DIS", "the arc ends at the angle CA"),
+        ("CIRC_REL {X 10},{Y 5} #TOOL", "'#TOOL' is not understood behind CIRC_REL"),
+        ("SCIRC_REL {X 10}", "SCIRC_REL is given 1 points"),
+        ("SPL_REL {X 10}", "SPL_REL is not read; write SPL to a complete point"),
+        ("LIN {X 10} #TOOL", "'#TOOL' is not understood"),
+        ("LIN XP1,XP2", "LIN is given 2 points"),
+        ("CIRC XP1", "CIRC is given 1 points"),
+        ("LIN XP1 FAST", ""),
+        ("PTP", ""),
+    ],
+)
+def test_motions_that_are_not_understood_say_why(text, trouble):
+    line = only(text)
+    assert isinstance(line, Motion)
+    if trouble:
+        assert trouble in line.trouble
+    else:
+        assert line.trouble or not line.operands[0].parts
+
+
+@pytest.mark.parametrize(
+    "text", ["OFFSET(P1)", "P1.X", "{X 1,X 2}", "{X 1", "P1:", "P1 + P2", "{1 2}", "{X 1,T 'B11 0.0}"]
+)
+def test_points_that_are_no_constants_have_no_parts(text):
+    line = only(f"LIN {text} C_DIS")
+    assert isinstance(line, Motion)
+    assert line.operands[0].parts == ()
+
+
+def test_words_of_a_component_stay_apart():
+    line = only("LIN {X A B_AND B, Y - 1}")
+    assert isinstance(line, Motion)
+    (point,) = line.operands[0].parts
+    assert isinstance(point, Aggregate)
+    assert [(field.text, field.value) for field in point.fields] == [("A B_AND B", None), ("-1", -1.0)]
+
+
+def test_declarations():
+    line = only("GLOBAL DECL E6POS XP1={x 1,Y 2} , XP2[ 3 ]")
+    assert isinstance(line, Declaration)
+    assert (line.type, line.shared) == ("E6POS", True)
+    assert [(v.name, v.value is not None) for v in line.variables] == [("XP1", True), ("XP2", False)]
+
+
+def test_strings_may_hold_anything():
+    line = only('DECL FDAT FP1={TOOL_NO 1,BASE_NO 2,IPO_FRAME #BASE,POINT2[] "a;{,}",TQ_STATE FALSE}')
+    assert isinstance(line, Declaration)
+    value = line.variables[0].value
+    assert value is not None
+    (parameters,) = value.parts
+    assert isinstance(parameters, Aggregate)
+    assert [f.name for f in parameters.fields] == ["TOOL_NO", "BASE_NO", "IPO_FRAME", "POINT2", "TQ_STATE"]
+    assert parameters.field("IPO_FRAME").text == "#BASE"
+
+
+def test_assignments_name_what_they_change():
+    line = only("Tool_Data [ 3 ] = {X 1,Y 2,Z 3,A 0,B 0,C 0}")
+    assert isinstance(line, Assignment)
+    assert (line.name, line.variable, len(line.value.parts)) == ("TOOL_DATA[3]", "TOOL_DATA", 1)
+    line = only("XP1.X = XP1.X + SHIFT(XP2, (XP3))")
+    assert isinstance(line, Assignment)
+    assert (line.name, line.variable, line.value.parts, line.changed) == ("XP1.X", "XP1", (), ("XP2", "XP3"))
+
+
+def test_routines_calls_and_steering():
+    kinds = [
+        type(line)
+        for line in parse("GLOBAL DEF A(X:IN)\nSUB (XP1, 2)\nIF $IN[1] THEN\nAGAIN:\nEND\nDEFFCT REAL F()\nENDFCT")
+    ]
+    assert kinds == [Begin, Call, Control, Control, End, Begin, End]
+    begin, call = parse("DEFFCT INT COUNT(X:IN)\nBAS (#CP_PARAMS,0.5 )")
+    assert isinstance(begin, Begin)
+    assert begin.name == "COUNT"
+    assert isinstance(call, Call)
+    assert ["".join(w.text for w in a) for a in call.arguments] == ["#CP_PARAMS", "0.5"]
+
+
+def test_an_index_that_is_computed_is_kept():
+    line = only("LIN P[I+1,2] C_DIS")
+    assert isinstance(line, Motion)
+    (part,) = line.operands[0].parts
+    assert isinstance(part, Reference)
+    assert (part.name, [len(words) for words in part.index]) == ("P[I+1,2]", [3, 1])

@@ -1,0 +1,133 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot_programs.krl.rewrite import ACCURATE_BIT, Status
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot_file import robot_from
+from tests.laws.robots import generators, industrial
+
+KR16 = load_robot("kuka-kr16-2")
+
+
+def postures(rng: np.random.Generator, n: int) -> np.ndarray:
+    return rng.uniform(KR16.limits[:, 0], KR16.limits[:, 1], (n, 6))
+
+
+def wrist_centre(q: np.ndarray) -> np.ndarray:
+    """158 mm behind the flange, along its z axis."""
+    T = ErrorModel(KR16).poses(q)
+    return T[:, :3, 3] - 0.158 * T[:, :3, 2]
+
+
+@pytest.mark.parametrize(
+    ("q_deg", "S", "T"),
+    [
+        ((0, -90, 90, 0, 0, 0), 0b010, 0b000010),  # the usual home position
+        ((0, -90, 90, 0, 45, 0), 0b010, 0b000010),
+        ((0, -90, 90, 0, -45, 0), 0b110, 0b010010),
+        ((-1, -90, -90, -1, 45, -350), 0b000 | 0b001, 0b101111),  # forearm backwards: overhead
+        ((0, -90, -2.9, 0, 45, 0), 0b010, 0b000110),  # the elbow is straight at A3 = −arctan(35/670) = −2.99°
+        ((0, -90, -3.1, 0, 45, 0), 0b000, 0b000110),
+        ((170, 30, 10, 180, 120, 350), 0b010, 0b000000),
+    ],
+)
+def test_status_and_turn_of_postures_by_hand(q_deg, S, T):
+    q = np.radians(np.array(q_deg, dtype=float))
+    assert Status(S=0, T=0).of(KR16, q) == Status(S=S, T=T)
+    assert Status(S=S, T=T).agrees(KR16, q[None]).all()
+    for bit in range(3):
+        if abs(q[4]) > 1e-6 or bit != 2:
+            assert not Status(S=S ^ 1 << bit, T=T).agrees(KR16, q[None]).any()
+
+
+@given(generators)
+def test_turn_is_the_signs_of_the_axes(rng):
+    for q in postures(rng, 10):
+        T = Status(S=None, T=0).of(KR16, q).T
+        assert [bool(T >> i & 1) for i in range(6)] == [angle < 0 for angle in q]
+
+
+@given(generators)
+def test_overhead_is_behind_axis_1(rng):
+    q = postures(rng, 20)
+    centre = wrist_centre(q)
+    # axis 1 counts clockwise from above; x of a frame that turns with it
+    x = centre[:, 0] * np.cos(-q[:, 0]) + centre[:, 1] * np.sin(-q[:, 0])
+    S = np.array([Status(S=0, T=None).of(KR16, row).S for row in q])
+    np.testing.assert_array_equal(S & 1 == 1, x < 0)
+
+
+@given(generators)
+def test_the_elbow_bit_is_axis_3_against_the_angle_where_it_is_straight(rng):
+    q = postures(rng, 20)
+    S = np.array([Status(S=0, T=None).of(KR16, row).S for row in q])
+    np.testing.assert_array_equal(S & 2 == 2, np.sin(q[:, 2] + np.arctan2(35.0, 670.0)) >= 0)
+
+
+@given(generators)
+def test_the_bits_tell_the_postures_of_a_pose_apart(rng):
+    """Elbow and wrist mirrored in closed form: the same pose in four postures, each of its own status."""
+    q = postures(rng, 1)[0]
+    phi = np.arctan2(35.0, 670.0)
+    mirrored = q.copy()
+    mirrored[[3, 4]] = q[3] - np.pi, -q[4]
+    mirrored[5] = q[5] - np.pi
+    T = ErrorModel(KR16).poses(np.array([q, mirrored]))
+    np.testing.assert_allclose(T[0], T[1], atol=1e-9)
+    first, second = (Status(S=0, T=0).of(KR16, row).S for row in (q, mirrored))
+    assert (first ^ second) == 0b100
+    other = q.copy()
+    other[2] = -q[2] - 2 * phi  # the forearm on the other side of the line through axes 2 and 3
+    assert (Status(S=0, T=0).of(KR16, other).S ^ first) & 0b010
+
+
+@given(generators, st.integers(0, 31), st.integers(0, 4095))
+def test_bits_of_other_meaning_stay(rng, S, T):
+    found = Status(S=S, T=T).of(KR16, postures(rng, 1)[0])
+    assert found.S is not None
+    assert found.T is not None
+    assert found.S & ~0b111 == S & ~0b111
+    assert found.S & ACCURATE_BIT == S & ACCURATE_BIT
+    assert found.T & ~0b111111 == T & ~0b111111
+
+
+@given(generators, st.integers(0, 7), st.integers(0, 63))
+def test_a_posture_agrees_with_its_own_status_alone(rng, S, T):
+    q = postures(rng, 10)
+    stated = Status(S=S, T=T)
+    own = [stated.of(KR16, row) == stated for row in q]
+    np.testing.assert_array_equal(stated.agrees(KR16, q), own)
+
+
+def test_what_is_not_stated_is_not_asked():
+    q = postures(np.random.default_rng(0), 5)
+    assert Status(S=None, T=None).agrees(KR16, q).all()
+    assert Status(S=None, T=None).of(KR16, q[0]) == Status(S=None, T=None)
+
+
+@pytest.mark.parametrize("name", ["ur10", "barrett-wam"])
+def test_without_a_wrist_of_three_axes_through_one_point_status_stays(name):
+    robot = load_robot(name)
+    q = np.full(len(robot.joints), -0.3)
+    assert Status(S=5, T=0).of(robot, q) == Status(S=5, T=0b111111)
+    assert Status(S=5, T=0b111111).agrees(robot, q[None]).all()
+    assert not Status(S=5, T=0b111110).agrees(robot, q[None]).any()
+
+
+def test_bits_on_the_border_may_have_either_value():
+    q = np.radians([[0.0, -90.0, 90.0, 0.0, 0.0, 0.0]])
+    for T in (0b000010, 0b111010):
+        assert Status(S=None, T=T).agrees(KR16, q).all()
+        assert Status(S=None, T=T).of(KR16, q[0]).T == T
+    assert not Status(S=None, T=0b000110).agrees(KR16, q).any()
+
+
+@given(generators)
+def test_any_arm_of_usual_build_has_a_status(rng):
+    robot = robot_from(industrial(rng))
+    q = np.radians([10.0, -20.0, 5.0, 10.0, 30.0, 10.0])
+    flipped = q * [1, 1, 1, 1, -1, 1]
+    assert Status(S=0, T=0).of(robot, q).S ^ Status(S=0, T=0).of(robot, flipped).S == 0b100

@@ -1,0 +1,185 @@
+import pytest
+
+from robot_programs.rapid.read import read_rapid
+from tests.robot_programs.rapid.samples import POINTS, module, source
+
+
+def move(k: int) -> str:
+    return f"MoveL p{k},v100,z1,tool0;"
+
+
+@pytest.mark.parametrize(
+    ("body", "follows"),
+    [
+        (f"{move(1)}{move(2)}", [None, 0]),
+        (f"{move(1)}SetDO doA,1;WaitTime 2;reg1:=reg1+Abs(-2);{move(2)}", [None, 0]),
+        (f"{move(1)}again:{move(2)}", [None, None]),
+        (f"{move(1)}Weld;{move(2)}", [None, None]),
+        (f"{move(1)}reg1:=Measure();{move(2)}", [None, None]),
+        (f"{move(1)}%\"weld\"+ValToStr(3)%;{move(2)}", [None, None]),
+        (f"{move(1)}TriggL p2,v100,gun,fine,tool0;{move(3)}", [None, 0, 1]),
+        (f"{move(1)}SearchL diFound,p2,p4,v100,tool0;{move(3)}", [None, 0, None]),
+        (f"{move(1)}MoveExtJ jOut,vrot10,fine;{move(3)}", [None, None]),
+        (f"{move(1)}Glue p2,v100,gun,fine,tool0;{move(3)}", [None, None]),
+        (f"{move(1)}IF a=1 THEN {move(2)} ELSE {move(3)} ENDIF {move(4)}", [None, 0, 0, None]),
+        (f"{move(1)}IF a=1 THEN {move(2)} ELSEIF a=2 THEN {move(3)} ENDIF {move(4)}", [None, 0, 0, None]),
+        (f"{move(1)}IF a=1 {move(2)} {move(3)}", [None, 0, None]),
+        (f"{move(1)}IF a=1 THEN Reset doA; ENDIF {move(2)}", [None, 0]),
+        (f"{move(1)}IF a=1 THEN {move(2)} RETURN; ENDIF {move(3)}", [None, 0, 0]),
+        (f"{move(1)}IF Measure()=1 THEN {move(2)} ENDIF", [None, None]),
+        (f"{move(1)}TEST a CASE 1,2: {move(2)} CASE 3: {move(3)} DEFAULT: {move(4)} ENDTEST {move(5)}", [None, 0, 0, 0, None]),
+        (f"{move(1)}TEST a CASE 1: {move(2)} DEFAULT: RETURN; ENDTEST {move(3)}", [None, 0, 1]),
+        (f"{move(1)}FOR i FROM 1 TO 3 DO {move(2)} {move(3)} ENDFOR {move(4)}", [None, None, 1, 2]),
+        (f"{move(1)}FOR i FROM 1 TO n DO {move(2)} {move(3)} ENDFOR {move(4)}", [None, None, 1, None]),
+        (f"{move(1)}FOR i FROM 3 TO 1 STEP 1 DO {move(2)} ENDFOR {move(3)}", [None, None, 0]),
+        (f"{move(1)}IF 1>2 THEN {move(2)} ELSE {move(3)} ENDIF {move(4)}", [None, None, 0, 2]),
+        (f"{move(1)}WHILE TRUE DO {move(2)} {move(3)} ENDWHILE {move(4)}", [None, None, 1, None]),
+        (f"{move(1)}WHILE a<3 DO Incr a; ENDWHILE {move(2)}", [None, 0]),
+        (f"{move(1)}WHILE a<3 DO IF b {move(2)} ENDWHILE {move(3)}", [None, None, None]),
+        (f"{move(1)}GOTO far;{move(2)}far:{move(3)}", [None, None, None]),
+        (f"{move(1)}{move(2)} ERROR TRYNEXT;", [None, 0]),
+        (f"{move(1)}{move(2)} ERROR {move(3)} RETRY;", [None, None, None]),
+        (f"{move(1)}<SMT>{move(2)}", [None, None]),
+    ],
+)  # fmt: skip
+def test_which_motion_comes_before(body, follows):
+    assert [found.follows for found in read_rapid([module(body, POINTS)]).moves] == follows
+
+
+def test_a_routine_begins_anywhere():
+    body = f"{move(1)}\nENDPROC\nPROC other()\n{move(2)}{move(3)}"
+    program = read_rapid([module(body, POINTS)])
+    assert [found.follows for found in program.moves] == [None, None, 1]
+    assert [found.routine for found in program.moves] == ["main", "other", "other"]
+
+
+def test_a_routine_of_the_program_that_is_named_like_a_motion_is_a_call():
+    body = f"{move(1)}MoveHome;{move(2)}\nENDPROC\nPROC MoveHome()\n{move(3)}"
+    program = read_rapid([module(body, POINTS)])
+    assert [found.follows for found in program.moves] == [None, 2, 0]
+    assert not program.diagnostics
+
+
+def test_motions_follow_each_other_through_calls():
+    body = f"path_10;path_20;\nENDPROC\nPROC path_10()\n{move(1)}{move(2)}\nENDPROC\nPROC path_20()\n{move(3)}"
+    program = read_rapid([module(body, POINTS)])
+    assert [found.follows for found in program.moves] == [None, 0, 1]
+
+
+def test_behind_a_call_that_returns_from_several_places_nobody_knows_where_the_robot_is():
+    body = f"go;{move(1)}\nENDPROC\nPROC go()\n{move(2)}\nIF diAny=1 RETURN;\n{move(3)}"
+    program = read_rapid([module(body, POINTS)])
+    assert [found.follows for found in program.moves] == [None, None, 1]
+
+
+def test_a_routine_that_calls_itself_begins_anywhere():
+    body = f"{move(1)}again;\nENDPROC\nPROC again()\n{move(2)}\nIF diAny=1 again;\n{move(3)}"
+    program = read_rapid([module(body, POINTS)])
+    assert [found.follows for found in program.moves] == [None, None, None]
+
+
+@pytest.mark.parametrize(
+    ("body", "x"),
+    [
+        ("FOR i FROM 1 TO 3 DO MoveL a{i},v5,fine,tool0; ENDFOR", [10, 20, 30]),
+        ("FOR i FROM 3 TO 1 DO MoveL a{i},v5,fine,tool0; ENDFOR", [30, 20, 10]),
+        ("FOR i FROM 1 TO 3 STEP 2 DO MoveL a{i},v5,fine,tool0; ENDFOR", [10, 30]),
+        ("FOR i FROM 1 TO Dim(a,1) DO IF i<>2 MoveL a{i},v5,fine,tool0; ENDFOR", [10, 30]),
+        ("n:=1; WHILE n<=2 DO MoveL a{n},v5,fine,tool0; n:=n+1; ENDWHILE", [10, 20]),
+        ("Clear n; WHILE n<3 DO Incr n; MoveL a{n},v5,fine,tool0; ENDWHILE", [10, 20, 30]),
+        ("n:=3; WHILE n>1 DO MoveL a{n},v5,fine,tool0; Decr n; ENDWHILE", [30, 20]),
+        ("n:=1; Add n,2; MoveL a{n},v5,fine,tool0; Add n,-1; MoveL a{n},v5,fine,tool0;", [30, 20]),
+        ("MoveL q,v5,fine,tool0; Add q.trans.x,10; MoveL q,v5,fine,tool0;", [10, 20]),
+        ("MoveL q,v5,fine,tool0; q:=CRobT(); q:=a{2}; MoveL q,v5,fine,tool0;", [10, 20]),
+        ("q:=Offs(q,n+5,0,0); q.trans.x:=q.trans.x*2; MoveL q,v5,fine,tool0;", [30]),
+        ("IF diAny=1 THEN q:=p2; ELSE q:=a{2}; ENDIF MoveL q,v5,fine,tool0;", [20]),
+        ("TEST diAny CASE 1: n:=3; CASE 2: n:=3; DEFAULT: n:=3; ENDTEST MoveL a{n},v5,fine,tool0;", [30]),
+    ],
+)  # fmt: skip
+def test_values_are_followed_through_the_statements_of_a_routine(body, x):
+    elements = ",".join(line.split(":=")[1].rstrip(";") for line in POINTS.splitlines()[:3])
+    own = f"CONST robtarget a{{3}}:=[{elements}];\n"
+    first = POINTS.splitlines()[0].split(":=")[1]
+    program = read_rapid([module(f"VAR robtarget q:={first} VAR num n;\n{body}", POINTS + own)])
+    assert not program.diagnostics
+    numbers = range(len(program.moves))
+    order = [next(i for i in numbers if program.moves[i].follows is None)]
+    while len(order) < len(numbers):  # from each to the one that follows it
+        order.append(next(i for i in numbers if program.moves[i].follows == order[-1]))
+    assert [round(program.moves[i].end.T[0, 3] * 1e3) for i in order] == x
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "q:=CRobT(); MoveL q,v5,fine,tool0;",
+        "IF diAny=1 q:=p2; MoveL q,v5,fine,tool0;",
+        "WHILE diAny=1 DO MoveL q,v5,fine,tool0; q:=Offs(q,1,0,0); ENDWHILE",
+        "again: MoveL q,v5,fine,tool0; q:=p2; GOTO again;",
+        "change q; MoveL q,v5,fine,tool0;",
+        "Unknown q; MoveL q,v5,fine,tool0;",
+        '%"change"% q; MoveL q,v5,fine,tool0;',
+        "TEST diAny CASE 1: q:=p2; ENDTEST MoveL q,v5,fine,tool0;",
+        "FOR i FROM 1 TO n DO MoveL q,v5,fine,tool0; q:=p2; ENDFOR",
+    ],
+)
+def test_what_may_have_been_changed_on_some_way_is_not_known(body):
+    first = POINTS.splitlines()[0].split(":=")[1]
+    change = "\nENDPROC\nPROC change(INOUT robtarget r)\nr:=CRobT();"
+    program = read_rapid([module(f"VAR robtarget q:={first} \n{body}{change}", POINTS)])
+    assert not program.moves
+    assert any("assigned to" in str(diagnostic) for diagnostic in program.diagnostics)
+
+
+def test_a_variable_of_the_module_holds_its_declared_value_only_if_main_leaves_it_so():
+    variable = "VAR" + POINTS.splitlines()[0][5:].replace("p1", "q") + "\n"
+    stays = read_rapid(
+        [
+            module(
+                "MoveL q,v5,fine,tool0;\nWHILE TRUE DO other; ENDWHILE\nENDPROC\nPROC other() q:=p2;", POINTS + variable
+            )
+        ]
+    )
+    assert [found.end.name for found in stays.moves] == ["q"]
+    again = read_rapid([module("MoveL q,v5,fine,tool0;\nother;\nENDPROC\nPROC other() q:=p2;", POINTS + variable)])
+    assert not again.moves
+
+
+def test_what_a_trap_changes_is_never_known():
+    body = "q:=p2;MoveL q,v5,fine,tool0;\nENDPROC\nTRAP t\nq:=p1;\nENDTRAP\nPROC other()"
+    program = read_rapid([module(body, POINTS + "VAR" + POINTS.splitlines()[0][5:].replace("p1", "q") + "\n")])
+    assert not program.moves
+
+
+def test_a_tool_that_is_assigned_goes_by_the_name_of_the_one_it_is():
+    data = "[TRUE,[[0,0,%d],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n"
+    tool = f"PERS tooldata tA:={data % 100}PERS tooldata tNow:={data % 0}"
+    (found,) = read_rapid([module("tNow:=tA;MoveL p1,v5,fine,tNow;", POINTS + tool)]).moves
+    assert (found.tool.name, found.tool.T[2, 3]) == ("tA", 0.1)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "IF bSide THEN q:=p2; ELSE q:=p1; ENDIF",
+        "b:=NOT bSide; IF b THEN q:=p2; ELSE q:=p1; ENDIF",
+        "choose bSide;",
+        "FOR i FROM 1 TO nParts DO q:=Offs(q,i,0,0); ENDFOR",
+    ],
+)
+def test_nothing_is_decided_by_persistent_data_that_an_operator_may_set(body):
+    first = POINTS.splitlines()[0].split(":=")[1]
+    own = f"VAR robtarget q:={first}\nPERS bool bSide:=FALSE;PERS num nParts:=3;VAR bool b;\n"
+    choose = "\nENDPROC\nPROC choose(bool which)\nIF which THEN q:=p2; ELSE q:=p1; ENDIF"
+    program = read_rapid([module(f"{body} MoveL q,v5,fine,tool0;{choose}", POINTS + own)])
+    assert not program.moves
+    decided = read_rapid(
+        [module(f"b:=TRUE; {body.replace('bSide', 'b')} MoveL q,v5,fine,tool0;{choose}", POINTS + own)]
+    )
+    assert len(decided.moves) == ("nParts" not in body)
+
+
+def test_a_local_routine_of_another_module_is_not_the_one_that_is_called():
+    other = source("MODULE Other\nLOCAL PROC go(robtarget p)\nMoveL p,v5,fine,tool0;\nENDPROC\nENDMODULE", "other.mod")
+    program = read_rapid([module("go p1;", POINTS), other])
+    assert not program.moves

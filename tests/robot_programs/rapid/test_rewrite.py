@@ -1,0 +1,267 @@
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from robot_programs.core.program import Waypoint
+from robot_programs.core.source import Source
+from robot_programs.rapid.read import read_rapid
+from robot_programs.rapid.targets import Configuration
+from taskcal.errors import TaskcalError
+from taskcal.robot.catalogue import load_robot
+from tests.laws.robots import generators
+from tests.robot_programs.rapid.beside import ROBOT, Q, rewritten, shifted
+from tests.robot_programs.rapid.generator import generate
+from tests.robot_programs.rapid.rewriting import check_rewriting, nearby_waypoints
+from tests.robot_programs.rapid.samples import IRC5, IRC5_FRAMES, POINTS, S4C, module, source
+
+
+def lines_that_differ(a: str, b: str) -> list[str]:
+    return [line for line in b.splitlines() if line not in a.splitlines()]
+
+
+@given(generators)
+def test_a_program_is_read_as_it_is_meant(rng):
+    made = generate(rng)
+    program = read_rapid(made.sources)
+    assert not program.diagnostics
+    assert [move.kind for move in program.moves] == [meant.kind for meant in made.moves]
+    for move, meant in zip(program.moves, made.moves, strict=True):
+        np.testing.assert_allclose(move.tool.T, meant.tool, atol=1e-12)
+        np.testing.assert_allclose(move.part.T, meant.part, atol=1e-12)
+        assert move.stops == meant.stops
+        if meant.T is None:
+            np.testing.assert_allclose(move.end.q, meant.q, atol=1e-15)
+        else:
+            np.testing.assert_allclose(move.end.T, meant.T, atol=1e-12)
+
+
+@given(generators)
+def test_without_changes_every_byte_stays(rng):
+    made = generate(rng)
+    program = read_rapid(made.sources)
+    assert [s.encode() for s in program.rewrite(ROBOT, {})] == [s.encode() for s in made.sources]
+    same = {
+        i: (Waypoint(kind=move.kind, q=_posture(move), T=move.end.T, via=_via(move)),)
+        for i, move in enumerate(program.moves)
+        if _posture(move) is not None
+    }
+    assert [s.encode() for s in program.rewrite(ROBOT, same)] == [s.encode() for s in made.sources]
+
+
+def _posture(move) -> np.ndarray | None:
+    """Joint positions of the configuration that a motion states, where all its points state the same."""
+    if move.end.q is not None:
+        return move.end.q
+    c = move.end.posture
+    if move.via is not None and move.via.posture != c:
+        return None
+    return np.array([c.cf1, 0.0, 0.0, c.cf4, 0.0, c.cf6]) * np.pi / 2 + 0.1
+
+
+def _via(move) -> Waypoint | None:
+    return None if move.via is None else Waypoint(kind="circular", q=_posture(move), T=move.via.T)
+
+
+@given(generators)
+def test_motions_that_are_rewritten_are_read_again_and_the_others_stay(rng):
+    made = generate(rng)
+    program = read_rapid(made.sources)
+    waypoints = nearby_waypoints(rng, program, most=1)
+    check_rewriting(program, waypoints, ROBOT)
+
+
+@given(generators)
+def test_further_points_come_in_order_before_the_end(rng):
+    made = generate(rng)
+    program = read_rapid(made.sources)
+    check_rewriting(program, nearby_waypoints(rng, program, most=3), ROBOT)
+
+
+def test_only_numbers_change_where_every_target_has_its_own_motion():
+    body = "\n".join(f"  MoveL p{k} ,\tv100, fine,tool0 ; ! {k}" for k in range(1, 10))
+    before = module(body, POINTS)
+    after = rewritten(before, *range(9), mm=(1, 2, 3))
+    number = re.compile(r"-?\d+(\.\d+)?")
+    assert number.sub("#", after) == number.sub("#", before.text)
+    assert after.splitlines()[1:3] == [
+        "CONST robtarget p1:=[[11,2,3],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+        "CONST robtarget p2:=[[21,2,3],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+    ]
+
+
+def test_a_target_that_another_motion_needs_as_it_is_gets_a_clone_behind_it():
+    before = module("MoveL p1,v100,fine,tool0;\nMoveL p1,v100,fine,tool0\\WObj:=wobj0;", POINTS)
+    after = rewritten(before, 1)
+    assert lines_that_differ(before.text, after) == [
+        "CONST robtarget p1_2:=[[11,0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+        "MoveL p1_2,v100,fine,tool0\\WObj:=wobj0;",
+    ]
+    assert after.splitlines()[2].startswith("CONST robtarget p1_2")
+
+
+def test_motions_that_want_the_same_share_it():
+    before = module("MoveL p1,v100,fine,tool0;\nMoveJ p1,v5,fine,tool0;\nMoveJ p1,v50,fine,tool0;", POINTS)
+    program = read_rapid([before])
+    waypoints = shifted(program, 0) | shifted(program, 1, 2, mm=(0, 0, 5))
+    assert lines_that_differ(before.text, program.rewrite(ROBOT, waypoints)[0].text) == [
+        "CONST robtarget p1:=[[10,0,5],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+        "CONST robtarget p1_2:=[[11,0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+        "MoveL p1_2,v100,fine,tool0;",
+    ]
+
+
+@pytest.mark.parametrize(
+    "other", ["reg1:=p1.trans.x;", "pLast:=p1;", "Remember p1;", "IF Distance(p1.trans,p2.trans)>3 Stop;", "<p1>"]
+)
+def test_a_target_that_is_read_elsewhere_stays(other):
+    before = module(f"MoveL p1,v100,fine,tool0;\n{other}", POINTS)
+    after = rewritten(before, 0)
+    assert before.text.splitlines()[1] in after.splitlines()
+    assert "MoveL p1_2,v100" in after
+
+
+def test_targets_under_offs_and_reltool_are_replaced_by_targets_of_their_own():
+    body = "MoveL Offs(p1,0,0,50),v100,fine,tool0;\nMoveL RelTool(p1,0,0,-50),v100,fine,tool0;\nMoveL p1,v100,z1,tool0;"
+    before = module(body, POINTS)
+    after = rewritten(before, 0, 1)
+    assert lines_that_differ(before.text, after) == [
+        "CONST robtarget p1_2:=[[11,0,50],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+        "CONST robtarget p1_3:=[[11,0,-50],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+        "MoveL p1_2,v100,fine,tool0;",
+        "MoveL p1_3,v100,fine,tool0;",
+    ]
+
+
+def test_elements_of_arrays_are_edited_in_place_and_those_read_by_index_are_cloned():
+    three = ",\n".join(f"[[{k},0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]]" for k in (1, 2, 3))
+    declaration = f"PERS robtarget way{{3}}:=[{three}];"
+    own = rewritten(module("MoveL way{2},v100,fine,tool0;", declaration), 0)
+    assert "[[3,0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]],\n[[3,0,0]" in own
+    shared = rewritten(module("MoveL way{2},v100,fine,tool0;\nMoveL way{i},v100,fine,tool0;", declaration), 0)
+    assert declaration in shared
+    assert "PERS robtarget way_2:=[[3,0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];" in shared
+    assert "MoveL way_2,v100" in shared
+
+
+def test_computed_numbers_are_not_edited():
+    declaration = (
+        "CONST num h:=20;CONST robtarget p:=[[h+1,0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]]; ! at the edge"
+    )
+    after = rewritten(module("MoveL p,v100,fine,tool0;", declaration), 0)
+    assert f"{declaration}\nCONST robtarget p_2:=[[22,0,0],[1,0,0,0],[0,-2,2,0],[9E+09," in after
+
+
+def test_names_of_clones_are_free_and_not_too_long():
+    long = "p" * 32
+    text = POINTS.replace("p1:", f"{long}:").replace("p2:", f"{'p' * 30}_2:")
+    after = rewritten(module(f"MoveL {long},v100,fine,tool0;MoveL {long},v5,fine,tool0;", text), 0)
+    assert f"CONST robtarget {'p' * 30}_3:=" in after
+
+
+def test_names_stay_short_enough_for_old_controllers():
+    text = POINTS.replace("p1:", "pApproachLeft_1:")
+    after = rewritten(module("MoveL pApproachLeft_1,v5,fine,tool0;MoveL pApproachLeft_1,v5,fine,tool0;", text), 0)
+    assert "CONST robtarget pApproachLeft__2:=" in after
+
+
+def test_local_data_of_a_routine_are_cloned_where_they_are():
+    body = f"VAR {POINTS.splitlines()[0][6:]}\n  MoveL p1,v100,fine,tool0;\nMoveL Offs(p1,0,0,1),v5,fine,tool0;"
+    after = rewritten(module(body), 1)
+    assert "VAR robtarget p1_2:=[[11,0,1]" in after
+    assert read_rapid([source(after)]).moves[1].end.T[0, 3] == pytest.approx(0.011)
+
+
+def test_further_points_stop_nowhere_and_take_the_arguments_of_the_motion():
+    body = (
+        "  MoveL\\Conc,p1,v100\\V:=30,z5\\Z:=3,tool0\\WObj:=wobj0; ! down\n"
+        "\tMoveJ p2,v100,z20\\Inpos:=inpos20,tool0;\n"
+        "  MoveAbsJ\n[[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]]\\NoEOffs,v5,fine,tool0;"
+    )
+    program = read_rapid([module(body.replace("\n", "\r\n"), POINTS)])
+    waypoints = {i: path * 2 for i, path in shifted(program, 0, 1).items()}
+    waypoints[2] = (
+        Waypoint(kind="axes", q=Q, T=None),
+        Waypoint(kind="linear", q=Q, T=np.eye(4)),
+        Waypoint(kind="axes", q=Q, T=None),
+    )
+    pose, nine = "[[{},0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]]", "[9E9,9E9,9E9,9E9,9E9,9E9]"
+    text = program.rewrite(ROBOT, waypoints)[0].text
+    assert text[text.index("PROC main()\n") :] == (
+        "PROC main()\n"
+        f"  MoveL {pose.format(11)},v100\\V:=30,z5\\Z:=3,tool0\\WObj:=wobj0;\r\n"
+        "  MoveL\\Conc,p1,v100\\V:=30,z5\\Z:=3,tool0\\WObj:=wobj0; ! down\r\n"
+        f"\tMoveJ {pose.format(21)},v100,z0,tool0;\r\n"
+        "\tMoveJ p2,v100,z20\\Inpos:=inpos20,tool0;\r\n"
+        f"  MoveAbsJ [[10,20,15,-100,40,200],{nine}]\\NoEOffs,v5,z0,tool0;\r\n"
+        f"  MoveL {pose.format(0)},v5,z0,tool0;\r\n"
+        f"  MoveAbsJ\r\n[[10,20,15,-100,40,200],{nine}]\\NoEOffs,v5,fine,tool0;\nENDPROC\nENDMODULE\n"
+    )
+
+
+def test_what_an_if_without_then_governs_stays_together():
+    program = read_rapid([module("  IF a=1 MoveL p1,v100,fine,tool0;\n  MoveL p2,v100,fine,tool0;", POINTS)])
+    waypoints = {0: shifted(program, 0)[0] * 2}
+    after = read_rapid(program.rewrite(ROBOT, waypoints))
+    assert [move.follows for move in after.moves] == [None, 0, None]
+    assert not after.diagnostics
+
+
+def test_an_arc_becomes_lines_or_stays_an_arc():
+    program = read_rapid([source(IRC5, "Path_10.mod"), source(IRC5_FRAMES, "CalibData.sys")])
+    arc = program.moves[4]
+    line = Waypoint(kind="linear", q=Q, T=arc.via.T)
+    end = Waypoint(kind="linear", q=Q, T=arc.end.T)
+    as_lines = program.reread(program.rewrite(ROBOT, {4: (line, end)}))
+    assert [move.kind for move in as_lines.moves[4:6]] == ["linear", "linear"]
+    np.testing.assert_allclose(as_lines.moves[4].end.T, arc.via.T, atol=1e-9)
+    via = arc.via.T.copy()
+    via[:3, 3] += 1e-3
+    as_arc = program.rewrite(
+        ROBOT, {4: (Waypoint(kind="circular", q=Q, T=arc.end.T, via=Waypoint(kind="circular", q=Q, T=via)),)}
+    )
+    assert "MoveC Arc_via,Arc_end,vCut,fine" in as_arc[0].text
+    assert "Arc_via:=[[51,101,1]" in as_arc[0].text
+    two = {3: (Waypoint(kind="circular", q=Q, T=arc.end.T, via=line),)}
+    third = program.reread(program.rewrite(ROBOT, two)).moves[3]
+    assert third.kind == "circular"
+    np.testing.assert_allclose(third.via.T, arc.via.T, atol=1e-9)
+
+
+def test_no_routine_of_the_programs_own_is_called_in_place_of_a_motion():
+    own = '  MoveAbsJ [[0,10,20,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;\nENDPROC\nPROC MoveL()\n  TPWrite "mine";'
+    program = read_rapid([module(own, POINTS)])
+    pose = np.eye(4)
+    waypoints = (Waypoint(kind="linear", q=Q, T=pose), Waypoint(kind="axes", q=Q, T=None))
+    with pytest.raises(
+        TaskcalError, match=r"part\.mod:\d+: cannot become a MoveL, which is a routine of the program's own"
+    ):
+        program.rewrite(ROBOT, {0: waypoints})
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-8", "utf-8-sig"])
+def test_bytes_of_any_encoding_survive(encoding):
+    data = S4C.replace("Grinding cell", "Schleifzelle für Füße").replace("\n", "\r\n").encode(encoding)
+    program = read_rapid([Source.of(Path("grind.prg"), data)])
+    assert program.rewrite(ROBOT, {})[0].encode() == data
+    after = program.rewrite(ROBOT, shifted(program, 2, 3))[0].encode()
+    assert after != data
+    assert after.decode(encoding).count("\r\n") == after.decode(encoding).count("\n")
+    assert "für Füße" in after.decode(encoding)
+
+
+def test_a_robot_without_six_joints_is_refused():
+    program = read_rapid([module("MoveL p1,v5,fine,tool0;", POINTS)])
+    with pytest.raises(TaskcalError, match="has 7 joints"):
+        program.rewrite(load_robot("barrett-wam"), shifted(program, 0))
+
+
+def test_configurations_are_those_of_the_posture():
+    program = read_rapid([module("MoveL p1,v5,fine,tool0;", POINTS)])
+    robot = load_robot("abb-irb120")
+    q = np.radians([-100.0, 0, 0, 95, -5, 185])
+    text = program.rewrite(robot, shifted(program, 0, q=q))[0].text
+    assert "[11,0,0],[1,0,0,0],[-2,1,2,1]" in text
+    assert str(Configuration.of(robot, q)) == "[-2,1,2,1]"

@@ -1,0 +1,51 @@
+"""Which language a program is read as."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import taskcal
+from robot_programs.core.program import Frame
+from robot_programs.languages import LANGUAGES, language_of
+from robot_programs.reading import read_program
+from taskcal.errors import FileError, TaskcalError
+
+JOINTS = "id,J1_deg,J2_deg\n0,10,20\n"
+
+
+def test_every_suffix_has_one_language_whatever_its_letter_case():
+    every = [suffix for language in LANGUAGES for suffix in language.suffixes]
+    assert len(set(every)) == len(every)
+    for language in LANGUAGES:
+        assert set(language.composed) <= set(language.suffixes)
+        for suffix in language.suffixes:
+            assert language_of(Path(f"a.b{suffix.upper()}")) is language
+
+
+def test_a_file_is_read_by_its_suffix(tmp_path):
+    (tmp_path / "PATH.CSV").write_text(JOINTS)
+    program = taskcal.read_program(tmp_path / "PATH.CSV")
+    np.testing.assert_allclose(program.moves[0].end.q, np.radians([10.0, 20.0]))
+
+
+def test_what_cannot_be_read_says_what_would_work(tmp_path):
+    (tmp_path / "a.csv").write_text(JOINTS)
+    with pytest.raises(TaskcalError, match="no program was given; name its files"):
+        read_program()
+    with pytest.raises(
+        FileError, match=r"a\.nc: has no suffix of a robot program; known are RAPID: \.mod .* CSV: \.csv"
+    ):
+        read_program("a.nc")
+    with pytest.raises(FileError, match=r"none\.csv: cannot be read: "):
+        read_program(tmp_path / "none.csv")
+    with pytest.raises(
+        TaskcalError, match=r"a\.mod is RAPID and b\.src is KRL; the files of a program have one language"
+    ):
+        read_program("a.mod", "b.src")
+    with pytest.raises(FileError, match=r"a\.csv: is given twice"):
+        read_program(tmp_path / "a.csv", tmp_path / "a.csv")
+    with pytest.raises(
+        TaskcalError, match=r"a\.src is KRL, which says its own tools and frames; leave out tool and part"
+    ):
+        read_program("a.src", tool=Frame(name="t", T=np.eye(4)))

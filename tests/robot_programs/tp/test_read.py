@@ -1,0 +1,45 @@
+"""Reading listings."""
+
+from pathlib import Path
+
+import pytest
+
+from robot_programs.core.source import Source
+from robot_programs.reading import read_program
+from robot_programs.tp.read import read_tp
+from taskcal.errors import FileError
+from tests.robot_programs.tp.samples import POSITIONS, R2000, backup, listing
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("\0\1binary", "bad.ls: is no listing of a TP program: it is binary; save the program as text"),
+        ("SRVO-001 Operator panel E-stop", "bad.ls: is no listing of a TP program: it has no line /MN"),
+        ("/PROG  A\n/MN\n/END\n", "bad.ls: is no listing of a TP program: it has no line /POS"),
+        ("/PROG  A\n/MN\n/POS\nP[1]{\n   GP1:\n", "bad.ls:4: the position that begins here is not closed"),
+    ],
+)
+def test_what_is_no_listing_says_so(text, message):
+    with pytest.raises(FileError) as caught:
+        read_tp([Source.of(Path("bad.ls"), text.encode())], robot=R2000)
+    assert message in str(caught.value)
+
+
+def test_variables_alone_are_no_program():
+    with pytest.raises(FileError, match=r"sysframe.va: holds variables only; pass the .ls with the motions, too"):
+        read_tp(backup(), robot=R2000)
+
+
+def test_the_robot_is_needed():
+    with pytest.raises(FileError, match="give the robot"):
+        read_tp([listing(["L P[2] 10mm/sec FINE"], POSITIONS)])
+
+
+def test_files_are_known_by_their_suffix(tmp_path):
+    for source in (listing(["L P[2] 10mm/sec FINE"], POSITIONS), *backup()):
+        (tmp_path / source.path.name.upper()).write_bytes(source.encode())
+    program = read_program(*sorted(tmp_path.iterdir()), robot=R2000)
+    (move,) = program.moves
+    assert move.routine == "MILL"
+    assert move.place.line == 6
