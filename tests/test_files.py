@@ -71,7 +71,7 @@ def test_files_that_belong_together_are_written_all_or_none(tmp_path):
 def test_what_a_killed_process_left_is_removed_by_the_next_and_what_a_running_one_needs_is_not(tmp_path):
     path, other = tmp_path / "a.csv", tmp_path / "b.csv"
     code = (
-        "import os, sys, signal; from taskcal import files; files.os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL); "
+        "import os, sys, signal; from taskcal.io import files; files.os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL); "
         "files.write_all({path: 'half' for path in sys.argv[1:]})"
     )
     ended = subprocess.run([sys.executable, "-c", code, str(path), str(other)], check=False)

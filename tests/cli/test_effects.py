@@ -126,7 +126,8 @@ def test_a_field_is_taken_only_where_it_predicts_better(run: Run, campaign: Path
     assert (geometry["stage"], asked["stage"]) == ("geometry", "gear harmonics of order 1")
     assert (together["stage"], field["stage"]) == ("all effects", "smooth field")
     assert together["accepted"] == result["field"]
-    assert together["accepted"] == (together["cross_validated_mm"] < asked["cross_validated_mm"])
+    if together["accepted"]:  # the other way round, groups of neighbouring poses may still be predicted worse
+        assert together["cross_validated_mm"] < asked["cross_validated_mm"]
 
 
 def test_kept_parameters_leave_the_effects_in(run: Run, campaign: Path, tmp_path: Path) -> None:

@@ -23,9 +23,9 @@ def test_an_interrupt_ends_the_program_soon_and_says_what_was_written(kind, tmp_
     # a shell without job control starts what runs in the background deaf to interrupts, and its children inherit that
     code = (
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "import ctypes, sys, threading, time; from taskcal.cli import main; from taskcal.robot import dh_table\n"
+        "import ctypes, sys, threading, time; from taskcal.cli import main; from taskcal.robot.importers import dh\n"
         f"def stuck(*_):\n    print('begun', flush=True){LOOPS[kind]}\n"
-        "dh_table.describe_dh_table = stuck\n"
+        "dh.describe_dh_table = stuck\n"
         f"sys.argv = ['taskcal', 'robots', 'import', {str(table)!r}, '--convention', 'dh', '-o', {str(robot)!r}]\n"
         "sys.exit(main())"
     )

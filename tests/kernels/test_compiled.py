@@ -183,8 +183,8 @@ def test_compiling_leaves_the_cache_of_other_users_of_numba_alone(sources, monke
 USES_WHAT_WAS_KEPT = """
 import sys
 import numpy as np
-from taskcal.geometry.chain import Chain, Joint
-from taskcal.geometry.walk import poses
+from taskcal.kernels.chain import Chain, Joint
+from taskcal.kernels.walk import poses
 assert poses(Chain.of([Joint()]), np.zeros((1, 1)), np.zeros((0, 6))).shape == (1, 4, 4)
 print(*[name for name in ("taskcal.kernels.lane_types", "numba.np.arraymath", "scipy.linalg") if name in sys.modules])
 """
@@ -199,7 +199,7 @@ def test_machine_code_that_was_kept_runs_without_the_compiler():
 SCRIPT = """
 import logging, sys
 logging.basicConfig(level=logging.INFO, format="%(message)s")
-from taskcal.geometry.compiled import compiled
+from taskcal.kernels.compiled import compiled
 @compiled
 def kernel(a):
     return a + 1.0
