@@ -83,7 +83,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         "explanation": explanation,
         "repeated": tc.performance.pose_repeatability(tc.simulate(model, np.repeat(q[:3], 4, axis=0), rng=rng)[0]),
         "prior": tc.GaussianPrior.of_deviations(np.ones(40)), "noise": tc.TrackerNoise(), "cell": tc.Cell(),
-        "design": tc.adaptation.design(model, campaign, tc.reach_task(model, task, 20)),
+        "design": tc.planning.design(model, campaign, tc.reach_task(model, task, 20)),
     }  # fmt: skip
 
 
