@@ -96,7 +96,7 @@ def test_effects_that_geometry_nearly_repeats_are_named(run: Run, tmp_path: Path
     measured, _ = simulate(ErrorModel(robot), rng.uniform(-0.15, 0.15, (40, 6)), rng=rng)
     write_campaign(tmp_path / "small.csv", measured, robot)
     options = ["--effects", "harmonics:1,coupling"]
-    near = identify(run, tmp_path / "small.csv", tmp_path / "cal.json", *options, "--json").json["near_dependent"]
+    near = identify(run, tmp_path / "small.csv", tmp_path / "cal.json", *options, "--json").json["collinear"]
     named = {entry["name"]: entry for entry in near}
     assert named["J1.cos1"]["explained_by"].keys() == {"J1.rz"}
     assert named["J1.cos1"]["share"] > 0.999

@@ -364,7 +364,6 @@ def _explained(explanation: "Explanation | None") -> dict[str, Any]:
         "not_tried": dict(explanation.untried),
         "tracker_mm": explanation.tracker * 1e3,
         "collinear": collinearities_json(explanation),
-        "near_dependent": collinearities_json(explanation),  # former key, until the next release
     }
 
 
