@@ -1,12 +1,10 @@
-"""Arguments of the public functions: a thing of another kind is refused by name, and a former name is still understood."""
+"""Arguments of the public functions: a thing of another kind is refused by name."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
-from functools import wraps
 from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, get_args
-from warnings import warn
+from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
 from taskcal.errors import WrongKind, shown
 
@@ -14,8 +12,6 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 
-P = ParamSpec("P")
-R = TypeVar("R")
 Options = TypeVar("Options", bound="DataclassInstance")
 
 MADE_BY = {
@@ -57,47 +53,6 @@ def expect_kinds(kinds: Mapping[str, type | UnionType], **arguments: object) -> 
             choices: list[type] = [choice for choice in _alternatives(kind) if choice is not NoneType]
             right = " or ".join(_with_article(choice) for choice in choices)
             raise WrongKind(f"{name} is {given}, not {right}: {MADE_BY[choices[0].__name__]}")
-
-
-def renamed_arguments(**renamed: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Let a function take keyword arguments by their former names too, with a warning that names the present ones.
-
-    Args:
-        **renamed: former names, and what each is called now.
-    """
-
-    def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        @wraps(function)
-        def called(*args: P.args, **kwargs: P.kwargs) -> R:
-            given: dict[str, Any] = dict(kwargs)
-            for former, present in renamed.items():
-                if former in given:
-                    if present in given:
-                        raise TypeError(
-                            f"{function.__name__}: '{former}' is the former name of '{present}'; give one of them"
-                        )
-                    warn_renamed(f"the argument '{former}'", present)
-                    given[present] = given.pop(former)
-            return function(*args, **given)  # pyright: ignore[reportCallIssue]
-
-        return called
-
-    return decorate
-
-
-def warn_renamed(former: str, present: str, *, stacklevel: int = 2) -> None:
-    """Warn that something has another name now.
-
-    Args:
-        former: what was used, in words.
-        present: what it is called now.
-        stacklevel: 1 for the line that calls this, 2 for the one that called that function.
-    """
-    warn(
-        f"{former} is called '{present}' now; the old name goes with the next release",
-        DeprecationWarning,
-        stacklevel + 1,
-    )
 
 
 def _alternatives(kind: type | UnionType) -> tuple[type, ...]:

@@ -2,7 +2,6 @@
 
 from taskcal.kernels.chain import Fixed as Fixed
 from taskcal.kernels.chain import Joint as Joint
-from taskcal.public_names import load_renamed
 from taskcal.robot.effects import GEARS as GEARS
 from taskcal.robot.effects import PERIODIC as PERIODIC
 from taskcal.robot.effects import SOFT as SOFT
@@ -27,5 +26,3 @@ from taskcal.robot.effects import kinds as kinds
 from taskcal.robot.effects import parse_effect as parse_effect
 from taskcal.robot.effects import ways_to_write as ways_to_write
 from taskcal.robot.statics import Load as Load
-
-__getattr__ = load_renamed(__name__)

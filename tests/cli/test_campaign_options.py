@@ -47,6 +47,12 @@ def test_reference_points_that_the_campaign_does_not_have_are_named(cell: Path) 
         CampaignOptions(reference_points="wall").read(cell / "three.csv", load_robot(IRB6660))
 
 
+def test_nests_names_reference_points_too(run: Run, cell: Path, tmp_path: Path) -> None:
+    ended = run("identify", "--robot", IRB6660, cell / "three.csv", "-o", tmp_path / "cal.json", "--nests", "wall")
+    assert ended.status == 1
+    assert "'wall'" in ended.err
+
+
 @pytest.mark.parametrize(
     ("options", "named"),
     [

@@ -127,12 +127,9 @@ def test_too_few_rows_for_the_folds_are_refused(model):
         select(model, reference_task(), campaign, folds=7)
 
 
-def test_the_former_name_of_the_hyperparameters_still_works_and_warns(model, listed):
+def test_known_hyperparameters_state_the_model_error(model, listed):
     known = Hyperparameters.of_deviations((1e-4,), 2.0)
-    with pytest.warns(DeprecationWarning, match="'scales' is called 'hyperparameters'"):
-        former = select(model, listed, scales=known)
-    assert former.summary() == select(model, listed, hyperparameters=known).summary()
-    assert former.model_error == pytest.approx(1e-4)
+    assert select(model, listed, hyperparameters=known).model_error == pytest.approx(1e-4)
 
 
 def test_a_campaign_of_poses_states_its_model_error_in_milliradians_too(model, listed):

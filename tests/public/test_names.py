@@ -1,10 +1,9 @@
-"""The public names: few at the top, each standing once, none shadowed, old ones still working with a warning."""
+"""The public names: few at the top, each standing once, none shadowed."""
 
 import ast
 import pkgutil
 import subprocess
 import sys
-import warnings
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -12,7 +11,6 @@ from types import ModuleType
 import pytest
 
 import taskcal
-from taskcal.public_names import RENAMED
 
 ROOT = Path(taskcal.__file__).parent
 STUBS = sorted(ROOT.rglob("__init__.pyi"))
@@ -65,25 +63,6 @@ def test_a_stub_names_each_once_and_re_exports_it(stub: Path) -> None:
     names = [alias for line in body if isinstance(line, ast.ImportFrom) for alias in line.names]
     assert all(alias.asname == alias.name for alias in names)
     assert len({alias.name for alias in names}) == len(names)
-
-
-@pytest.mark.parametrize(
-    ("package", "old"), [(package, old) for package in RENAMED for old in sorted(RENAMED[package])]
-)
-def test_an_old_name_works_and_warns_once_with_the_new_one(package: str, old: str) -> None:
-    home = import_module(package)
-    with warnings.catch_warnings(record=True) as given:
-        warnings.simplefilter("always")
-        value = getattr(home, old)
-    (warning,) = given
-    new = RENAMED[package][old]
-    assert warning.category is DeprecationWarning
-    assert new in str(warning.message)
-    assert warning.filename == __file__
-    namespace, _, name = new.rpartition(".")
-    assert value is getattr(import_module(namespace), name)
-    assert old not in dir(home)
-    assert name in dir(import_module(namespace))
 
 
 def test_importing_the_package_loads_no_stage() -> None:

@@ -5,10 +5,8 @@ import json
 from typing import Any
 
 import numpy as np
-import pytest
 
 import taskcal as tc
-from taskcal.public_names import FormerName
 from tests.public.test_repr import TYPES, results  # noqa: F401  (a fixture)
 
 PERSISTED = {tc.Calibration, tc.identification.ResidualField}
@@ -26,14 +24,9 @@ def test_every_result_reports_by_summary() -> None:
     assert {cls.__name__ for cls in REPORTED if not callable(getattr(cls, "summary", None))} == set()
 
 
-def test_to_json_persists_or_is_a_former_name() -> None:
+def test_only_what_is_read_back_has_to_json() -> None:
     own = {cls for cls in TYPES if "to_json" in vars(cls) and not issubclass(cls, tc.effects.Effect)}
-    former = {cls for cls in own if isinstance(vars(cls)["to_json"], FormerName)}
-    assert own - former == PERSISTED | {tc.Study}  # of a study it says more than `summary`, with a warning
-    assert former == {
-        tc.Plan, tc.Selection, tc.analysis.ToldApart, tc.export.ControllerOffsets, tc.export.Loss,
-        tc.identification.Explanation, tc.identification.ResidualAnalysis,
-    }  # fmt: skip
+    assert own == PERSISTED
 
 
 def reports(results: dict[str, Any]) -> dict[str, Any]:  # noqa: F811
@@ -72,12 +65,3 @@ def test_a_report_can_be_written_as_json(results: dict[str, Any]) -> None:  # no
         assert dataclasses.is_dataclass(result), name
         text = json.dumps(result.summary(), allow_nan=False)
         assert len(text) > 30, name
-
-
-def test_the_former_report_warns_and_is_the_same(results: dict[str, Any]) -> None:  # noqa: F811
-    for name, result in reports(results).items():
-        if type(result) in PERSISTED or not hasattr(type(result), "to_json"):
-            continue
-        with pytest.warns(DeprecationWarning, match="summary"):
-            former = result.to_json()
-        assert (former["summary"] if isinstance(result, tc.Study) else former) == result.summary(), name

@@ -14,7 +14,6 @@ from jaxtyping import Bool, Float
 from robot_programs.core.source import Backup, Place, Source
 from taskcal.errors import shortened
 from taskcal.geometry import se3
-from taskcal.public_names import FormerName
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
 
@@ -220,8 +219,6 @@ class Program(ABC):
     """What says it."""
     backup: Backup | None = None
     """The folder or zip file that it was found in; None of files that were named."""
-
-    remarks = FormerName("diagnostics")
 
     def __repr__(self) -> str:
         paths = shortened(", ".join(str(source.path) for source in self.sources), 120)

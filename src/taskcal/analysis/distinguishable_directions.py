@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import shortened
-from taskcal.public_names import FormerName
 
 SMALLEST = 0.05
 """Share of a direction's largest coefficient under which one is left out of its description."""
@@ -67,8 +66,6 @@ class ToldApart:
                 {"coefficients": d.leading, "information": d.information, "left": d.left} for d in self.directions
             ],
         }
-
-    to_json = FormerName("summary")
 
     def __repr__(self) -> str:
         weakest = f"; weakest: {shortened(', '.join(self.directions[0].leading), 80)}" if self.directions else ""

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from taskcal.analysis.collinearity import LEVEL, Collinearity, find_collinearities
 from taskcal.analysis.distinguishable_directions import ToldApart, find_told_apart
-from taskcal.arguments import expect_kinds, warn_renamed
+from taskcal.arguments import expect_kinds
 from taskcal.errors import shortened
 from taskcal.estimation.experiment_design import Observability, observability
 from taskcal.geometry import se3
@@ -101,13 +101,6 @@ class Identifiability:
         """
         wanted = self.names if names is None else names
         return find_collinearities(self.matrix, self.names, wanted, against=against, level=level, negligible=NEGLIGIBLE)
-
-    def near(
-        self, names: Sequence[str] | None = None, *, against: Sequence[str] | None = None, level: float = LEVEL
-    ) -> tuple[Collinearity, ...]:
-        """Former name of `collinear`."""
-        warn_renamed("Identifiability.near", "collinear", stacklevel=2)
-        return self.collinear(names, against=against, level=level)
 
     def told_apart(self, *, noise: float) -> ToldApart:
         """How many directions a measurement with noise tells apart, and the weakest of those that are independent exactly.

@@ -10,7 +10,6 @@ from taskcal.arguments import expect_kinds
 from taskcal.campaigns.campaign import Campaign
 from taskcal.geometry import se3
 from taskcal.observations.base import TrackerNoise
-from taskcal.public_names import FormerName
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import ModelError, model_error_of
 from taskcal.virtual.cell import TRACKER_POSE
@@ -133,8 +132,6 @@ class MeasuringNoise:
             "model_error_mm": self.model_error.position * 1e3,
             "model_error_origin": self.model_error.source,
         }
-
-    to_json = FormerName("summary")
 
 
 def measuring_noise(

@@ -2,15 +2,13 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, wraps
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.arguments import renamed_arguments, warn_renamed
 from taskcal.errors import CampaignError, UnknownName, shortened
 from taskcal.observations import Point, Pose
 from taskcal.observations.base import UNMEASURED, Measured, Observation, TrackerNoise
@@ -120,12 +118,6 @@ class Campaign:
     def line_of(self, number: int) -> int | None:
         """Line of the campaign's file, counted from 1; None where it is not known."""
         return None if self.lines is None else int(self.lines[number])
-
-    @property
-    def nests(self) -> Mapping[str, Float[np.ndarray, "n 3"]]:
-        """Former name of `reference_points`."""
-        warn_renamed("Campaign.nests", "reference_points", stacklevel=2)
-        return self.reference_points
 
     @cached_property
     def valid(self) -> Bool[np.ndarray, "n targets"]:
@@ -315,24 +307,6 @@ class Campaign:
             uncertainty=uncertainty,
             observations=observations,
         )
-
-
-def _with_conditions(init: Callable[..., None]) -> Callable[..., None]:
-    """Let a campaign be made with single conditions, as it once was: ``temperature=`` for ``conditions=``."""
-
-    @wraps(init)
-    def initialise(self: Campaign, **given: Any) -> None:
-        single = {name: given.pop(name) for name in _QUANTITIES if name in given}
-        if single:
-            for name in single:
-                warn_renamed(f"the argument '{name}'", f"conditions=Conditions({name}=…)")
-            given["conditions"] = replace(given.get("conditions", Conditions()), **single)
-        init(self, **given)
-
-    return initialise
-
-
-Campaign.__init__ = _with_conditions(renamed_arguments(nests="reference_points")(Campaign.__init__))
 
 
 # Campaigns of one robot, put together: what a tracker saw, and then what a ball in sockets said.

@@ -1,7 +1,7 @@
-"""A command of the command line: its former option names still work, and its help ends with the effects it can take."""
+"""A command of the command line: its help ends with the effects it can take."""
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, signature
@@ -11,7 +11,7 @@ import typer
 from typer import BadParameter
 from typer.core import TyperCommand
 
-from taskcal.cli.output import info, show_log
+from taskcal.cli.output import show_log
 from taskcal.errors import shown
 
 # What is wrong with an option's value, in users' words: the parser of options says it in those of its validator.
@@ -54,27 +54,16 @@ def _typed(names: Sequence[str], arguments: Sequence[str]) -> str | None:
     return None
 
 
-RENAMED = {
-    "--accuracy": "--accuracy-mm",
-    "--extend": "--campaign",
-    "--model-error": "--model-error-mm",
-    "--nests": "--reference-points",
-    "--target-within": "--target-within-mm",
-}
-"""Former names of options, which still work for one release, and what they are called now."""
-
-
 class Command(TyperCommand):
     """A command of Taskcal."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read the options, those by a former name too."""
-        typed = with_new_names(args, self._options())
+        """Read the options."""
         try:
-            return super().parse_args(ctx, list(typed))
+            return super().parse_args(ctx, list(args))
         except BadParameter as wrong:
             names = [] if wrong.param is None else wrong.param.opts
-            wrong.message = in_users_words(wrong.message, names, typed)
+            wrong.message = in_users_words(wrong.message, names, args)
             raise
 
     def invoke(self, ctx: Any) -> Any:
@@ -93,27 +82,6 @@ class Command(TyperCommand):
 
     def _options(self) -> set[str]:
         return {name for parameter in self.params for name in parameter.opts}
-
-
-def with_new_names(arguments: Iterable[str], options: set[str]) -> list[str]:
-    """Arguments in which former option names are replaced by those of today, with a warning for each.
-
-    Args:
-        arguments: as they were typed; behind ``--`` there are no options.
-        options: those that the command has.
-    """
-    out: list[str] = []
-    ended = False
-    for argument in arguments:
-        former, equals, value = argument.partition("=")
-        name = RENAMED.get(former, former)
-        ended = ended or argument == "--"
-        if ended or name == former or former in options or name not in options:
-            out.append(argument)
-            continue
-        info(f"warning: {former} is called {name} now; the old name goes with the next release")
-        out.append(f"{name}{equals}{value}")
-    return out
 
 
 # Options that belong together, as one frozen value: each field of a dataclass is an option, and a command takes the

@@ -19,7 +19,6 @@ from taskcal.errors import FileError, shortened
 from taskcal.geometry import se3
 from taskcal.identification.uncertainty_budget import UNEXPLAINED, Evaluation, UncertaintyBudget, budget_of_parts
 from taskcal.io.files import write_all
-from taskcal.public_names import FormerName
 from taskcal.short_repr import short_repr
 
 # How far the true tool is from where a program wants it, at its targets and between them.
@@ -268,9 +267,6 @@ class Correction:
     """Relative to which frames, and with which tools, the program is accurate."""
     motion: JointMotion
     """How the corrected program moves the joints."""
-
-    refused = FormerName("rejected")
-    remarks = FormerName("diagnostics")
 
     def __repr__(self) -> str:
         rejected = f", {len(self.rejected)} rejected" if self.rejected else ""

@@ -9,7 +9,6 @@ from jaxtyping import Float
 from taskcal.export.forms import placed, spread_poses
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
-from taskcal.public_names import FormerName
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 
@@ -67,8 +66,6 @@ class ControllerOffsets:
             "zeros_tool_and_base": _left(self.with_zeros, self.uncertainty),
             "program_correction": _left(Remaining(rms=0.0, maximum=0.0), self.uncertainty),
         }
-
-    to_json = FormerName("summary")
 
 
 def _left(remaining: Remaining, uncertainty: float) -> dict[str, float]:

@@ -13,7 +13,6 @@ from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.kernels.chain import ErrorFrame, Fixed, JointKind
 from taskcal.kinematics.inverse import closes
-from taskcal.public_names import FormerName
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
@@ -73,8 +72,6 @@ class Loss:
             "poses": self.poses,
             "not_held": list(self.reasons),
         }
-
-    to_json = FormerName("summary")
 
 
 @short_repr

@@ -42,7 +42,7 @@ from taskcal.registration.registration_file import RegistrationSection, describe
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Effect, LinearTerm, effect_from
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.parameter import ShownUnit, current_parameter
+from taskcal.robot.parameter import ShownUnit
 from taskcal.robot.robot_file import robot_from
 from taskcal.robot.statics import Load
 
@@ -984,7 +984,7 @@ class CalibrationFile(Section):
             )
         model = ErrorModel(robot, lengths_only=self.lengths_only, effects=effects)
         layout = self._layout(model)
-        estimated = model.indices(map(current_parameter, self.kept))
+        estimated = model.indices(self.kept)
         written = layout if self.format_version > 1 else replace(layout, kept=estimated)
         size, rows, width = len(written.names), len(self.ids), layout.block_size
         self._same_names(written.names)
@@ -1053,7 +1053,7 @@ class CalibrationFile(Section):
                 f"'names' has {len(self.names)} entries, the parameters kept and frames are {len(expected)}"
             )
         for number, (name, wanted) in enumerate(zip(self.names, expected, strict=True), start=1):
-            if wanted not in (name, current_parameter(name)):
+            if name != wanted:
                 raise TaskcalError(f"'names' {number} is '{shown(name)}', where '{wanted}' belongs")
 
     def _spread(self, names: tuple[str, ...]) -> Float[np.ndarray, "z z"]:

@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 
 from taskcal.analysis.collinearity import Collinearity
 from taskcal.analysis.identifiability import identifiability
-from taskcal.arguments import expect_kinds, warn_renamed
+from taskcal.arguments import expect_kinds
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, ClosureError, FitError, TaskcalError, shortened
 from taskcal.estimation.group_variances import log_integrated
@@ -35,7 +35,6 @@ from taskcal.identification.holdout import mean_over_rows, predict_left_out, spl
 from taskcal.identification.identify import Attempt, attempt, with_size_held
 from taskcal.identification.options import FitChoices, FitOptions
 from taskcal.observations.base import TrackerNoise
-from taskcal.public_names import FormerName
 from taskcal.robot.effects import SPECTRUM, Effect, JointField, kinds
 from taskcal.robot.effects import candidates as default_candidates
 from taskcal.robot.error_model import ErrorModel
@@ -172,12 +171,6 @@ class Explanation:
         taken = ", ".join(stage.name for stage in self.stages if stage.accepted)
         return f"Explanation({shortened(taken, 150)}: {self.calibration!r})"
 
-    @property
-    def alike(self) -> tuple[Collinearity, ...]:
-        """Former name of `collinearities`."""
-        warn_renamed("Explanation.alike", "collinearities", stacklevel=2)
-        return self.collinearities
-
     def summary(self) -> list[dict[str, Any]]:
         """The table, in millimetres."""
         return [
@@ -193,8 +186,6 @@ class Explanation:
             }
             for stage in self.stages
         ]
-
-    to_json = FormerName("summary")
 
 
 # The steps of a search for effects, as they are told while it runs.

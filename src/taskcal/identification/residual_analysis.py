@@ -17,7 +17,6 @@ from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.holdout import split_postures
-from taskcal.public_names import FormerName
 from taskcal.short_repr import short_repr
 
 # What the remainder of a calibration may go with: quantities that vary from pose to pose, and what each would move.
@@ -207,10 +206,6 @@ class ResidualAnalysis:
                 for e in self.explained
             ],
         }
-
-    apart = FormerName("non_rigid")
-    together = FormerName("rigid")
-    to_json = FormerName("summary")
 
 
 def analyse_residuals(

@@ -33,7 +33,6 @@ from taskcal.planning.experiment import (
 )
 from taskcal.planning.instruments import MeasuringWay, TightWay, find_observable, find_tight_ways
 from taskcal.planning.task_map import allow_geometry
-from taskcal.public_names import FormerName
 from taskcal.registration.registration import Registration
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -165,8 +164,6 @@ class Plan:
             ],
             "poses_each": {name: names.count(name) for name in self.way.standing.names},
         }
-
-    to_json = FormerName("summary")
 
 
 # How poses are chosen: one frozen value.

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from taskcal.analysis.elimination_table import describe_combination, published_kept
 from taskcal.analysis.identifiability import Identifiability, identifiability
-from taskcal.arguments import expect_kinds, renamed_arguments, with_choices
+from taskcal.arguments import expect_kinds, with_choices
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, shortened
 from taskcal.estimation.matrices import pseudo_invert_scaled, single_threaded
@@ -32,7 +32,6 @@ from taskcal.planning.expected_error import (
     known_hyperparameters,
     parameter_groups,
 )
-from taskcal.public_names import FormerName
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, TaskPoses, reach_task
 from taskcal.virtual.cell import simulate
@@ -312,10 +311,7 @@ class Selection:
             ],
         }
 
-    to_json = FormerName("summary")
 
-
-@renamed_arguments(scales="hyperparameters")
 @single_threaded
 def select(
     model: ErrorModel,

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.analysis.elimination_table import published_kept
-from taskcal.arguments import expect_kinds, warn_renamed, with_choices
+from taskcal.arguments import expect_kinds, with_choices
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FileError, NothingLearntError, TaskcalError, UnknownName
 from taskcal.estimation.prior import GaussianPrior
@@ -516,18 +516,6 @@ class Study:
             "rms_mm": float(np.sqrt(np.mean(np.square(geometry)))),
             "rms_with_model_error_mm": float(np.sqrt(np.mean(np.square(single)))),
             **accurate,
-        }
-
-    def to_json(self) -> dict[str, Any]:
-        """Former report: `summary`, and what the study rests on."""
-        warn_renamed("Study.to_json", "summary", stacklevel=2)
-        return {
-            "robots": self.robots,
-            "seed": self.seed,
-            "accuracy_mm": None if self.accuracy is None else self.accuracy * 1e3,
-            "model_error_mm": self.model_error * 1e3,
-            "model_error_origin": self.model_error_origin,
-            "summary": self.summary(),
         }
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from taskcal.arguments import expect_kinds, renamed_arguments
+from taskcal.arguments import expect_kinds
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import FileError, shown
 from taskcal.geometry import se3
@@ -644,7 +644,6 @@ class ReadOptions:
     """Whether the scale of measured lengths (`d_mm`) is unknown."""
 
 
-@renamed_arguments(nests="reference_points")
 def read_campaign(
     path: str | Path,
     robot: Robot,

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.arguments import expect_kinds, warn_renamed
+from taskcal.arguments import expect_kinds
 from taskcal.campaigns.campaign import Campaign, check_rows, named_file
 from taskcal.errors import CampaignError, ClosureError
 from taskcal.estimation.matrices import single_threaded
@@ -131,12 +131,6 @@ class Registration:
     """The file it was read from, if it was."""
     unknowns: tuple[Float[np.ndarray, " _"], ...] = ()
     """What else each target's observation does not know: sockets, anchors …; empty where a tracker measured."""
-
-    @property
-    def unlocated(self) -> Float[np.ndarray, "offsets offsets"]:
-        """Former name of `unobservable`."""
-        warn_renamed("Registration.unlocated", "unobservable", stacklevel=2)
-        return self.unobservable
 
     @property
     def located(self) -> tuple[bool, ...]:

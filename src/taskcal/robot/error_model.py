@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.arguments import expect_kinds, repeated, warn_renamed
+from taskcal.arguments import expect_kinds, repeated
 from taskcal.errors import TaskcalError, UnknownName
 from taskcal.kernels import walk
 from taskcal.kernels.chain import Chain, ErrorFrame, Joint, Step
@@ -15,7 +15,7 @@ from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Effect, LinearTerm
 from taskcal.robot.effects.base import terms_on
 from taskcal.robot.joint_side import JointSide, JointTerm, Slope, Walk
-from taskcal.robot.parameter import Parameter, current_parameter, overrides_of, parameters_of
+from taskcal.robot.parameter import Parameter, parameters_of
 from taskcal.robot.robot import Part, Robot
 from taskcal.robot.statics import Load
 
@@ -130,7 +130,7 @@ class ErrorModel:
         if twice := repeated(names):
             raise TaskcalError(f"two effects have a parameter '{min(twice)}'; add each effect once")
         self.parameters = parameters_of(robot, names, units, stated)
-        unknown = set(overrides_of(robot, names)) - set(names)
+        unknown = set(robot.tolerances.overrides) - set(names)
         if unknown and not lengths_only:
             raise UnknownName("parameter", min(unknown), names, f"(a tolerance of {robot.name})")
 
@@ -214,9 +214,6 @@ class ErrorModel:
         chosen: set[int] = set()
         for name in names:
             wanted = self._named(name)
-            present = current_parameter(name)
-            if not wanted and present != name and (wanted := self._named(present)):
-                warn_renamed(f"the parameter '{name}'", present, stacklevel=2)
             if not name or not wanted:
                 joints = self.robot.joint_names
                 hint = f"in {self.robot.name}; joint frames run from {joints[0]} to {joints[-1]}, then tool"

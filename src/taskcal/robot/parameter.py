@@ -5,9 +5,6 @@ from dataclasses import dataclass
 
 from taskcal.robot.robot import Robot
 
-FORMER_PARAMETERS = {"overrun": "overshoot", "growth": "expansion"}
-"""Last parts of parameter names in earlier releases, and now."""
-
 
 @dataclass(frozen=True)
 class ShownUnit:
@@ -70,28 +67,16 @@ def parameters_of(
         units: of the parameters.
         stated: tolerances of those that effects bring, by name.
     """
-    tolerances, overrides = robot.tolerances, overrides_of(robot, names)
+    tolerances = robot.tolerances
     default = {"m": tolerances.translation, "rad": tolerances.rotation}
     return tuple(
         Parameter(
             name=name,
             unit=unit,
-            tolerance=overrides.get(
+            tolerance=tolerances.overrides.get(
                 name, tolerances.length if name.startswith("loop.") else stated.get(name) or default[unit]
             ),
             symbol=robot.symbols.get(name, ""),
         )
         for name, unit in zip(names, units, strict=True)
     )
-
-
-def overrides_of(robot: Robot, names: Sequence[str]) -> dict[str, float]:
-    """Tolerances that a robot's file states for single parameters, by their present names."""
-    overrides = robot.tolerances.overrides
-    return {name if name in names else current_parameter(name): tolerance for name, tolerance in overrides.items()}
-
-
-def current_parameter(name: str) -> str:
-    """What a parameter is called now that a file of an earlier release names; its name as it is where it has not changed."""
-    frame, dot, last = name.rpartition(".")
-    return f"{frame}{dot}{FORMER_PARAMETERS.get(last, last)}" if dot else name

@@ -171,12 +171,6 @@ def show_parts(result: Mapping[str, Any], fitted: "ChunkedFit", *, as_json: bool
     ])  # fmt: skip
 
 
-FIELD_IS_AN_EFFECT = (
-    "--field is deprecated: no field of the tool's position is learned any more. A smooth function of all joints is tried at each "
-    "joint, as '--effects auto' does among all other effects; '--effects field' adds it unproven"
-)
-
-
 @dataclass(frozen=True, kw_only=True)
 class SearchOptions:
     """What may be added to the geometry."""
@@ -194,7 +188,7 @@ class SearchOptions:
         bool,
         typer.Option(
             "--field",
-            help="Former option: tries a smooth function of all joints at each joint, which 'auto' has among all others.",
+            help="Try a smooth function of all joints at each joint, which 'auto' has among all others.",
         ),
     ] = False
 
@@ -251,8 +245,6 @@ def command(
             param_hint="--effects / --prior",
         )
     effects = search.named() if search.searching else []
-    if search.field:
-        info(FIELD_IS_AN_EFFECT)
     inputs = [campaign, robot, reading.points, reading.rows, fitting.registration_file]
     outputs = check_outputs("identify", [("--output", output)], inputs, force=out.force)
     if has_too_many_rows(campaign):
@@ -372,7 +364,6 @@ def _explained(explanation: "Explanation | None") -> dict[str, Any]:
         "not_tried": dict(explanation.untried),
         "tracker_mm": explanation.tracker * 1e3,
         "collinear": collinearities_json(explanation),
-        "near_dependent": collinearities_json(explanation),  # former key, until the next release
     }
 
 

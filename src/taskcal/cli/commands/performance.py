@@ -1,6 +1,5 @@
 """``taskcal performance``: accuracy and repeatability of measured poses and paths, after ISO 9283."""
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -19,11 +18,6 @@ if TYPE_CHECKING:
 
 POSE_CYCLES, PATH_CYCLES = 30, 10
 """How many cycles the standard asks for (ISO 9283:1998, 6.9)."""
-
-
-ROTATION = re.compile(r"(\w+)_r([xyz])_deg")
-FORMER_AXES = {"x": "a", "y": "b", "z": "c"}
-"""Letters that the rotations about the axes were called by, which are the standard's for its Euler angles."""
 
 
 @grouped
@@ -64,7 +58,7 @@ def command(
         result, page = _of_path(measured, commanded)
         _write(outputs, out, page)
         if as_json:
-            write_json(_with_former_keys(result))
+            write_json(result)
         else:
             _show(f"Path of {measured}", [result])
         return
@@ -72,7 +66,7 @@ def command(
     results, page = _of_poses(measured, pairs)
     _write(outputs, out, page)
     if as_json:
-        write_json({of: [_with_former_keys(line) for line in lines] for of, lines in results.items()})
+        write_json(results)
         return
     for key, title in (("poses", "Poses"), ("directions", "Directions of approach"), ("distances", "Distances")):
         if results[key]:
@@ -150,13 +144,6 @@ def _show(title: str, results: Sequence[Mapping[str, Any]]) -> None:
     columns = [key for key in dict.fromkeys(key for result in results for key in result) if key != "left_out"]
     rows = [[_text(result[key]) if key in result else "" for key in columns] for result in results]
     show_table(title, [key.replace("_mm", " mm").replace("_deg", " °") for key in columns], rows)
-
-
-def _with_former_keys(result: Mapping[str, Any]) -> dict[str, Any]:
-    """Rotations by their former names too, which go with the next release: AP_a_deg beside AP_rx_deg."""
-    rotations = {key: ROTATION.fullmatch(key) for key in result}
-    former = {f"{match[1]}_{FORMER_AXES[match[2]]}_deg": result[key] for key, match in rotations.items() if match}
-    return {**result, **former}
 
 
 def _text(value: float | int | str) -> str:

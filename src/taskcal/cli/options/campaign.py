@@ -185,6 +185,7 @@ class CampaignOptions(TableOptions):
         str | None,
         typer.Option(
             "--reference-points",
+            "--nests",
             metavar="NAME,…",
             help="Fixed points beside the robot; by default those whose names begin with 'base'.",
         ),

@@ -2,7 +2,6 @@
 
 import math
 import re
-import warnings
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -11,7 +10,7 @@ import typer
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.cli.options.common import split_names
-from taskcal.cli.output import info, show_facts, show_table
+from taskcal.cli.output import show_facts, show_table
 from taskcal.errors import TaskcalError
 from taskcal.identification.effects import Explanation, Stage
 from taskcal.robot.effects import Effect, parse_effect
@@ -42,14 +41,9 @@ def _effect(name: str) -> Effect:
     if name in ("auto", "none"):
         raise typer.BadParameter(f"'{name}' stands alone; give it without other effects", param_hint="--effects")
     try:
-        with warnings.catch_warnings(record=True) as given:
-            warnings.simplefilter("always", DeprecationWarning)
-            effect = parse_effect(name)
+        return parse_effect(name)
     except TaskcalError as error:
         raise typer.BadParameter(f"{error}; or auto, or none", param_hint="--effects") from error
-    for warning in given:
-        info(str(warning.message))
-    return effect
 
 
 def refer_to(campaign: Campaign, effects: list[Effect] | None) -> list[Effect] | None:

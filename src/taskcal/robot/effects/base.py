@@ -7,7 +7,6 @@ from typing import Any, ClassVar, Literal, get_args
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.arguments import warn_renamed
 from taskcal.errors import TaskcalError, UnknownName, shown
 from taskcal.kernels.chain import ErrorFrame, Fixed, Joint, Step
 from taskcal.robot.conditions import Conditions
@@ -19,12 +18,6 @@ from taskcal.robot.statics import Load
 
 _KINDS: dict[str, type["Effect"]] = {}
 """By class name, in the order of definition."""
-
-FORMER_KEYS = {"overrun": "overshoot"}
-"""Texts that named an effect in earlier releases, and what names it now."""
-
-FORMER_KINDS = {"Overrun": "Overshoot"}
-"""Of files that earlier releases wrote."""
 
 
 def register(kind: type["Effect"]) -> None:
@@ -75,12 +68,8 @@ def parse_effect(text: str) -> "Effect":
     Raises:
         TaskcalError: it names none, or with options that do not exist.
     """
-    wanted = text
-    if text in FORMER_KEYS and text not in ways_to_write():
-        wanted = FORMER_KEYS[text]
-        warn_renamed(f"the effect '{text}'", wanted, stacklevel=2)
     for kind in kinds():
-        effect = kind.parse(wanted)
+        effect = kind.parse(text)
         if effect is not None:
             return effect
     raise TaskcalError(f"'{shown(text)}' is not an effect; known: {', '.join(ways_to_write())}")
@@ -94,8 +83,6 @@ def effect_from(data: Mapping[str, Any]) -> "Effect":
         TaskcalError: a kind whose module is not imported.
     """
     kind, module = str(data["kind"]), data.get("module")
-    if module is None:
-        kind = FORMER_KINDS.get(kind, kind)
     if kind in _KINDS:
         return _KINDS[kind].from_json({name: value for name, value in data.items() if name not in ("kind", "module")})
     if module is None:
