@@ -12,6 +12,7 @@ from robot_programs.rapid.names import (
     LATE,
     MOTIONLESS,
     MOVING,
+    RETURNING,
     SOFTENING,
     STIFFENING,
     SYSTEM_MOTION,
@@ -313,6 +314,14 @@ def calls(node: Expression, scope: Scope) -> bool:
     )
 
 
+def _returns_values(node: Expression) -> bool:
+    """Whether a function of the system in an expression changes what it is given."""
+    return any(
+        isinstance(part, Call) and (part.name.key in CHANGING or any(a.option in RETURNING for a in part.arguments))
+        for part in parts(node)
+    )
+
+
 ANY_ROUTINE = Routine(
     start=0, end=0, name=Token("name", "", "", 0), kind="proc", local=False, parameters=(), declarations=(), body=(), handlers=(),
 )  # fmt: skip
@@ -396,7 +405,7 @@ def instruction_may_change(instruction: str, type_: str) -> bool:
 
 def function_may_change(function: str, type_: str) -> bool:
     """Whether a function may change data that it is given, of any type."""
-    return function not in FUNCTIONS
+    return function not in FUNCTIONS or function in CHANGING
 
 
 def is_strange(called: str, scope: Scope) -> bool:
@@ -711,7 +720,7 @@ class _Walker:
                     yield from self.mention(reference, scope, changes)
                 case Reference() as reference:
                     type_ = type_of(reference.name.text, scope)
-                    changes = may_change(key, type_)
+                    changes = may_change(key, type_) or argument.option in RETURNING
                     lent = changes and type_ in ("tooldata", "wobjdata") and is_strange(key, scope)
                     yield from self.mention(reference, scope, changes, lent_to=name.text if lent else "")
                 case value:
@@ -938,15 +947,15 @@ class _Walk:
     def _assigned(self, routine: str, parameter: str) -> bool:
         return (routine, parameter.lower()) in self.flow.effects.changes.parameters
 
-    def _asked(
-        self, statement: Assignment | Leave, expressions: Iterable[Expression], scope: Scope, state: State
-    ) -> State:
+    def _asked(self, statement: Statement, expressions: Iterable[Expression], scope: Scope, state: State) -> State:
         """What holds behind the functions in some expressions of a statement."""
-        if not any(calls(expression, scope) for expression in expressions):
+        expressions = tuple(expressions)
+        moving = any(calls(expression, scope) for expression in expressions)
+        if not moving and not any(map(_returns_values, expressions)):
             return state
         self.flow.anywhere.update(called([statement], scope))
         state = state.forgotten(self.flow.effects.of(statement, scope, self.context.file))
-        return replace(state, before=ANY) if state.reached else state
+        return replace(state, before=ANY) if moving and state.reached else state
 
     def _instruction(self, instruction: Instruction, scope: Scope, state: State) -> State:
         key = instruction.name.key
@@ -994,7 +1003,7 @@ class _Walk:
 
     def _branches(self, statement: Branches, scope: Scope, state: State) -> State:
         """IF and TEST; of an IF only the branches that may be taken, as far as the text tells."""
-        state = self._conditions_asked(statement, scope, state)
+        state = self._asked(statement, statement.conditions, scope, state)
         tests = len(statement.conditions) != len(statement.branches) - statement.exhaustive
         ends: list[State] = []
         for i, branch in enumerate(statement.branches):
@@ -1008,13 +1017,6 @@ class _Walk:
                 return merged(ends)
         return merged(ends if statement.exhaustive else [*ends, state])
 
-    def _conditions_asked(self, statement: Branches | Loop, scope: Scope, state: State) -> State:
-        if not any(calls(condition, scope) for condition in statement.conditions):
-            return state
-        self.flow.anywhere.update(called([statement], scope))
-        state = state.forgotten(self.flow.effects.of(statement, scope, self.context.file))
-        return replace(state, before=ANY) if state.reached else state
-
     def _truth(self, condition: Expression, scope: Scope, state: State) -> bool | None:
         """Whether a condition holds; None where the text does not tell."""
         if self.flow.all_ways:
@@ -1027,7 +1029,7 @@ class _Walk:
         return value if isinstance(value, bool) else None
 
     def _loop(self, loop: Loop, scope: Scope, state: State) -> State:
-        state = self._conditions_asked(loop, scope, state)
+        state = self._asked(loop, loop.conditions, scope, state)
         inside = self.flow.scopes.setdefault(loop, scope.with_counter(loop.counter))
         if not state.reached:
             return self._some_turns(loop, inside, state)

@@ -77,29 +77,38 @@ _MOTIONLESS = """
     tunereset tuneservo pathresol actunit deactunit spystart spystop connect
     socketcreate socketbind socketlisten socketaccept socketconnect socketsend socketreceive socketclose
     tpreadfk tpreadnum tpreaddnum incr decr add clear gettime settime bitset bitclear getsysdata
+    getdataval readanybin readcfgdata rmqgetmsgdata unpackrawbytes setdataval
 """
 MOTIONLESS = frozenset(_MOTIONLESS.split())
 """Instructions that move nothing."""
 
-_CHANGING = "tpreadfk tpreadnum tpreaddnum incr decr add clear bitset bitclear getsysdata packrawbytes socketreceive socketaccept"
+_CHANGING = """
+    tpreadfk tpreadnum tpreaddnum incr decr add clear bitset bitclear getsysdata packrawbytes socketreceive socketaccept
+    getdataval readanybin readcfgdata rmqgetmsgdata unpackrawbytes waittestandset strtoval testandset
+"""
 CHANGING = frozenset(_CHANGING.split())
-"""Of these, instructions that change what they are given."""
+"""Instructions and functions that move nothing, but change what they are given, of any type."""
+
+RETURNING = frozenset(
+    {"timeflag", "valueattimeout", "dvalueattimeout", "breakflag", "result", "errornumber", "accuracy"}
+)
+"""Optional arguments of the system's instructions and functions by which these return values."""
 
 _OTHERS = """
     acteventbuffer aliascamera aliasio aliasioreset bookerrno checkprogref clearallintr cleariobuff clearpath closedir
     copyfile copyrawbytes cornerpathwarning corrclear corrcon corrdiscon corrwrite deacteventbuffer dropsensor dropwobj
-    erasemodule fricidevaluate fricidinit fricidsetfriclevels getdataval getjointdata gettrapdata hollowwristreset
+    erasemodule fricidevaluate fricidinit fricidsetfriclevels getjointdata gettrapdata hollowwristreset
     indreset inputdo iobusstart iobusstate iodisable ioenable ireadcfgdata irmqmessage isignalgo loadid makedir
     manloadidproc matrixsolve matrixsolveqr matrixsvd mechunitload motionprocessmodeset opendir packdnheader pathacclim
-    pathlengthreset pathlengthstart pathlengthstop pathrecstart pathrecstop proccall procerrrecovery raisetouser readanybin
-    readblock readcfgdata readerrdata readrawbytes readvararr removeallcyclicbool removecyclicbool removedir removefile
+    pathlengthreset pathlengthstart pathlengthstop pathrecstart pathrecstop proccall procerrrecovery raisetouser
+    readblock readerrdata readrawbytes readvararr removeallcyclicbool removecyclicbool removedir removefile
     renamefile resetaxisdistance resetaxismovetime resetppmoved resetretrycount resettorquemargin rmqemptyqueue
-    rmqfindslot rmqgetmessage rmqgetmsgdata rmqgetmsgheader rmqreadwait rmqsendmessage rmqsendwait
-    safetycontrollersyncrequest save savecfgdata sendevice setalldataval setdatasearch setdataval setleadthrough
+    rmqfindslot rmqgetmessage rmqgetmsgheader rmqreadwait rmqsendmessage rmqsendwait
+    safetycontrollersyncrequest save savecfgdata sendevice setalldataval setdatasearch setleadthrough
     setsysdata setupcyclicbool setupsuperv siclose siconnect sigetcyclic sisetcyclic skipwarn softelbow speedlimaxis
     speedlimcheckpoint speedrefresh startmoveretry supsyncsensoroff supsyncsensoron syncmoveoff syncmoveon
     syncmoveresume syncmovesuspend syncmoveundo synctosensor testsigndefine testsignreset texttabinstall triggdatacopy
-    triggdatareset triggstopproc tryint uimsgwriteabort unpackrawbytes waitload waitsensor waitwobj warmstart
+    triggdatareset triggstopproc tryint uimsgwriteabort waitload waitsensor waitwobj warmstart
     writeblock writecfgdata writerawbytes writevar writevararr wzboxdef wzcyldef wzdisable wzdoset wzenable wzfree
     wzhomejointdef wzlimjointdef wzlimsup wzsphdef exitcycle
 """
@@ -147,7 +156,7 @@ _FUNCTIONS = """
     uialphaentry uinumtune uidnumentry type nororient
 """
 FUNCTIONS = frozenset(_FUNCTIONS.split())
-"""Functions that move nothing and change nothing that they are given."""
+"""Functions that move nothing."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -544,6 +544,11 @@ class Operand:
     start: int
     end: int
 
+    @property
+    def name(self) -> str:
+        """As the motion calls it."""
+        return f"{'PR' if self.register else 'P'}[{self.number}]"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Offset:

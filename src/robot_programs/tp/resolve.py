@@ -216,7 +216,7 @@ def assigned(listing: Listing) -> Assigned:
 
 def called_by(text: str) -> tuple[str, ...]:
     """Names of programs and macros that an instruction calls, in capitals."""
-    outside = re.sub(r"\[[^\[\]]*\]", "", text)
+    outside = re.sub(r"(?<!SR)\[[^\[\]]*\]", "", text)  # CALL SR[1] calls by a name that only the running program knows
     names = tuple(match["name"].upper() for match in _CALLED.finditer(outside))
     macro = not names and _MACRO.match(text) and not _JOIN.match(text) and not _BUILT_IN.match(text)
     return (re.split(r"[(;]", text)[0].strip().upper(),) if macro else names
@@ -345,9 +345,9 @@ class Resolver:
         except Unresolved as reason:
             self.findings.diagnostics.append(Diagnostic(place=place, text=str(reason)))
             self.findings.unresolved.extend(
-                Visit(number=None, target=(self.number, f"P[{operand.number}]"), place=place)
+                Visit(number=None, target=(self.number, operand.name), place=place)
                 for operand in motion.operands
-                if operand.number is not None and not operand.register
+                if operand.number is not None
             )
             state.last = None
             return

@@ -51,7 +51,7 @@ class Written:
     @property
     def name(self) -> str:
         """As the motion calls it."""
-        return f"{'PR' if self.operand.register else 'P'}[{self.operand.number}]"
+        return self.operand.name
 
     @property
     def start(self) -> int:

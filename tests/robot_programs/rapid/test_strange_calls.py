@@ -117,3 +117,38 @@ def test_motions_know_what_shifts_external_axes(shift):
 
 def test_data_set_by_name_are_named():
     assert "SetDataVal sets data by their names" in reasons(program('SetDataVal "tA",tB;', move()))[0]
+
+
+@pytest.mark.parametrize(
+    "filling",
+    [
+        'GetDataVal "x",tA;',
+        "RMQGetMsgData msg1,tA;",
+        "UnpackRawBytes raw1,1,tA.tframe.trans.z\\Float4;",
+        'bOK:=StrToVal("[1,2]",tA);',
+        'IF StrToVal("[1,2]",tA) THEN\nENDIF',
+    ],
+)
+def test_system_instruction_that_returns_values_changes_tool(filling):
+    assert not program(filling, move()).moves
+
+
+@pytest.mark.parametrize(
+    "returning",
+    [
+        'bOK:=StrToVal("5",nV);',
+        'IF StrToVal("5",nV) THEN\nENDIF',
+        "WaitDI di1,1\\MaxTime:=2\\TimeFlag:=bV;\nIF bV nV:=5;",
+        "WaitAI ai1\\GT,3\\MaxTime:=2\\ValueAtTimeout:=nV;",
+        'UIMsgBox "x"\\Buttons:=btnOKCancel\\Result:=nV;',
+        "n:=UINumEntry(\\MaxTime:=3\\BreakFlag:=nV);",
+    ],
+)
+def test_system_call_returns_values_by_its_arguments(returning):
+    routine = f"PROC at()\nVAR num nV:=0;\nVAR bool bV:=FALSE;\nVAR bool bOK;\n{returning}\n{move('Offs(p1,0,0,nV)')}\nENDPROC\n"
+    assert not program("at;", routines=routine).moves
+    assert program("at;", routines=routine.replace(returning, 'bOK:=StrPart("5",1,1)="5";')).moves
+
+
+def test_data_that_setdataval_hands_over_stay():
+    assert len(program('SetDataVal "q",pV;', move("pV"), move("p2")).moves) == 2

@@ -198,6 +198,15 @@ def test_registers_are_unknown_in_a_loop_with_a_strange_call():
     assert not program.moves
 
 
+def test_register_of_a_motion_that_is_not_read_is_shared():
+    program = read(*SET, "L PR[5] 10mm/sec FINE Offset,PR[3]", "L PR[5] 10mm/sec FINE")
+    assert {(visit.number, visit.target[1]) for visit in program.visits()} == {(None, "PR[5]"), (0, "PR[5]")}
+
+
+def test_call_by_a_string_register_is_named():
+    assert "SR[1] is not in the files given" in str(read("  CALL SR[1]", "L P[2] 10mm/sec FINE").diagnostics)
+
+
 def programs(**instructions):
     """The motions of several programs, by the name of each."""
     sources = [listing(lines, POSITIONS, name) for name, lines in instructions.items()]
