@@ -227,7 +227,7 @@ def check_plausible(registration: Registration, model: ErrorModel, campaign: Cam
 
     If all but a few rows fit, the message names these; else it names what is usually wrong. Nor can it fit exactly.
     """
-    _refuse_calculated(registration, model, campaign)
+    refuse_calculated(model, campaign, registration)
     if registration.rms < COMPUTED and campaign.observations and all(kind.touched for kind in campaign.observations):
         raise CampaignError(
             f"{named_file(campaign)}by the nominal robot everything touches to {registration.rms * 1e9:.1g} nm, as no real one "
@@ -252,8 +252,14 @@ def check_plausible(registration: Registration, model: ErrorModel, campaign: Cam
     )
 
 
-def _refuse_calculated(registration: Registration, model: ErrorModel, campaign: Campaign) -> None:
-    """Raise a `CampaignError` if the nominal robot fits a tracked target of a file as no robot and no instrument would let it."""
+def refuse_calculated(model: ErrorModel, campaign: Campaign, registration: Registration | None = None) -> None:
+    """Raise a `CampaignError` if the nominal robot fits a tracked target of a file as no robot and no instrument would let it.
+
+    Args:
+        model: the robot.
+        campaign: the measurements.
+        registration: of the whole campaign, where it is known.
+    """
     if campaign.lines is None:
         # made in memory: a simulation, whose maker knows
         return
@@ -262,7 +268,7 @@ def _refuse_calculated(registration: Registration, model: ErrorModel, campaign: 
         if len(points) < MIN_EXACT or (campaign.observations and not campaign.observations[t].in_tracker):
             continue
         found = registration
-        if len(campaign.targets) > 1:
+        if found is None or len(campaign.targets) > 1:
             try:
                 found = register(model, replace(campaign.of_targets([name]), observations=()))
             except CampaignError:
