@@ -8,6 +8,7 @@ import pytest
 from taskcal.campaigns.campaign import Campaign
 from taskcal.diagnosis.diagnose import diagnose
 from taskcal.diagnosis.hypotheses import IDS
+from taskcal.errors import CampaignError
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -218,3 +219,11 @@ def test_findings_are_ranked_shares_of_known_mistakes_with_one_line_that_mends()
         assert set(finding.as_json()) == {
             "id", "subject", "error_before_mm", "error_after_mm", "confidence", "fix",
         }  # fmt: skip
+
+
+def test_doctor_refuses_what_the_controller_calculates():
+    robot, sound = load_robot("ur5"), virtual("ur5")
+    points = ErrorModel(robot).poses(sound.q)[:, None, :3, 3].round(5)
+    shown = replace(sound, points=points, lines=np.arange(len(points)))
+    with pytest.raises(CampaignError, match="was calculated, not measured"):
+        diagnose(shown, robot)

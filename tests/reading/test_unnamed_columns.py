@@ -64,6 +64,14 @@ def test_name_columns_asks_about_halves_as_wide_as_the_joints(tmp_path):
         read_measurements(write(tmp_path, "a.txt", None, rows), ROBOT)
 
 
+@pytest.mark.parametrize("more", [1, 3, 4])
+def test_name_columns_asks_where_joints_may_come_first(more, tmp_path):
+    q, _, points = measured()
+    rows = [[f"P{k}", *np.degrees(q[k]), *points["A"][k] * 1e3, *[0.5 + k] * more] for k in range(len(q))]
+    with pytest.raises(FileError, match=r"are not the 6 joints of .* --columns \"id J1 J2 J3 J4 J5 J6 x_mm y_mm z_mm"):
+        read_measurements(write(tmp_path, "a.txt", None, rows), ROBOT)
+
+
 def test_name_columns_takes_no_angles_for_a_second_block(tmp_path):
     _, T, points = measured(40)
     turned = Rotation.from_matrix(T[:, :3, :3]).as_euler("xyz", degrees=True)

@@ -1,11 +1,13 @@
 """Joints and points that do not belong together are refused with likely causes."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError
 from taskcal.registration.consensus import _few_wrong_rows, check_plausible
 from taskcal.registration.registration import register
@@ -92,3 +94,19 @@ def test_a_nominal_robot_with_a_trackers_noise_is_accepted():
     campaign, _ = measure(rng, model, industrial_positions(rng, 30), sigma=2e-5)
     campaign = replace(campaign, lines=np.arange(2, 32))
     check_plausible(register(model, campaign), model, campaign)
+
+
+@pytest.mark.parametrize(("measured", "digits"), [(False, 2), (False, 3), (True, 2), (True, 9)])
+def test_check_plausible_refuses_what_only_digits_part(measured, digits):
+    robot = load_robot("kuka-kr6-r900-sixx")
+    model, rng = ErrorModel(robot), np.random.default_rng(5)
+    q = np.radians(np.degrees(industrial_positions(rng, 30)).round(digits))
+    exact = np.radians(np.degrees(q) + rng.uniform(-0.5, 0.5, q.shape) * 10.0**-digits)
+    x = 0.3 * rng.normal(size=len(model.names)) * [p.tolerance for p in model.parameters] if measured else None
+    points = model.poses(exact, x)[:, None, :3, 3]
+    campaign = Campaign(ids=tuple(map(str, range(30))), q=q, targets=("tool",), points=points, lines=np.arange(2, 32))
+    frame = register(model, campaign).T_tracker_base  # as points are fitted to the controller's own
+    aligned = (points - frame[:3, 3]) @ frame[:3, :3]
+    campaign = replace(campaign, points=np.round(aligned * 1e3, 2) * 1e-3)
+    with nullcontext() if measured else pytest.raises(CampaignError, match="was calculated, not measured"):
+        check_plausible(register(model, campaign), model, campaign)

@@ -38,6 +38,7 @@ from taskcal.diagnosis.search import (
 )
 from taskcal.errors import CampaignError, UnitError
 from taskcal.estimation.matrices import single_threaded
+from taskcal.registration.consensus import refuse_calculated
 from taskcal.registration.registration import PLAUSIBLE_SHARE, register_observations
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
@@ -364,9 +365,13 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = untold) -
 
     What was observed without a tracker (sockets, wires, landmarks, boards) is examined for mistakes of the joints, and where it
     is sockets alone of the robot: `Diagnosis.scope` says so.
+
+    Raises:
+        CampaignError: a target of a file was calculated, not measured.
     """
     expect_kinds({"campaign": Campaign, "robot": Robot}, campaign=campaign, robot=robot)
     case = Case.of(robot, campaign)
+    refuse_calculated(case.model, campaign)
     if lacking := _too_few(campaign):
         return Diagnosis(
             findings=(lacking,), robot=robot, campaign=campaign, unmended=(lacking.id,), scope=scope_of(campaign)

@@ -819,7 +819,13 @@ def name_columns(laid: Laid, robot: Robot) -> Laid:
         options.append([*_with_count(names), *readings[numbers - 1]])
     if numbers in readings and not (options and counts):
         options.append([*names, *readings[numbers]])
-    if names and not options and not counts and numbers > 3:
+    if (
+        names
+        and not options
+        and not counts
+        and numbers > 3
+        and not _may_begin_with_joints(laid, robot, leading, numbers)
+    ):
         options.append([*names, *position, *["-"] * (numbers - 3)])
     if len(options) != 1 or (names and "id" not in options[0]):
         example = shown(" ".join(table.rows[0]), 60)
@@ -833,6 +839,16 @@ def name_columns(laid: Laid, robot: Robot) -> Laid:
     header = tuple(name if name != "-" else f"column {k}" for k, name in enumerate(named, start=1))
     note = f"the file names no columns; they are read as {' '.join(named)} (--columns states others)"
     return replace(laid, table=replace(table, header=header), notes=(*laid.notes, note))
+
+
+def _may_begin_with_joints(laid: Laid, robot: Robot, first: int, count: int) -> bool:
+    """Whether joints and a position may come first of more numbers: within the robot's limits, in degrees or radians."""
+    width = len(robot.joints)
+    if count <= width + 3:
+        return False
+    rows = [row[first : first + width] for row in laid.table.rows]
+    q = np.array([[float(cell) for cell in row] for row in rows if all(map(_UNNAMED_NUMBER.fullmatch, row))])
+    return len(q) > 0 and not robot.outside_limits(q * np.where(robot.prismatic, LENGTHS["mm"], ANGLES["deg"]))
 
 
 def _without_numbering(laid: Laid) -> Laid:

@@ -204,6 +204,13 @@ to some 20 µm, and a tracker is uncertain by 10 µm and more; a controller's ow
 EXACT_IN_BASE = 2.0 * EXACT
 """The same where the points are in the robot's base."""
 
+OF_ROUNDING = 1.5
+"""Residual over what the digits of joints and positions leave, below which these are calculated in the robot's base: of eight
+points it scatters by a sixth."""
+
+EXACT_IN_REACH = 1e-4
+"""Largest such residual over the robot's reach: 0.1 mm over a metre. Robots miss their nominal geometry by several tenths."""
+
 MIN_EXACT = 8
 """Points whose 24 coordinates nine unknowns of frame and target cannot fit by chance."""
 
@@ -220,7 +227,7 @@ def check_plausible(registration: Registration, model: ErrorModel, campaign: Cam
 
     If all but a few rows fit, the message names these; else it names what is usually wrong. Nor can it fit exactly.
     """
-    _refuse_calculated(registration, model, campaign)
+    refuse_calculated(model, campaign, registration)
     if registration.rms < COMPUTED and campaign.observations and all(kind.touched for kind in campaign.observations):
         raise CampaignError(
             f"{named_file(campaign)}by the nominal robot everything touches to {registration.rms * 1e9:.1g} nm, as no real one "
@@ -245,8 +252,14 @@ def check_plausible(registration: Registration, model: ErrorModel, campaign: Cam
     )
 
 
-def _refuse_calculated(registration: Registration, model: ErrorModel, campaign: Campaign) -> None:
-    """Raise a `CampaignError` if the nominal robot fits a tracked target of a file as no robot and no instrument would let it."""
+def refuse_calculated(model: ErrorModel, campaign: Campaign, registration: Registration | None = None) -> None:
+    """Raise a `CampaignError` if the nominal robot fits a tracked target of a file as no robot and no instrument would let it.
+
+    Args:
+        model: the robot.
+        campaign: the measurements.
+        registration: of the whole campaign, where it is known.
+    """
     if campaign.lines is None:
         # made in memory: a simulation, whose maker knows
         return
@@ -255,19 +268,51 @@ def _refuse_calculated(registration: Registration, model: ErrorModel, campaign: 
         if len(points) < MIN_EXACT or (campaign.observations and not campaign.observations[t].in_tracker):
             continue
         found = registration
-        if len(campaign.targets) > 1:
+        if found is None or len(campaign.targets) > 1:
             try:
                 found = register(model, replace(campaign.of_targets([name]), observations=()))
             except CampaignError:
                 continue
         scatter = float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))
-        if found.rms < (EXACT_IN_BASE if is_in_base(found, 0.1) else EXACT) * scatter:
+        limit = EXACT * scatter
+        if is_in_base(found, 0.1):
+            rounded = _rounding(model, campaign, t, found.T_tool_target[0, :3, 3])
+            limit = max(EXACT_IN_BASE * scatter, min(OF_ROUNDING * rounded, EXACT_IN_REACH * model.robot.reach))
+        if found.rms < limit:
             raise CampaignError(
                 f"{named_file(campaign)}target '{name}' was calculated, not measured: the nominal robot fits it to "
-                f"{found.rms * 1e3:.1g} mm rms, as no robot repeats and no instrument measures. Positions that the controller "
+                f"{found.rms * 1e3:.1g} mm rms, as no real robot lets an instrument measure it. Positions that the controller "
                 "shows (or a simulation without noise) cannot calibrate it; give those of an instrument, or choose them with "
                 "--targets"
             )
+
+
+def _rounding(model: ErrorModel, campaign: Campaign, target: int, p: Float[np.ndarray, "3"]) -> float:
+    """Root mean square distance that the digits of joints and positions leave of a target to the nominal robot's, metres."""
+    rows = campaign.valid[:, target]
+    q, points = campaign.q[rows], campaign.points[rows, target]
+
+    def placed(q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3"]:
+        T = model.poses(q)
+        return T[:, :3, :3] @ p + T[:, :3, 3]
+
+    at = placed(q)
+    variance = 3.0 * _step(points * 1e3, 1e-3) ** 2 / 12.0
+    for j, slides in enumerate(model.robot.prismatic):
+        scale = 1e-3 if slides else float(np.radians(1.0))
+        step = max(_step(q[:, j] / scale, scale), 0.0 if slides else _step(q[:, j], 1.0))
+        moved = q.copy()
+        moved[:, j] += step
+        variance += float(np.mean(np.sum((placed(moved) - at) ** 2, axis=1))) / 12.0
+    return float(np.sqrt(variance))
+
+
+def _step(values: np.ndarray, unit: float) -> float:
+    """The last digit that numbers have in common, times their unit; 0 of those with more than four decimals."""
+    for decimals in range(5):
+        if np.abs(values - values.round(decimals)).max(initial=0.0) < 1e-7:
+            return unit * 10.0**-decimals
+    return 0.0
 
 
 def is_in_base(registration: Registration, share: float = 1.0) -> bool:
