@@ -18,7 +18,9 @@ WIDTH, HEIGHT, GAP = 720, 34, 6
 def contract() -> list[list[str]]:
     """Names of each layer, the highest first, as the contract has them."""
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    (layers,) = (c["layers"] for c in settings["tool"]["importlinter"]["contracts"] if c.get("containers") == ["taskcal"])
+    (layers,) = (
+        c["layers"] for c in settings["tool"]["importlinter"]["contracts"] if c.get("containers") == ["taskcal"]
+    )
     return [[name.strip().strip("()") for name in layer.split("|")] for layer in layers]
 
 
