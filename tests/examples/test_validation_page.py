@@ -18,9 +18,9 @@ GIVEN = {
     "README.md": (
         "Python 3.11",
         "fits 70 % of the rows",
-        "reports the error on the 30 % that",
-        "within 2 % of",
-        "errors of 0.5 mm",
+        "the held-out 30 %",
+        "coverage of the 95 % regions",
+        "in their 95 % region",
         "Apache License 2.0",
     )
 }

@@ -28,10 +28,10 @@ from tests.realdata.model_errors import model_errors
 from tests.realdata.test_effects import campaign_of, model_of
 from tests.realdata.test_sockets import PLACES, place_of
 
-README, INDEX, EFFECTS, EXPECTED = (
+README, INDEX, VALIDATION, EXPECTED = (
     "README.md",
     "docs/index.md",
-    "docs/how-to/effects.md",
+    "docs/validation.md",
     "docs/theory/expected-error.md",
 )
 
@@ -60,14 +60,15 @@ def geometry(data: Path) -> Iterator[Figure]:
         "ur5-700": ("| UR5 | * | 700 of 1000 |", "", 2),
         "ur10": ("| UR10 | * | 70 % of 1495 |", "| UR10, 70 % of 1495 |", 2),
         "irb120-60": ("| ABB IRB 120 | * | 60 of 620 |", "| ABB IRB 120, 60 of 620 |", 2),
+        "irb120-430": ("| ABB IRB 120 | * | 430 of 620 |", "", 2),
         "fanuc": ("| FANUC R-2000iC/165F | * | 35 of 36 |", "| FANUC R-2000iC/165F |", 2),
-        "wam": ("| Barrett WAM, 7 joints | * | 70 % of 216 |", "| Barrett WAM, 7 joints, 70 % of 216 |", 1),
+        "wam": ("| Barrett WAM, 7 axes | * | 70 % of 216 |", "| Barrett WAM, 7 joints, 70 % of 216 |", 1),
     }
     for name, (readme, index, digits) in rows.items():
         nominal, fitted = (
             f"{np.median(some):.{digits}f}" for some in _geometry(data, name, 36 if name == "fanuc" else 10)
         )
-        yield README, f"{readme} {nominal} | {fitted} |"
+        yield README, f"{readme} {nominal} | {fitted} | *"
         if index:
             yield INDEX, f"{index} {nominal} | {fitted} | *"
     for name, words, digits in (
@@ -80,7 +81,7 @@ def geometry(data: Path) -> Iterator[Figure]:
         ("wam", "| Barrett WAM | 151 | 10 |", 2),
     ):
         fitted = _geometry(data, name, CASES[name].splits)[1]
-        yield EFFECTS, f"{words} {np.median(fitted):.{digits}f} | *"
+        yield VALIDATION, f"{words} {np.median(fitted):.{digits}f} | *"
 
 
 def model_error(data: Path) -> Iterator[Figure]:
@@ -98,8 +99,8 @@ def model_error(data: Path) -> Iterator[Figure]:
     yield (
         README,
         (
-            f"* {np.median(sizes):.2f} mm per axis, the median of five measured robots, which had {min(sizes):.2f} to "
-            f"{max(sizes):.2f} mm"
+            f"* {np.median(sizes):.2f} mm per axis (1σ), the median of five measured robots ({min(sizes):.2f} to "
+            f"{max(sizes):.2f} mm)"
         ),
     )
 
@@ -130,7 +131,7 @@ def named_effects(data: Path) -> Iterator[Figure]:
         plain = _geometry(data, name, case.splits)[1]
         for number, effects in enumerate(several):
             before = _spread(plain, digits) if not number else f"{np.median(plain):.{digits}f}"
-            yield EFFECTS, f"{words} {before} | {_spread(_means(data, case, effects), digits)} |*"
+            yield VALIDATION, f"{words} {before} | {_spread(_means(data, case, effects), digits)} |*"
 
 
 def _spread(means: list[float], digits: int) -> str:
@@ -147,7 +148,21 @@ def all_effects(data: Path) -> Iterator[Figure]:
         name: f"{np.median(one.auto):.{3 if name[:2] == 'ur' else 1 if name == 'wam' else 2}f}"
         for name, one in found.items()
     }
-    yield README, "| mm | " + " | ".join(short.values()) + " |"
+    region = {
+        name: f"{100 * np.mean(one.inside):.0f} % ({100 * min(one.inside):.0f}–{100 * max(one.inside):.0f})"
+        for name, one in found.items()
+    }
+    region["fanuc"] = f"{100 * np.mean(found['fanuc'].inside):.0f} %"
+    for name, words in (
+        ("ur5-60", "| UR5 | * | 60 of 1000 |"),
+        ("ur5-700", "| UR5 | * | 700 of 1000 |"),
+        ("ur10", "| UR10 | * | 70 % of 1495 |"),
+        ("irb120-60", "| ABB IRB 120 | * | 60 of 620 |"),
+        ("irb120-430", "| ABB IRB 120 | * | 430 of 620 |"),
+        ("fanuc", "| FANUC R-2000iC/165F | * | 35 of 36 |"),
+        ("wam", "| Barrett WAM, 7 axes | * | 70 % of 216 |"),
+    ):
+        yield README, f"{words} * | {short[name]} | {region[name]} |"
     for name, words in (
         ("ur5-60", "| UR5, 60 of 1000 rows fitted |"),
         ("ur10", "| UR10, 70 % of 1495 |"),
@@ -166,24 +181,10 @@ def all_effects(data: Path) -> Iterator[Figure]:
     ):
         one, digits = found[name], 2 if name == "wam" else 3
         yield (
-            EFFECTS,
-            (
-                f"{words} * | {auto[name]} ({min(one.auto):.{digits}f}–{max(one.auto):.{digits}f}) | "
-                f"{100 * np.mean(one.inside):.0f} % ({100 * min(one.inside):.0f}–{100 * max(one.inside):.0f}) |"
-            ),
+            VALIDATION,
+            (f"{words} * | {auto[name]} ({min(one.auto):.{digits}f}–{max(one.auto):.{digits}f}) | {region[name]} |"),
         )
-    region = {name: f"{100 * min(one.inside):.0f} to {100 * max(one.inside):.0f} %" for name, one in found.items()}
-    means = [100 * np.mean(found[name].inside) for name in ("ur5-60", "ur10", "irb120-60", "wam")]
-    fanuc = found["fanuc"]
-    yield (
-        README,
-        (
-            f"*{region['ur5-60']} of the held-out points of the UR5 (60 rows), {region['ur10']} of the UR10's, "
-            f"{region['irb120-60']} of the IRB 120's (60 rows), {region['wam']} of the WAM's ({min(means):.0f} to "
-            f"{max(means):.0f} % in the mean of each), and {100 * np.mean(fanuc.inside):.0f} % of the FANUC's."
-        ),
-    )
-    yield EFFECTS, f"| FANUC R-2000iC/165F | 35 poses | * | {auto['fanuc']} | {100 * np.mean(fanuc.inside):.0f} % |"
+    yield VALIDATION, f"| FANUC R-2000iC/165F | 35 poses | * | {auto['fanuc']} | {region['fanuc']} |"
 
 
 def sockets(data: Path) -> Iterator[Figure]:

@@ -1,4 +1,4 @@
-"""Rigid transforms, the compiled walk along a chain, and the four-bar closure. Numbers only: knows no robot."""
+"""Rigid transforms, Euler angles, the four-bar closure, point registration. NumPy only: knows no robot."""
 
 from taskcal.public_names import load_lazily
 
