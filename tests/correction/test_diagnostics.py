@@ -1,6 +1,7 @@
 """What the user of a corrected program is told."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from robot_programs.core.program import Program
 from robot_programs.core.source import Source
 from taskcal.correction.cell import Cell, Measured
-from taskcal.correction.correct import diagnose, diagnose_unused_frames
+from taskcal.correction.correct import diagnose, diagnose_unchanged_files, diagnose_unused_frames
 from taskcal.correction.motion import JointMotion
 
 
@@ -27,6 +28,15 @@ def program(make_moves, shifted):
     moves = tuple(make_moves([shifted(20 * k, 0, 0) for k in range(3)]))
     source = Source.of(moves[0].place.path, b"")
     return Motions(sources=(source,), moves=moves, diagnostics=())
+
+
+def test_diagnose_unchanged_files_names_files_without_corrected_motion(program):
+    """A file of motions whose points stand in another one, as in KRL, keeps its text and is not named."""
+    two = replace(program, sources=(*program.sources, Source.of(Path("points.dat"), b"")))
+    assert diagnose_unchanged_files(two, {0, 1}) == []
+    (named,) = diagnose_unchanged_files(two, {0, 1, 2})
+    assert named.place.path == program.sources[0].path
+    assert diagnose_unchanged_files(program, {0, 1, 2}) == []
 
 
 def calm(robot, **changes):

@@ -1,6 +1,6 @@
 """Correcting a program: every target becomes the pose at which a nominal controller moves to the joints the true robot needs."""
 
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Container, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -352,23 +352,26 @@ def diagnose_new_corners(
     return [Diagnostic(place=program.moves[origin[rows[worst]][0]].place, text=text)]
 
 
-def diagnose_unchanged_files(program: Program, written: Sequence[Source]) -> list[Diagnostic]:
-    """Files with motions, of several that are written together, in which nothing was corrected.
+def diagnose_unchanged_files(program: Program, rejected: Container[int]) -> list[Diagnostic]:
+    """Files with motions, of several that are written together, in which none was corrected.
+
+    Their text alone does not show it: the numbers of a KRL motion stand in its data list.
 
     Args:
         program: as it was given.
-        written: its files as they are written, in the same order.
+        rejected: numbers of motions that were not corrected.
     """
-    if len(written) < 2:
+    if len(program.sources) < 2:
         return []
-    moved = {str(move.place.path) for move in program.moves}
+    with_motions = {move.place.path for move in program.moves}
+    corrected = {move.place.path for i, move in enumerate(program.moves) if i not in rejected}
     return [
         Diagnostic(
-            place=Place(path=new.path, line=1),
+            place=Place(path=source.path, line=1),
             text="no motion of this file was corrected; it is written with the others as it was read",
         )
-        for old, new in zip(program.sources, written, strict=True)
-        if old.text == new.text and str(new.path) in moved
+        for source in program.sources
+        if source.path in with_motions - corrected
     ]
 
 
@@ -664,7 +667,7 @@ def correct(
             *_diagnose_cell(given, program, cell, mounted, trajectory),
             *diagnose(program, trajectory, new_trajectory, rewritten.origin, written_moves, subdivision, motion),
             *([] if into is None else diagnose_new_corners(program, trajectory, new_trajectory, rewritten.origin)),
-            *([] if into is not None else diagnose_unchanged_files(program, rewritten.sources)),
+            *([] if into is not None else diagnose_unchanged_files(program, rejected)),
         ),
         statements=_statements(frames, given, cell),
         motion=motion,
