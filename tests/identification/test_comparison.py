@@ -95,13 +95,6 @@ def test_a_difference_below_what_the_models_leave_is_called_small():
     assert compare(before, vague).summary()["verdict"] == "small"
 
 
-def test_poses_have_to_be_told_where_old_files_do_not():
-    one = replace(calibrated(1), q=None)
-    with pytest.raises(TaskcalError, match="does not tell the poses that were measured; give poses or a task"):
-        compare(one, one)
-    assert len(compare(one, one, np.zeros((12, 6)) + np.arange(12)[:, None] * 0.1).q) == 12
-
-
 def test_robots_with_other_joints_are_refused_and_other_nominal_ones_have_no_parameters_in_common():
     one = calibrated(1)
     seven = replace(one, model=ErrorModel(load_robot("barrett-wam")))

@@ -31,10 +31,3 @@ def test_before_and_after_are_those_of_the_campaign(pose: bool) -> None:
         np.linalg.norm(errors.after[..., :3], axis=2)
     )
     assert np.isnan(errors.after[3]).all()
-
-
-def test_a_calibration_that_does_not_know_its_poses_tells_none() -> None:
-    rng = np.random.default_rng(0)
-    model = ErrorModel(load_robot("ur5"))
-    campaign, _ = simulate(model, rng.uniform(-1.2, 1.2, (25, 6)), rng=rng)
-    assert measured_errors(replace(identify(model, campaign), q=None)) is None

@@ -15,7 +15,6 @@ from taskcal.identification.calibration_format import (
     describe_factor,
     factor_of,
     spread_of,
-    unpack_covariance,
     unpack_factor,
 )
 from taskcal.identification.identify import identify
@@ -55,8 +54,6 @@ def test_small_factors_are_left_to_be_read():
 def test_triangle_stands_row_by_row():
     lower = base64.b64encode(np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], dtype="<f8").tobytes()).decode()
     assert unpack_factor({"size": 3, "lower": lower}) == [[1.0], [2.0, 3.0], [4.0, 5.0, 6.0]]
-    upper = unpack_covariance({"size": 3, "upper": lower})
-    np.testing.assert_array_equal(upper, [[1.0, 2.0, 3.0], [2.0, 4.0, 5.0], [3.0, 5.0, 6.0]])
 
 
 @settings(max_examples=30)

@@ -5,13 +5,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import CampaignError
-from taskcal.geometry import se3
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
 from tests.laws.campaigns import measure
-from tests.laws.fields import field_through
 from tests.laws.robots import industrial, industrial_positions
 
 KINDS = {
@@ -130,14 +128,3 @@ def test_reregistered_positions_are_as_exact_beside_rotations(rotation_sigma, tu
     positions = validate(calibration, replace(held, rotations=None), reregister=True)
     assert both.mean == pytest.approx(positions.mean, rel=0.02)
     assert both.rotations.mean() == pytest.approx(validate(calibration, held).rotations.mean(), rel=0.1)
-
-
-def test_a_reregistered_calibration_predicts_with_its_residual_field():
-    rng, _, calibration, held, _ = calibrated("poses")
-    field = field_through(held.q, rng.normal(size=(len(held), 6)) * 1e-3)
-    learned = replace(calibration, field=field)
-    T = learned.predict(held.q)
-    shown = replace(
-        held, points=T[:, None, :3, 3], rotations=se3.exp(calibration.layout.turn(calibration.z)) @ T[:, :3, :3]
-    )
-    assert validate(learned, shown, reregister=True).maximum < 1e-6

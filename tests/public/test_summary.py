@@ -9,8 +9,8 @@ import numpy as np
 import taskcal as tc
 from tests.public.test_repr import TYPES, results  # noqa: F401  (a fixture)
 
-PERSISTED = {tc.Calibration, tc.identification.ResidualField}
-"""With `load_calibration` and `ResidualField.from_json`."""
+PERSISTED = {tc.Calibration}
+"""With `load_calibration`."""
 
 REPORTED = {
     tc.Calibration, tc.Correction, tc.Plan, tc.Selection, tc.Study, tc.Validation, tc.analysis.ToldApart,

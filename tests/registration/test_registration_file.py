@@ -80,7 +80,7 @@ def test_points_do_not_register_poses(model, saved):
     ("change", "message"),
     [
         ({"format": "taskcal calibration"}, "no registration"),
-        ({"format_version": 2}, "format version 2"),
+        ({"format_version": 1}, "format version 1"),
         ({"targets": ["a"]}, "T_tool_target"),
         ({"registration": {}}, "T_tracker_base"),
     ],

@@ -352,9 +352,7 @@ def _touch_covariance(
 
 def _white_variances(calibration: Calibration, q: Float[np.ndarray, "k joints"]) -> Float[np.ndarray, "k 3"]:
     """Of what the model cannot explain at single poses, metres²."""
-    if calibration.field is None:
-        return np.full((len(q), 3), calibration.model_error[0] ** 2)
-    return calibration.field.variance(q)[:, :3]
+    return np.full((len(q), 3), calibration.model_error[0] ** 2)
 
 
 def nominal_flange(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
@@ -488,9 +486,7 @@ class FrameCalibration:
 
     def model_variance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
         """Of what the model cannot explain at a new pose, in space, metres²."""
-        if self.calibration.field is None:
-            return np.full(len(q), 3.0 * self.calibration.model_error[0] ** 2)
-        return self.calibration.field.variance(q)[:, :3].sum(axis=1)
+        return np.full(len(q), 3.0 * self.calibration.model_error[0] ** 2)
 
 
 def _chunks(n: int) -> list[slice]:

@@ -75,7 +75,7 @@ class Placed:
 # Joint positions that bring the calibrated robot's tool to given poses.
 
 SETTLED_RAD = 1e-10
-"""What field and conditions add has settled when it moves no joint by more than this, radians."""
+"""What conditions add has settled when it moves no joint by more than this, radians."""
 
 MAX_ROUNDS = 8
 
@@ -88,18 +88,18 @@ def solve_calibrated(
 ) -> Reached:
     """Solve each tool pose in the base from its own seed, on the seed's branch, on the robot as calibrated.
 
-    What a residual field and the conditions add to the pose is small: what they add at the last joint positions is taken
-    off the pose, until that settles.
+    What the conditions add to the pose is small: what they add at the last joint positions is taken off the pose, until that
+    settles.
 
     Args:
-        calibration: the robot, with effects and field.
+        calibration: the robot, with effects.
         T: poses of the robot's own tool in the calibrated base.
         seed: joint positions to start from, radians; the nominal robot's are near enough.
         conditions: how the poses are reached, for effects that depend on it; as in the middle by default.
     """
     x = calibration.estimate
     solution = solve_near(calibration.model, T, seed, x)
-    if calibration.field is None and conditions is None:
+    if conditions is None:
         return solution
     settled = np.zeros(len(T), dtype=bool)
     for _ in range(MAX_ROUNDS):

@@ -45,8 +45,6 @@ class Loss:
         reasons = [*lacking, *(effect.name for effect in model.effects)]
         if model.robot.four_bar is not None:
             reasons.append("the four-bar of its drive, where it is no parallelogram")
-        if calibration.field is not None:
-            reasons.append("the residual field")
         rms, maximum = float(np.sqrt(np.mean(off**2))), float(off.max())
         return cls(rms=rms, maximum=maximum, poses=len(q), reasons=tuple(reasons) if maximum > ROUNDING else ())
 

@@ -4,7 +4,6 @@ from taskcal.identification.effects import EffectSearch as EffectSearch
 from taskcal.identification.effects import Explanation as Explanation
 from taskcal.identification.effects import Stage as Stage
 from taskcal.identification.effects import select_effects as select_effects
-from taskcal.identification.field import ResidualField as ResidualField
 from taskcal.identification.held_out import Outlier as Outlier
 from taskcal.identification.holdout import Holdout as Holdout
 from taskcal.identification.holdout import hold_out as hold_out

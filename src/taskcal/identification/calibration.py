@@ -13,7 +13,7 @@ from pydantic import Field, ValidationError
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FileError, TaskcalError, shown
-from taskcal.estimation.matrices import factor_positive, single_threaded
+from taskcal.estimation.matrices import single_threaded
 from taskcal.geometry import se3
 from taskcal.geometry.se3 import array_of, of_shape, rigid
 from taskcal.identification.calibration_format import (
@@ -22,12 +22,9 @@ from taskcal.identification.calibration_format import (
     describe_factor,
     factor_of,
     read_envelope,
-    unpack_covariance,
     unpack_factor,
 )
-from taskcal.identification.field import ResidualField
 from taskcal.identification.held_out import HeldOut, LeftOut, Outlier, shared_with_neighbours
-from taskcal.identification.hyperparameters import spread_out
 from taskcal.identification.layout import ObservationLayout
 from taskcal.identification.problem import FrameLayout, joint_columns, observe
 from taskcal.identification.provenance import Provenance
@@ -76,9 +73,8 @@ def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
         "prior_scale": calibration.prior_scale,
         "group_deviations": None if calibration.group_deviations is None else calibration.group_deviations.tolist(),
         "log_evidence": calibration.log_evidence,
-        "field": None if calibration.field is None else calibration.field.to_json(),
         "ids": list(calibration.ids),
-        "q": None if calibration.q is None else calibration.q.tolist(),
+        "q": calibration.q.tolist(),
         "residuals": _without_nan(calibration.residuals),
         "studentised": _without_nan(calibration.studentised),
         "outliers": [asdict(outlier) for outlier in calibration.outliers],
@@ -181,7 +177,7 @@ def summarise_calibration(calibration: "Calibration") -> dict[str, Any]:
     return {
         "robot": calibration.model.robot.name,
         "effects": [effect.to_json() for effect in calibration.model.effects],
-        "field": calibration.field is not None or any(effect.key == "field" for effect in calibration.model.effects),
+        "field": any(effect.key == "field" for effect in calibration.model.effects),
         "model_error_mm": calibration.model_error[0] * 1e3,
         **({"model_error_mrad": rotation[0] * 1e3} if rotation else {}),
         "prior_scale": calibration.prior_scale,
@@ -492,8 +488,6 @@ class Calibration:
     None where all are the tolerances times `prior_scale`."""
     log_evidence: float | None
     """Logarithm of the marginal likelihood, but for a constant of the campaign; None where there was no prior."""
-    field: ResidualField | None
-    """What was learned of the residuals, if asked for."""
     iterations: int
     """Of the last fit."""
     rounds: int
@@ -503,8 +497,8 @@ class Calibration:
     remarks: tuple[str, ...]
     """What a user should look at before believing the result."""
     provenance: Provenance
-    q: Float[np.ndarray, "n joints"] | None = None
-    """Joint positions of the rows that were fitted, radians; None where a file of an older version does not tell them."""
+    q: Float[np.ndarray, "n joints"]
+    """Joint positions of the rows that were fitted, radians."""
     held_out: HeldOut | None = None
     """What the fit predicted of rows that it had not seen, if any were held out."""
 
@@ -538,7 +532,7 @@ class Calibration:
     @cached_property
     def shared_outliers(self) -> tuple[bool, ...]:
         """Whether neighbouring rows or poses have much the same error as each outlier; none where the poses are not known."""
-        if self.q is None or len(self.q) != len(self.residuals):
+        if len(self.q) != len(self.residuals):
             return (False,) * len(self.outliers)
         return shared_with_neighbours(self.outliers, self.residuals, self.studentised, self.q)
 
@@ -649,8 +643,8 @@ class Calibration:
             q: joint positions, radians.
             conditions: how the poses are reached, for effects that depend on it. What is not told, the side from which a
                 joint comes, its last move, the temperature, counts by its expectation and adds its variance.
-            model_error: add what the model cannot explain at a new pose (with a residual field, what the field says of
-                its own uncertainty); without it, the covariance says how well the fitted model itself is known there.
+            model_error: add what the model cannot explain at a new pose; without it, the covariance says how well the fitted
+                model itself is known there.
 
         Returns:
             b = 3 rows for points, metres²; 6 for poses, then radians².
@@ -672,14 +666,7 @@ class Calibration:
             variances = np.zeros(at.chain.joints)
             variances[: len(self.joint_error)] = np.square(self.joint_error)
             covariance = covariance + propagate(joints, nowhere.held(), np.diag(variances))[1]
-        if self.field is None:
-            return covariance + np.diag(np.repeat(np.square(self.model_error), 3)[: covariance.shape[2]])
-        R = self.T_tracker_base[:3, :3]
-        variance = self.field.variance(q)
-        for first in range(0, covariance.shape[2], 3):
-            part = slice(first, first + 3)
-            covariance[:, :, part, part] += (R * variance[:, None, part] @ R.T)[:, None]
-        return covariance
+        return covariance + np.diag(np.repeat(np.square(self.model_error), 3)[: covariance.shape[2]])
 
     def predict_tool(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
@@ -694,20 +681,12 @@ class Calibration:
     def tool_in_base(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
     ) -> Float[np.ndarray, "n 4 4"]:
-        """Poses of the tool in the robot's base, the residual field included.
+        """Poses of the tool in the robot's base.
 
         Raises:
             ClosureError: a closed loop cannot be assembled at some pose.
         """
-        q = np.asarray(q, dtype=float)
-        T = self.model.poses(q, self.estimate, conditions)
-        if self.field is None:
-            return T
-        learned = self.field.mean(q)
-        T[:, :3, 3] += learned[:, :3]
-        if learned.shape[1] == 6:
-            T[:, :3, :3] = se3.exp(learned[:, 3:]) @ T[:, :3, :3]
-        return T
+        return self.model.poses(np.asarray(q, dtype=float), self.estimate, conditions)
 
     def tool_covariance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 6 6"]:
         """Covariance of the tool's true pose about the predicted one: position, then rotation, in tracker axes.
@@ -772,8 +751,6 @@ class Calibration:
         Raises:
             TaskcalError: the file would be refused on reading, or hold another calibration.
         """
-        pass
-
         try:
             text = json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n"
         except ValueError as error:
@@ -823,12 +800,6 @@ class ObservationSection(Section):
 
 # The calibration file: its schema, and the calibration it describes.
 
-SYMMETRY_TOLERANCE = 1e-6
-"""Of a covariance, relative to the two standard deviations; rounding of the fit leaves 10⁻⁹ at the worst."""
-
-FACTOR_FROM = 7
-"""Format version from which on a file holds a factor of the covariance."""
-
 Count = Annotated[int, Field(strict=True, ge=0, le=10**9)]
 Real = Annotated[float, Field(strict=True, ge=-1e300, le=1e300, allow_inf_nan=False)]
 AboveZero = Annotated[float, Field(strict=True, gt=0, le=1e6, allow_inf_nan=False)]
@@ -839,39 +810,22 @@ Vector = list[Finite]
 Matrix = list[list[Finite]]
 
 
-class FieldSection(Section):
-    """A residual field."""
-
-    q: Matrix
-    weights: Matrix
-    lengths: list[AboveZero]
-    deviation: list[AboveZero]
-    noise: list[NotNegative]
-
-
 class OutlierSection(Section):
     """A point that the fit cannot believe."""
 
-    row: Count | None
-    line: Count | None = None
+    row: Count
+    line: Count | None
     id: str
     target: str
     studentised: Ratio
     residual: NotNegative
-
-    def outlier(self, version: int) -> Outlier:
-        """The outlier; in a file of an older version it has its id, but no row of the campaign."""
-        content = self.model_dump()
-        if version < 3:
-            content["row"] = None
-        return Outlier(**content)
 
 
 class LeftOutSection(Section):
     """A row that was not fitted."""
 
     row: Count
-    line: Count | None = None
+    line: Count | None
     id: str
     distance: NotNegative
     studentised: Ratio
@@ -923,7 +877,7 @@ class ProvenanceSection(Section):
     version: str
     created: str
     options: dict[str, Any]
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...]
 
 
 class CalibrationFile(Section):
@@ -939,29 +893,27 @@ class CalibrationFile(Section):
     kept: Texts
     targets: Texts = Field(min_length=1)
     pose: Flag
-    observations: list[ObservationSection] = Field(default=[])
+    observations: list[ObservationSection]
     fixed_frames: Flag
-    turned: Flag = Field(default=False)
+    turned: Flag
     registration: RegistrationSection
     names: Texts
     estimate: Vector
-    covariance: Matrix | None = None
-    covariance_factor: list[Vector] | None = None
+    covariance_factor: list[Vector]
     T_tracker_base: Matrix
     T_tool_target: list[Matrix]
     model_error: list[NotNegative]
-    joint_error: list[NotNegative] = Field(default=[])
+    joint_error: list[NotNegative]
     prior_scale: AboveZero | None
-    group_deviations: list[AboveZero] | None = Field(default=None)
+    group_deviations: list[AboveZero] | None
     log_evidence: Real | None
-    field: FieldSection | None
     ids: Texts
-    q: Matrix | None = None
+    q: Matrix
     residuals: list[list[list[Finite | None]]]
     studentised: list[list[Ratio | None]]
     outliers: list[OutlierSection]
-    left_out: list[LeftOutSection] = Field(default=[])
-    held_out: HeldOutSection | None = None
+    left_out: list[LeftOutSection]
+    held_out: HeldOutSection | None
     iterations: Count
     rounds: Count
     reason: str
@@ -984,32 +936,29 @@ class CalibrationFile(Section):
             )
         model = ErrorModel(robot, lengths_only=self.lengths_only, effects=effects)
         layout = self._layout(model)
-        estimated = model.indices(self.kept)
-        written = layout if self.format_version > 1 else replace(layout, kept=estimated)
-        size, rows, width = len(written.names), len(self.ids), layout.block_size
-        self._same_names(written.names)
+        size, rows, width = len(layout.names), len(self.ids), layout.block_size
+        self._same_names(layout.names)
         of_shape("model_error", np.array(self.model_error), (width // 3,))
         if self.joint_error:
             of_shape("joint_error", np.array(self.joint_error), (len(robot.joints),))
         if self.provenance.rows < rows:
             raise TaskcalError(f"'ids' names {rows} rows, 'provenance' {self.provenance.rows}")
-        z = array_of("estimate", self.estimate, (size,))
         return Calibration(
             model=model,
             layout=layout,
-            estimated=estimated,
-            z=spread_out(z, written, layout),
-            z_spread=spread_out(self._spread(written.names), written, layout),
+            estimated=model.indices(self.kept),
+            z=array_of("estimate", self.estimate, (size,)),
+            z_spread=factor_of(self.covariance_factor, size),
             T_tracker_base=rigid("T_tracker_base", array_of("T_tracker_base", self.T_tracker_base, (4, 4))),
             T_tool_target=rigid(
                 "T_tool_target", array_of("T_tool_target", self.T_tool_target, (len(self.targets), 4, 4))
             ),
             residuals=array_of("residuals", self.residuals, (rows, len(self.targets), width)),
             studentised=array_of("studentised", self.studentised, (rows, len(self.targets))),
-            outliers=tuple(section.outlier(self.format_version) for section in self.outliers),
+            outliers=tuple(Outlier(**section.model_dump()) for section in self.outliers),
             left_out=tuple(LeftOut(**section.model_dump()) for section in self.left_out),
             ids=tuple(self.ids),
-            q=None if self.q is None else array_of("q", self.q, (rows, len(robot.joints))),
+            q=array_of("q", self.q, (rows, len(robot.joints))),
             held_out=None
             if self.held_out is None
             else self.held_out.held_out(len(self.targets), width, layout.observed),
@@ -1018,7 +967,6 @@ class CalibrationFile(Section):
             prior_scale=self.prior_scale,
             group_deviations=self._group_deviations(len(model)),
             log_evidence=self.log_evidence,
-            field=self._field(len(robot.joints), width),
             iterations=self.iterations,
             rounds=self.rounds,
             reason=self.reason,
@@ -1056,62 +1004,10 @@ class CalibrationFile(Section):
             if name != wanted:
                 raise TaskcalError(f"'names' {number} is '{shown(name)}', where '{wanted}' belongs")
 
-    def _spread(self, names: tuple[str, ...]) -> Float[np.ndarray, "z z"]:
-        """Factor of the covariance; in a file of an older version of the covariance that it holds."""
-        size = len(names)
-        if self.format_version >= FACTOR_FROM:
-            if self.covariance_factor is None:
-                raise TaskcalError("'covariance_factor' is missing")
-            return factor_of(self.covariance_factor, size)
-        if self.covariance is None:
-            raise TaskcalError("'covariance' is missing")
-        C = _covariance(array_of("covariance", self.covariance, (size, size)), names)
-        return factor_positive(0.5 * (C + C.T), SYMMETRY_TOLERANCE * size)
-
     def _group_deviations(self, parameters: int) -> Float[np.ndarray, " p"] | None:
         if self.group_deviations is None:
             return None
         return array_of("group_deviations", self.group_deviations, (parameters,))
-
-    def _field(self, joints: int, width: int) -> ResidualField | None:
-        if self.field is None:
-            return None
-        rows = len(self.field.q)
-        shapes = {
-            "q": (rows, joints),
-            "weights": (rows, width),
-            "lengths": (joints,),
-            "deviation": (width,),
-            "noise": (width,),
-        }
-        return ResidualField.from_json({
-            name: array_of(f"field, {name}", getattr(self.field, name), shape) for name, shape in shapes.items()
-        })  # fmt: skip
-
-
-def _covariance(C: Float[np.ndarray, "z z"], names: tuple[str, ...]) -> Float[np.ndarray, "z z"]:
-    """A covariance, where it is one: symmetric and nowhere negative."""
-    if not len(C):
-        return C
-    variance = np.diag(C)
-    if (variance < 0.0).any():
-        i = int(variance.argmin())
-        raise TaskcalError(f"'covariance' is none: the variance of '{names[i]}' is {variance[i]:g}")
-    deviation = np.sqrt(variance)
-    # an entry held exactly has no variance, and then no covariance
-    scale = np.where(deviation > 0.0, deviation, 1.0)
-    correlation = C / scale / scale[:, None]
-    i, j = np.unravel_index(int(np.abs(correlation - correlation.T).argmax()), C.shape)
-    if abs(correlation[i, j] - correlation[j, i]) > SYMMETRY_TOLERANCE:
-        raise TaskcalError(
-            f"'covariance' is none: of '{names[i]}' and '{names[j]}' it is {C[i, j]:g}, the other way round {C[j, i]:g}"
-        )
-    lowest = float(np.linalg.eigvalsh((correlation + correlation.T) / 2.0).min(initial=0.0))
-    if lowest < -SYMMETRY_TOLERANCE * len(C):
-        raise TaskcalError(
-            f"'covariance' is none: a combination of the parameters has the variance {lowest:.2g} of theirs"
-        )
-    return C
 
 
 def load_calibration(path: str | Path) -> Calibration:
@@ -1142,8 +1038,6 @@ def calibration_from(data: dict[str, Any], kinds: Sequence[type[Effect]] | None 
     try:
         if isinstance(packed := data.get("covariance_factor"), dict):
             data = {**data, "covariance_factor": unpack_factor(packed)}
-        if isinstance(packed := data.get("covariance"), dict):
-            data = {**data, "covariance": unpack_covariance(packed).tolist()}
     except TaskcalError as error:
         raise TaskcalError(f"{error}; it may have been edited: identify again") from error
     try:

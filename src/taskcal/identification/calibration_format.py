@@ -14,11 +14,7 @@ from taskcal.estimation.matrices import factor_positive
 from taskcal.io.text_file import read_json
 
 FORMAT = "taskcal-calibration"
-FORMAT_VERSION = 7
-"""Version 1 held estimate and covariance of the parameters that were estimated, and of no others; versions 1 and 2 counted
-the rows of outliers among those fitted, and named no line; before version 4 no joint had an error of its own, and no
-covariance was packed; before version 5 neither the joint positions nor what rows held out showed were kept; before version 6 a
-tracker had measured everything; before version 7 the covariance itself was held, not its factor."""
+FORMAT_VERSION = 8
 
 
 def read_envelope(path: Path) -> dict[str, Any]:
@@ -33,11 +29,11 @@ def read_envelope(path: Path) -> dict[str, Any]:
             path, f"is JSON, but not a calibration: 'format' is not '{FORMAT}'; write one with taskcal identify"
         )
     format_version = data.get("format_version")
-    if type(format_version) is not int or not 1 <= format_version <= FORMAT_VERSION:
+    if type(format_version) is not int or format_version != FORMAT_VERSION:
         raise FileError(
             path,
-            f"has format version {shown(repr(format_version))}, this Taskcal reads 1 to {FORMAT_VERSION}; identify again, or use "
-            "the Taskcal that wrote it",
+            f"has format version {shown(repr(format_version))}, this Taskcal reads {FORMAT_VERSION}; identify again, or use the "
+            "Taskcal that wrote it",
         )
     return data
 
@@ -89,7 +85,24 @@ def unpack_factor(described: dict[str, Any]) -> list[list[float]]:
     Raises:
         TaskcalError: it lacks a part, its size is not a number of entries, or it does not hold as many numbers.
     """
-    size, numbers = _unpack(described, "covariance_factor", "lower")
+    if set(described) != {"size", "lower"}:
+        keys = ", ".join(map(str, described))
+        raise TaskcalError(f"'covariance_factor' has the keys {shown(keys)}, not 'size' and 'lower'")
+    size, triangle = described["size"], described["lower"]
+    if type(size) is not int or not 0 <= size <= MOST_ENTRIES:
+        raise TaskcalError(
+            f"the size of 'covariance_factor' is {shown(repr(size))}, not a number from 0 to {MOST_ENTRIES}"
+        )
+    try:
+        content = base64.b64decode(triangle, validate=True)
+    except (TypeError, ValueError, binascii.Error) as error:
+        raise TaskcalError(f"the lower triangle of 'covariance_factor' is not base64: {error}") from error
+    wanted = size * (size + 1) // 2 * NUMBER.itemsize
+    if len(content) != wanted:
+        raise TaskcalError(
+            f"the lower triangle of 'covariance_factor' has {len(content)} bytes, one of size {size} has {wanted}"
+        )
+    numbers = np.frombuffer(content, dtype=NUMBER)
     return [row.tolist() for row in np.split(numbers, np.cumsum(np.arange(1, size)))] if size else []
 
 
@@ -107,33 +120,3 @@ def factor_of(rows: Sequence[Sequence[float]], size: int) -> Float[np.ndarray, "
             raise TaskcalError(f"'covariance_factor' {i + 1} has {len(row)} numbers, not {i + 1}")
         B[i, : i + 1] = row
     return B
-
-
-def unpack_covariance(described: dict[str, Any]) -> Float[np.ndarray, "z z"]:
-    """The covariance whose upper triangle files before version 7 hold packed.
-
-    Raises:
-        TaskcalError: as `unpack_factor`.
-    """
-    size, numbers = _unpack(described, "covariance", "upper")
-    C = np.zeros((size, size))
-    i, j = np.triu_indices(size)
-    C[i, j] = C[j, i] = numbers
-    return C
-
-
-def _unpack(described: dict[str, Any], key: str, part: str) -> tuple[int, Float[np.ndarray, " numbers"]]:
-    """Size and numbers of a packed triangle, row by row."""
-    if set(described) != {"size", part}:
-        raise TaskcalError(f"'{key}' has the keys {shown(', '.join(map(str, described)))}, not 'size' and '{part}'")
-    size, triangle = described["size"], described[part]
-    if type(size) is not int or not 0 <= size <= MOST_ENTRIES:
-        raise TaskcalError(f"the size of '{key}' is {shown(repr(size))}, not a number from 0 to {MOST_ENTRIES}")
-    try:
-        content = base64.b64decode(triangle, validate=True)
-    except (TypeError, ValueError, binascii.Error) as error:
-        raise TaskcalError(f"the {part} triangle of '{key}' is not base64: {error}") from error
-    wanted = size * (size + 1) // 2 * NUMBER.itemsize
-    if len(content) != wanted:
-        raise TaskcalError(f"the {part} triangle of '{key}' has {len(content)} bytes, one of size {size} has {wanted}")
-    return size, np.frombuffer(content, dtype=NUMBER)

@@ -189,10 +189,6 @@ def compare(first: Calibration, second: Calibration, q: Float[np.ndarray, "n joi
 
 def _measured(first: Calibration, second: Calibration) -> Float[np.ndarray, "n joints"]:
     """Poses at which both were measured, some of them where there are many."""
-    if first.q is None or second.q is None:
-        raise TaskcalError(
-            "a calibration of an older version does not tell the poses that were measured; give poses or a task, or identify again"
-        )
     q = np.concatenate([first.q, second.q])
     return q[np.unique(np.linspace(0, len(q) - 1, min(len(q), MOST_POSES)).astype(int))]
 

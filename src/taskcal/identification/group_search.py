@@ -104,7 +104,6 @@ def calibrate(
         prior_scale=float(np.exp(0.5 * np.mean(scales))) if scales else 1.0,
         group_deviations=_group_deviations(fitted),
         log_evidence=log_evidence(fitted),
-        field=None,
         iterations=fitted.rounds,
         rounds=fitted.rounds,
         reason="geometry, effects and their sizes stand still"

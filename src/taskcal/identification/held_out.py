@@ -274,9 +274,8 @@ FEWEST_ALIKE = 2
 class Outlier:
     """A measured point that the fit cannot believe."""
 
-    row: int | None
-    """Row of the whole campaign, counted from 0, whichever rows were fitted; None where a file of an older version counted the
-    fitted rows alone."""
+    row: int
+    """Row of the whole campaign, counted from 0, whichever rows were fitted."""
     line: int | None = None
     """Line of the campaign's file, counted from 1; None where it is not known."""
     id: str

@@ -260,7 +260,7 @@ class Attempt:
         if self.refusal is None:
             return self.calibration
         calibration, p = self.calibration, len(self.calibration.model)
-        q = calibration.q if calibration.q is not None else np.zeros((0, len(calibration.model.robot.joints)))
+        q = calibration.q
         some = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), JUDGED_ROWS)).astype(int))]
         by_tolerance = calibration.tool_jacobian(some)[:, :3, :p] * calibration.model.tolerances
         expected = float(np.sqrt((by_tolerance**2).sum(axis=2).mean()))
@@ -489,7 +489,6 @@ def _conclude(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOpt
         model_error=outcome.hyper.model_error,
         prior_scale=outcome.hyper.prior_scale if has_prior else None,
         log_evidence=fit.log_evidence if has_prior else None,
-        field=None,
         iterations=fit.solution.iterations,
         rounds=fit.rounds,
         reason=fit.solution.reason,

@@ -57,16 +57,12 @@ def budget_at(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> Unc
     """
     fitted = _mean_square(calibration.predict_covariance(q, model_error=False))
     all_in_all = _mean_square(calibration.predict_covariance(q))
-    own_error = 0.0 if calibration.field is not None else 3.0 * calibration.model_error[0] ** 2
+    own_error = 3.0 * calibration.model_error[0] ** 2
     rest = max(all_in_all - fitted - own_error, 0.0)
     parts: list[tuple[str, Evaluation, float]] = [
         ("parameters, tracker frame and target, as the data tell them", "A", fitted),
         (UNEXPLAINED, evaluation_of_model_error(calibration), own_error),
-        (
-            "the residual field" if calibration.field is not None else "joints that stand off at a single pose",
-            "A",
-            rest,
-        ),
+        ("joints that stand off at a single pose", "A", rest),
     ]
     return budget_of_parts(parts)
 

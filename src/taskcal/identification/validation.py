@@ -28,7 +28,7 @@ from taskcal.kernels.observations import Walked
 from taskcal.observations import Compared
 from taskcal.observations.base import TrackerNoise
 from taskcal.registration.consensus import check_plausible
-from taskcal.registration.registration import PLAUSIBLE_SHARE, Registration, register
+from taskcal.registration.registration import PLAUSIBLE_SHARE, register
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 
@@ -119,12 +119,13 @@ def reregister_frames(
     )
     check_plausible(registration, calibration.model, campaign)
     frames = layout_of(calibration.model, np.arange(0), registration, campaign, fixed=False)
-    shown = problem_of(frames, _without_field(calibration, campaign, registration), noise)
+    shown = problem_of(frames, campaign, noise)
     problem = _HeldRobot(**{f.name: getattr(shown, f.name) for f in fields(Problem)}, estimate=calibration.estimate)
     z, covariance = _fit_frames(problem, calibration)
     from scipy.linalg import block_diag
 
-    layout = replace(frames, kept=np.arange(len(calibration.model)))
+    p = len(calibration.model)
+    layout = replace(frames, kept=np.arange(p))
     T_tracker_base, T_tool_target = frames.frames(z)
     return replace(
         calibration,
@@ -132,7 +133,7 @@ def reregister_frames(
         T_tool_target=T_tool_target,
         layout=layout,
         z=np.concatenate([calibration.estimate, z]),
-        z_spread=block_diag(spread_of(calibration.covariance), spread_of(covariance)),
+        z_spread=block_diag(calibration.z_spread[:p, :p], spread_of(covariance)),
     )
 
 
@@ -174,23 +175,6 @@ def _fit_frames(
     if not found.converged:
         raise FitError(f"tracker frame and targets could not be refitted: {found.reason}; check the campaign's rows")
     return found.z, invert_positive(found.information + precision)
-
-
-def _without_field(calibration: Calibration, campaign: Campaign, registration: Registration) -> Campaign:
-    """The campaign as a robot without the calibration's residual field would have shown it to a tracker."""
-    if calibration.field is None or campaign.observations:
-        return campaign
-    ends = [
-        (registration.T_tracker_base @ T)[:, None] @ registration.T_tool_target
-        for T in (
-            calibration.tool_in_base(campaign.q, campaign.conditions),
-            calibration.model.poses(campaign.q, calibration.estimate, campaign.conditions),
-        )
-    ]
-    rotations = campaign.rotations
-    if rotations is not None:
-        rotations = ends[1][:, 0, :3, :3] @ np.swapaxes(ends[0][:, 0, :3, :3], 1, 2) @ rotations
-    return replace(campaign, points=campaign.points - (ends[0] - ends[1])[..., :3, 3], rotations=rotations)
 
 
 # A calibration put to the test by a campaign that it has not seen: point by point, with what it stated of its own
@@ -468,10 +452,10 @@ def measured_errors(calibration: Calibration) -> MeasuredErrors | None:
         calibration: the calibration.
 
     Returns:
-        None where the calibration does not hold its poses, or was not fitted to what a tracker measured.
+        None where the calibration was not fitted to what a tracker measured.
     """
     q = calibration.q
-    if q is None or isinstance(calibration.layout, ObservationLayout):
+    if isinstance(calibration.layout, ObservationLayout):
         return None
     residual, R = calibration.residuals, calibration.T_tracker_base[:3, :3]
     ends = calibration.target_poses(q)

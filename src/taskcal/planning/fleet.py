@@ -279,7 +279,7 @@ class FleetCalibration:
     """On those that were fitted."""
     held_out: float | None
     """On those that were held out."""
-    stated: float | None
+    stated: float
     """Standard uncertainty in space at a single pose among those measured, root mean square."""
     remarks: tuple[str, ...]
 
@@ -399,9 +399,7 @@ def date_of(name: str) -> str | None:
     return None
 
 
-def _stated(calibration: Calibration) -> float | None:
-    if calibration.q is None:
-        return None
+def _stated(calibration: Calibration) -> float:
     count = len(calibration.q)
     chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_POSES)).astype(int))
     return budget_at(calibration, calibration.q[chosen]).combined
@@ -816,7 +814,7 @@ def _row(one: FleetCalibration) -> dict[str, Any]:
         "nominal_mm": None if one.nominal is None else one.nominal * 1e3,
         "fitted_mm": one.fitted * 1e3,
         "held_out_mm": None if one.held_out is None else one.held_out * 1e3,
-        "stated_mm": None if one.stated is None else one.stated * 1e3,
+        "stated_mm": one.stated * 1e3,
         "verdict": one.verdict,
     }
 

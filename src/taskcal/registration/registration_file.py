@@ -16,7 +16,7 @@ from taskcal.io.toml_file import Finite, NotNegative, Section, explain
 from taskcal.registration.registration import Method, Registration
 from taskcal.robot.error_model import ErrorModel
 
-FORMAT, FORMAT_VERSION = "taskcal registration", 1
+FORMAT, FORMAT_VERSION = "taskcal registration", 2
 
 Matrix = list[list[Finite]]
 
@@ -29,7 +29,7 @@ class RegistrationSection(Section):
     T_tracker_base: Matrix
     T_tool_target: list[Matrix]
     rms: NotNegative
-    unlocated: Matrix
+    unobservable: Matrix
 
     def registration(self, targets: int) -> Registration:
         """The registration of so many targets.
@@ -44,7 +44,7 @@ class RegistrationSection(Section):
             rms=self.rms,
             method=self.method,
             file=self.file,
-            unobservable=array_of("registration, unlocated", self.unlocated, (3 * targets, 3 * targets)),
+            unobservable=array_of("registration, unobservable", self.unobservable, (3 * targets, 3 * targets)),
         )
 
 
@@ -92,7 +92,7 @@ def describe_registration(registration: Registration) -> dict[str, Any]:
         "T_tracker_base": registration.T_tracker_base.tolist(),
         "T_tool_target": registration.T_tool_target.tolist(),
         "rms": registration.rms,
-        "unlocated": registration.unobservable.tolist(),  # as files of earlier releases name it
+        "unobservable": registration.unobservable.tolist(),
     }
 
 

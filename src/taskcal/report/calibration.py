@@ -251,18 +251,16 @@ def parameters_section(calibration: Calibration) -> Section:
     """The section."""
     q = calibration.q
     geometry = ErrorModel(calibration.model.robot, lengths_only=calibration.model.lengths_only)
-    found = None if q is None else identifiability(geometry, q)
-    blocks: list[Block] = []
-    if q is not None:
-        blocks.append(
-            Chart(
-                title="What each defect would do to the tool point at the measured poses",
-                least_width=700,
-                figure=draw_effects(sensitivity(geometry, q)),
-                note="A high bar: a defect of one tolerance (1σ) moves the tool far. A bar near zero: it hardly matters here, and "
-                "these poses say little of it. Along the robot's base axes, and in space.",
-            )
+    found = identifiability(geometry, q)
+    blocks: list[Block] = [
+        Chart(
+            title="What each defect would do to the tool point at the measured poses",
+            least_width=700,
+            figure=draw_effects(sensitivity(geometry, q)),
+            note="A high bar: a defect of one tolerance (1σ) moves the tool far. A bar near zero: it hardly matters here, and "
+            "these poses say little of it. Along the robot's base axes, and in space.",
         )
+    ]
     if len(calibration.estimated):
         blocks.append(
             Chart(
@@ -274,19 +272,19 @@ def parameters_section(calibration: Calibration) -> Section:
             )
         )
     blocks.append(tabulate_intervals(calibration, found))
-    if found is not None and (found.dependent or found.zero):
+    if found.dependent or found.zero:
         blocks.append(_tabulate_relations(geometry, found))
     if len(calibration.estimated):
         blocks.append(_tabulate_correlations(calibration))
     return Section(title="Parameters", blocks=tuple(blocks))
 
 
-def tabulate_intervals(calibration: Calibration, found: Identifiability | None) -> Table:
+def tabulate_intervals(calibration: Calibration, found: Identifiability) -> Table:
     """Every parameter of the model with its 95 % interval, and whether it was estimated.
 
     Args:
         calibration: the calibration.
-        found: which parameters of the geometry repeat others at the fitted poses; None where these are not known.
+        found: which parameters of the geometry repeat others at the fitted poses.
     """
     informed, estimated = informed_parameters(calibration), set(calibration.estimated.tolist())
     rows: list[tuple[str, ...]] = []
@@ -310,14 +308,14 @@ def tabulate_intervals(calibration: Calibration, found: Identifiability | None) 
     )
 
 
-def _why(name: str, kept: bool, informed: bool | None, found: Identifiability | None) -> str:
+def _why(name: str, kept: bool, informed: bool | None, found: Identifiability) -> str:
     """Whether a parameter was kept, or why not."""
-    repeats = found is not None and (name in found.dependent or name in found.zero)
+    repeats = name in found.dependent or name in found.zero
     if kept and informed is False:
         return "kept; not seen: its interval is that of its tolerance"
     if kept:
         return "kept; known with those it repeats alone (see relations)" if repeats else "kept"
-    if found is not None and name in found.zero:
+    if name in found.zero:
         return "left out: it does nothing to the tool point here"
     return "left out: it repeats others here (see relations)" if repeats else "left out by choice"
 
@@ -366,7 +364,6 @@ def provenance_section(calibration: Calibration) -> Section:
         ("robot", source.robot),
         ("robot file, digest", source.robot_digest),
         ("effects", ", ".join(effect.name for effect in calibration.model.effects) or "none"),
-        ("residual field", "none" if calibration.field is None else f"of {len(calibration.field.q)} rows"),
         ("campaign", source.campaign),
         ("campaign, digest", source.campaign_digest),
         *(("campaign, as read", note) for note in source.notes),
@@ -946,7 +943,7 @@ def calibration_page(calibration: Calibration, beside: Beside, *, version: str) 
     sections += [held_out_section(calibration), residuals_section(calibration, errors)]
     if beside.remainder is not None:
         sections.append(residual_analysis_section(beside.remainder, f"{len(beside.remainder.residual)} poses"))
-    if calibration.q is not None and errors is not None:
+    if errors is not None:
         sections.append(predicted_uncertainty_section(budget_at(calibration, calibration.q), "the measured poses"))
     if beside.over is not None:
         sections.append(_task(beside.over))

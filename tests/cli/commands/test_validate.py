@@ -118,7 +118,8 @@ def test_other_targets_are_left_out_with_a_note(run: Run, cell: Path, tmp_path: 
         ('{"format": "taskcal-calibration", "robot": {', "it may have been cut off"),
         ("[1, 2]", "is JSON, but not a calibration"),
         ('{"format": "taskcal-calibration", "format_version": 99}', "has format version 99"),
-        ('{"format": "taskcal-calibration", "format_version": 1}', "provenance: is missing; robot: is missing"),
+        ('{"format": "taskcal-calibration", "format_version": 7}', "has format version 7"),
+        ('{"format": "taskcal-calibration", "format_version": 8}', "provenance: is missing; robot: is missing"),
     ],
 )
 def test_a_calibration_that_is_none(run: Run, cell: Path, tmp_path: Path, content: str, message: str) -> None:

@@ -407,7 +407,6 @@ def next_steps(calibration: Calibration, result: Mapping[str, Any], tracker_mm: 
     judged = [
         (outlier.row, mostly or alike)
         for outlier, alike in zip(calibration.outliers, calibration.shared_outliers, strict=True)
-        if outlier.row is not None
     ]
     wrong = {row.row for row in calibration.left_out} | {row for row, of_model in judged if not of_model}
     if wrong:
@@ -427,7 +426,7 @@ def next_steps(calibration: Calibration, result: Mapping[str, Any], tracker_mm: 
     if any(target["unlocated"] for target in result["targets"].values()):
         steps.append("measure in several orientations: these poses do not locate every target")
     left = (held_out or result["fitted"])["mean_mm"]
-    searched = "explanation" in result or calibration.model.effects or calibration.field is not None
+    searched = "explanation" in result or calibration.model.effects
     if not (searched or calibration.model.robot.driven) and left > MUCH_UNEXPLAINED * tracker_mm:
         steps.append(
             f"ask what else the joints do: --effects auto; {left:.3f} mm are left, the tracker alone would leave {tracker_mm:.3f}"

@@ -149,7 +149,7 @@ class _Left:
 
 def _place(calibration: Calibration) -> _Left | None:
     """Where residuals are in space; None where that cannot be told, or nothing was seen."""
-    if calibration.q is None or calibration.layout.base_size == 0:  # measured without a tracker
+    if calibration.layout.base_size == 0:  # measured without a tracker
         return None
     rows, targets = np.nonzero(np.isfinite(calibration.residuals[:, :, :3]).all(axis=2))
     if not len(rows):
