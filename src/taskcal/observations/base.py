@@ -10,7 +10,8 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.errors import CampaignError, FileError, UnknownName, shown
+from taskcal.errors import CampaignError, FileError, TaskcalError, UnknownName, shown
+from taskcal.plugins import load_plugins, state_faults
 from taskcal.robot.parameter import ShownUnit
 from taskcal.short_repr import short_repr
 from taskcal.tables.table import Table
@@ -204,6 +205,9 @@ class Stated(NamedTuple):
 _KINDS: dict[str, type["Observation"]] = {}
 """Every kind by its key, entered as it is defined."""
 
+GROUP = "taskcal.observations"
+"""Entry points of other packages: classes of kinds."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Compared:
@@ -250,9 +254,21 @@ class Observation(ABC):
     """Which of several things each row refers to, −1 for none; None where there is one, or where no rows belong to it."""
 
     def __init_subclass__(cls) -> None:
+        """Register it.
+
+        Raises:
+            TaskcalError: another kind has its key.
+        """
         super().__init_subclass__()
-        if "key" in vars(cls):
-            _KINDS[cls.key] = cls
+        if "key" not in vars(cls):
+            return
+        other = _KINDS.setdefault(cls.key, cls)
+        if (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
+            raise TaskcalError(
+                f"the kind of observation {cls.__name__} of the module {cls.__module__} cannot be called '{cls.key}': "
+                f"{other.__name__} of {other.__module__} is; choose another name"
+            )
+        _KINDS[cls.key] = cls
 
     @property
     def unknowns(self) -> tuple[str, ...]:
@@ -401,7 +417,8 @@ class Standalone(Observation):
 
 
 def kinds() -> tuple[type[Observation], ...]:
-    """Every kind that is defined."""
+    """Every kind that is defined; those of other packages behind Taskcal's own."""
+    load_plugins(GROUP, Observation, _KINDS)
     return tuple(_KINDS.values())
 
 
@@ -431,7 +448,7 @@ def instrument_of(name: str) -> type[Standalone]:
     """
     found = {kind.instrument: kind for kind in kinds() if kind.instrument and issubclass(kind, Standalone)}
     if name not in found:
-        raise UnknownName("way to measure", name, ("tracker", *found))
+        raise UnknownName("way to measure", name, ("tracker", *found), state_faults(GROUP))
     return found[name]
 
 
@@ -441,9 +458,10 @@ def kind_of(key: str) -> type[Observation]:
     Raises:
         UnknownName: there is none.
     """
-    if key not in _KINDS:
-        raise UnknownName("kind of observation", key, tuple(_KINDS))
-    return _KINDS[key]
+    found = next((kind for kind in kinds() if kind.key == key), None)
+    if found is None:
+        raise UnknownName("kind of observation", key, tuple(_KINDS), state_faults(GROUP))
+    return found
 
 
 def refer(labels: tuple[str, ...]) -> tuple[tuple[str, ...], Int[np.ndarray, " n"]]:
