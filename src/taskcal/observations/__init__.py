@@ -15,6 +15,7 @@ from taskcal.observations.base import Read as Read
 from taskcal.observations.base import Scene as Scene
 from taskcal.observations.base import Standalone as Standalone
 from taskcal.observations.base import Stated as Stated
+from taskcal.observations.base import TrackerNoise as TrackerNoise
 from taskcal.observations.base import Way as Way
 from taskcal.observations.base import find_columns as find_columns
 from taskcal.observations.base import instrument_of as instrument_of
