@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -318,6 +318,10 @@ class Observation(ABC):
         """What is known of the unknowns."""
         return Stated(np.zeros(0), np.zeros((0, len(unknown))), np.zeros(0))
 
+    def with_unknown_scale(self) -> "Observation | None":
+        """The same with the scale of its instrument unknown; None for kinds that have no such scale."""
+        return None
+
     def compare(self, unknown: Float[np.ndarray, " u"]) -> tuple[Compared, ...]:
         """What is stated beside what is found; nothing for kinds of which nothing is stated."""
         return ()
@@ -469,20 +473,6 @@ def refer(labels: tuple[str, ...]) -> tuple[tuple[str, ...], Int[np.ndarray, " n
     names = tuple(dict.fromkeys(label for label in labels if label))
     number = {name: k for k, name in enumerate(names)}
     return names, np.array([number.get(label, -1) for label in labels], dtype=int)
-
-
-# Ways of measuring a robot, in the words of options and tables, and the kinds of observation that each of them gives.
-
-Way = Literal["tracker", "socket", "wire", "camera", "board"]
-
-WAYS: dict[Way, tuple[str, ...]] = {
-    "tracker": ("point", "pose"),
-    "socket": ("socket",),
-    "wire": ("distance",),
-    "camera": ("landmark",),
-    "board": ("board",),
-}
-"""Keys of the kinds that a campaign measured so may have."""
 
 
 # Which directions of a target's place on the tool the rows do not tell.
