@@ -1,9 +1,13 @@
-"""The languages of robot programs, in one table: to add one, write its folder and its entry here."""
+"""The languages of robot programs, in one table, with those of other packages that name a `Language` as an entry point."""
 
 import re
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import entry_points
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -135,7 +139,7 @@ def _compose_csv(to: Composition) -> Source:
     return compose_csv_path(to.name, to.robot, to.moves, notes=to.notes)
 
 
-LANGUAGES = (
+_OWN = (
     Language(
         name="RAPID",
         suffixes=(".mod", ".sys", ".prg", ".modx", ".sysx", ".cfg"),
@@ -182,10 +186,45 @@ LANGUAGES = (
         declares_frames=False,
     ),
 )
-"""All of them, in the order in which messages name them."""
 
-COMPOSED = tuple(suffix for language in LANGUAGES for suffix in language.composed)
-"""Suffixes of files that a new program can be written to."""
+GROUP = "robot_programs.languages"
+"""Entry points of other packages, a `Language` each."""
+
+
+@cache
+def languages() -> tuple[Language, ...]:
+    """All of them, in the order in which messages name them; those of other packages last.
+
+    A package whose language cannot be loaded, or has a name or suffix of another, is named in a warning and left out.
+    """
+    found = dict.fromkeys(_OWN, "robot_programs")
+    for point in sorted(entry_points(group=GROUP), key=lambda point: (point.value, point.name)):
+        package = point.dist.name if point.dist is not None else point.value.partition(".")[0]
+        try:
+            language = point.load()
+            if not isinstance(language, Language):
+                raise TypeError(f"{point.value} is not a Language")
+            for other, owner in found.items():
+                if taken := {language.name, *language.suffixes} & {other.name, *other.suffixes}:
+                    raise ValueError(f"the package '{owner}' has '{min(taken)}' already")
+            found[language] = package
+        except Exception as error:
+            fault = f"the package '{package}' cannot add the language '{point.name}': {type(error).__name__}: {error}"
+            _FAULTS.append(fault)
+            warnings.warn(f"{fault}; mend the package or uninstall it", stacklevel=2)
+    return tuple(found)
+
+
+_FAULTS: list[str] = []
+"""What is wrong with packages that add languages."""
+
+
+def __getattr__(name: str) -> Any:
+    if name == "LANGUAGES":
+        return languages()
+    if name == "COMPOSED":  # suffixes of files that a new program can be written to
+        return tuple(suffix for language in languages() for suffix in language.composed)
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 
 
 def language_of(path: Path) -> Language:
@@ -194,8 +233,8 @@ def language_of(path: Path) -> Language:
     Raises:
         FileError: the suffix is not known.
     """
-    for language in LANGUAGES:
+    for language in languages():
         if path.suffix.lower() in language.suffixes:
             return language
-    known = "; ".join(f"{language.name}: {' '.join(language.suffixes)}" for language in LANGUAGES)
+    known = "; ".join([*(f"{language.name}: {' '.join(language.suffixes)}" for language in languages()), *_FAULTS])
     raise FileError(path, f"has no suffix of a robot program; known are {known}")

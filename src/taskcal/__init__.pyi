@@ -61,10 +61,13 @@ from . import export as export
 from . import geometry as geometry
 from . import identification as identification
 from . import kinematics as kinematics
+from . import observations as observations
 from . import performance as performance
 from . import planning as planning
 from . import reading as reading
 from . import registration as registration
+from . import robot as robot
+from . import tables as tables
 from . import task as task
 from . import virtual as virtual
 

@@ -1,14 +1,8 @@
-from typing import get_args
-
 import pytest
 
-from taskcal.observations import WAYS, Way, kind_of
+from taskcal.observations import Standalone, kinds
 
 
-def test_every_way_has_its_kinds():
-    assert set(WAYS) == set(get_args(Way))
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_a_tracker_alone_needs_a_frame_of_its_own(way):
-    assert {kind_of(key).in_tracker for key in WAYS[way]} == {way == "tracker"}
+@pytest.mark.parametrize("kind", kinds(), ids=lambda kind: kind.key)
+def test_a_tracker_alone_needs_a_frame_of_its_own(kind):
+    assert kind.in_tracker == (not issubclass(kind, Standalone))

@@ -8,7 +8,7 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.inverse import solve_near
-from taskcal.observations import Measured, Way
+from taskcal.observations import Measured
 from taskcal.observations.base import TrackerNoise
 from taskcal.planning.instruments import (
     BoardWay,
@@ -29,13 +29,13 @@ TIP = se3.translation(0.01, -0.02, 0.1)
 TASK = box_before_the_robot(
     "cell", [0.4, 0.0, 0.3], [0.25, 0.4, 0.2], Orientation(rotation=np.diag([1.0, -1.0, -1.0]), cone=0.3, spin=0.5)
 )
-WAYS: tuple[Way, ...] = ("socket", "wire", "camera")
+WAYS = ("socket", "wire", "camera")
 GOAL = reach_task(MODEL, TASK, 60, 1)
 COUNT, CANDIDATES = 36, 300
 
 
 @cache
-def way_of(way: Way) -> MeasuringWay:
+def way_of(way: str) -> MeasuringWay:
     """By default of the task."""
     standing = stand_by_default(way, MODEL, TASK, TIP)
     if way == "socket":
@@ -47,7 +47,7 @@ def way_of(way: Way) -> MeasuringWay:
 
 
 @cache
-def plan_of(way: Way) -> Plan:
+def plan_of(way: str) -> Plan:
     """A small plan."""
     return plan(MODEL, TASK, COUNT, observe=way_of(way), candidates=CANDIDATES)
 

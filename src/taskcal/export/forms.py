@@ -1,6 +1,6 @@
 """What is handed to another program, and what of the calibration is lost by its form."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 from xml.sax.saxutils import quoteattr
@@ -8,11 +8,12 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.errors import TaskcalError
+from taskcal.errors import TaskcalError, UnknownName
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.kernels.chain import ErrorFrame, Fixed, JointKind
 from taskcal.kinematics.inverse import closes
+from taskcal.plugins import load_plugins, state_faults
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
@@ -576,3 +577,57 @@ def _text(chain: CalibratedChain, table: DHForm) -> str:
             cells += [f"{v:.9g}" for v in limits[i]]
         lines.append(",".join(cells))
     return "\n".join(lines) + "\n"
+
+
+# Every form that is written, by the name that the command line has for it.
+
+Writer = Callable[[Calibration, Float[np.ndarray, "n joints"] | None, bool], Export]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exporter:
+    """Writes calibrated robots as files of one form."""
+
+    name: str
+    """What ``--form`` calls it; no other exporter has it."""
+    write: Writer
+    """The file of a calibration. The second argument is joint positions at which a loss is measured, radians or metres, or None
+    for all over the ranges; the third whether to write it although it loses something.
+
+    Raises:
+        TaskcalError: the form cannot hold the robot, or loses something that is not accepted (`Loss.refuse`).
+    """
+
+
+GROUP = "taskcal.exporters"
+"""Entry points of other packages: an `Exporter` each."""
+
+_EXPORTERS: dict[str, Exporter] = {
+    one.name: one
+    for one in (
+        Exporter(name="urdf", write=lambda calibration, q, accept: export_urdf(calibration, q, accept_loss=accept)),
+        Exporter(
+            name="ur-yaml", write=lambda calibration, q, accept: export_ur_yaml(calibration, q, accept_loss=accept)
+        ),
+        Exporter(name="dh", write=lambda calibration, q, accept: export_dh(calibration, "dh", q, accept_loss=accept)),
+        Exporter(name="mdh", write=lambda calibration, q, accept: export_dh(calibration, "mdh", q, accept_loss=accept)),
+    )
+}
+
+
+def exporters() -> tuple[Exporter, ...]:
+    """All of them, those of other packages behind Taskcal's own."""
+    load_plugins(GROUP, Exporter, _EXPORTERS)
+    return tuple(_EXPORTERS.values())
+
+
+def exporter_of(name: str) -> Exporter:
+    """The exporter of a form.
+
+    Raises:
+        UnknownName: there is none.
+    """
+    known = {one.name: one for one in exporters()}
+    if name not in known:
+        raise UnknownName("form", name, known, state_faults(GROUP))
+    return known[name]

@@ -4,7 +4,6 @@ A kind is one class in one file. It says how many numbers it measures, what it p
 without a guess, and how sure it is; registration, fit, identifiability, reports and plans take it from there.
 """
 
-from taskcal.observations.base import WAYS as WAYS
 from taskcal.observations.base import Compared as Compared
 from taskcal.observations.base import Differential as Differential
 from taskcal.observations.base import Measured as Measured
@@ -15,7 +14,7 @@ from taskcal.observations.base import Read as Read
 from taskcal.observations.base import Scene as Scene
 from taskcal.observations.base import Standalone as Standalone
 from taskcal.observations.base import Stated as Stated
-from taskcal.observations.base import Way as Way
+from taskcal.observations.base import TrackerNoise as TrackerNoise
 from taskcal.observations.base import find_columns as find_columns
 from taskcal.observations.base import instrument_of as instrument_of
 from taskcal.observations.base import kind_of as kind_of

@@ -5,12 +5,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.errors import CampaignError, FileError, UnknownName, shown
+from taskcal.errors import CampaignError, FileError, TaskcalError, UnknownName, shown
+from taskcal.plugins import load_plugins, state_faults
 from taskcal.robot.parameter import ShownUnit
 from taskcal.short_repr import short_repr
 from taskcal.tables.table import Table
@@ -204,6 +205,9 @@ class Stated(NamedTuple):
 _KINDS: dict[str, type["Observation"]] = {}
 """Every kind by its key, entered as it is defined."""
 
+GROUP = "taskcal.observations"
+"""Entry points of other packages: classes of kinds."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Compared:
@@ -250,9 +254,21 @@ class Observation(ABC):
     """Which of several things each row refers to, −1 for none; None where there is one, or where no rows belong to it."""
 
     def __init_subclass__(cls) -> None:
+        """Register it.
+
+        Raises:
+            TaskcalError: another kind has its key.
+        """
         super().__init_subclass__()
-        if "key" in vars(cls):
-            _KINDS[cls.key] = cls
+        if "key" not in vars(cls):
+            return
+        other = _KINDS.setdefault(cls.key, cls)
+        if (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
+            raise TaskcalError(
+                f"the kind of observation {cls.__name__} of the module {cls.__module__} cannot be called '{cls.key}': "
+                f"{other.__name__} of {other.__module__} is; choose another name"
+            )
+        _KINDS[cls.key] = cls
 
     @property
     def unknowns(self) -> tuple[str, ...]:
@@ -301,6 +317,10 @@ class Observation(ABC):
     def stated(self, unknown: Float[np.ndarray, " u"]) -> Stated:
         """What is known of the unknowns."""
         return Stated(np.zeros(0), np.zeros((0, len(unknown))), np.zeros(0))
+
+    def with_unknown_scale(self) -> "Observation | None":
+        """The same with the scale of its instrument unknown; None for kinds that have no such scale."""
+        return None
 
     def compare(self, unknown: Float[np.ndarray, " u"]) -> tuple[Compared, ...]:
         """What is stated beside what is found; nothing for kinds of which nothing is stated."""
@@ -401,7 +421,8 @@ class Standalone(Observation):
 
 
 def kinds() -> tuple[type[Observation], ...]:
-    """Every kind that is defined."""
+    """Every kind that is defined; those of other packages behind Taskcal's own."""
+    load_plugins(GROUP, Observation, _KINDS)
     return tuple(_KINDS.values())
 
 
@@ -431,7 +452,7 @@ def instrument_of(name: str) -> type[Standalone]:
     """
     found = {kind.instrument: kind for kind in kinds() if kind.instrument and issubclass(kind, Standalone)}
     if name not in found:
-        raise UnknownName("way to measure", name, ("tracker", *found))
+        raise UnknownName("way to measure", name, ("tracker", *found), state_faults(GROUP))
     return found[name]
 
 
@@ -441,9 +462,10 @@ def kind_of(key: str) -> type[Observation]:
     Raises:
         UnknownName: there is none.
     """
-    if key not in _KINDS:
-        raise UnknownName("kind of observation", key, tuple(_KINDS))
-    return _KINDS[key]
+    found = next((kind for kind in kinds() if kind.key == key), None)
+    if found is None:
+        raise UnknownName("kind of observation", key, tuple(_KINDS), state_faults(GROUP))
+    return found
 
 
 def refer(labels: tuple[str, ...]) -> tuple[tuple[str, ...], Int[np.ndarray, " n"]]:
@@ -451,20 +473,6 @@ def refer(labels: tuple[str, ...]) -> tuple[tuple[str, ...], Int[np.ndarray, " n
     names = tuple(dict.fromkeys(label for label in labels if label))
     number = {name: k for k, name in enumerate(names)}
     return names, np.array([number.get(label, -1) for label in labels], dtype=int)
-
-
-# Ways of measuring a robot, in the words of options and tables, and the kinds of observation that each of them gives.
-
-Way = Literal["tracker", "socket", "wire", "camera", "board"]
-
-WAYS: dict[Way, tuple[str, ...]] = {
-    "tracker": ("point", "pose"),
-    "socket": ("socket",),
-    "wire": ("distance",),
-    "camera": ("landmark",),
-    "board": ("board",),
-}
-"""Keys of the kinds that a campaign measured so may have."""
 
 
 # Which directions of a target's place on the tool the rows do not tell.

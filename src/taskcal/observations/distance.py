@@ -1,7 +1,7 @@
 """A length from the tool to an anchor that stands: a draw wire, a telescoping ball bar, a laser's range."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
@@ -82,6 +82,10 @@ class Lengths(Standalone):
         """Place and offset of every anchor, then the scale."""
         own = (f"anchor {name}.{c}" for name in self.anchors for c in ("tx", "ty", "tz", "offset"))
         return (*own, *(("distance.scale",) if self.scaled else ()))
+
+    def with_unknown_scale(self) -> "Lengths":
+        """Scaled lengths."""
+        return replace(self, scaled=True)
 
     @property
     def tells_scale(self) -> bool:

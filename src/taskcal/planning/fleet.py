@@ -31,6 +31,7 @@ from taskcal.reading.reader import read_campaign
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.parameter import ShownUnit
 from taskcal.short_repr import short_repr
+from taskcal.tables.forms import table_suffixes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -39,8 +40,6 @@ if TYPE_CHECKING:
 # The calibrations and campaigns of many robots, as they lie in a folder: a folder for each robot, or a file for each.
 
 CALIBRATION = ".json"
-CAMPAIGNS = frozenset({".csv", ".tsv", ".txt", ".dat", ".log", ".xlsx", ".parquet"})
-"""Endings of files that may be campaigns."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +89,7 @@ def find_fleet(folder: str | Path) -> FleetFiles:
         suffix = path.suffix.lower()
         if suffix == CALIBRATION:
             calibrations.setdefault(robot, []).append(name)
-        elif suffix in CAMPAIGNS:
+        elif suffix in table_suffixes():
             campaigns.setdefault(robot, []).append(name)
         else:
             others.append(name)

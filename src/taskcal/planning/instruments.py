@@ -23,7 +23,7 @@ from taskcal.kinematics.clearance import (
     without_carriers,
 )
 from taskcal.kinematics.inverse import JUMP_RAD, Reached, closes, solve_near
-from taskcal.observations import Boards, Landmarks, Lengths, Measured, Observation, Sockets, Way
+from taskcal.observations import Boards, Landmarks, Lengths, Measured, Observation, Sockets
 from taskcal.observations.distance import FEWEST
 from taskcal.observations.socket import CALLIPER, SocketDistance
 from taskcal.planning.candidates import Measurable, enlarge
@@ -39,9 +39,14 @@ from taskcal.virtual.station import Standing
 class MeasuringWay(ABC):
     """What stands, and what the tool carries; a subclass says which postures may be measured, and what is read in them."""
 
-    way: ClassVar[Way]
+    way: ClassVar[str]
+    """What options call it: the instrument of its kind of observation."""
     label: ClassVar[str]
     """What each thing that stands is called, and the column that names it."""
+    directed: ClassVar[bool] = True
+    """Whether it matters how each thing is turned."""
+    filled_in: ClassVar[str]
+    """What is to be done with the file of a plan."""
     fewest: ClassVar[int]
     """Rows that each of the things needs."""
     standing: Standing
@@ -69,6 +74,24 @@ class MeasuringWay(ABC):
             own = Links(start=links.start[mine], end=links.end[mine], radius=links.radius)
             free[mine] = line_is_free(self.standing.position[k], tip[mine, :3, 3], own, self.keep_out)
         return free
+
+    @classmethod
+    @abstractmethod
+    def arrange(
+        cls,
+        p: Float[np.ndarray, "n 3"],
+        pointing: Float[np.ndarray, " 3"],
+        limits: tuple[float, float] | None,
+        reach: float,
+    ) -> Standing:
+        """Where things could stand for a task, where nobody says where they do.
+
+        Args:
+            p: places of the tip in the task, metres.
+            pointing: unit vector in which the tip points.
+            limits: distances that the instrument measures, metres; its defaults where none are given.
+            reach: of the robot, metres.
+        """
 
     @abstractmethod
     def goals(
@@ -134,7 +157,8 @@ TILT = np.radians(45.0)
 class CameraWay(MeasuringWay):
     """Landmarks, and a camera on the tool that looks along its z axis."""
 
-    way: ClassVar[Way] = "camera"
+    way: ClassVar[str] = "camera"
+    filled_in: ClassVar[str] = "fill in what the camera measures in the plan's file, row by row; identify then reads it"
     label: ClassVar[str] = "landmark"
     fewest: ClassVar[int] = 5
     field_of_view: float = FIELD_OF_VIEW
@@ -144,6 +168,18 @@ class CameraWay(MeasuringWay):
     """From the camera, metres."""
     tilt: float = TILT
     """Largest angle between a landmark's normal and the line of sight, radians."""
+
+    @classmethod
+    def arrange(
+        cls,
+        p: Float[np.ndarray, "n 3"],
+        pointing: Float[np.ndarray, " 3"],
+        limits: tuple[float, float] | None,
+        reach: float,
+    ) -> Standing:
+        """Before the tool."""
+        low, high = limits or (NEAREST, FARTHEST)
+        return _landmarks(p, pointing, 0.5 * (low + high))
 
     def goals(
         self, model: ErrorModel, task: Task, thing: int, u: Float[np.ndarray, "n 6"]
@@ -192,7 +228,7 @@ class CameraWay(MeasuringWay):
 class BoardWay(CameraWay):
     """Boards in place of landmarks; about their directions they may be turned anyhow."""
 
-    way: ClassVar[Way] = "board"
+    way: ClassVar[str] = "board"
 
     def observation(self, of: Int[np.ndarray, " n"]) -> Boards:
         """Boards, with that of each row."""
@@ -237,7 +273,11 @@ metres."""
 class SocketWay(MeasuringWay):
     """Sockets, and a ball at the tip of the tool, whose stem runs along the tip's z axis."""
 
-    way: ClassVar[Way] = "socket"
+    way: ClassVar[str] = "socket"
+    filled_in: ClassVar[str] = (
+        "the rows name the sockets; the joints are those of the plan: before identifying, overwrite them by what the "
+        "controller shows with the ball seated"
+    )
     label: ClassVar[str] = "socket"
     fewest: ClassVar[int] = 5
     distances: tuple[SocketDistance, ...] = ()
@@ -263,6 +303,17 @@ class SocketWay(MeasuringWay):
             low[2] -= BELOW
             boxes.append(Box(pose=se3.pose(R, R @ (0.5 * (low + high))), size=high - low))
         return tuple(boxes)
+
+    @classmethod
+    def arrange(
+        cls,
+        p: Float[np.ndarray, "n 3"],
+        pointing: Float[np.ndarray, " 3"],
+        limits: tuple[float, float] | None,
+        reach: float,
+    ) -> Standing:
+        """A block where the tool works."""
+        return _blocks(p, pointing)
 
     def goals(
         self, model: ErrorModel, task: Task, thing: int, u: Float[np.ndarray, "n 6"]
@@ -357,7 +408,9 @@ ANGLE = np.radians(110.0)
 class WireWay(MeasuringWay):
     """Anchors, and the wire's end on the tool."""
 
-    way: ClassVar[Way] = "wire"
+    way: ClassVar[str] = "wire"
+    directed: ClassVar[bool] = False
+    filled_in: ClassVar[str] = "fill in d_mm in the plan's file, row by row; identify then reads it"
     label: ClassVar[str] = "anchor"
     fewest: ClassVar[int] = FEWEST
     shortest: float = SHORTEST
@@ -367,6 +420,19 @@ class WireWay(MeasuringWay):
     """Largest angle between the wire and the direction in which the tool points, radians."""
     scaled: bool = False
     """Whether the instrument's scale is unknown."""
+
+    @classmethod
+    def arrange(
+        cls,
+        p: Float[np.ndarray, "n 3"],
+        pointing: Float[np.ndarray, " 3"],
+        limits: tuple[float, float] | None,
+        reach: float,
+    ) -> Standing:
+        """Around the task."""
+        low, high = limits or (SHORTEST, LONGEST)
+        length = float(np.clip(FAR_SHARE * reach, low + (high - low) / 4, (low + high) / 2))
+        return _anchors(p, pointing, length)
 
     def goals(
         self, model: ErrorModel, task: Task, thing: int, u: Float[np.ndarray, "n 6"]
@@ -637,8 +703,13 @@ FAR_SHARE = 0.5
 LANDMARKS = ("a", "b", "c")
 
 
+def way_named(name: str) -> type[MeasuringWay]:
+    """The way of measuring that an option names, not with a tracker."""
+    return {way.way: way for way in (SocketWay, WireWay, CameraWay, BoardWay)}[name]
+
+
 def stand_by_default(
-    way: Way,
+    way: str,
     model: ErrorModel,
     task: Task,
     T_tool_tip: Float[np.ndarray, "4 4"],
@@ -647,7 +718,7 @@ def stand_by_default(
     """Sockets where the tool works, anchors around it, or landmarks before it.
 
     Args:
-        way: of measuring, not with a tracker.
+        way: of measuring, not with a tracker, by name.
         model: of the robot.
         task: what the robot has to do.
         T_tool_tip: what the tool carries; its z axis points away from the tool.
@@ -659,15 +730,7 @@ def stand_by_default(
     tip = model.poses(reach_task(model, task, POSES).q) @ T_tool_tip
     p, pointing = tip[:, :3, 3], tip[:, :3, 2].mean(axis=0)
     pointing = tip[0, :3, 2] if np.linalg.norm(pointing) < 0.1 else pointing / np.linalg.norm(pointing)
-    if way == "socket":
-        return _blocks(p, pointing)
-    if way == "wire":
-        low, high = limits or (SHORTEST, LONGEST)
-        return _anchors(
-            p, pointing, float(np.clip(FAR_SHARE * model.robot.reach, low + (high - low) / 4, (low + high) / 2))
-        )
-    low, high = limits or (NEAREST, FARTHEST)
-    return _landmarks(p, pointing, 0.5 * (low + high))
+    return way_named(way).arrange(p, pointing, limits, model.robot.reach)
 
 
 def block_distances() -> tuple[SocketDistance, ...]:

@@ -7,7 +7,6 @@ import numpy as np
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FileError, shown
-from taskcal.observations.distance import Lengths
 from taskcal.observations.socket import CALLIPER, SocketDistance, Sockets
 from taskcal.tables.forms import lay_out_file
 from taskcal.tables.table import Table
@@ -114,7 +113,8 @@ def with_unknown_scale(campaign: Campaign) -> Campaign:
     Raises:
         CampaignError: it has no lengths.
     """
-    if not any(isinstance(kind, Lengths) for kind in campaign.observations):
+    scaled = [kind.with_unknown_scale() for kind in campaign.observations]
+    if not any(scaled):
         raise CampaignError(f"{campaign.source or 'the campaign'} has no lengths (d_mm) whose scale could be unknown")
-    kinds = tuple(replace(kind, scaled=True) if isinstance(kind, Lengths) else kind for kind in campaign.observations)
+    kinds = tuple(own or kind for own, kind in zip(scaled, campaign.observations, strict=True))
     return replace(campaign, observations=kinds)

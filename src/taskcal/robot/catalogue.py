@@ -8,34 +8,31 @@ from typing import Any
 import tomli_w
 
 from taskcal.errors import FileError, TaskcalError, UnknownName, shown
-from taskcal.robot.importers.dh import describe_dh_table
-from taskcal.robot.importers.ur import describe_calibration_conf, describe_kinematics_yaml
-from taskcal.robot.importers.urdf import describe_tree, describe_urdf, parse_urdf_tree
-from taskcal.robot.importers.xacro import expand_xacro, trusting_xacro
+from taskcal.plugins import load_plugins, state_faults
+from taskcal.robot.importers import dh, ur, urdf
+from taskcal.robot.importers.base import RobotImporter
+from taskcal.robot.importers.xacro import trusting_xacro
 from taskcal.robot.robot import Robot
 from taskcal.robot.robot_file import read_robot, robot_from
 
 # Robots from files of other programs: which form a file has, and what a robot file says of the same robot.
 
-URDF, XACRO, TABLE = (".urdf", ".xml"), (".xacro",), (".csv", ".txt")
-UR_YAML, UR_CONF = (".yaml", ".yml"), (".conf",)
-"""Endings of files, in small letters."""
+GROUP = "taskcal.robot_importers"
+"""Entry points of other packages: a `RobotImporter` each."""
 
-WHOLE = (*URDF, *XACRO)
-"""Of files that say by themselves all that there is to know."""
-
-FORMS = (
-    "URDF (.urdf), xacro (.xacro), a Denavit–Hartenberg table (.csv), and UR's kinematics (.yaml) and calibration.conf"
-)
-
-TAKEN = {
-    URDF: ("tip", "base"),
-    XACRO: ("tip", "base"),
-    TABLE: ("convention", "units"),
-    UR_YAML: (),
-    UR_CONF: ("nominal",),
+_IMPORTERS: dict[str, RobotImporter] = {
+    one.name: one for one in (urdf.URDF, urdf.XACRO, dh.DH_TABLE, ur.KINEMATICS, ur.CALIBRATION_CONF)
 }
-"""Options that a form has a use for."""
+
+
+def importers() -> tuple[RobotImporter, ...]:
+    """All of them, those of other packages behind Taskcal's own."""
+    load_plugins(GROUP, RobotImporter, _IMPORTERS, lambda one: (one.name, *one.suffixes))
+    return tuple(_IMPORTERS.values())
+
+
+def _importer_of(path: Path) -> RobotImporter | None:
+    return next((one for one in importers() if path.suffix.lower() in one.suffixes), None)
 
 
 def describe_robot(
@@ -51,7 +48,7 @@ def describe_robot(
     """A robot file's content from a file of another form.
 
     Args:
-        path: URDF or xacro, a table, or a file of Universal Robots.
+        path: URDF or xacro, a table, a file of Universal Robots, or one that another package reads.
         convention: of a table.
         tip: of a URDF: the link that is the tool; by default the end of its longest chain.
         base: of a URDF: the link that is the robot's base; the root by default.
@@ -64,25 +61,18 @@ def describe_robot(
         UnknownName: a URDF has no such link.
     """
     path = Path(path)
-    ending = path.suffix.lower()
-    taken = next((options for endings, options in TAKEN.items() if ending in endings), None)
-    if taken is None:
-        raise FileError(path, f"has an ending that no robot's description has; Taskcal reads {FORMS}")
-    stated = {"tip": tip, "base": base, "convention": convention, "units": units, "nominal": nominal}
-    surplus = [option for option, value in stated.items() if value is not None and option not in taken]
+    importer = _importer_of(path)
+    if importer is None:
+        known = ", ".join(f"{one.name} ({one.suffixes[0]})" for one in importers())
+        message = f"has an ending that no robot's description has; Taskcal reads {known} {state_faults(GROUP)}"
+        raise FileError(path, message.rstrip())
+    given = {"tip": tip, "base": base, "convention": convention, "units": units, "nominal": nominal, "name": name}
+    stated = {option: value for option, value in given.items() if value is not None}
+    surplus = [option for option in stated if option not in (*importer.options, "name")]
     if surplus:
-        raise FileError(path, f"has no use for --{surplus[0]}, by its ending {shown(ending, 20)}; leave it out")
-    if ending in URDF:
-        return describe_urdf(path, tip=tip, base=base, name=name)
-    if ending in XACRO:
-        return describe_tree(parse_urdf_tree(path, expand_xacro(path)), tip=tip, base=base, name=name)
-    if ending in TABLE:
-        if convention is None:
-            raise FileError(path, "is a table; state its convention, --convention dh or --convention mdh")
-        return describe_dh_table(path, convention, name, units)
-    described = (
-        describe_kinematics_yaml(path, name) if ending in UR_YAML else describe_calibration_conf(path, nominal, name)
-    )
+        ending = shown(path.suffix.lower(), 20)
+        raise FileError(path, f"has no use for --{surplus[0]}, by its ending {ending}; leave it out")
+    described = importer.describe(path, stated)
     try:
         robot_from(described)
     except TaskcalError as error:
@@ -132,19 +122,21 @@ def load_robot(
     if text in catalogue_names():
         return _catalogued(text)
     path = Path(source)
-    if "#" in text and not path.suffix.lower().endswith((".toml", *WHOLE)):
+    linked = tuple(suffix for one in importers() if "tip" in one.options for suffix in one.suffixes)
+    if "#" in text and not path.suffix.lower().endswith((".toml", *linked)):
         text, _, link = text.rpartition("#")
         path, tip = Path(text), tip or link
-    if path.suffix.lower() in (*WHOLE, *UR_YAML) and tip is None and base is None:
-        return robot_from(describe_robot(path))
-    if path.suffix.lower() in WHOLE:
+    importer = _importer_of(path)
+    if importer is not None and importer.whole and ("tip" in importer.options or (tip is None and base is None)):
         return robot_from(describe_robot(path, tip=tip, base=base))
     if tip is not None or base is not None:
         raise TaskcalError(f"'{shown(text)}' is not a URDF; only one of those has links to name as tip or base")
     if path.suffix == ".toml":
         return read_robot(path)
-    if path.suffix == ".csv":
+    if importer is dh.DH_TABLE:
         raise TaskcalError(
             f"'{text}' is a table; make a robot file of it: taskcal robots import {text} --convention dh|mdh -o ROBOT.toml"
         )
-    raise UnknownName("robot", text, catalogue_names(), "in the catalogue, nor a robot file (.toml, .urdf, .xacro)")
+    files = ", ".join((".toml", *(one.suffixes[0] for one in importers() if one.whole)))
+    hint = f"in the catalogue, nor a robot file ({files}) {state_faults(GROUP)}"
+    raise UnknownName("robot", text, catalogue_names(), hint.rstrip())

@@ -14,10 +14,11 @@ from typing import IO, Annotated
 import tomli_w
 from pydantic import AfterValidator, Field
 
-from robot_programs.languages import LANGUAGES
+from robot_programs.languages import languages
 from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.io.files import write_whole
 from taskcal.io.toml_file import Section, read_toml
+from taskcal.tables.forms import table_suffixes
 
 # Names for files that somebody drops: made from the name that came with them, which is never used as a path itself.
 
@@ -77,7 +78,7 @@ class Layout:
 
 LAYOUT = Layout()
 
-CAMPAIGN_ENDINGS = (".csv", ".txt", ".dat", ".tsv", ".log", ".xlsx")
+CAMPAIGN_ENDINGS = table_suffixes()
 URDF_ENDINGS = (".urdf", ".xacro")
 ROBOT_ENDINGS = (".toml", *URDF_ENDINGS)
 TABLE_ENDINGS = (".csv", ".txt")
@@ -88,7 +89,7 @@ STATION_ENDINGS = (".toml",)
 RESULT = ".result.json"
 """Ending of what the command line said of a calibration, beside it."""
 
-PROGRAM_ENDINGS = tuple(suffix for language in LANGUAGES for suffix in language.suffixes)
+PROGRAM_ENDINGS = tuple(suffix for language in languages() for suffix in language.suffixes)
 
 
 def _inside(path: str) -> str:

@@ -1,12 +1,15 @@
 """Tables in files, whatever form they have: text in columns or a workbook."""
 
 import codecs
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Generic, TypeVar
 
 from taskcal.arguments import repeated
 from taskcal.errors import FileError, shown
 from taskcal.io.text_file import read_bytes
+from taskcal.plugins import load_plugins
 from taskcal.tables.layout import Laid, lay_out, lay_out_plain
 from taskcal.tables.motion_capture import is_motion_capture, parse_motion_capture
 from taskcal.tables.parquet import is_parquet, read_parquet
@@ -32,7 +35,7 @@ _MARKS = (
 )
 """Byte order marks; the longer come first, since that of UTF-32 begins with that of UTF-16."""
 
-_FORMS = {
+_NO_TABLES = {
     b"\xd0\xcf\x11\xe0": "is a workbook of an old kind (.xls); save it as .xlsx or CSV",
     b"%PDF": "is a PDF; export the table as CSV",
     b"PK\x03\x04": "is a packed file; a table in it must be a workbook (.xlsx)",
@@ -54,7 +57,7 @@ def decode(path: str | Path, content: bytes) -> str:
     Raises:
         FileError: it is no text, or not in the encoding that its first bytes state.
     """
-    for start, message in _FORMS.items():
+    for start, message in _NO_TABLES.items():
         if content.startswith(start):
             raise FileError(path, message)
     for mark, encoding in _MARKS:
@@ -120,6 +123,113 @@ class TableForm:
     """Of a workbook."""
 
 
+T = TypeVar("T", bytes, str)
+"""What a file holds, as a form wants it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileForm(Generic[T]):
+    """A form of file that holds a table."""
+
+    name: str
+    """No other form has it."""
+    suffixes: tuple[str, ...]
+    """How its files end, in small letters: by these a folder's campaigns are known."""
+    holds: Callable[[Path, T], bool]
+    """Whether a file, by its name and its content, is of this form."""
+    read: Callable[[Path, T, TableForm], Sheet]
+    """Its rows.
+
+    Raises:
+        FileError: they cannot be read, with line and value.
+    """
+
+
+@dataclass(frozen=True, kw_only=True)
+class BinaryForm(FileForm[bytes]):
+    """A form whose content is bytes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TextForm(FileForm[str]):
+    """A form whose content is text, decoded, with decimal digits of any script as plain ones."""
+
+
+def _is_workbook(path: Path, content: bytes) -> bool:
+    from taskcal.tables.spreadsheet import is_workbook
+
+    return is_workbook(content)
+
+
+def _read_workbook(path: Path, content: bytes, form: TableForm) -> Sheet:
+    from taskcal.tables.spreadsheet import read_workbook
+
+    return with_decimal_points(read_workbook(path, content, form.sheet), form.decimal)
+
+
+GROUP = "taskcal.table_forms"
+"""Entry points of other packages: a `BinaryForm` or a `TextForm` each."""
+
+_FORMS: dict[str, FileForm] = {
+    form.name: form
+    for form in (
+        BinaryForm(
+            name="parquet",
+            suffixes=(".parquet",),
+            holds=lambda path, content: is_parquet(content),
+            read=lambda path, content, form: read_parquet(path, content),
+        ),
+        BinaryForm(name="workbook", suffixes=(".xlsx",), holds=_is_workbook, read=_read_workbook),
+        TextForm(
+            name="motion capture",
+            suffixes=(".csv",),
+            holds=lambda path, text: is_motion_capture(text),
+            read=lambda path, text, form: parse_motion_capture(path, text),
+        ),
+        TextForm(
+            name="labelled values",
+            suffixes=(".log", ".txt"),
+            holds=lambda path, text: has_labelled_values(text),
+            read=lambda path, text, form: parse_labelled_values(path, text),
+        ),
+        TextForm(
+            name="columns",
+            suffixes=(".csv", ".tsv", ".txt", ".dat", ".log"),
+            holds=lambda path, text: True,
+            read=lambda path, text, form: parse_delimited(path, text, form.decimal),
+        ),
+    )
+}
+"""By name, in the order in which a file is tried."""
+
+_OWN = frozenset(_FORMS)
+
+
+def forms() -> tuple[FileForm, ...]:
+    """Those of other packages, which were installed for their files, then Taskcal's own."""
+    load_plugins(GROUP, FileForm, _FORMS)
+    return tuple(sorted(_FORMS.values(), key=lambda form: form.name in _OWN))
+
+
+def table_suffixes() -> tuple[str, ...]:
+    """How files of tables end, in small letters."""
+    return tuple(dict.fromkeys(suffix for form in forms() for suffix in form.suffixes))
+
+
+def _form_of(kind: type[FileForm[T]], path: Path, content: T) -> FileForm[T] | None:
+    """The form that holds a file.
+
+    Raises:
+        FileError: forms of other packages hold it that do not know of each other.
+    """
+    found = [form for form in forms() if isinstance(form, kind) and form.holds(path, content)]
+    added = [form.name for form in found if form.name not in _OWN]
+    if len(added) > 1:
+        names = " and ".join(f"'{name}'" for name in added)
+        raise FileError(path, f"is held by {names}, forms of installed packages; uninstall one of them")
+    return found[0] if found else None
+
+
 def lay_out_file(path: str | Path, form: TableForm | None = None) -> Laid:
     """The table of a file, with what stands around it.
 
@@ -134,17 +244,13 @@ def lay_out_file(path: str | Path, form: TableForm | None = None) -> Laid:
     path, named = _sheet_behind(Path(path))
     form = form or TableForm()
     content = read_bytes(path)
-    from taskcal.tables.spreadsheet import is_workbook, read_workbook
-
-    if is_parquet(content):
-        sheet = read_parquet(path, content)
-    elif is_workbook(content):
-        sheet = with_decimal_points(read_workbook(path, content, named or form.sheet), form.decimal)
+    if (found := _form_of(BinaryForm, path, content)) is not None:
+        sheet = found.read(path, content, replace(form, sheet=named or form.sheet))
     else:
         text = decode(path, content)
         # the bytes of a large file are no longer needed while its text is parted
         del content
-        sheet = parse_sheet(path, text, form.decimal)
+        sheet = parse_sheet(path, text, form)
     return lay_out(sheet, form.columns)
 
 
@@ -156,7 +262,7 @@ def _sheet_behind(path: Path) -> tuple[Path, str | None]:
     return Path(text), sheet
 
 
-def parse_sheet(path: Path, text: str, decimal: DecimalMark | None = None) -> Sheet:
+def parse_sheet(path: Path, text: str, form: TableForm | None = None) -> Sheet:
     """The rows that a file's text holds, in whatever form.
 
     Raises:
@@ -168,12 +274,10 @@ def parse_sheet(path: Path, text: str, decimal: DecimalMark | None = None) -> Sh
         mean = len(text) / lines - 1.0
         raise FileError(path, f"has {lines} lines of {mean:.0f} characters by the mean; is it a table of measurements?")
     refuse_wide(path, text)
-    text = in_plain_digits(text)
-    if is_motion_capture(text):
-        return parse_motion_capture(path, text)
-    if has_labelled_values(text):
-        return parse_labelled_values(path, text)
-    return parse_delimited(path, text, decimal)
+    text, form = in_plain_digits(text), form or TableForm()
+    found = _form_of(TextForm, path, text)
+    assert found is not None, "text in columns holds any"
+    return found.read(path, text, form)
 
 
 def read_csv(path: str | Path, form: TableForm | None = None) -> Table:

@@ -217,9 +217,9 @@ def _say_uncertain(correction: "Correction", *, withheld: bool) -> None:
 
 def _new_program(program: Path, output: Path | None) -> Path | None:
     """The file to write as a new program, where it is named in another language than the program's."""
-    from robot_programs.languages import LANGUAGES, language_of
+    from robot_programs.languages import language_of, languages
 
-    suffixes = {suffix for language in LANGUAGES for suffix in language.suffixes}
+    suffixes = {suffix for language in languages() for suffix in language.suffixes}
     if output is None or is_backup(output) or is_backup(program) or output.suffix.lower() not in suffixes:
         return None
     return None if language_of(output) == language_of(program) else output

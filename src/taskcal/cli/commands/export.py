@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,18 +17,12 @@ if TYPE_CHECKING:
     import numpy as np
 
     from taskcal.export.controller import ControllerOffsets
-    from taskcal.export.forms import Export
+    from taskcal.export.forms import Export, Exporter
     from taskcal.identification.calibration import Calibration
 
 
-class Form(StrEnum):
-    """What is written."""
-
-    urdf = "urdf"
-    ur_yaml = "ur-yaml"
-    dh = "dh"
-    mdh = "mdh"
-    offsets = "offsets"
+OFFSETS = "offsets"
+"""What a controller alone can hold: not a file for another program, but a result of its own."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,12 +47,12 @@ class PosesOptions:
 def command(
     calibration: CalibrationArgument,
     form: Annotated[
-        Form,
+        str,
         typer.Option(
             "--form",
-            case_sensitive=False,
+            metavar="urdf|ur-yaml|dh|mdh|offsets|…",
             help="urdf: links and joints, absolute; ur-yaml: kinematics of Universal Robots' driver; dh, mdh: a table; offsets: "
-            "joint zeros, tool and base alone, with the error that they leave.",
+            "joint zeros, tool and base alone, with the error that they leave; or a form that an installed package writes.",
         ),
     ],
     output: Annotated[
@@ -75,8 +68,9 @@ def command(
     out: OutputOptions,
 ) -> None:
     """Write a calibrated robot as URDF, YAML or table, or fit what a controller can hold."""
-    if output is None and form is not Form.offsets:
-        raise typer.BadParameter(f"name the file to write as {form.value}", param_hint="--output")
+    form, exporter = form.lower(), None if form.lower() == OFFSETS else _exporter(form.lower())
+    if output is None and exporter is not None:
+        raise typer.BadParameter(f"name the file to write as {form}", param_hint="--output")
     inputs = [calibration, *files_of_task(poses.task)]
     outputs = check_outputs("export", [("--output", output)], inputs, force=out.force)
     from taskcal.identification.calibration import load_calibration
@@ -88,11 +82,11 @@ def command(
         with working(REACHING, steps=1) as begin:
             reached = read_and_reach(ErrorModel(robot), poses.task, poses.count, poses.seed, begin)
     q = None if reached is None else reached.q
-    if form is Form.offsets:
+    if exporter is None:
         from taskcal.export.controller import fit_offsets
 
         offsets = fit_offsets(calibrated, q, None if reached is None else reached.weights)
-        result: dict[str, Any] = {"robot": robot.name, "form": form.value, **offsets.summary()}
+        result: dict[str, Any] = {"robot": robot.name, "form": form, **offsets.summary()}
         if output is not None:
             outputs.write({output: json.dumps(plain(result), indent=1, allow_nan=False) + "\n"})
         if out.as_json:
@@ -100,23 +94,23 @@ def command(
         else:
             _show_offsets(robot.name, offsets, poses.task)
         return
-    export = _exported(calibrated, form, q, accept_loss=accept_loss)
+    export = exporter.write(calibrated, q, accept_loss)
     assert output is not None, "checked above"
     outputs.write({output: export.text})
     _say(export, calibrated, form, output, as_json=out.as_json)
 
 
-def _exported(calibration: "Calibration", form: Form, q: "np.ndarray | None", *, accept_loss: bool) -> "Export":
-    from taskcal.export.forms import export_dh, export_ur_yaml, export_urdf
+def _exporter(form: str) -> "Exporter":
+    from taskcal.errors import UnknownName
+    from taskcal.export.forms import exporter_of
 
-    if form is Form.urdf:
-        return export_urdf(calibration, q, accept_loss=accept_loss)
-    if form is Form.ur_yaml:
-        return export_ur_yaml(calibration, q, accept_loss=accept_loss)
-    return export_dh(calibration, "dh" if form is Form.dh else "mdh", q, accept_loss=accept_loss)
+    try:
+        return exporter_of(form)
+    except UnknownName as error:
+        raise typer.BadParameter(f"{error}, {OFFSETS}", param_hint="--form") from error
 
 
-def _say(export: "Export", calibration: "Calibration", form: Form, output: Path, *, as_json: bool) -> None:
+def _say(export: "Export", calibration: "Calibration", form: str, output: Path, *, as_json: bool) -> None:
     from taskcal.export.forms import placed
 
     for remark in export.remarks:
@@ -126,9 +120,9 @@ def _say(export: "Export", calibration: "Calibration", form: Form, output: Path,
     if as_json:
         frames = {name: placed(T) for name, T in export.frames.items()}
         name = calibration.model.robot.name
-        write_json({"robot": name, "form": form.value, "file": output, "loss": export.loss.summary(), "frames": frames})
+        write_json({"robot": name, "form": form, "file": output, "loss": export.loss.summary(), "frames": frames})
         return
-    tell(f"wrote {output}: {calibration.model.robot.name} as {form.value}")
+    tell(f"wrote {output}: {calibration.model.robot.name} as {form}")
     for name, T in export.frames.items():
         tell(f"{name}: {_place(T)}")
 

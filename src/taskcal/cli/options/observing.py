@@ -51,9 +51,6 @@ ALLOWED = {
 }
 """Ways of measuring that each option speaks of."""
 
-FILES = {"socket": "sockets", "wire": "anchors", "camera": "landmarks", "board": "landmarks"}
-"""Option that names the file of what stands."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class ObservingOptions:
@@ -251,14 +248,14 @@ class ObservingOptions:
     @property
     def stated(self) -> Path | None:
         """File of what stands."""
-        return getattr(self, FILES[self.observe.value]) if self.observe.value in FILES else None
+        return next((path for path in self.files if path is not None), None)
 
     def _standing(self, model: "ErrorModel", task: "Task", tip: "np.ndarray") -> "Standing":
-        from taskcal.planning.instruments import stand_by_default
+        from taskcal.planning.instruments import stand_by_default, way_named
         from taskcal.virtual.station import load_standing
 
         if self.stated is not None:
-            return load_standing(self.stated, FILES[self.observe.value].removesuffix("s"))
+            return load_standing(self.stated, way_named(self.observe.value).label)
         assert self.observe is not WayChoice.tracker
         return stand_by_default(self.observe.value, model, task, tip, self.limits)
 
@@ -301,15 +298,6 @@ def _numbers(text: str, count: int, option: str) -> tuple[float, ...]:
 
 # What ``taskcal plan`` says of a plan without a tracker: what stands where, what to check, what to write down.
 
-FILLED_IN = {
-    "socket": "the rows name the sockets; the joints are those of the plan: before identifying, overwrite them by what the "
-    "controller shows with the ball seated",
-    "wire": "fill in d_mm in the plan's file, row by row; identify then reads it",
-    "camera": "fill in what the camera measures in the plan's file, row by row; identify then reads it",
-    "board": "fill in what the camera measures in the plan's file, row by row; identify then reads it",
-}
-"""What is to be done with the file."""
-
 MOST_NAMED = 12
 """Poses that a message names."""
 
@@ -335,7 +323,7 @@ def tell_how_to_measure(plan: "Plan", robot: "Robot", *, stated: bool) -> None:
     way = plan.way
     assert way is not None
     whose = "as stated" if stated else "assumed"
-    turned = way.way != "wire"
+    turned = way.directed
     rows: list[tuple[str, ...]] = []
     for name, position, direction in zip(
         way.standing.names, way.standing.position, way.standing.direction, strict=True
@@ -348,7 +336,7 @@ def tell_how_to_measure(plan: "Plan", robot: "Robot", *, stated: bool) -> None:
         (way.label, "x_mm", "y_mm", "z_mm", *(("i", "j", "k") if turned else ()), "poses"),
         rows,
     )
-    info(FILLED_IN[way.way])
+    info(way.filled_in)
     if not stated:
         info(f"nobody said where the {way.label}s stand: put them there, or say where they do and plan anew")
     x, y, z = way.T_tool_tip[:3, 3] * 1e3

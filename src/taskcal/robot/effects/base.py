@@ -9,12 +9,16 @@ from jaxtyping import Float, Int
 
 from taskcal.errors import TaskcalError, UnknownName, shown
 from taskcal.kernels.chain import ErrorFrame, Fixed, Joint, Step
+from taskcal.plugins import load_plugins, state_faults
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.joint_side import Shift
 from taskcal.robot.robot import Robot
 from taskcal.robot.statics import Load
 
 # Every effect that is defined, by the key people name it by and by the name files know it by.
+
+GROUP = "taskcal.effects"
+"""Entry points of other packages: classes of effects."""
 
 _KINDS: dict[str, type["Effect"]] = {}
 """By class name, in the order of definition."""
@@ -46,7 +50,8 @@ def _home(kind: type["Effect"]) -> tuple[str, str]:
 
 
 def kinds() -> tuple[type["Effect"], ...]:
-    """All effects, in the order in which they were defined."""
+    """All effects, in the order in which they were defined; those of other packages behind Taskcal's own."""
+    load_plugins(GROUP, Effect, _KINDS)
     return tuple(_KINDS.values())
 
 
@@ -72,7 +77,8 @@ def parse_effect(text: str) -> "Effect":
         effect = kind.parse(text)
         if effect is not None:
             return effect
-    raise TaskcalError(f"'{shown(text)}' is not an effect; known: {', '.join(ways_to_write())}")
+    known = ", ".join(ways_to_write())
+    raise TaskcalError(f"'{shown(text)}' is not an effect; known: {known} {state_faults(GROUP)}".rstrip())
 
 
 def effect_from(data: Mapping[str, Any]) -> "Effect":
@@ -83,6 +89,8 @@ def effect_from(data: Mapping[str, Any]) -> "Effect":
         TaskcalError: a kind whose module is not imported.
     """
     kind, module = str(data["kind"]), data.get("module")
+    if kind not in _KINDS:
+        kinds()  # loads those of other packages
     if kind in _KINDS:
         return _KINDS[kind].from_json({name: value for name, value in data.items() if name not in ("kind", "module")})
     if module is None:
@@ -90,7 +98,7 @@ def effect_from(data: Mapping[str, Any]) -> "Effect":
     where = "a script or notebook" if module == "__main__" else f"the module '{shown(module)}'"
     raise TaskcalError(
         f"the effect '{shown(kind)}' comes from {where}, which is not imported; import the module that defines it first, on "
-        "the command line by taskcal --import MODULE …"
+        f"the command line by taskcal --import MODULE … {state_faults(GROUP)}".rstrip()
     )
 
 

@@ -1,7 +1,7 @@
 """Robots from Denavit–Hartenberg tables in CSV files."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 
 from taskcal.arguments import repeated
 from taskcal.errors import FileError, TaskcalError, UnknownName, shown
+from taskcal.robot.importers.base import RobotImporter
 from taskcal.robot.robot import Robot
 from taskcal.robot.robot_file import MOST_JOINTS, robot_from
 from taskcal.tables.column_groups import ColumnGroups
@@ -356,3 +357,18 @@ def describe_dh_table(
 def read_dh_table(path: str | Path, convention: str, name: str | None = None, units: str | None = None) -> Robot:
     """The robot of a Denavit–Hartenberg table; arguments and errors as `describe_dh_table`."""
     return robot_from(describe_dh_table(path, convention, name, units))
+
+
+def _described(path: Path, options: Mapping[str, Any]) -> dict[str, Any]:
+    if "convention" not in options:
+        raise FileError(path, "is a table; state its convention, --convention dh or --convention mdh")
+    return describe_dh_table(path, options["convention"], options.get("name"), options.get("units"))
+
+
+DH_TABLE = RobotImporter(
+    name="Denavit–Hartenberg table",
+    suffixes=(".csv", ".txt"),
+    options=("convention", "units"),
+    describe=_described,
+    whole=False,
+)

@@ -10,6 +10,7 @@ import numpy as np
 from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.geometry import se3
 from taskcal.io.text_file import read_text
+from taskcal.robot.importers.base import RobotImporter
 from taskcal.robot.importers.urdf import steps_of
 from taskcal.robot.robot import Robot
 
@@ -169,3 +170,18 @@ def _number(path: Path, text: str, line: int) -> float:
     if not abs(value) <= FARTHEST:
         raise FileError(path, f"'{shown(text.strip())}' is not a number of metres or radians", line=line)
     return value
+
+
+KINEMATICS = RobotImporter(
+    name="UR's kinematics",
+    suffixes=(".yaml", ".yml"),
+    describe=lambda path, options: describe_kinematics_yaml(path, **options),
+)
+
+CALIBRATION_CONF = RobotImporter(
+    name="UR's calibration",
+    suffixes=(".conf",),
+    options=("nominal",),
+    describe=lambda path, options: describe_calibration_conf(path, **options),
+    whole=False,
+)

@@ -13,6 +13,8 @@ from jaxtyping import Float
 from taskcal.errors import FileError, TaskcalError, UnknownName, shown
 from taskcal.geometry import se3
 from taskcal.io.xml_file import Element, parse_xml, read_xml
+from taskcal.robot.importers.base import RobotImporter
+from taskcal.robot.importers.xacro import expand_xacro
 from taskcal.robot.robot_file import robot_from
 
 # URDF, the robot description of ROS: links and joints of a file, with the lines they stand in.
@@ -433,6 +435,21 @@ def describe_tree(
         message = f"places the links from '{shown(begin)}' to '{shown(end)}' {apart:.0f} m apart; URDF counts in metres"
         raise FileError(tree.path, f"{message}: are these millimetres?")
     return described
+
+
+URDF = RobotImporter(
+    name="URDF",
+    suffixes=(".urdf", ".xml"),
+    options=("tip", "base"),
+    describe=lambda path, options: describe_urdf(path, **options),
+)
+
+XACRO = RobotImporter(
+    name="xacro",
+    suffixes=(".xacro",),
+    options=("tip", "base"),
+    describe=lambda path, options: describe_tree(parse_urdf_tree(path, expand_xacro(path)), **options),
+)
 
 
 def choose_tip(tree: UrdfTree) -> str:

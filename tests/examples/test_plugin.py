@@ -1,0 +1,254 @@
+"""A package of its own adds one thing of each kind, and no file of Taskcal's knows of it."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PLUGIN = ROOT / "examples/plugin"
+
+ARM = {
+    "name": "arm",
+    "dh": [
+        {"d": 0.40, "a": 0.05, "alpha": -1.5707963267948966, "theta": 0.0},
+        {"d": 0.0, "a": 0.45, "alpha": 0.0, "theta": -1.5707963267948966},
+        {"d": 0.0, "a": 0.04, "alpha": -1.5707963267948966, "theta": 0.0},
+        {"d": 0.42, "a": 0.0, "alpha": 1.5707963267948966, "theta": 0.0},
+        {"d": 0.0, "a": 0.0, "alpha": -1.5707963267948966, "theta": 0.0},
+        {"d": 0.08, "a": 0.0, "alpha": 0.0, "theta": 0.0},
+    ],
+}
+
+TASK = """\
+name = "box"
+[workspace]
+frame = "base"
+shape = "box"
+center_mm = [550.0, 0.0, 450.0]
+size_mm = [200.0, 400.0, 300.0]
+[[workspace.orientation]]
+quaternion = [0.0, 1.0, 0.0, 0.0]
+cone_deg = 40.0
+"""
+
+Run = Callable[..., str]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the package installed in it, as pip does without a network."""
+    folder = tmp_path_factory.mktemp("site")
+    options = ["--no-deps", "--no-build-isolation", "--no-index", "--disable-pip-version-check"]
+    command = [sys.executable, "-m", "pip", "install", "--quiet", *options, "--target", str(folder), str(PLUGIN)]
+    subprocess.run(command, check=True)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def run(site: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Run Python in a folder with a robot and a task, in a process of its own that has the package."""
+    folder = tmp_path_factory.mktemp("work")
+    (folder / "arm.json").write_text(json.dumps(ARM), encoding="utf-8")
+    (folder / "task.toml").write_text(TASK, encoding="utf-8")
+
+    def run(*arguments: str, status: int = 0, others: tuple[Path, ...] = ()) -> str:
+        places = [*map(str, others), str(site), str(ROOT / "src")]
+        done = subprocess.run(
+            [sys.executable, *arguments],
+            cwd=folder,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(places), "PYTHONIOENCODING": "utf-8"},
+            capture_output=True,
+            encoding="utf-8",
+            timeout=300,
+        )
+        assert done.returncode == status, done.stderr
+        return done.stdout + done.stderr if status or others else done.stdout
+
+    return run
+
+
+def taskcal(run: Run, *arguments: str, **options) -> str:
+    return run("-m", "taskcal", *arguments, **options)
+
+
+def test_importer_of_a_package_reads_a_robot(run: Run) -> None:
+    made = json.loads(taskcal(run, "robots", "import", "arm.json", "-o", "arm.toml", "--force", "--json"))
+    assert (made["name"], made["joints"]) == ("arm", [f"J{k}" for k in range(1, 7)])
+    run("-c", "import taskcal as tc; assert tc.load_robot('arm.json').digest == tc.load_robot('arm.toml').digest")
+    assert "has no use for --tip" in taskcal(
+        run, "robots", "import", "arm.json", "-o", "b.toml", "--tip", "x", status=1
+    )
+
+
+CALIBRATE = """
+import numpy as np, taskcal as tc
+from taskcal_example.drift import Drift
+model = tc.ErrorModel(tc.load_robot("arm.json")) + Drift()
+rng = np.random.default_rng(0)
+q, time = rng.uniform(-1.2, 1.2, (60, 6)), np.linspace(0.0, 7200.0, 60)
+x = np.zeros(len(model))
+x[[name.endswith("drift") for name in model.names]] = 2e-4
+campaign, truth = tc.simulate(model, q, rng=rng, x=x, conditions=tc.Conditions(time=time))
+tc.write_campaign("campaign.csv", campaign, model.robot)
+plain = tc.identify(tc.ErrorModel(model.robot), campaign)
+plain.save("plain.json")
+"""
+
+
+@pytest.fixture(scope="module")
+def calibrated(run: Run) -> Run:
+    """With a campaign of a robot whose zeros drift, and a calibration without the effect."""
+    run("-c", CALIBRATE)
+    return run
+
+
+def test_effect_of_a_package_is_identified_and_loaded(calibrated: Run) -> None:
+    options = ("--robot", "arm.json", "campaign.csv", "-o", "drift.json", "--force", "--json")
+    taskcal(calibrated, "identify", *options, "--effects", "drift")
+    code = """
+import taskcal as tc
+calibration = tc.load_calibration("drift.json")  # nothing of the package was imported
+drifts = [v for n, v in zip(calibration.names, calibration.estimate) if n.endswith(".drift")]
+assert len(drifts) == 6 and all(abs(drift - 2e-4) < 4e-5 for drift in drifts[:3]), drifts
+"""
+    calibrated("-c", code)
+
+
+def test_table_form_of_a_package_reads_the_same_campaign(calibrated: Run) -> None:
+    code = """
+import csv, numpy as np, taskcal as tc
+rows = list(csv.reader(open("campaign.csv", encoding="utf-8")))
+widths = [max(map(len, column)) for column in zip(*rows)]
+lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in rows]
+lines.insert(1, "  ".join("-" * width for width in widths))
+open("campaign.lst", "w", encoding="utf-8").write("\\n".join(["LISTING OF 60 POINTS", *lines]) + "\\n")
+one, other = (tc.read_campaign(name, tc.load_robot("arm.json")) for name in ("campaign.csv", "campaign.lst"))
+assert np.array_equal(one.q, other.q) and np.array_equal(one.points, other.points)
+open("wrong.lst", "w", encoding="utf-8").write("\\n".join([*lines[:2], lines[2] + 20 * " " + "17"]) + "\\n")
+try:
+    tc.read_campaign("wrong.lst", tc.load_robot("arm.json"))
+except tc.FileError as error:
+    assert str(error).startswith("wrong.lst:3: goes on beyond the last column"), error
+else:
+    raise AssertionError
+"""
+    calibrated("-c", code)
+
+
+def test_exporter_of_a_package_writes_a_calibration(calibrated: Run) -> None:
+    report = ("-o", "report.txt", "--force")
+    taskcal(calibrated, "export", "plain.json", "--form", "dh-report", "--accept-loss", *report)
+    calibrated("-c", "text = open('report.txt', encoding='utf-8').read(); assert text.count(' theta ') == 6, text")
+    said = taskcal(calibrated, "export", "plain.json", "--form", "dh-repor", *report, status=2)
+    assert "no form 'dh-repor'; did you mean 'dh-report'" in said
+
+
+PROGRAM = "; three lines\r\nLIN 500 -100 400 180 0 0\r\nLIN 500.0 100.0 400.0 180 0 0 \r\nLIN 600 100 450 180 10 0\r\nWAIT\r\n"
+
+
+def test_language_of_a_package_is_corrected(calibrated: Run) -> None:
+    code = f"""
+import numpy as np, taskcal as tc
+open("part.pts", "w", newline="").write({PROGRAM!r})
+calibration = tc.load_calibration("plain.json")
+program = tc.read_program("part.pts", robot=calibration.model.robot)
+assert np.allclose(program.moves[0].end.T[:3, 3], [0.5, -0.1, 0.4]), program
+"""
+    calibrated("-c", code)
+    result = json.loads(taskcal(calibrated, "correct", "--calibration", "plain.json", "part.pts", "-o", "new.pts",
+                                "--force", "--accept-uncertain", "--json"))  # fmt: skip
+    assert result["written"] == ["new.pts"]
+    code = """
+old, new = (open(name, newline="").read().split("\\r\\n") for name in ("part.pts", "new.pts"))
+assert (new[0], new[-2:]) == (old[0], old[-2:]), new
+moved = [[abs(float(a) - float(b)) for a, b in zip(one.split()[1:], other.split()[1:])] for one, other in zip(old[1:4], new[1:4])]
+assert all(0.0 < max(row[:3]) < 20.0 for row in moved), moved
+"""
+    calibrated("-c", code)
+
+
+def test_observation_of_a_package_is_simulated_and_identified(run: Run) -> None:
+    options = ("--robot", "arm.json", "--task", "task.toml", "--observe", "gauge", "--count", "90", "--force")
+    taskcal(run, "simulate", *options, "-o", "heights.csv", "--json")
+    code = """
+import csv
+rows = list(csv.DictReader(open("heights.csv", encoding="utf-8")))
+assert {row["plate"] for row in rows} == {"1", "2", "3"} and all(0 <= float(r["height_mm"]) <= 20 for r in rows), rows[:3]
+"""
+    run("-c", code)
+    taskcal(run, "identify", "--robot", "arm.json", "heights.csv", "-o", "heights.json", "--force", "--json")
+    told = json.loads(taskcal(run, "validate", "heights.json", "heights.csv", "--json"))
+    assert told["mean_mm"] < 0.05, told
+
+
+def write_package(folder: Path, name: str, module: str, entries: str) -> None:
+    """What an installer leaves of a package with one module."""
+    (folder / f"{name}.py").write_text(module, encoding="utf-8")
+    metadata = folder / f"{name}-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n", encoding="utf-8")
+    (metadata / "entry_points.txt").write_text(entries, encoding="utf-8")
+
+
+GROUPS = {
+    "taskcal.effects": "from taskcal_example.drift import Drift; import taskcal.effects as r; assert Drift in r.kinds()",
+    "taskcal.observations": "from taskcal.observations import kind_of; kind_of('height')",
+    "taskcal.table_forms": "from taskcal.tables.forms import forms; assert 'listing' in [f.name for f in forms()]",
+    "taskcal.robot_importers": "import taskcal as tc; tc.load_robot('arm.json')",
+    "taskcal.exporters": "from taskcal.export.forms import exporter_of; exporter_of('dh-report')",
+    "robot_programs.languages": "from robot_programs.languages import languages; assert languages()[-1].name == 'PTS'",
+}
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_broken_package_is_named_and_hides_no_other(run: Run, tmp_path: Path, group: str) -> None:
+    write_package(tmp_path, "aaa_broken", "import of_nothing", f"[{group}]\nthing = aaa_broken:THING\n")
+    said = run("-c", GROUPS[group], others=(tmp_path,))
+    assert "the package 'aaa_broken' cannot add" in said
+    assert "ModuleNotFoundError: No module named 'of_nothing'" in said
+
+
+TWICE = {
+    "taskcal.effects": (
+        "from taskcal.effects import Effect\nclass Z(Effect):\n    key = 'drift'\n    label = 'd'\n",
+        "Z",
+    ),
+    "taskcal.observations": ("from taskcal.observations import Planes\nclass Z(Planes):\n    key = 'height'\n", "Z"),
+    "taskcal.table_forms": (
+        "from dataclasses import replace\nfrom taskcal_example.lst import LST\nZ = replace(LST)",
+        "Z",
+    ),
+    "taskcal.robot_importers": (
+        "from dataclasses import replace\nfrom taskcal_example.dh_json import DH_JSON as D\nZ = replace(D, name='z')",
+        "Z",
+    ),
+    "taskcal.exporters": (
+        "from dataclasses import replace\nfrom taskcal_example.dh_report import *\nZ = DH_REPORT",
+        "Z",
+    ),
+    "robot_programs.languages": (
+        "from dataclasses import replace\nfrom taskcal_example.pts import PTS\nZ = replace(PTS, name='Z')",
+        "Z",
+    ),
+}
+"""A module that takes a name or an ending of the example's."""
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_name_of_another_package_is_refused_naming_both(run: Run, tmp_path: Path, group: str) -> None:
+    module, entry = TWICE[group]
+    write_package(tmp_path, "zzz_twice", module, f"[{group}]\nthing = zzz_twice:{entry}\n")
+    said = run("-c", GROUPS[group], others=(tmp_path,))
+    assert "the package 'zzz_twice' cannot add" in said
+    assert "taskcal-example" in said or "taskcal_example" in said
+
+
+def test_help_loads_no_package(run: Run, tmp_path: Path) -> None:
+    entries = "".join(f"[{group}]\nthing = aaa_loud:THING\n" for group in GROUPS)
+    write_package(tmp_path, "aaa_loud", "print('loaded')\nTHING = None\n", entries)
+    assert "loaded" not in taskcal(run, "--help", others=(tmp_path,))
