@@ -16,7 +16,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help demo studio test test-quick test-long fuzz browser lint format types layers docs bench bench-guard bench-smoke peers wheel-test oldest coverage mutants licences audit clean
+.PHONY: help demo studio test test-quick test-long test-all fuzz browser lint format types layers docs bench bench-guard bench-smoke peers wheel-test oldest coverage mutants licences audit clean
 
 help:  ## list these targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
@@ -33,8 +33,13 @@ test: $(VENV)/.test  ## run the tests
 test-quick: $(VENV)/.test  ## run some tests of every file on few examples, for a look while working
 	$(BIN)/python -m pytest --numprocesses auto --hypothesis-profile quick -m quick
 
-test-long: $(VENV)/.test  ## run the experiments that take minutes each
-	$(BIN)/python -m pytest --numprocesses auto -m "long and not browser"
+# Status 5: no experiment among the tests that a change touches.
+test-long: $(VENV)/.test  ## run the experiments, of minutes each, that a change touches (tests/touched.py)
+	@touched=$$($(BIN)/python -m tests.touched) && { [ -n "$$touched" ] || { echo "the change touches no test"; exit 0; }; \
+	$(BIN)/python -m pytest --numprocesses auto -m "long and not browser" $$touched || [ $$? = 5 ]; }
+
+test-all: $(VENV)/.test  ## run all tests and all experiments, but for those in a browser; an hour
+	$(BIN)/python -m pytest --numprocesses auto -m "not browser"
 
 fuzz: $(VENV)/.test  ## damage some files of every kind at random, other ones than the tests do
 	$(BIN)/python -m tests.readers.fuzz

@@ -22,7 +22,7 @@ MANY = pytest.param(400, marks=pytest.mark.long)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("spread_deg", [20.0, 0.0])
+@pytest.mark.parametrize("spread_deg", [20.0, pytest.param(0.0, marks=pytest.mark.long)])
 def test_intervals_cover_the_truth_as_often_as_they_say_and_the_error_is_near_the_bound(spread_deg):
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     task = reference_task(np.radians(spread_deg))

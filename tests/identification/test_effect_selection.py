@@ -57,9 +57,11 @@ def test_where_there_is_no_effect_the_prediction_is_that_of_geometry(robot):
 @pytest.mark.parametrize(
     "true",
     [
-        Harmonics(orders=(1,)),
         Compliance(),
-        *(pytest.param(effect, marks=pytest.mark.long) for effect in (EncoderGain(), Backlash(), Overshoot())),
+        *(
+            pytest.param(effect, marks=pytest.mark.long)
+            for effect in (Harmonics(orders=(1,)), EncoderGain(), Backlash(), Overshoot())
+        ),
     ],
     ids=lambda e: type(e).__name__,
 )

@@ -7,7 +7,7 @@ from tests.identification.no_harm import KINDS, ROBOTS, WITH, WITHOUT, draw
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "seed"), [("nothing", 42), ("gain", 1)])
+@pytest.mark.parametrize(("kind", "seed"), [pytest.param("nothing", 42, marks=pytest.mark.long), ("gain", 1)])
 def test_one_robot_of_a_kind_is_predicted_nearly_as_well_as_by_who_knows_the_kind(kind, seed):
     outcome = draw(ROBOTS[seed % len(ROBOTS)], KINDS[kind], seed)
     assert outcome.auto < 1.2 * outcome.told

@@ -13,6 +13,9 @@ from taskcal.robot.robot_file import robot_from
 
 _IRB6660 = load_robot("abb-irb6660-205-1.9").description
 
+NAMED = ("abb-irb6660-205-1.9", "ur10", "franka-panda")
+"""A closed loop, a plain arm and one of seven axes, for what random robots do not have."""
+
 seeds = st.integers(0, 2**32 - 1)
 generators = seeds.map(np.random.default_rng)
 

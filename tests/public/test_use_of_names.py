@@ -65,18 +65,22 @@ def missing(path: list[str]) -> list[str]:
     return [".".join(path)] if inside and path[1] not in public_names(f"taskcal.{path[0]}") else []
 
 
-@pytest.mark.parametrize("script", SOURCES, ids=lambda path: path.stem)
-def test_an_example_uses_public_names_only(script: Path) -> None:
-    assert not_public(script.read_text(encoding="utf-8")) == []
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_a_page_uses_public_names_only(page: Path) -> None:
+def not_public_of_page(page: Path) -> list[str]:
+    """The same in the blocks of code of a page, and in its sentences."""
     text = page.read_text(encoding="utf-8")
-    assert [wrong for _, code in BLOCK.findall(text) for wrong in not_public(code)] == []
+    wrong = [name for _, code in BLOCK.findall(text) for name in not_public(code)]
     if page.name != "CONTRIBUTING.md" and "decisions" not in page.parts:
         named = [span for span in SPAN.findall(BLOCK.sub("", text)) if not span.endswith(FILES)]
-        assert [wrong for span in named for wrong in missing(span[1:].split("."))] == []
+        wrong += [name for span in named for name in missing(span[1:].split("."))]
+    return wrong
+
+
+def test_an_example_uses_public_names_only() -> None:
+    assert [(path.stem, name) for path in SOURCES for name in not_public(path.read_text(encoding="utf-8"))] == []
+
+
+def test_a_page_uses_public_names_only() -> None:
+    assert [(str(page.relative_to(ROOT)), name) for page in PAGES for name in not_public_of_page(page)] == []
 
 
 @pytest.mark.parametrize(

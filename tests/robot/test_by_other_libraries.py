@@ -6,7 +6,6 @@ numbers of the robot's file, read plainly, and what a closed loop and couplings 
 
 import numpy as np
 import pinocchio
-import pytest
 from pytransform3d import transformations as pt
 
 from taskcal.robot.catalogue import catalogue_names, load_robot
@@ -55,9 +54,12 @@ def by_pytransform3d(description, s):
     return T, np.concatenate([v + np.cross(w, T[:3, 3], axis=0), w])
 
 
-@pytest.mark.parametrize("name", catalogue_names())
-def test_a_robot_of_the_catalogue_has_their_poses_and_jacobians(name):
-    robot = load_robot(name)
+def test_a_robot_of_the_catalogue_has_their_poses_and_jacobians():
+    for name in catalogue_names():
+        assert_agrees_with_others(load_robot(name))
+
+
+def assert_agrees_with_others(robot):
     model, description, rng = ErrorModel(robot), robot.description, np.random.default_rng(0)
     q = rng.uniform(*np.clip(robot.limits, -2.0, 2.0).T, size=(400, len(robot.joints)))
     q = q[robot.inside_limits(q)][:3]
@@ -68,5 +70,5 @@ def test_a_robot_of_the_catalogue_has_their_poses_and_jacobians(name):
         by_joint = plain.derivatives(lambda v: np.array(plain.coordinates(description, v)), q[row])
         for other in (by_pinocchio, by_pytransform3d):
             pose, twists = other(description, s)
-            np.testing.assert_allclose(T[row], pose, rtol=0.0, atol=1e-12)
-            np.testing.assert_allclose(J[row], twists @ by_joint, rtol=0.0, atol=1e-11)
+            np.testing.assert_allclose(T[row], pose, rtol=0.0, atol=1e-12, err_msg=robot.name)
+            np.testing.assert_allclose(J[row], twists @ by_joint, rtol=0.0, atol=1e-11, err_msg=robot.name)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from taskcal.errors import TaskcalError, UnknownName
-from taskcal.robot.catalogue import catalogue_names, load_robot
+from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, EncoderGain, Harmonics, effect_from
 from taskcal.robot.error_model import ErrorModel
+from tests.laws.robots import NAMED
 from tests.robot.effects.dressed import BESIDE, dressed, positions
 
 EFFECTS = [
@@ -20,7 +21,7 @@ EFFECTS = [
 ]
 
 
-@pytest.mark.parametrize("name", catalogue_names())
+@pytest.mark.parametrize("name", NAMED)
 @pytest.mark.parametrize("effect", EFFECTS, ids=repr)
 def test_columns_of_an_effect_are_the_derivatives_of_the_poses(name, effect):
     robot = load_robot(name)

@@ -4,12 +4,12 @@ from hypothesis import given
 
 from taskcal.demo.true_robot import elastic_model
 from taskcal.errors import ClosureError, UnknownName
-from taskcal.robot.catalogue import catalogue_names, load_robot
+from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, EncoderGain
 from taskcal.robot.error_model import COMPONENTS, ErrorModel
 from taskcal.robot.robot_file import robot_from
 from tests.laws import plain
-from tests.laws.robots import cases, four_bar_cases, irb6660_description, irb6660_positions
+from tests.laws.robots import NAMED, cases, four_bar_cases, irb6660_description, irb6660_positions
 
 ANY = {"with loop": four_bar_cases(), "without loop": cases()}
 
@@ -113,7 +113,7 @@ def test_the_model_of_nominal_lengths_has_the_publications_six_and_their_derivat
         close(J[row], plain.twists(lengths_pose(x, q[row]), dT))
 
 
-@pytest.mark.parametrize("name", catalogue_names())
+@pytest.mark.parametrize("name", NAMED)
 def test_the_model_of_lengths_has_a_column_for_every_length_of_a_catalogue_robot(name):
     model = ErrorModel(load_robot(name), lengths_only=True)
     assert len(model) > 0
@@ -191,7 +191,7 @@ def test_parameters_of_another_number_are_refused():
         model.poses(np.zeros((1, 6)), np.zeros(41))
 
 
-@pytest.mark.parametrize("name", catalogue_names())
+@pytest.mark.parametrize("name", NAMED)
 def test_no_defect_moves_the_first_axis_in_the_base_and_those_of_a_joint_move_the_next(name):
     """The defects of a joint follow its motion: joint 1 turns the tool about its nominal axis, whatever they are."""
     model, rng = ErrorModel(load_robot(name)), np.random.default_rng(0)

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
 
-from taskcal.robot.catalogue import catalogue_names, load_robot
+from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.mechanism import trace_skeleton
 from taskcal.robot.robot import Robot
+from tests.laws.robots import NAMED, Case, cases
 
 
 def _poses(robot: Robot) -> np.ndarray:
@@ -15,10 +17,17 @@ def _poses(robot: Robot) -> np.ndarray:
     return middle + np.random.default_rng(0).uniform(-0.1, 0.1, (4, len(robot.joints)))
 
 
-@pytest.mark.parametrize("name", catalogue_names())
-def test_the_lines_end_at_the_tool_and_are_one_way(name: str) -> None:
-    robot = load_robot(name)
-    q = _poses(robot)
+@given(cases(prismatic=False))
+def test_the_lines_end_at_the_tool_and_are_one_way(case: Case) -> None:
+    assert_lines_end_at_the_tool(case.robot, case.q)
+
+
+@pytest.mark.parametrize("name", [*NAMED, "denso-hsr065a1"])
+def test_the_lines_of_a_named_robot_end_at_its_tool(name: str) -> None:
+    assert_lines_end_at_the_tool(load_robot(name), _poses(load_robot(name)))
+
+
+def assert_lines_end_at_the_tool(robot: Robot, q: np.ndarray) -> None:
     drawn = trace_skeleton(robot, q)
     np.testing.assert_allclose(drawn.tool, ErrorModel(robot).poses(q), atol=1e-12)
     np.testing.assert_allclose(drawn.links[-1][:, -1], drawn.tool[:, :3, 3], atol=1e-12)

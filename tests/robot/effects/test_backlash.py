@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
-from taskcal.robot.catalogue import catalogue_names, load_robot
+from taskcal.robot.catalogue import load_robot
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Backlash, Overshoot, Settling, effect_from
 from taskcal.robot.error_model import ErrorModel
+from tests.laws.robots import NAMED
 
 B = 4e-4
 
@@ -32,7 +33,7 @@ def test_from_above_and_below_a_joint_stops_on_either_side_of_the_middle():
 COUPLED = "fanuc-r2000ic-165f"
 
 
-@pytest.mark.parametrize("name", [name for name in catalogue_names() if name != COUPLED])
+@pytest.mark.parametrize("name", NAMED)
 def test_lost_motion_is_that_of_the_motor(name):
     """Behind a parallelogram too."""
     model, q, x = with_backlash(name, 2)

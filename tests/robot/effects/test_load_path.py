@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
 
-from taskcal.robot.catalogue import catalogue_names, load_robot
+from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, MotorHarmonics, Spring
 from taskcal.robot.error_model import ErrorModel
+from tests.laws.robots import NAMED, Case, cases
 from tests.robot.effects.dressed import BESIDE, dressed, positions
 
 DRESSED = "dressed abb-irb6660-205-1.9", "dressed fanuc-r2000ic-165f"
@@ -21,7 +23,7 @@ EFFECTS = (*BESIDE, Spring(joints=("J2",)))
         *((name, effect) for name in DRESSED for effect in EFFECTS),
         *(
             (name, effect)
-            for name in catalogue_names()
+            for name in NAMED
             for effect in EFFECTS
             if effect != BESIDE[1] and not isinstance(effect, MotorHarmonics)
         ),
@@ -45,12 +47,21 @@ def test_the_slope_of_what_goes_through_the_load_path_is_that_of_differences(nam
     np.testing.assert_allclose(found, expected, atol=1e-6 * max(1.0, float(np.abs(expected).max())))
 
 
-@pytest.mark.parametrize("name", catalogue_names())
-def test_a_weight_puts_on_a_motor_the_torque_of_virtual_work(name):
+@settings(max_examples=15)
+@given(cases(prismatic=False, min_joints=3))
+def test_a_weight_puts_on_a_motor_the_torque_of_virtual_work(case: Case):
     """The weight at the tool point lowers it by lever · turn; the lever is minus the motor's column of its height."""
+    assert_torques_are_of_virtual_work(case.model, case.q)
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_a_weight_puts_on_a_named_robot_the_same_torque(name):
     model = ErrorModel(load_robot(name))
+    assert_torques_are_of_virtual_work(model, positions(model))
+
+
+def assert_torques_are_of_virtual_work(model, q):
     term = Compliance().term(model.robot)
-    q = positions(model)
     factor = term.basis(q)
     height = model.joint_jacobian(q)[:, 2] if model.robot.four_bar else _by_coordinate(model, q)[:, 2]
     for k, (coordinate, parameter) in enumerate(term.pairs):

@@ -1,0 +1,27 @@
+"""Which files of tests a change touches."""
+
+from tests.touched import READ_PAGES, imports_of_files, touched_tests
+
+IMPORTS = imports_of_files()
+
+
+def test_touched_tests_import_what_changed() -> None:
+    found = touched_tests({"src/taskcal/planning/fleet.py"}, IMPORTS)
+    assert "tests/planning/test_fleet.py" in found
+    assert "tests/identification/test_coverage.py" not in found
+    assert "tests/identification/test_coverage.py" in touched_tests({"src/taskcal/kernels/walk.py"}, IMPORTS)
+    assert touched_tests({"tests/geometry/test_se3.py"}, IMPORTS) == ["tests/geometry/test_se3.py"]
+
+
+def test_a_module_that_is_loaded_by_name_touches_tests() -> None:
+    assert "tests/cli/commands/test_demo.py" in touched_tests({"src/taskcal/cli/commands/demo.py"}, IMPORTS)
+
+
+def test_everything_is_touched_where_it_cannot_be_told() -> None:
+    for changed in (None, {"pyproject.toml"}, {"src/taskcal/robot/catalogue/ur5.toml"}, {"tests/conftest.py"}):
+        assert touched_tests(changed, IMPORTS) == ["tests"]
+
+
+def test_a_page_touches_tests_that_read_pages() -> None:
+    assert touched_tests({"docs/laws.md"}, IMPORTS) == [*READ_PAGES]
+    assert touched_tests((), IMPORTS) == []
