@@ -15,6 +15,7 @@ from taskcal.estimation.least_squares import Stopping, fit
 from taskcal.estimation.matrices import invert_positive
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration, residuals_by_kind, unknowns_of
+from taskcal.identification.calibration_format import spread_of
 from taskcal.identification.group_model import LEAST, RowErrors, of_targets
 from taskcal.identification.held_out import Outlier, Validation, shared_with_neighbours, studentise
 from taskcal.identification.hyperparameters import SLOW
@@ -123,7 +124,8 @@ def reregister_frames(
     z, covariance = _fit_frames(problem, calibration)
     from scipy.linalg import block_diag
 
-    layout = replace(frames, kept=np.arange(len(calibration.model)))
+    p = len(calibration.model)
+    layout = replace(frames, kept=np.arange(p))
     T_tracker_base, T_tool_target = frames.frames(z)
     return replace(
         calibration,
@@ -131,7 +133,7 @@ def reregister_frames(
         T_tool_target=T_tool_target,
         layout=layout,
         z=np.concatenate([calibration.estimate, z]),
-        z_covariance=block_diag(calibration.covariance, covariance),
+        z_spread=block_diag(calibration.z_spread[:p, :p], spread_of(covariance)),
     )
 
 

@@ -18,11 +18,15 @@ LEAST_STATED = 1e-3
 """Smallest probability that is printed: it comes from the tail of a normal distribution, which no robot's errors keep farther out,
 and in the machine's numbers it ends at zero."""
 
+MOST_STATED = 0.99
+"""Largest probability that is printed: no comparison is certain."""
+
 
 def describe_chance(comparison: Comparison) -> str:
     """With what probability a robot that has not changed differs as much; a bound where it is small."""
     least = comparison.chance < LEAST_STATED
-    stated = f"below {LEAST_STATED:g}" if least else f"of {comparison.chance:.2g}"
+    shown = f"of {comparison.chance:.2g}" if comparison.chance <= MOST_STATED else f"above {MOST_STATED:g}"
+    stated = f"below {LEAST_STATED:g}" if least else shown
     return f"a robot that has not changed differs as much with a probability {stated}"
 
 
