@@ -18,15 +18,12 @@ LEAST_STATED = 1e-3
 """Smallest probability that is printed: it comes from the tail of a normal distribution, which no robot's errors keep farther out,
 and in the machine's numbers it ends at zero."""
 
-MOST_STATED = 0.99
-"""Largest probability that is printed: no comparison is certain."""
-
 
 def describe_chance(comparison: Comparison) -> str:
     """With what probability a robot that has not changed differs as much; a bound where it is small."""
     least = comparison.chance < LEAST_STATED
-    shown = f"of {comparison.chance:.2g}" if comparison.chance <= MOST_STATED else f"above {MOST_STATED:g}"
-    stated = f"below {LEAST_STATED:g}" if least else shown
+    rounded = f"{comparison.chance:.2g}"
+    stated = f"below {LEAST_STATED:g}" if least else f"of {rounded}" if rounded != "1" else "above 0.99"
     return f"a robot that has not changed differs as much with a probability {stated}"
 
 
