@@ -115,6 +115,13 @@ def test_doctor_finds_the_row_of_a_move_in_many_rows():
     assert diagnose(wrong, robot).findings[0].subject == ("301",)
 
 
+@pytest.mark.parametrize("targets", [1, 3])
+def test_doctor_finds_half_a_millimetre_if_little_else_is_left(targets):
+    robot, sound = load_robot("ur5"), virtual("ur5", targets=targets, rows=50, error=0.0)
+    wrong = moved_station(sound, np.arange(50) >= 22, 0.5, 0.0)
+    assert [(f.id, f.subject) for f in diagnose(wrong, robot).findings] == [("station-moved", ("22",))]
+
+
 def test_doctor_names_the_parts_if_a_target_was_knocked():
     robot = load_robot("ur5")
     wrong = of_id("target-slipped", virtual("ur5"), robot, "10 mm at 70%")

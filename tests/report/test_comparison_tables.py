@@ -75,7 +75,8 @@ def test_parameters_are_said_in_their_own_units():
         (0.00099, "below 0.001"),
         (0.001, "of 0.001"),
         (0.994, "of 0.99"),
+        (0.9999, "above 0.99"),
     ],
 )
-def test_chance_too_small_to_state_is_a_bound(chance: float, said: str) -> None:
+def test_describe_chance_gives_a_bound_if_nearly_0_or_1(chance: float, said: str) -> None:
     assert describe_chance(compared(chance, 0.0)).endswith(f"with a probability {said}")

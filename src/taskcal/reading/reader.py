@@ -684,8 +684,6 @@ def read_campaign(
     expect_kinds({"robot": Robot}, robot=robot)
     readings = read_measurements(path, robot, options)
     campaign = campaign_of(readings, robot, targets, reference_points)
-    if targets is None:
-        _refuse_controllers(readings, robot, campaign)
     if options is not None and options.wire_scale:
         campaign = with_unknown_scale(campaign)
     if options is None or options.distances is None:
@@ -868,7 +866,8 @@ def campaign_of(
     """The campaign that readings are, where they hold joints and points.
 
     Raises:
-        FileError: they hold only one of them, a target is not there, or a pose is beyond the robot's limits.
+        FileError: they hold only one of them, a target is not there, a pose is beyond the robot's limits, or positions may be the
+            controller's own.
     """
     q = readings.q
     if q is None:
@@ -907,7 +906,7 @@ def campaign_of(
     ids = readings.ids or tuple(str(number) for number in range(1, len(readings) + 1))
     values = [*(points[name] for name in chosen), *(one.points for one in observed)]
     tracked = Point() if readings.rotations is None else Pose()
-    return Campaign(
+    campaign = Campaign(
         ids=ids,
         q=q,
         targets=(*chosen, *(one.target for one in observed)),
@@ -921,6 +920,9 @@ def campaign_of(
         lines=readings.lines,
         notes=readings.notes,
     )
+    if targets is None:
+        _refuse_controllers(readings, robot, campaign)
+    return campaign
 
 
 def _with_own_rotations(readings: Readings, chosen: Sequence[str]) -> Readings:

@@ -22,7 +22,8 @@ and in the machine's numbers it ends at zero."""
 def describe_chance(comparison: Comparison) -> str:
     """With what probability a robot that has not changed differs as much; a bound where it is small."""
     least = comparison.chance < LEAST_STATED
-    stated = f"below {LEAST_STATED:g}" if least else f"of {comparison.chance:.2g}"
+    rounded = f"{comparison.chance:.2g}"
+    stated = f"below {LEAST_STATED:g}" if least else f"of {rounded}" if rounded != "1" else "above 0.99"
     return f"a robot that has not changed differs as much with a probability {stated}"
 
 

@@ -138,3 +138,14 @@ def test_a_rigid_bodys_quaternion_is_written_beside_its_markers(run: Run, tmp_pa
     header, first, *_ = (tmp_path / "out.csv").read_text().splitlines()
     assert header.endswith("Tool_qx,Tool_qy,Tool_qz,Tool_qw")
     assert first.endswith("0.0000000000,0.0000000000,0.6000000000,0.8000000000")
+
+
+def test_convert_refuses_a_controllers_positions_beside_lengths(run: Run, tmp_path: Path) -> None:
+    q = np.random.default_rng(0).uniform(-2.0, 2.0, (20, 6))
+    p = ErrorModel(ROBOT).poses(q)[:, :3, 3]
+    cells = np.column_stack([np.degrees(q), p * 1e3, 1e3 * np.linalg.norm(p - [1.5, 0.2, 0.1], axis=1)])
+    header = ",".join([*(f"J{k}_deg" for k in range(1, 7)), "x_mm", "y_mm", "z_mm", "L_mm"])
+    np.savetxt(tmp_path / "wire.csv", cells, "%.2f", ",", header=header, comments="")
+    ended = run("convert", "-r", "ur5", tmp_path / "wire.csv", "-o", tmp_path / "out.csv")
+    assert (ended.status, (tmp_path / "out.csv").exists()) == (1, False)
+    assert "'L_mm' may be what was measured" in ended.err
