@@ -10,13 +10,7 @@ from hypothesis import strategies as st
 
 from taskcal.errors import FileError, FitError, TaskcalError
 from taskcal.identification.calibration import load_calibration
-from taskcal.identification.calibration_format import (
-    PACKED_FROM,
-    describe_factor,
-    factor_of,
-    spread_of,
-    unpack_factor,
-)
+from taskcal.identification.covariance_factor import PACKED_FROM, describe_factor, factor_of, spread_of, unpack_factor
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Harmonics

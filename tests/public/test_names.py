@@ -8,8 +8,6 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
-import pytest
-
 import taskcal
 
 ROOT = Path(taskcal.__file__).parent

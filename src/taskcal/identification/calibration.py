@@ -16,14 +16,8 @@ from taskcal.errors import CampaignError, FileError, TaskcalError, shown
 from taskcal.estimation.matrices import single_threaded
 from taskcal.geometry import se3
 from taskcal.geometry.se3 import array_of, of_shape, rigid
-from taskcal.identification.calibration_format import (
-    FORMAT,
-    FORMAT_VERSION,
-    describe_factor,
-    factor_of,
-    read_envelope,
-    unpack_factor,
-)
+from taskcal.identification.calibration_format import FORMAT, FORMAT_VERSION, read_envelope
+from taskcal.identification.covariance_factor import describe_factor, factor_of, unpack_factor
 from taskcal.identification.held_out import HeldOut, LeftOut, Outlier, shared_with_neighbours
 from taskcal.identification.layout import ObservationLayout
 from taskcal.identification.problem import FrameLayout, joint_columns, observe

@@ -20,7 +20,7 @@ from taskcal.estimation.group_variances import (
     without,
 )
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.calibration_format import spread_of
+from taskcal.identification.covariance_factor import spread_of
 from taskcal.identification.group_model import (
     EMPTY,
     GEOMETRY,

@@ -45,8 +45,6 @@ class Kernel:
         njit: Any = numba.njit
         dispatcher = njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **self._options)(self._function)
         if self._kept:
-            pass
-
             keep_compiled(dispatcher, self._function)
         return dispatcher
 

@@ -57,8 +57,6 @@ def side_by_side(
             results = cast(Iterable[Result], Parallel(backend=engine, **parallel)(jobs))
         yield from results
     elif engine.startswith("dask:"):
-        pass
-
         yield from on_cluster(function, items, engine.removeprefix("dask:"), workers)
     else:
         raise UnknownName("engine", engine, ENGINES)
