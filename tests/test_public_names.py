@@ -6,14 +6,12 @@ from pathlib import Path
 
 import pytest
 
-import robot_programs
 import taskcal
 from taskcal.public_names import load_lazily
 
 FORMER = [
     (taskcal.Correction, "refused", "rejected"),
     (taskcal.Correction, "remarks", "diagnostics"),
-    (robot_programs.Program, "remarks", "diagnostics"),
 ]
 
 
