@@ -228,7 +228,7 @@ def _scan(source: Source, delimiter: str) -> Iterator[Row]:
             message = "has a carriage return alone; end lines with line feeds"
             raise FileError(source.path, message, line=source.line(end))
         yield Row(
-            line=source.line(end),
+            line=source.line(min(end, len(text) - 1)),
             start=start,
             end=end,
             next=min(position, len(text)),
