@@ -1,5 +1,31 @@
 """Robot programs: RAPID, KRL, TP, APT and CSV, from text to motions and back."""
 
-from taskcal.public_names import load_lazily
+from importlib import import_module
+from typing import Any
 
-__getattr__, __dir__, __all__ = load_lazily(__name__, __file__)  # pyright: ignore[reportUnsupportedDunderAll]
+_HOMES = {
+    "FileError": "core.errors",
+    "Frame": "core.program",
+    "InputError": "core.errors",
+    "Move": "core.program",
+    "Program": "core.program",
+    "Robot": "core.robot",
+    "Source": "core.source",
+    "Target": "core.program",
+    "compose_program": "reading",
+    "moves_to_joints": "reading",
+    "read_program": "reading",
+}
+"""Public names, each loaded when it is first used from the module that has it; for type checkers they stand in the stub."""
+
+__all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

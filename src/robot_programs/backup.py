@@ -9,12 +9,11 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 
+from robot_programs.core.errors import FileError, shown
+from robot_programs.core.files import PART, beside, read_bytes, remove_strays
 from robot_programs.core.source import Backup, Source
+from robot_programs.core.zip_file import OpenZip, ZipKind, open_zip
 from robot_programs.languages import LANGUAGES, Language
-from taskcal.errors import FileError, shown
-from taskcal.io.files import PART, beside, remove_strays
-from taskcal.io.text_file import read_bytes
-from taskcal.io.zip_file import OpenZip, ZipKind, open_zip
 
 # What is taken for a backup: a folder, or a zip file.
 

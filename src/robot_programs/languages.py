@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from robot_programs.core.errors import FileError
 from robot_programs.core.program import Frame, Move, Program
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Source
-from taskcal.errors import FileError
-from taskcal.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

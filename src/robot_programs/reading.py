@@ -8,12 +8,11 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.backup import is_backup, open_backup
+from robot_programs.core.errors import FileError, InputError, WrongKind, shown
 from robot_programs.core.program import Frame, Move, Program, Target, missing_names
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Backup, Place, Source, read_source
 from robot_programs.languages import COMPOSED, Composition, Surroundings, language_of
-from taskcal.arguments import expect_kinds
-from taskcal.errors import FileError, TaskcalError
-from taskcal.robot.robot import Robot
 
 
 def read_program(
@@ -37,12 +36,12 @@ def read_program(
 
     Raises:
         FileError: a file is missing, or is not a program; of a CSV: it cannot be read as a path.
-        TaskcalError: no file, several languages, or a tool where the program says its own.
+        InputError: no file, several languages, or a tool where the program says its own.
     """
-    expect_kinds({"robot": Robot | None, "tool": Frame | None, "part": Frame | None}, robot=robot, tool=tool, part=part)
+    _expect_kinds(robot=robot, tool=tool, part=part)
     files = [Path(path) for path in paths]
     if not files:
-        raise TaskcalError("no program was given; name its files")
+        raise InputError("no program was given; name its files")
     twice = next((path for path in files if files.count(path) > 1), None)
     if twice is not None:
         raise FileError(twice, "is given twice; name each file once")
@@ -57,22 +56,44 @@ def read_program(
     return program if backup is None else replace(program, backup=backup, diagnostics=(*missing, *program.diagnostics))
 
 
+_KINDS: dict[str, tuple[type, str]] = {
+    "robot": (Robot, 'load_robot("my-robot.toml") loads one'),
+    "tool": (Frame, "Frame(name=…, T=…) is one"),
+    "part": (Frame, "Frame(name=…, T=…) is one"),
+}
+"""What arguments are, and where one comes from."""
+
+
+def _expect_kinds(**arguments: object) -> None:
+    """See that arguments are what their names say, where they are given.
+
+    Raises:
+        WrongKind: one is something else.
+    """
+    for name, value in arguments.items():
+        kind, made_by = _KINDS[name]
+        if value is not None and not isinstance(value, kind):
+            article = "an" if type(value).__name__[0] in "AEIOU" else "a"
+            given = shown(repr(value)) if isinstance(value, str | int | float) else f"{article} {type(value).__name__}"
+            raise WrongKind(f"{name} is {given}, not a {kind.__name__}: {made_by}")
+
+
 def _check_language(paths: Sequence[Path], *, frames: bool) -> None:
     """See that files have one language, and that tool and part are given only where it does not say them.
 
     Raises:
         FileError: a suffix is not known.
-        TaskcalError: they have several, or it says its own.
+        InputError: they have several, or it says its own.
     """
     languages = {language_of(path): path for path in paths}
     if len(languages) > 1:
         (one, first), (other, second) = list(languages.items())[:2]
-        raise TaskcalError(
+        raise InputError(
             f"{first} is {one.name} and {second} is {other.name}; the files of a program have one language"
         )
     ((language, first),) = languages.items()
     if language.declares_frames and frames:
-        raise TaskcalError(f"{first} is {language.name}, which says its own tools and frames; leave out tool and part")
+        raise InputError(f"{first} is {language.name}, which says its own tools and frames; leave out tool and part")
 
 
 def _sources(files: Sequence[Path]) -> tuple[Backup | None, tuple[Source, ...]]:
@@ -135,7 +156,7 @@ def compose_program(
 
     Raises:
         FileError: the suffix is of no language in which programs are written.
-        TaskcalError: the language cannot say it.
+        InputError: the language cannot say it.
     """
     path = Path(path)
     language = language_of(path) if path.suffix.lower() in COMPOSED else None

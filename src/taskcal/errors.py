@@ -2,72 +2,27 @@
 
 from collections.abc import Iterable
 from difflib import get_close_matches
-from typing import Any
-from unicodedata import category
 
-SHOWN_CHARACTERS = 80
-"""Of a value in a message; one wrong cell may be as long as a file."""
+from robot_programs.core.errors import MAX_MET as MAX_MET
+from robot_programs.core.errors import MAX_SHOWN as MAX_SHOWN
+from robot_programs.core.errors import SHOWN_CHARACTERS as SHOWN_CHARACTERS
+from robot_programs.core.errors import Faults as Faults
+from robot_programs.core.errors import FaultyFile as FaultyFile
+from robot_programs.core.errors import FileError as FileError
+from robot_programs.core.errors import InputError
+from robot_programs.core.errors import WrongKind as WrongKind
+from robot_programs.core.errors import printable as printable
+from robot_programs.core.errors import shortened as shortened
+from robot_programs.core.errors import shown as shown
 
+TaskcalError = InputError
+"""Something the data, a file or a request cannot give; the message names the value and a remedy.
 
-def shown(value: object, characters: int = SHOWN_CHARACTERS) -> str:
-    """A value as a message shows it: on one line, without control characters, and shortened where it is long.
-
-    What stands between is left out, and the length is told: ``1111…111 (20000 characters)``.
-    """
-    return printable(shortened(str(value), characters))
-
-
-def shortened(text: str, characters: int) -> str:
-    """Text of at most so many characters: beginning and end, and how long it is, where it is longer."""
-    if len(text) <= characters:
-        return text
-    return f"{text[: 2 * characters // 3]}…{text[-(characters // 4) :]} ({len(text)} characters)"
-
-
-def printable(text: str, *, keep: str = "") -> str:
-    """Text with its control characters as visible escapes, so that none is a command to a terminal.
-
-    Args:
-        text: any text.
-        keep: control characters that may stay, such as line feeds.
-    """
-    if text.isprintable():
-        return text
-    return "".join(c if c in keep or not _commands(c) else c.encode("unicode_escape").decode("ascii") for c in text)
-
-
-def _commands(character: str) -> bool:
-    """Whether a character is a control or format one, a line or paragraph separator, or half of one that was not decoded."""
-    return category(character) in ("Cc", "Cf", "Cs", "Zl", "Zp")
-
-
-class TaskcalError(Exception):
-    """Something the data, a file or a request cannot give; the message names the value and a remedy."""
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Make it again elsewhere, as it comes from a worker, of its message: not of what the message was made of."""
-        return type(self).__new__, (type(self), *self.args), self.__dict__
-
-
-class FileError(TaskcalError):
-    """A file that cannot be read as what it should be.
-
-    The message starts with ``file:line: column``, as far as they are known, so that editors can jump there.
-    """
-
-    def __init__(self, path: object, message: str, *, line: int | None = None, column: str | None = None):
-        self.path, self.line, self.column = str(path), line, column
-        place = str(path) if line is None else f"{path}:{line}"
-        where = place if column is None else f"{place}: column '{column}'"
-        super().__init__(f"{where}: {message}")
+The library of robot programs, which knows nothing of Taskcal, raises the same classes."""
 
 
 class RobotError(TaskcalError):
     """A robot description that does not describe a robot."""
-
-
-class WrongKind(TaskcalError, TypeError):
-    """An argument of another kind than the function needs, such as a file's name in place of what the file holds."""
 
 
 def advise(name: str, known: Iterable[str]) -> str:

@@ -24,6 +24,18 @@ def test_the_nominal_chain_is_the_product_of_the_files_steps(case):
     np.testing.assert_allclose(T, plain.poses(case.description, case.q), rtol=1e-11, atol=1e-11)
 
 
+@given(cases() | four_bar_cases())
+def test_tool_poses_end_the_joint_frames(case):
+    robot = case.robot
+    q = np.mod(case.q + np.pi, 2.0 * np.pi) - np.pi if robot.four_bar is None else case.q
+    T = robot.tool_poses(q)
+    np.testing.assert_allclose(T, plain.poses(case.description, q), rtol=1e-11, atol=1e-11)
+    behind = np.eye(4)
+    for part in (*robot.joints[-1].after, *robot.tool):
+        behind = behind @ part.transform
+    np.testing.assert_allclose(robot.joint_frames(q)[:, -1] @ behind, T, rtol=1e-11, atol=1e-11)
+
+
 @given(four_bar_cases())
 def test_a_four_bar_adds_its_closure_to_the_joint_it_drives(case):
     robot = case.robot

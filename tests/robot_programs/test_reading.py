@@ -1,5 +1,7 @@
 """Which language a program is read as."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -49,3 +51,22 @@ def test_what_cannot_be_read_says_what_would_work(tmp_path):
         TaskcalError, match=r"a\.src is KRL, which says its own tools and frames; leave out tool and part"
     ):
         read_program("a.src", tool=Frame(name="t", T=np.eye(4)))
+
+
+ALONE = """\
+import sys
+sys.modules |= dict.fromkeys(["taskcal", "scipy", "numba", "pandas", "pydantic"])  # whoever imports one of them fails
+from importlib import import_module
+from pkgutil import walk_packages
+import robot_programs
+print(len([import_module(found.name) for found in walk_packages(robot_programs.__path__, "robot_programs.")]))
+print(robot_programs.read_program(sys.argv[1]))
+"""
+
+
+def test_robot_programs_is_read_without_taskcal(tmp_path):
+    (tmp_path / "path.csv").write_text(JOINTS)
+    code = [sys.executable, "-c", ALONE, str(tmp_path / "path.csv")]
+    modules, program = subprocess.run(code, check=True, capture_output=True, text=True).stdout.splitlines()
+    assert int(modules) > 30
+    assert program.endswith("path.csv: 1 motions)")

@@ -10,13 +10,14 @@ from hypothesis import strategies as st
 
 from taskcal.errors import FileError
 from taskcal.tables.column_groups import JOINT_UNITS, ColumnGroups
-from taskcal.tables.forms import parse_csv
+from taskcal.tables.table import Table
 
 ARM = SimpleNamespace(name="arm", joint_names=("base", "J2", "rail"), prismatic=(False, False, True))
 
 
 def groups(*lines):
-    return ColumnGroups(parse_csv(Path("table.csv"), "\n".join(lines)))
+    header, *rows = (tuple(line.split(",")) for line in lines)
+    return ColumnGroups(Table(Path("table.csv"), header, rows, range(2, len(rows) + 2)))
 
 
 def either_case(text):

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskcal.errors import FileError
-from taskcal.tables.table import MAX_MET, MAX_SHOWN, Faults, FaultyFile
+from taskcal.errors import MAX_MET, MAX_SHOWN, Faults, FaultyFile, FileError
 
 
 def fault(line: int) -> FileError:

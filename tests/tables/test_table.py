@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskcal.errors import FileError
-from taskcal.tables.table import LARGEST, FaultyFile, Table
+from taskcal.errors import FaultyFile, FileError
+from taskcal.tables.table import LARGEST, Table
 
 
 def column(*cells: str) -> Table:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from taskcal.errors import FileError
-from taskcal.tables.forms import parse_csv, parse_sheet
+from taskcal.tables.forms import parse_sheet
 from taskcal.tables.table import MAX_COLUMNS, MAX_MARKS, refuse_wide
 from tests.readers.own_process import in_own_process
 
@@ -35,8 +35,3 @@ def test_the_line_is_named_wherever_it_stands():
 
 def test_a_long_line_that_is_no_table_is_none_of_too_many_columns():
     refuse_wide(PATH, "# " + 10_000_000 * "a" + "\n1,2,3\n" + 1_000_000 * "-")
-
-
-def test_plain_tables_whose_cells_are_rewritten_are_bounded_too():
-    with pytest.raises(FileError, match=r"wide\.csv:2: has more than 20000 columns"):
-        parse_csv(PATH, "x_mm,y_mm\n" + 1_000_000 * "1,")

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.apt.syntax import Statement, Token, numbers
-from taskcal.geometry import se3
+from robot_programs.core import se3
 
 _AGREE = 1e-5
 """How far the numbers of one arc may disagree, metres: files round to a few digits."""

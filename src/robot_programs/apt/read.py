@@ -9,10 +9,10 @@ from robot_programs.apt.circle import Instruction
 from robot_programs.apt.resolve import LoadedTool, Reading, Resolver, tool_key
 from robot_programs.apt.rewrite import rewrite
 from robot_programs.apt.syntax import parse
+from robot_programs.core.errors import FileError
 from robot_programs.core.program import Frame, Program, Waypoint
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Source
-from taskcal.errors import FileError
-from taskcal.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -32,7 +32,7 @@ class AptProgram(Program):
         motion that moved, an incremental motion or an arc, is written anew with its own end.
 
         Raises:
-            TaskcalError: a motion is to become one to joint positions, which APT does not know.
+            InputError: a motion is to become one to joint positions, which APT does not know.
         """
         return rewrite(self.sources, self.moves, self.instructions, waypoints)
 

@@ -19,9 +19,9 @@ from robot_programs.apt.syntax import (
     Token,
     numbers,
 )
+from robot_programs.core import se3
 from robot_programs.core.program import Diagnostic, Frame, Move, MoveKind, Target, with_axis
 from robot_programs.core.source import Place, Source
-from taskcal.geometry import se3
 
 # How fast an APT program moves: FEDRAT.
 

@@ -8,9 +8,9 @@ from jaxtyping import Float
 
 from robot_programs.apt.circle import Arc, Instruction, arc_through
 from robot_programs.apt.syntax import Token
+from robot_programs.core.errors import InputError
 from robot_programs.core.program import Move, Waypoint
 from robot_programs.core.source import Edit, Place, Source, numeral, renumbered
-from taskcal.errors import TaskcalError
 
 MM, INCHES, AXIS = 5, 6, 7
 """Decimals written of lengths and of directions."""
@@ -34,7 +34,7 @@ def rewrite(
         waypoints: by number of the motion.
 
     Raises:
-        TaskcalError: APT cannot say it.
+        InputError: APT cannot say it.
     """
     edits: list[list[Edit]] = [[] for _ in sources]
     for number, move in enumerate(moves):
@@ -124,7 +124,7 @@ class _Writing:
 
     def _end(self, waypoint: Waypoint) -> Float[np.ndarray, " 3"]:
         if waypoint.T is None:
-            raise TaskcalError(f"{self.place}: APT knows no joint positions; write the program in another language")
+            raise InputError(f"{self.place}: APT knows no joint positions; write the program in another language")
         return waypoint.T[:3, 3]
 
     def _statement(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> str:
@@ -151,7 +151,7 @@ class _Writing:
                 return self._arc_edits(begin, waypoint)
             return [Edit(start=own.start, end=own.end, text=self._point(waypoint))]
         if waypoint.via is not None:
-            raise TaskcalError(f"{self.place}: a line cannot become an arc here; write the program in another language")
+            raise InputError(f"{self.place}: a line cannot become an arc here; write the program in another language")
         assert self.move.end.T is not None
         assert waypoint.T is not None
         was = self.move.end.T
@@ -169,20 +169,20 @@ class _Writing:
         """Edits of the numbers of an arc."""
         own = self.instruction
         if own.circle is None and own.record is None:
-            raise TaskcalError(f"{self.place}: a line cannot become an arc here; write the program in another language")
+            raise InputError(f"{self.place}: a line cannot become an arc here; write the program in another language")
         via, end = waypoint.via, self._end(waypoint)
         assert self.move.via is not None
         assert self.move.via.T is not None
         assert self.move.end.T is not None
         if begin is None or via is None or via.T is None:
-            raise TaskcalError(f"{self.place}: the arc begins or passes at a place that is not known")
+            raise InputError(f"{self.place}: the arc begins or passes at a place that is not known")
         was = self.move.via.T[:3, 3], self.move.end.T[:3, 3]
         stays = _same_point(begin, own.begin) and _same_point(via.T[:3, 3], was[0]) and _same_point(end, was[1])
         if stays and not own.half:
             return []
         arc = arc_through(begin, via.T[:3, 3], end)
         if isinstance(arc, str):
-            raise TaskcalError(f"{self.place}: {arc}; cut it into fewer pieces")
+            raise InputError(f"{self.place}: {arc}; cut it into fewer pieces")
         if own.circle is None:
             return self._record_edits(arc, begin, waypoint)
         # all anew: a centre and a radius that were rounded apart from these would miss the arc's ends

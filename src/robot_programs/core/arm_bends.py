@@ -6,8 +6,8 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.geometry import se3
-from taskcal.robot.robot import Robot
+from robot_programs.core import se3
+from robot_programs.core.robot import Robot
 
 JOINTS = 6
 
@@ -23,7 +23,7 @@ def arm_bends(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarra
     arm = _arm(robot)
     if arm is None:
         return None
-    frames = _joint_frames(arm.fixed[:4], robot.joint_map(q))
+    frames = robot.joint_frames(q)
     axis_1 = frames[:, 0, :3, 2]
     forward = frames[:, 0, :3, :3] @ arm.forward
     across = np.cross(axis_1, forward)
@@ -40,8 +40,6 @@ def arm_bends(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarra
 class _Arm:
     """A robot with the usual arm and a spherical wrist."""
 
-    fixed: Float[np.ndarray, "6 4 4"]
-    """From each joint's frame, turned, to the next one's at zero."""
     forward: Float[np.ndarray, " 3"]
     """The base's x in the first joint's frame, where all joints are at zero: with axis 1 it turns."""
     wrist: Float[np.ndarray, " 3"]
@@ -54,38 +52,14 @@ def _dot(a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"]) -> Float[np.n
 
 @lru_cache(maxsize=16)
 def _arm(robot: Robot) -> _Arm | None:
-    if len(robot.joints) != JOINTS or any(robot.prismatic) or robot.four_bar is not None or robot.driven:
+    if len(robot.joint_names) != JOINTS or any(robot.prismatic) or robot.has_linkage:
         return None
-    fixed: list[np.ndarray] = []
-    behind = np.eye(4)
-    for joint in robot.joints:
-        for part in joint.before:
-            behind = behind @ part.transform
-        fixed.append(behind)
-        behind = np.eye(4)
-        for part in joint.after:
-            behind = behind @ part.transform
-    zero = _joint_frames(np.array(fixed), robot.joint_map(np.zeros((1, 6))))[0]
+    zero = robot.joint_frames(np.zeros((1, JOINTS)))[0]
     z = zero[:, :3, 2]
     wrist = _meeting_point(zero[3:])
     if wrist is None or abs(z[1] @ z[2]) < 1.0 - 1e-9 or abs(z[0] @ z[1]) > 1e-9:
         return None
-    return _Arm(fixed=np.array(fixed), forward=zero[0, 0, :3], wrist=se3.apply(se3.inverse(zero[3]), wrist))
-
-
-def _joint_frames(
-    fixed: Float[np.ndarray, "joints 4 4"], s: Float[np.ndarray, "n coordinates"]
-) -> Float[np.ndarray, "n joints 4 4"]:
-    """Frames of the joints in the base, each turned about its z by its coordinate."""
-    T = np.broadcast_to(np.eye(4), (len(s), 4, 4))
-    frames: list[np.ndarray] = []
-    for k in range(len(fixed)):
-        turn = np.zeros((len(s), 3, 3))
-        c, si = np.cos(s[:, k]), np.sin(s[:, k])
-        turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, -si, si, c, 1.0
-        T = T @ fixed[k] @ se3.pose(turn, np.zeros((len(s), 3)))
-        frames.append(T)
-    return np.stack(frames, axis=1)
+    return _Arm(forward=zero[0, 0, :3], wrist=se3.apply(se3.inverse(zero[3]), wrist))
 
 
 def _meeting_point(frames: Float[np.ndarray, "axes 4 4"]) -> Float[np.ndarray, " 3"] | None:

@@ -11,11 +11,10 @@ from typing import Literal, Protocol, TypeVar, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float
 
+from robot_programs.core import se3
+from robot_programs.core.errors import shortened
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Backup, Place, Source
-from taskcal.errors import shortened
-from taskcal.geometry import se3
-from taskcal.robot.robot import Robot
-from taskcal.short_repr import short_repr
 
 # How near a motion passes by its target, where it does not stop in it.
 
@@ -75,7 +74,6 @@ class GradedPosture(Posture, Protocol):
         ...
 
 
-@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Frame:
     """A tool, or a part's frame."""
@@ -89,8 +87,11 @@ class Frame:
     moved: bool = False
     """An external axis away from zero has moved it against the robot, or the robot against it."""
 
+    def __repr__(self) -> str:
+        x, y, z = self.T[:3, 3] * 1e3
+        return f"Frame({shortened(self.name, 60)!r}: {x:.4g}, {y:.4g}, {z:.4g} mm)"
 
-@short_repr
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Target:
     """Where a motion goes: a pose, or joint positions."""
@@ -110,8 +111,11 @@ class Target:
     posture_binds: bool = True
     """Whether the controller stops where it cannot take that posture; otherwise it takes the nearest."""
 
+    def __repr__(self) -> str:
+        kind = "joint positions" if self.T is None else "pose"
+        return f"Target({shortened(self.name, 60)!r}: {kind}, {shortened(str(self.place), 120)})"
 
-@short_repr
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Move:
     """One motion instruction whose target, tool and frame are known."""
@@ -149,6 +153,9 @@ class Move:
     """What moves the part's frame, whose pose is then the one in what is moved; empty where the frame stands still."""
     zone: Zone | None = THROUGH_TARGET
     """How near it passes by its target where it does not stop; None where the text does not tell."""
+
+    def __repr__(self) -> str:
+        return f"Move({self.kind} to {shortened(self.end.name, 60)!r}, {shortened(str(self.place), 120)})"
 
     def flange(self, T: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4"]:
         """Poses of the flange in the base for poses of the tool in the part's frame."""
@@ -261,7 +268,7 @@ class Program(ABC):
         """The program of other texts of the same files, such as `rewrite` gives.
 
         Raises:
-            TaskcalError: they cannot be read.
+            InputError: they cannot be read.
         """
 
 

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from taskcal.errors import FileError
-from taskcal.io.text_file import read_bytes
-from taskcal.short_repr import short_repr
+from robot_programs.core.errors import FileError, shortened
+from robot_programs.core.files import read_bytes
 
 LONGEST_LINE = 1_000_000
 """Characters; controllers take some hundreds, what is generated has some thousands."""
@@ -42,7 +41,6 @@ class Place:
         return f"{self.path}:{self.line}"
 
 
-@short_repr
 @dataclass(frozen=True, kw_only=True)
 class Source:
     """A program file as text."""
@@ -52,6 +50,9 @@ class Source:
     """Line ends as in the file."""
     encoding: str
     """``utf-8``, or ``latin-1`` where the file is not UTF-8: either gives every byte back."""
+
+    def __repr__(self) -> str:
+        return f"Source({shortened(str(self.path), 120)}: {len(self.text)} characters, {self.encoding})"
 
     @classmethod
     def of(cls, path: Path, data: bytes) -> "Source":

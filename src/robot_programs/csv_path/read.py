@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robot_programs.core.errors import FileError
 from robot_programs.core.program import Diagnostic, Frame, Move, Program, Target, Waypoint
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Edit, Source
 from robot_programs.csv_path.rewrite import Written, rewrite
 from robot_programs.csv_path.table import PathTable, read_path_table
-from taskcal.errors import FileError
-from taskcal.robot.robot import Robot
 
 # What the rows of a path table mean: motions, with their tools and frames.
 
@@ -87,7 +87,7 @@ class CsvProgram(Program):
         """The files with some motions rewritten; see `Program.rewrite`.
 
         Raises:
-            TaskcalError: a motion is to become something for which the file has no columns.
+            InputError: a motion is to become something for which the file has no columns.
         """
         edits: list[list[Edit]] = [[] for _ in self.path_tables]
         for number, path in waypoints.items():

@@ -8,13 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from robot_programs.core import se3
+from robot_programs.core.errors import InputError
 from robot_programs.core.program import Move, Target, Waypoint
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Edit, Source, numeral, renumbered
-from robot_programs.csv_path.table import PathTable
-from taskcal.errors import TaskcalError
-from taskcal.geometry import se3
-from taskcal.robot.robot import Robot
-from taskcal.tables.column_groups import POSITION, QUATERNION
+from robot_programs.csv_path.table import POSITION, QUATERNION, PathTable
 
 MM, DEGREES, UNITS = 6, 9, 10
 """Decimals written of lengths, of angles, and of quaternions and directions."""
@@ -102,7 +101,7 @@ def _axis(T: np.ndarray) -> np.ndarray:
 
 def _alike(path_table: PathTable, row: int, T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The quaternion in the file, of unit length, and that of a pose with its sign."""
-    cells = [path_table.table.rows[row][path_table.table.header.index(name)] for name in path_table.columns.rotation]
+    cells = [path_table.rows[row].texts[path_table.table.header.index(name)] for name in path_table.columns.rotation]
     was = np.array([float(cell) for cell in cells])
     now = se3.to_quaternion(T[:3, :3])
     return was / np.linalg.norm(was), now if now @ was >= 0 else -now
@@ -113,8 +112,8 @@ def _edit(path_table: PathTable, row: int, column: str, was: float, now: float, 
     return Edit(start=start, end=end, text=renumbered(path_table.source.text[start:end], was, now, decimals))
 
 
-def _lacking(path_table: PathTable, row: int, message: str) -> TaskcalError:
-    return TaskcalError(f"{path_table.place(row)}: {message}; write the program in another language")
+def _lacking(path_table: PathTable, row: int, message: str) -> InputError:
+    return InputError(f"{path_table.place(row)}: {message}; write the program in another language")
 
 
 # A new path in CSV of given motions.
@@ -130,14 +129,14 @@ def compose_csv_path(name: str, robot: Robot, moves: Sequence[Move], *, notes: S
         notes: names of targets that have none.
 
     Raises:
-        TaskcalError: there are several tools or frames.
+        InputError: there are several tools or frames.
     """
     for k, move in enumerate(moves):
         if (
             not (_alike_moves(move.tool.T, moves[0].tool.T) and _alike_moves(move.part.T, moves[0].part.T))
             or move.part_in_hand
         ):
-            raise TaskcalError(f"motion {k} has another tool or frame than the first; a path in CSV has one of each")
+            raise InputError(f"motion {k} has another tool or frame than the first; a path in CSV has one of each")
     posed = any(move.end.T is not None for move in moves)
     jointed = not posed or any(move.end.q is not None for move in moves)
     units = ["mm" if slides else "deg" for slides in robot.prismatic]

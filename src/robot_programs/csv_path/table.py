@@ -1,26 +1,275 @@
 """A path in CSV: its table, what its rows mean, and where they stand in the text."""
 
+import csv
+import io
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
+from robot_programs.core import se3
+from robot_programs.core.errors import Faults, FileError, shown
 from robot_programs.core.program import MoveKind, with_axis
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Place, Source
-from taskcal.errors import FileError
-from taskcal.geometry import se3
-from taskcal.robot.robot import Robot
-from taskcal.tables.column_groups import POSITION, QUATERNION, ColumnGroups, joint_scale
-from taskcal.tables.forms import parse_csv
-from taskcal.tables.table import Table
-from taskcal.tables.text import delimiter_of
+
+# The cells of a table in CSV, as text and where they stand, so that single ones can be rewritten.
+
+MAX_COLUMNS = 20_000
+"""A spreadsheet holds 16 384."""
+
+LARGEST = 1e6
+"""Of any number: 1 km in millimetres, or 2800 turns in degrees."""
+
+_SEPARATOR_LINE = re.compile(r"\Asep=.[ \t]*(?=\r?\n)", re.IGNORECASE)
+"""What a spreadsheet writes first to say how it separates."""
+
+_LINE = re.compile(r"[^\r\n]+")
+
+_NUMBER = re.compile(r"[+-]?(\d+(?:\.\d*)?|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+"""Python also reads 1_000 and the digits of other scripts, which nobody writes."""
+
+_NOT_FINITE = re.compile(r"[+-]?(nan|inf(inity)?)", re.IGNORECASE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A row of a table in its text."""
+
+    line: int
+    """In which it ends, counted from 1."""
+    start: int
+    """First character of its line."""
+    end: int
+    """Behind the last character of its line, before the line end."""
+    next: int
+    """First character of the line that follows."""
+    cells: tuple[tuple[int, int], ...]
+    """First character of each cell, and behind its last one, without quotes and blanks around it."""
+    texts: tuple[str, ...]
+    """Of the cells."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Table:
+    """Rows below one that names the columns."""
+
+    source: Source
+    header: tuple[str, ...]
+    header_line: int
+    delimiter: str
+    rows: tuple[Row, ...]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def names(self) -> dict[str, str]:
+        """Columns as the file writes them, by their small letters."""
+        return {name.lower(): name for name in self.header}
+
+    def error(self, message: str, row: int, column: str | None = None) -> FileError:
+        """An error that points at a cell or a line."""
+        return FileError(self.source.path, message, line=self.rows[row].line, column=column)
+
+    def refusal(self, message: str, column: str | None = None) -> FileError:
+        """An error that points at the header."""
+        return FileError(self.source.path, message, line=self.header_line, column=column)
+
+    def numbers(self, columns: Sequence[str]) -> Float[np.ndarray, "rows columns"]:
+        """The numbers of columns; NaN for empty cells.
+
+        Raises:
+            FileError: a cell is not a finite number, or one beyond ±`LARGEST`.
+        """
+        out = np.full((len(self), len(columns)), np.nan)
+        for k, column in enumerate(columns):
+            at, faults = self.header.index(column), Faults()
+            for number, row in enumerate(self.rows):
+                if row.texts[at]:
+                    with faults.collecting():
+                        out[number, k] = self._number(row.texts[at], number, column)
+            faults.raise_any()
+        return out
+
+    def _number(self, text: str, row: int, column: str) -> float:
+        number = float(text) if _NUMBER.fullmatch(text) else math.nan
+        if abs(number) <= LARGEST:
+            return number
+        if not math.isnan(number):
+            message = f"'{shown(text)}' is beyond ±{LARGEST:g}; check the cell and its unit"
+        elif _NOT_FINITE.fullmatch(text):
+            message = f"'{shown(text)}' is not a finite number; give a number"
+        else:
+            message = f"'{shown(text)}' is not a number; give a number such as 12.5"
+        raise self.error(message, row, column)
+
+    def together(self, columns: Sequence[str]) -> tuple[str, ...]:
+        """Columns that only make sense together, as the file writes them; none where it has none of them.
+
+        Raises:
+            FileError: it has some of them only, or they lack their unit.
+        """
+        names = self.names
+        given = tuple(names[name] for name in columns if name in names)
+        lacking = [name for name in columns if name not in names]
+        if given and lacking:
+            raise self.refusal(f"has '{given[0]}' but no column '{lacking[0]}'")
+        for name in lacking:
+            bare = name.removesuffix("_mm")
+            if bare != name and bare in names:
+                raise self.refusal(f"the unit is not stated; name the column {names[bare]}_mm", names[bare])
+        return given
+
+
+def parse_table(source: Source) -> Table:
+    """The table that a file's text holds, taken as it is written.
+
+    Raises:
+        FileError: there is nothing in it, two columns have one name, or there are too many; a line has more or fewer fields than
+            the header.
+    """
+    text = source.text.removeprefix("\ufeff")
+    delimiter = _delimiter_of(text)
+    rows = [row for row in _scan(source, delimiter) if _counts(row)]
+    if not rows:
+        raise FileError(source.path, "is empty; its first line must name the columns")
+    first, *rows = rows
+    # every line may end with a separator
+    width = len(first.texts) if first.texts[-1] else max(_filled(row) for row in (first, *rows))
+    names = first.texts[:width]
+    table = Table(
+        source=source,
+        header=tuple(name or f"column {k}" for k, name in enumerate(names, start=1)),
+        header_line=first.line,
+        delimiter=delimiter,
+        rows=tuple(rows),
+    )
+    _check_names(table)
+    faults = Faults()
+    for number, row in enumerate(rows):
+        if len(row.texts) < width or _filled(row) > width:
+            hint = "; is it written with decimal commas?" if delimiter == "," and len(row.texts) > width else ""
+            with faults.collecting():
+                raise table.error(f"the line has {len(row.texts)} fields, the header {width}{hint}", number)
+    faults.raise_any()
+    return table
+
+
+def _check_names(table: Table) -> None:
+    lowered = [name.lower() for name in table.header]
+    for names, but in ((table.header, "; column names must differ"), (lowered, " but for letter case; keep one")):
+        if twice := {name for name in names if names.count(name) > 1} if len(set(names)) < len(names) else None:
+            raise table.refusal(f"two columns are named '{shown(min(twice))}'{but}")
+
+
+def _check_quotes(table: Table) -> None:
+    """See that quotes stand around whole cells only, so that a cell's text is what it means.
+
+    Raises:
+        FileError: one does not, or does not end.
+    """
+    source = table.source
+    for row in table.rows:
+        text = source.text[row.start : row.end]
+        if '"' not in text:
+            continue
+        try:
+            meant = next(csv.reader(io.StringIO(text, newline=""), delimiter=table.delimiter))
+        except csv.Error:
+            meant = []
+        if [cell.strip() for cell in meant] != list(row.texts):
+            raise FileError(source.path, "has quotes inside cells; write numbers and names without them")
+        if text.count('"') % 2:
+            message = "has a quote that does not end; write the cell without it"
+            raise FileError(source.path, message, line=source.line(row.start))
+
+
+def _delimiter_of(text: str) -> str:
+    """What separates the cells, by the header."""
+    # one after another: of a large file all lines take far more memory than its text
+    lines = (line[0] for line in _LINE.finditer(_SEPARATOR_LINE.sub("", text, count=1)))
+    header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+    return max(",;\t", key=header.count)
+
+
+def _counts(row: Row) -> bool:
+    """Whether a row belongs to the table: it is neither blank, nor a comment, nor the line that names the separator."""
+    named = row.start <= 1 and row.texts[0].lower().startswith("sep=")
+    return any(row.texts) and not row.texts[0].startswith("#") and not named
+
+
+def _filled(row: Row) -> int:
+    """How many cells a row has up to its last filled one."""
+    return next((k for k in range(len(row.texts), 0, -1) if row.texts[k - 1]), 0)
+
+
+def _scan(source: Source, delimiter: str) -> Iterator[Row]:
+    text = source.text
+    position = 1 if text.startswith("\ufeff") else 0
+    while position < len(text):
+        start, cells = position, list[tuple[int, int]]()
+        while True:
+            cell, position = _cell(text, position, delimiter)
+            cells.append(cell)
+            if len(cells) > MAX_COLUMNS:
+                message = f"has more than {MAX_COLUMNS} columns; is it a table?"
+                raise FileError(source.path, message, line=source.line(start))
+            if position < len(text) and text[position] == delimiter:
+                position += 1
+            else:
+                break
+        end = position
+        position += 2 if text.startswith("\r\n", position) else 1
+        if text[end:position] == "\r" and position < len(text):
+            message = "has a carriage return alone; end lines with line feeds"
+            raise FileError(source.path, message, line=source.line(end))
+        yield Row(
+            line=source.line(min(end, len(text) - 1)),
+            start=start,
+            end=end,
+            next=min(position, len(text)),
+            cells=tuple(cells),
+            texts=tuple(text[a:b] for a, b in cells),
+        )
+
+
+def _cell(text: str, position: int, delimiter: str) -> tuple[tuple[int, int], int]:
+    """A cell from its first character on, and the position behind it."""
+    if text.startswith('"', position):
+        start = end = position + 1
+        while end < len(text) and text[end] != '"':
+            end += 1
+        position = end + 1
+        while position < len(text) and text[position] not in (delimiter, "\r", "\n"):
+            position += 1
+    else:
+        start = position
+        while position < len(text) and text[position] not in (delimiter, "\r", "\n"):
+            position += 1
+        end = position
+    while start < end and text[start].isspace():
+        start += 1
+    while start < end and text[end - 1].isspace():
+        end -= 1
+    return (start, end), min(position, len(text))
+
 
 # What the columns of a path in CSV mean.
 
+POSITION = ("x_mm", "y_mm", "z_mm")
+QUATERNION = ("qx", "qy", "qz", "qw")
 AXIS = ("i", "j", "k")
 WORDS = ("id", "name", "move", "speed_mm_s", "stop", "tool", "frame")
+
+JOINT_UNITS = {"deg": np.pi / 180, "rad": 1.0, "mm": 1e-3, "m": 1.0}
+"""What a joint's number is multiplied by for radians or metres."""
+
+UNIT_LENGTH = 1e-3
+"""How far the length of a quaternion or a direction may be from one: files round to a few digits."""
 
 _NUMBERED = re.compile(r"[jq](\d+)_(deg|rad|mm|m)$")
 
@@ -51,128 +300,71 @@ class Columns:
         return self.position + self.rotation
 
 
-def columns_of(groups: ColumnGroups, robot: Robot | None) -> Columns:
+def columns_of(table: Table, robot: Robot | None) -> Columns:
     """The columns of a path.
 
     Raises:
         FileError: one is not known, is lacking, or its unit is not stated; two mean the same.
     """
-    joints = _numbered_joints(groups) if robot is None else groups.joint_columns(robot)
-    position, quaternion, axis = (groups.together(names) for names in (POSITION, QUATERNION, AXIS))
-    words = {word: column for word in WORDS for column in groups.together([word])}
-    groups.refuse_unused(
-        f"a path has {' '.join(POSITION)} with {' '.join(QUATERNION)} or the tool axis {' '.join(AXIS)}, or joints such as J1_deg, "
-        f"and optionally {', '.join(WORDS)}"
-    )
+    joints = _numbered_joints(table) if robot is None else _joints_of(table, robot)
+    position, quaternion, axis = (table.together(names) for names in (POSITION, QUATERNION, AXIS))
+    words = {word: column for word in WORDS for column in table.together([word])}
+    used = {*joints, *position, *quaternion, *axis, *words.values()}
+    unknown = [name for name in table.header if name not in used]
+    if unknown:
+        named = shown(", ".join(map(repr, unknown)))
+        raise table.refusal(
+            f"unknown column{'s' if len(unknown) > 1 else ''} {named}; a path has {' '.join(POSITION)} with {' '.join(QUATERNION)} "
+            f"or the tool axis {' '.join(AXIS)}, or joints such as J1_deg, and optionally {', '.join(WORDS)}"
+        )
     if quaternion and axis:
-        raise groups.refusal("has both a quaternion and a tool axis; keep one of them")
+        raise table.refusal("has both a quaternion and a tool axis; keep one of them")
     if position and not (quaternion or axis):
-        raise groups.refusal("has positions without the tool's orientation; add qx qy qz qw, or the tool axis i j k")
+        raise table.refusal("has positions without the tool's orientation; add qx qy qz qw, or the tool axis i j k")
     if (quaternion or axis) and not position:
-        raise groups.refusal("has orientations without positions; add x_mm y_mm z_mm")
+        raise table.refusal("has orientations without positions; add x_mm y_mm z_mm")
     if not position and not joints:
-        raise groups.refusal("has neither positions x_mm y_mm z_mm nor joints such as J1_deg")
+        raise table.refusal("has neither positions x_mm y_mm z_mm nor joints such as J1_deg")
     return Columns(
         position=position,
         rotation=quaternion or axis,
         joints=joints,
-        joint_scale=tuple(joint_scale(joints).tolist()),
+        joint_scale=tuple(JOINT_UNITS[joint.lower().rpartition("_")[2]] for joint in joints),
         words=words,
     )
 
 
-def _numbered_joints(groups: ColumnGroups) -> tuple[str, ...]:
-    """The joints' columns in the order of their numbers, where no robot is known."""
-    numbered = {int(match[1]): name for lower, name in groups.names.items() if (match := _NUMBERED.match(lower))}
-    lacking = [i for i in range(1, max(numbered, default=0) + 1) if i not in numbered]
-    if lacking:
-        raise groups.refusal(f"has no column for joint {lacking[0]}, such as J{lacking[0]}_deg")
-    return groups.together([numbered[i] for i in sorted(numbered)])
-
-
-# Where the cells of a CSV table stand in its text, so that single ones can be rewritten.
-
-
-@dataclass(frozen=True, kw_only=True)
-class Row:
-    """A row of a table in its text."""
-
-    start: int
-    """First character of its line."""
-    end: int
-    """Behind the last character of its line, before the line end."""
-    next: int
-    """First character of the line that follows."""
-    cells: tuple[tuple[int, int], ...]
-    """First character of each cell, and behind its last one, without quotes and blanks around it."""
-
-
-def locate_rows(source: Source, table: Table) -> tuple[Row, ...]:
-    """The rows of a table in its source, without the header.
+def _joints_of(table: Table, robot: Robot) -> tuple[str, ...]:
+    """A column for each of the robot's joints; none where the table has none of them.
 
     Raises:
-        FileError: quotes stand inside a cell, so that its text is not what it means, or one does not end.
+        FileError: only some joints have a column, or one has two.
     """
-    text = source.text
-    rows = [row for row in _scan(text, delimiter_of(text.removeprefix("\ufeff"))) if _counts(text, row)][1:]
-    if [_texts(text, row) for row in rows] != [list(cells) for cells in table.rows]:
-        raise FileError(source.path, "has quotes inside cells; write numbers and names without them")
-    for row in rows:
-        if text.count('"', row.start, row.end) % 2:
-            raise FileError(
-                source.path, "has a quote that does not end; write the cell without it", line=source.line(row.start)
-            )
-    return tuple(rows)
+    names, columns, lacking = table.names, list[str](), list[str]()
+    for number, (joint, slides) in enumerate(zip(robot.joint_names, robot.prismatic, strict=True), start=1):
+        units = ("mm", "m") if slides else ("deg", "rad")
+        spellings = dict.fromkeys(spelling.lower() for spelling in (joint, f"J{number}", f"q{number}"))
+        candidates = [f"{spelling}_{unit}" for spelling in spellings for unit in units]
+        found = [names[column] for column in candidates if column in names]
+        if len(found) > 1:
+            raise table.refusal(f"joint {joint} is given twice, by '{found[0]}' and '{found[1]}'; keep one")
+        columns += found
+        lacking += [] if found else [f"{joint}_{units[0]}"]
+    if columns and lacking:
+        raise table.refusal(f"has '{columns[0]}' but no column '{lacking[0]}' of {robot.name}")
+    return tuple(columns)
 
 
-def _texts(text: str, row: Row) -> list[str]:
-    return [text[start:end] for start, end in row.cells]
+def _numbered_joints(table: Table) -> tuple[str, ...]:
+    """The joints' columns in the order of their numbers, where no robot is known."""
+    numbered = {int(match[1]): name for lower, name in table.names.items() if (match := _NUMBERED.match(lower))}
+    lacking = [i for i in range(1, max(numbered, default=0) + 1) if i not in numbered]
+    if lacking:
+        raise table.refusal(f"has no column for joint {lacking[0]}, such as J{lacking[0]}_deg")
+    return tuple(numbered[i] for i in sorted(numbered))
 
 
-def _counts(text: str, row: Row) -> bool:
-    """Whether a row belongs to the table: it is neither blank, nor a comment, nor the line that names the separator."""
-    texts = _texts(text, row)
-    return any(texts) and not texts[0].startswith("#") and not (row.start <= 1 and texts[0].lower().startswith("sep="))
-
-
-def _scan(text: str, delimiter: str) -> list[Row]:
-    rows: list[Row] = []
-    position = 1 if text.startswith("\ufeff") else 0
-    while position < len(text):
-        start, cells = position, list[tuple[int, int]]()
-        while True:
-            cell, position = _cell(text, position, delimiter)
-            cells.append(cell)
-            if position < len(text) and text[position] == delimiter:
-                position += 1
-            else:
-                break
-        end = position
-        position += 2 if text.startswith("\r\n", position) else 1
-        rows.append(Row(start=start, end=end, next=min(position, len(text)), cells=tuple(cells)))
-    return rows
-
-
-def _cell(text: str, position: int, delimiter: str) -> tuple[tuple[int, int], int]:
-    """A cell from its first character on, and the position behind it."""
-    if text.startswith('"', position):
-        start = end = position + 1
-        while end < len(text) and text[end] != '"':
-            end += 1
-        position = end + 1
-        while position < len(text) and text[position] not in (delimiter, "\r", "\n"):
-            position += 1
-    else:
-        start = position
-        while position < len(text) and text[position] not in (delimiter, "\r", "\n"):
-            position += 1
-        end = position
-    while start < end and text[start].isspace():
-        start += 1
-    while start < end and text[end - 1].isspace():
-        end -= 1
-    return (start, end), min(position, len(text))
-
+# What the rows of a path mean.
 
 _MOVES: dict[str, MoveKind] = {"joint": "joint", "linear": "linear", "circular": "circular", "via": "circular"}
 
@@ -184,7 +376,6 @@ class PathTable:
     source: Source
     table: Table
     columns: Columns
-    rows: tuple[Row, ...]
     T: Float[np.ndarray, "rows 4 4"]
     """Poses of the tool in the part's frame, metres; NaN where a row has none."""
     q: Float[np.ndarray, "rows joints"]
@@ -192,13 +383,18 @@ class PathTable:
     speed: Float[np.ndarray, " rows"]
     """Metres per second; NaN where a row has none."""
 
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """Where they stand."""
+        return self.table.rows
+
     def error(self, message: str, row: int, column: str | None = None) -> FileError:
         """An error that points at a cell or a line."""
         return self.table.error(message, row, column)
 
     def place(self, row: int) -> Place:
         """Where a row stands."""
-        return Place(path=self.source.path, line=self.table.lines[row])
+        return Place(path=self.source.path, line=self.rows[row].line)
 
     def cell(self, row: int, column: str) -> tuple[int, int]:
         """First character of a cell, and behind its last one."""
@@ -207,7 +403,7 @@ class PathTable:
     def word(self, row: int, meaning: str) -> str:
         """A cell that holds a word; empty where the column is lacking."""
         name = self.columns.words.get(meaning)
-        return "" if name is None else self.table.rows[row][self.table.header.index(name)]
+        return "" if name is None else self.rows[row].texts[self.table.header.index(name)]
 
     def kind(self, row: int) -> MoveKind:
         """The motion of which a row holds the end, or the point on the way."""
@@ -231,24 +427,23 @@ def read_path_table(source: Source, robot: Robot | None) -> PathTable:
     Raises:
         FileError: it cannot be read as a path.
     """
-    table = parse_csv(source.path, source.text.removeprefix("\ufeff"))
-    groups = ColumnGroups(table)
-    columns = columns_of(groups, robot)
-    pose, joints = (groups.side_by_side(names, empty=True) for names in (columns.pose, columns.joints))
+    table = parse_table(source)
+    columns = columns_of(table, robot)
+    pose, joints = table.numbers(columns.pose), table.numbers(columns.joints)
     for row in range(len(table)):
         _check_complete(table, columns, row, np.isnan(pose[row]), np.isnan(joints[row]))
     T = np.full((len(table), 4, 4), np.nan)
     posed = np.asarray(~np.isnan(pose).any(axis=1))
     if columns.pose and posed.any():
-        rotation, what = pose[:, 3:], "tool axis" if columns.only_axis else "quaternion"
-        groups.check_lengths(rotation, posed, columns.rotation[0], what)
+        rotation = pose[:, 3:]
+        _check_lengths(table, columns, rotation, posed)
         R = with_axis(rotation[posed]) if columns.only_axis else se3.from_quaternion(rotation[posed])
         T[posed] = se3.pose(R, pose[posed, :3] * 1e-3)
+    _check_quotes(table)
     return PathTable(
         source=source,
         table=table,
         columns=columns,
-        rows=locate_rows(source, table),
         T=T,
         q=joints * np.array(columns.joint_scale),
         speed=_speeds(table, columns),
@@ -269,11 +464,27 @@ def _check_complete(table: Table, columns: Columns, row: int, pose: np.ndarray, 
         )
 
 
+def _check_lengths(
+    table: Table, columns: Columns, vectors: Float[np.ndarray, "rows k"], needed: Bool[np.ndarray, " rows"]
+) -> None:
+    """See that quaternions, or axes of the tool, have length one.
+
+    Raises:
+        FileError: one has not.
+    """
+    what, hint = ("tool axis", "") if columns.only_axis else ("quaternion", " (is qw last?)")
+    lengths = np.linalg.norm(vectors, axis=1)
+    for row in np.flatnonzero(needed & (np.abs(lengths - 1.0) > UNIT_LENGTH)):
+        raise table.error(
+            f"the {what} has length {lengths[row]:.4f}; it must be 1{hint}", int(row), columns.rotation[0]
+        )
+
+
 def _speeds(table: Table, columns: Columns) -> Float[np.ndarray, " rows"]:
     name = columns.words.get("speed_mm_s")
     if name is None:
         return np.full(len(table), np.nan)
-    values = table.numbers(name, empty=True)
+    values = table.numbers([name])[:, 0]
     for row in np.flatnonzero(values <= 0):
         message = f"{values[row]:g} is not a speed; give one above zero, or leave the cell empty"
         raise table.error(message, int(row), name)

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from robot_programs.core.errors import InputError
 from robot_programs.core.program import Move, Target
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Source, numeral
 from robot_programs.krl.data import AXES, DECIMALS, axis_values, pose_values
 from robot_programs.krl.rewrite import KEYWORDS, LONGEST_NAME, Status
-from taskcal.errors import TaskcalError
-from taskcal.robot.robot import Robot
 
 NEWLINE = "\r\n"
 """As KUKA's controllers write it."""
@@ -45,14 +45,14 @@ def compose_krl(
         joint_speed_percent: speed of motions of all joints, of the axes' largest speeds.
 
     Raises:
-        TaskcalError: KRL cannot say it.
+        InputError: KRL cannot say it.
     """
     if not re.fullmatch(f"[A-Za-z_][A-Za-z0-9_]{{0,{LONGEST_NAME - 1}}}", name):
-        raise TaskcalError(
+        raise InputError(
             f"'{name}' is not a name of a KRL program; begin with a letter, and use at most {LONGEST_NAME} letters, digits and _"
         )
-    if len(robot.joints) > len(AXES) or any(robot.prismatic):
-        raise TaskcalError(f"{robot.name} is not a robot of up to six turning axes, which KRL's positions describe")
+    if len(robot.joint_names) > len(AXES) or any(robot.prismatic):
+        raise InputError(f"{robot.name} is not a robot of up to six turning axes, which KRL's positions describe")
     lines = [
         "&ACCESS RVP",
         f"DEF {name} ( )",
@@ -99,7 +99,7 @@ def _settings(number: int, move: Move) -> dict[str, str]:
     if move.kind == "axes":
         return {}
     if move.part_in_hand:
-        raise TaskcalError(
+        raise InputError(
             f"motion {number} has its part in the robot's hand; in KRL that needs frames of TOOL_DATA and BASE_DATA by number"
         )
     out = {
@@ -116,7 +116,7 @@ def _status(robot: Robot, number: int, move: Move, q: Float[np.ndarray, " joints
         return Status(S=0, T=0).of(robot, q)
     if isinstance(move.end.posture, Status):
         return move.end.posture
-    raise TaskcalError(
+    raise InputError(
         f"motion {number} drives all joints to a pose and does not say in which posture; give its joint positions"
     )
 
@@ -125,7 +125,7 @@ def _point(target: Target, status: Status | None) -> str:
     if target.q is not None:
         return _braces(axis_values(target.q))
     if target.T is None:
-        raise TaskcalError("a target is given neither a pose nor joint positions")
+        raise InputError("a target is given neither a pose nor joint positions")
     values = pose_values(target.T)
     if status is None:
         return _braces(values)

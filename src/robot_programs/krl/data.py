@@ -8,6 +8,7 @@ from math import isfinite, nan
 import numpy as np
 from jaxtyping import Float
 
+from robot_programs.core import se3
 from robot_programs.core.program import Unresolved, angles, rotation
 from robot_programs.core.source import Edit, Place, Source, renumbered
 from robot_programs.krl.parse import given_by_value, handed_in, handed_in_motion, handed_over
@@ -27,7 +28,6 @@ from robot_programs.krl.syntax import (
     Statement,
     bit_string,
 )
-from taskcal.geometry import se3
 
 # What the data lists of a KRL program state: points, frames, parameter sets and numbers.
 

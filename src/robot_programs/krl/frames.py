@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from robot_programs.core import se3
 from robot_programs.core.program import Frame, Unresolved
 from robot_programs.krl.data import Data, pose
 from robot_programs.krl.parse import arguments_of, parse_operand
@@ -24,7 +25,6 @@ from robot_programs.krl.values import (
     number_of,
     with_values,
 )
-from taskcal.geometry import se3
 
 # Bases that move: on external kinematic systems, on other robots and on conveyors.
 #

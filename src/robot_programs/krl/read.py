@@ -3,7 +3,9 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from robot_programs.core.errors import FileError, InputError
 from robot_programs.core.program import Diagnostic, Frame, Program, Unresolved, Visit, Waypoint
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Source
 from robot_programs.krl.data import Data, File
 from robot_programs.krl.flow import Flow, actions_of, declared_in, through
@@ -26,8 +28,6 @@ from robot_programs.krl.routines import (
 )
 from robot_programs.krl.state import State
 from robot_programs.krl.syntax import Begin, Motion, lines_of_words
-from taskcal.errors import FileError, TaskcalError
-from taskcal.robot.robot import Robot
 
 LEAST_LEFT = 5000
 """As many lines may be gone through again in any program."""
@@ -57,13 +57,11 @@ class KrlProgram(Program):
             waypoints: by number of the motion.
 
         Raises:
-            TaskcalError: a motion is to be rewritten that cannot be, because others share its text.
+            InputError: a motion is to be rewritten that cannot be, because others share its text.
         """
         shared = Sharing(sites=self.sites, moves=self.moves, robot=robot).unwritable(waypoints)
         for number, why in shared.items():
-            raise TaskcalError(
-                f"motion {number} of {self.moves[number].place} cannot be rewritten: {why}; leave it out"
-            )
+            raise InputError(f"motion {number} of {self.moves[number].place} cannot be rewritten: {why}; leave it out")
         elements = in_data_list(self.sites, self.moves, waypoints)
         return rewrite(self.sources, self.sites, self.moves, robot, waypoints, elements)
 

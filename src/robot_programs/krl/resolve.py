@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
+from robot_programs.core import se3
 from robot_programs.core.program import Move, MoveKind, Target, Unresolved
 from robot_programs.krl.data import (
     AXES,
@@ -40,7 +41,6 @@ from robot_programs.krl.values import (
     structure,
     with_values,
 )
-from taskcal.geometry import se3
 
 # Points that do not state all their components, and motions by a distance: both count from where the motion before
 # ended.

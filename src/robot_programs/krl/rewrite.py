@@ -10,7 +10,9 @@ from math import isnan
 import numpy as np
 from jaxtyping import Bool, Float
 
+from robot_programs.core import se3
 from robot_programs.core.program import Move, MoveKind, Visit, Waypoint, reject_in_turn
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Edit, FreshNames, Place, Source, edited_piece, numeral
 from robot_programs.krl.data import (
     AXES,
@@ -34,10 +36,6 @@ from robot_programs.krl.syntax import (
     Statement,
     lines_of_words,
 )
-from taskcal.kernels import walk
-from taskcal.kernels.chain import Chain, Fixed, Joint, Step
-from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.robot import Robot
 
 # Status and turn, by which KRL tells apart the axis positions that reach one pose.
 #
@@ -55,6 +53,9 @@ ACCURATE_BIT = 0b10000
 
 BORDER = 1e-6
 """Nearer to the border between two values of a bit than this, radians or metres, either value is right."""
+
+SMALL_TURN = 1e-3
+"""Of axis 3, by which it is seen about which side of its z axis it counts, radians."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,63 +131,39 @@ def _beyond(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray,
         return None
     ahead = q.copy()
     ahead[:, 0] = 0.0  # seen from a frame that turns with axis 1
-    overhead = -geometry.wrist(ahead)[:, 0]
-    second, third = geometry.frames(q, 1), geometry.frames(q, 2)
-    arm, forearm = third[:, :3, 3] - second[:, :3, 3], geometry.wrist(q) - third[:, :3, 3]
+    overhead = -geometry.wrist(robot.joint_frames(ahead))[:, 0]
+    frames = robot.joint_frames(q)
+    second, third = frames[:, 1], frames[:, 2]
+    arm, forearm = third[:, :3, 3] - second[:, :3, 3], geometry.wrist(frames) - third[:, :3, 3]
     elbow = np.einsum("ni,ni->n", third[:, :3, 2], np.cross(arm, forearm)) * geometry.elbow_sign
     return np.stack([overhead, elbow, -np.sin(q[:, 4])], axis=1)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Geometry:
-    model: ErrorModel
-    chains: tuple[Chain, ...]
-    """From the base to behind each joint."""
     centre: Float[np.ndarray, " 3"]
     """Of the wrist, in the frame behind joint 4."""
     elbow_sign: float
     """Whether axis 3 counts about its z axis or against it."""
 
-    def frames(self, q: Float[np.ndarray, "n joints"], joint: int) -> Float[np.ndarray, "n 4 4"]:
-        """Frames behind a joint, counted from 0, in the base."""
-        s = self.model.walk(q).s
-        return walk.poses(self.chains[joint], np.ascontiguousarray(s[:, : joint + 1]), np.zeros((0, 6)))
-
-    def wrist(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3"]:
+    def wrist(self, frames: Float[np.ndarray, "n joints 4 4"]) -> Float[np.ndarray, "n 3"]:
         """Centres of the wrist in the base."""
-        T = self.frames(q, 3)
-        return T[:, :3, :3] @ self.centre + T[:, :3, 3]
+        return se3.apply(frames[:, 3], self.centre)
 
 
 @lru_cache(maxsize=8)
 def _geometry(robot: Robot) -> _Geometry | None:
     """The arm's geometry; None unless axes 2 and 3 are parallel and axes 4, 5 and 6 meet in one point."""
-    if len(robot.joints) != JOINTS or any(robot.prismatic):
+    if len(robot.joint_names) != JOINTS or any(robot.prismatic):
         return None
-    steps: list[Step] = []
-    chains: list[Chain] = []
-    for joint in robot.joints:
-        steps += [Fixed(part.transform) for part in joint.before]
-        steps.append(Joint("revolute"))
-        chains.append(Chain.of(steps))
-        steps += [Fixed(part.transform) for part in joint.after]
-    model = ErrorModel(robot)
-    geometry = _Geometry(
-        model=model,
-        chains=tuple(chains),
-        centre=np.zeros(3),
-        elbow_sign=float(np.sign(robot.joint_map.matrix[2, 2])),
-    )
-    home = np.mean(np.clip(robot.limits, -np.pi, np.pi), axis=1)[None]
-    T = np.stack([geometry.frames(home, joint)[0] for joint in range(JOINTS)])
+    home = np.mean(np.clip(robot.limits, -np.pi, np.pi), axis=1)
+    T, turned = robot.joint_frames(np.stack([home, home + SMALL_TURN * np.eye(JOINTS)[2]]))
     centre, distance = _meeting_point(T[3:, :3, 3], T[3:, :3, 2])
     if distance > BORDER or np.linalg.norm(np.cross(T[1, :3, 2], T[2, :3, 2])) > BORDER:
         return None
     return _Geometry(
-        model=model,
-        chains=geometry.chains,
         centre=T[3, :3, :3].T @ (centre - T[3, :3, 3]),
-        elbow_sign=geometry.elbow_sign,
+        elbow_sign=float(np.sign((T[1, :3, :3].T @ T[2, :3, 1]) @ (turned[1, :3, :3].T @ turned[2, :3, 0]))),
     )
 
 

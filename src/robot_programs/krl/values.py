@@ -12,6 +12,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from robot_programs.core import se3
 from robot_programs.core.program import Frame, Unresolved
 from robot_programs.krl.data import AXES, EXTERNAL, POSE, Data, has_pose, pose, pose_values
 from robot_programs.krl.syntax import (
@@ -24,7 +25,6 @@ from robot_programs.krl.syntax import (
     lines_of_words,
     split_at_commas,
 )
-from taskcal.geometry import se3
 
 # Expressions of KRL whose value the text alone gives: numbers, comparisons, frames and their products.
 

@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from robot_programs.core.errors import InputError
 from robot_programs.core.program import Frame, Move, Target
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import FreshNames, Source
 from robot_programs.rapid.names import DATA
 from robot_programs.rapid.parse import RESERVED
@@ -15,8 +17,6 @@ from robot_programs.rapid.resolve import NAMES
 from robot_programs.rapid.rewrite import LONGEST_NAME
 from robot_programs.rapid.targets import JOINTS, Configuration, TargetType, pose_numbers
 from robot_programs.rapid.values import DEG_DECIMALS, MM_DECIMALS, quaternion_texts, real
-from taskcal.errors import TaskcalError
-from taskcal.robot.robot import Robot
 
 NEWLINE = "\r\n"
 """As ABB's controllers write it."""
@@ -75,15 +75,15 @@ def compose_rapid(
         zone: of motions that pass by.
 
     Raises:
-        TaskcalError: RAPID cannot say it.
+        InputError: RAPID cannot say it.
     """
     longest = LONGEST_NAME - len(RUN)
     if not _is_name(name) or len(name) > longest or name.lower() in RESERVED:
-        raise TaskcalError(
+        raise InputError(
             f"'{name}' is not a name of a RAPID module; begin with a letter, and use at most {longest} letters, digits and _"
         )
-    if len(robot.joints) != JOINTS or any(robot.prismatic):
-        raise TaskcalError(f"{robot.name} is not a robot of six turning axes, which RAPID's targets describe")
+    if len(robot.joint_names) != JOINTS or any(robot.prismatic):
+        raise InputError(f"{robot.name} is not a robot of six turning axes, which RAPID's targets describe")
     fresh = FreshNames((name, f"{name}{RUN}"), longest=LONGEST_NAME, usual=LONGEST_NAME, reserved=RESERVED | set(DATA))
     declared = _Declarations(fresh=fresh)
     body: list[str] = []
@@ -150,7 +150,7 @@ def _point(
             [str(v) for v in (cf.cf1, cf.cf4, cf.cf6, cf.cfx)],
         ]
     else:
-        raise TaskcalError(f"motion {number} is given neither a pose nor joint positions")
+        raise InputError(f"motion {number} is given neither a pose nor joint positions")
     value = "[" + ",".join(f"[{','.join(group)}]" for group in [*groups, list(NO_AXES)]) + "]"
     return declared.name((type_, value), f"CONST {type_}", f"{letter}{10 * (number + 1)}", value)
 
@@ -160,7 +160,7 @@ def _configuration(target: Target, q: Float[np.ndarray, " joints"] | None, numbe
         return Configuration.of(robot, q)
     if isinstance(target.posture, Configuration):
         return target.posture
-    raise TaskcalError(f"motion {number} goes to a pose and does not say in which posture; give its joint positions")
+    raise InputError(f"motion {number} goes to a pose and does not say in which posture; give its joint positions")
 
 
 def _speed(speed: float, declared: _Declarations) -> str:

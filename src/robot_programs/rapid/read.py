@@ -5,7 +5,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
+from robot_programs.core.errors import FileError
 from robot_programs.core.program import Diagnostic, Program, Visit, Waypoint
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Source
 from robot_programs.rapid.flow import (
     Findings,
@@ -37,8 +39,6 @@ from robot_programs.rapid.resolve import SUFFIX, Motion, Settings, base_frame
 from robot_programs.rapid.rewrite import Sharing, rewrite_files, visits_of
 from robot_programs.rapid.syntax import Instruction, Module, Problem, Token, TooMuch, Unparsed
 from robot_programs.rapid.values import Values
-from taskcal.errors import FileError
-from taskcal.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -62,7 +62,7 @@ class RapidProgram(Program):
             waypoints: by number of the motion.
 
         Raises:
-            TaskcalError: the robot has not six joints.
+            InputError: the robot has not six joints.
         """
         return rewrite_files(self.sources, self.motions, self.uses, robot, waypoints)
 

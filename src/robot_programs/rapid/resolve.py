@@ -8,14 +8,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
+from robot_programs.core import se3
+from robot_programs.core.errors import FileError
 from robot_programs.core.program import THROUGH_TARGET, Move, MoveKind, Unresolved, Zone
 from robot_programs.core.source import Source
 from robot_programs.rapid.names import DATA, File, Scope, Value
 from robot_programs.rapid.syntax import Argument, Call, Expression, Instruction, Reference
 from robot_programs.rapid.targets import TargetArgument, resolve_target
 from robot_programs.rapid.values import Frames, Values, frames_of
-from taskcal.errors import FileError
-from taskcal.geometry import se3
 
 # The instructions of RAPID that move the robot to a target, and in which order they are given what they need.
 #

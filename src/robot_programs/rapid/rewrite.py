@@ -10,7 +10,10 @@ from itertools import zip_longest
 import numpy as np
 from jaxtyping import Float
 
+from robot_programs.core import se3
+from robot_programs.core.errors import InputError
 from robot_programs.core.program import MoveKind, Visit, Waypoint, reject_in_turn
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Edit, FreshNames, Place, Source
 from robot_programs.rapid.flow import Use, nested
 from robot_programs.rapid.names import DATA, Context, File, Symbol
@@ -27,9 +30,6 @@ from robot_programs.rapid.targets import (
     pose_numbers,
 )
 from robot_programs.rapid.values import DEG_DECIMALS, MM_DECIMALS, pose_of, quaternion_texts, real
-from taskcal.errors import TaskcalError
-from taskcal.geometry import se3
-from taskcal.robot.robot import Robot
 
 # The numbers of a rewritten target, as text.
 
@@ -551,11 +551,11 @@ def rewrite_files(
         waypoints: by number of the motion.
 
     Raises:
-        TaskcalError: the robot has not six joints.
+        InputError: the robot has not six joints.
     """
-    if len(robot.joints) != JOINTS:
-        raise TaskcalError(
-            f"{robot.name} has {len(robot.joints)} joints; a RAPID program of it is not written, only of six"
+    if len(robot.joint_names) != JOINTS:
+        raise InputError(
+            f"{robot.name} has {len(robot.joint_names)} joints; a RAPID program of it is not written, only of six"
         )
     edits = _Edits()
     wants: list[Want] = []
@@ -601,15 +601,13 @@ def _name(motion: Motion, kind: MoveKind) -> str:
     """The instruction of another kind of motion that is given the same.
 
     Raises:
-        TaskcalError: there is none.
+        InputError: there is none.
     """
     if NAMES[kind].lower() in motion.redefined:
-        raise TaskcalError(
-            f"{motion.move.place}: cannot become a {NAMES[kind]}, which is a routine of the program's own"
-        )
+        raise InputError(f"{motion.move.place}: cannot become a {NAMES[kind]}, which is a routine of the program's own")
     if motion.instruction.name.key in ("movej", "movel", "movec", "moveabsj"):
         return NAMES[kind]
-    raise TaskcalError(f"{motion.move.place}: {motion.instruction.name.text} is not written as another kind of motion")
+    raise InputError(f"{motion.move.place}: {motion.instruction.name.text} is not written as another kind of motion")
 
 
 def _via(waypoint: Waypoint) -> Waypoint:

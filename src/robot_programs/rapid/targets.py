@@ -6,8 +6,10 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from robot_programs.core import se3
 from robot_programs.core.arm_bends import arm_bends
 from robot_programs.core.program import Target, Unresolved
+from robot_programs.core.robot import Robot
 from robot_programs.rapid.names import File, Scope, Value
 from robot_programs.rapid.syntax import Aggregate, Argument, Call, Expression, Number, Reference
 from robot_programs.rapid.values import (
@@ -22,8 +24,6 @@ from robot_programs.rapid.values import (
     quaternion,
     shifted,
 )
-from taskcal.geometry import se3
-from taskcal.robot.robot import Robot
 
 # Configuration data of a RAPID target: quadrants of axes 1, 4 and 6, and which of the eight postures is meant.
 #
@@ -116,7 +116,7 @@ def _quadrant(angle: Float[np.ndarray, "*n"]) -> Int[np.ndarray, "*n"]:
 
 
 def _has_configuration(robot: Robot) -> bool:
-    return len(robot.joints) == 6 and not any(robot.prismatic)
+    return len(robot.joint_names) == 6 and not any(robot.prismatic)
 
 
 def _sides(robot: Robot, q: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n 3"] | None:

@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 
+from robot_programs.core import se3
 from robot_programs.core.program import Frame, Unresolved, rotation
 from robot_programs.rapid.names import File, Scope, Symbol, Value
 from robot_programs.rapid.syntax import (
@@ -23,7 +24,6 @@ from robot_programs.rapid.syntax import (
     Text,
     Truth,
 )
-from taskcal.geometry import se3
 
 # Operators of RAPID, and shifts of targets.
 #

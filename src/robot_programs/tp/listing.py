@@ -9,11 +9,11 @@ from math import nan, radians
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from robot_programs.core import se3
 from robot_programs.core.arm_bends import arm_bends
 from robot_programs.core.program import THROUGH_TARGET, Unresolved, Zone, angles, rotation
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Edit, Source, numeral, renumbered
-from taskcal.geometry import se3
-from taskcal.robot.robot import Robot
 
 # Stretches of a text, each from behind a mark to the next one.
 
@@ -776,7 +776,7 @@ class Configuration:
     def agrees(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Bool[np.ndarray, " n"]:
         """Whether each posture is the one meant; any is, of a robot without six turning joints."""
         right = np.ones(len(q), dtype=bool)
-        if len(robot.joints) != 6 or any(robot.prismatic):
+        if len(robot.joint_names) != 6 or any(robot.prismatic):
             return right
         right &= np.where(self.flip, q[:, 4] > -SLACK, q[:, 4] < SLACK)
         bends = arm_bends(robot, q)
@@ -798,7 +798,7 @@ class Configuration:
             robot: the robot.
             q: joint positions, radians.
         """
-        if len(robot.joints) != 6 or any(robot.prismatic):
+        if len(robot.joint_names) != 6 or any(robot.prismatic):
             return self
         bends = arm_bends(robot, q[None])
         front, up = self.front, self.up

@@ -3,14 +3,14 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from robot_programs.core import se3
+from robot_programs.core.errors import FileError
 from robot_programs.core.program import Frame, Program, Visit, Waypoint
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Source
 from robot_programs.tp.listing import Listing, is_variables, read_variables
 from robot_programs.tp.resolve import Calls, Findings, Frames, Resolver, assigned, world_in_base
 from robot_programs.tp.rewrite import Site, rewrite
-from taskcal.errors import FileError
-from taskcal.geometry import se3
-from taskcal.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -37,7 +37,7 @@ class TpProgram(Program):
             waypoints: by number of the motion.
 
         Raises:
-            TaskcalError: a motion is to become one of another kind.
+            InputError: a motion is to become one of another kind.
         """
         return rewrite(self.sources, self.sites, self.moves, robot, waypoints)
 
@@ -66,7 +66,7 @@ def read_tp(
 
     Raises:
         FileError: a file is no listing, none is one, or the robot is not given.
-        TaskcalError: FANUC's world frame is not known of such a robot.
+        InputError: FANUC's world frame is not known of such a robot.
     """
     listings = {i: Listing(source.text) for i, source in enumerate(sources) if not is_variables(source)}
     if not listings:

@@ -7,8 +7,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
+from robot_programs.core import se3
+from robot_programs.core.errors import InputError
 from robot_programs.core.flow import with_called
 from robot_programs.core.program import Diagnostic, Frame, Move, MoveKind, Posture, Target, Unresolved, Visit
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Place, Source
 from robot_programs.tp.listing import (
     ROBOT_GROUP,
@@ -22,12 +25,6 @@ from robot_programs.tp.listing import (
     parse_motion,
 )
 from robot_programs.tp.rewrite import Site, Written
-from taskcal.errors import TaskcalError
-from taskcal.geometry import se3
-from taskcal.kernels import walk
-from taskcal.kernels.chain import Chain, Joint, Step
-from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.robot import Robot
 
 # User frames and tools by number: from a backup's variables, or given with the program.
 
@@ -41,21 +38,14 @@ def world_in_base(robot: Robot) -> Float[np.ndarray, "4 4"]:
     That is the frame from which ROS-Industrial's descriptions of FANUC's robots count the manufacturer's coordinates, too.
 
     Raises:
-        TaskcalError: axes 1 and 2 do not cross, so that there is no such place.
+        InputError: axes 1 and 2 do not cross, so that there is no such place.
     """
-    if len(robot.joints) < 2 or any(robot.prismatic[:2]):
-        raise TaskcalError(f"{robot.name} has no two turning axes at its base, where FANUC's world frame would be")
-    steps: list[Step] = []
-    frames: list[np.ndarray] = []
-    for joint in robot.joints[:2]:
-        steps += [part.step for part in joint.before]
-        steps.append(Joint("revolute"))
-        frames.append(walk.poses(Chain.of(steps), np.zeros((1, len(frames) + 1)), np.zeros((0, 6)))[0])
-        steps += [part.step for part in joint.after]
-    first, second = frames
+    if len(robot.joint_names) < 2 or any(robot.prismatic[:2]):
+        raise InputError(f"{robot.name} has no two turning axes at its base, where FANUC's world frame would be")
+    first, second = robot.joint_frames(np.zeros((1, len(robot.joint_names))))[0, :2]
     common = np.cross(first[:3, 2], second[:3, 2])
     if np.linalg.norm(common) < PARALLEL:
-        raise TaskcalError(
+        raise InputError(
             f"axes 1 and 2 of {robot.name} are parallel; FANUC's world frame of such an arm is not known here"
         )
     # along axis 1 to the foot of the line that is perpendicular to both axes
@@ -518,12 +508,12 @@ class Resolver:
         """Where a motion goes."""
         place, name = self.source.place(written.start), written.name
         if written.states_joints:
-            q = written.joints(len(self.robot.joints))
+            q = written.joints(len(self.robot.joint_names))
             if motion.offsets:
                 raise Unresolved("its position is given by joints, and shifted")
             if motion.keyword == "J":
                 return Target(name=name, T=None, q=q, posture=None, place=place)
-            flange = ErrorModel(self.robot).poses(q[None])[0] @ se3.inverse(self.robot.T_flange_tool)
+            flange = self.robot.tool_poses(q[None])[0] @ se3.inverse(self.robot.T_flange_tool)
             T = se3.inverse(frame.T) @ flange @ tool.T
             return Target(name=name, T=T, q=None, posture=NearPosture(q=q), place=place)
         shift, tool_shift = written.offset

@@ -8,7 +8,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from robot_programs.core import se3
+from robot_programs.core.errors import InputError
 from robot_programs.core.program import Move, Waypoint
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Edit, Source, edited_piece
 from robot_programs.tp.listing import (
     Configuration,
@@ -24,9 +27,6 @@ from robot_programs.tp.listing import (
     listed,
     pose_values,
 )
-from taskcal.errors import TaskcalError
-from taskcal.geometry import se3
-from taskcal.robot.robot import Robot
 
 _POSITION_NUMBER = re.compile(r"\bP\s*\[\s*(\d{1,5})", re.IGNORECASE)
 _LINE_COUNT = re.compile(r"\bLINE_COUNT\s*=\s*(\d+)", re.IGNORECASE)
@@ -118,7 +118,7 @@ def rewrite(
     """The files of a program with some motions rewritten; see `TpProgram.rewrite`.
 
     Raises:
-        TaskcalError: TP cannot say it.
+        InputError: TP cannot say it.
     """
     by_file: dict[int, list[int]] = {}
     for number in sorted(waypoints):
@@ -157,7 +157,7 @@ class _Rewriting:
         """Rewrite a motion, with motions of their own for all waypoints but the last."""
         *before, last = path
         if any(waypoint.kind != move.kind for waypoint in path):
-            raise TaskcalError(f"{move.place}: the motion cannot become one of another kind in TP")
+            raise InputError(f"{move.place}: the motion cannot become one of another kind in TP")
         if before:
             self.inserted[site.instruction.start] = [self._instruction(site, move, waypoint) for waypoint in before]
         self._point(site.written[-1], last)
@@ -332,16 +332,16 @@ def compose_tp(
         joint_speed_percent: of the axes' largest speeds.
 
     Raises:
-        TaskcalError: TP cannot say it.
+        InputError: TP cannot say it.
     """
     if not re.fullmatch(f"[A-Za-z][A-Za-z0-9_]{{0,{LONGEST_NAME - 1}}}", name):
-        raise TaskcalError(
+        raise InputError(
             f"'{name}' is not a name of a TP program; begin with a letter, and use at most {LONGEST_NAME} letters, digits and _"
         )
     positions: list[str] = []
     for number, move in enumerate(moves):
         if move.end.q is None:
-            raise TaskcalError(
+            raise InputError(
                 f"motion {number} goes to a pose in '{move.part.name}'; a TP program does not state its frames, so that new ones "
                 "are written of motions to joint positions only: correct a program that is there, or write another language"
             )

@@ -1,25 +1,15 @@
 """Writing files so that an interrupted write leaves the old one: beside, then renamed."""
 
 import os
-import platform
-import re
-import shutil
 import stat
 import tempfile
-import time
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 
+from robot_programs.core.files import PART as PART
+from robot_programs.core.files import beside as beside
+from robot_programs.core.files import remove_strays
 from taskcal.errors import FileError
-
-PART = ".part"
-"""Ending of a file that lies beside its place."""
-NAME_BYTES = 120
-"""Of a file's name that its name beside begins with: file systems take 255, its process and machine come behind."""
-
-HOUR = 3600.0
-"""Seconds after which a file laid beside by another machine is taken for a stray."""
 
 
 def write_whole(path: str | Path, content: str | bytes) -> None:
@@ -69,45 +59,6 @@ def _put_in_place(ready: list[tuple[str | Path, Path, Path]]) -> None:
             except OSError as error:
                 raise FileError(named, f"cannot be written: {error.strerror or error}") from error
         ready.pop(0)
-
-
-def beside(path: Path) -> str:
-    """How the name begins of what this process lays beside a file or a folder; it ends in `PART`."""
-    return f".{_short(path)}.{os.getpid()}-{_machine()}."
-
-
-def remove_strays(path: Path) -> None:
-    """Remove what processes that were killed left beside a file or a folder; those that still run keep theirs."""
-    pattern = re.compile(rf"\.{re.escape(_short(path))}\.(\d+)-(.*)\.[^.]*\{PART}")
-    with suppress(OSError):
-        for stray in path.parent.iterdir():
-            match = pattern.fullmatch(stray.name)
-            if match and not _may_run(int(match[1]), match[2], stray):
-                if stray.is_dir():
-                    shutil.rmtree(stray, ignore_errors=True)
-                else:
-                    stray.unlink(missing_ok=True)
-
-
-def _short(path: Path) -> str:
-    return os.fsencode(path.name)[:NAME_BYTES].decode("utf-8", "ignore")
-
-
-def _may_run(process: int, machine: str, stray: Path) -> bool:
-    """Whether the process that laid a file beside may still be at it."""
-    if machine == _machine() and os.name == "posix":
-        try:
-            os.kill(process, 0)
-        except ProcessLookupError:
-            return False
-        except OSError:
-            return True
-        return True
-    return time.time() - stray.stat().st_mtime < HOUR
-
-
-def _machine() -> str:
-    return re.sub(r"[^\w-]", "-", platform.node())[:40]
 
 
 def _lay_beside(named: str | Path, path: Path, content: str | bytes) -> Path:

@@ -1,69 +1,14 @@
-"""Reading a file whole: an ordinary one, and no larger than a bound that its reader can lift."""
+"""Files of text and JSON, read whole."""
 
-import io
 import json
-import os
-import stat
 from pathlib import Path
 from typing import Any
 
+from robot_programs.core.files import MAX_FILE_MB as MAX_FILE_MB
+from robot_programs.core.files import VARIABLE as VARIABLE
+from robot_programs.core.files import open_ordinary as open_ordinary
+from robot_programs.core.files import read_bytes as read_bytes
 from taskcal.errors import FileError
-
-MAX_FILE_MB = 50.0
-"""A campaign of 100 000 rows and 30 columns, or a milling program of a million points, is smaller."""
-
-VARIABLE = "TASKCAL_MAX_FILE_MB"
-"""Environment variable that takes the place of every bound."""
-
-_PIECE = 1 << 20
-
-
-def read_bytes(path: str | Path, largest_mb: float = MAX_FILE_MB) -> bytes:
-    """The bytes of a file.
-
-    Args:
-        path: the file.
-        largest_mb: how large it may be, 10⁶ bytes, unless the environment says otherwise.
-
-    Raises:
-        FileError: it is missing, cannot be read, is a folder, a pipe or a device, or is too large.
-    """
-    bound = _bound(path, largest_mb)
-    # one byte more than allowed tells that there is more, even of a file that grows
-    most = int(bound * 1e6) + 1
-    with open_ordinary(path) as stream:
-        try:
-            # as much memory is taken as is asked for, however large the bound is
-            content = stream.read(min(most, os.fstat(stream.fileno()).st_size + 1))
-            while len(content) < most and (more := stream.read(min(_PIECE, most - len(content)))):
-                content += more
-        except OSError as error:
-            raise FileError(path, f"cannot be read: {error.strerror or error}") from error
-    if len(content) > bound * 1e6:
-        message = f"is larger than {bound:g} MB; is it the right file? If so, set {VARIABLE} to more megabytes"
-        raise FileError(path, message)
-    return content
-
-
-def open_ordinary(path: str | Path) -> io.BufferedReader:
-    """A file open for reading bytes.
-
-    Raises:
-        FileError: it is missing, cannot be read, is a folder, a pipe or a device.
-    """
-    try:
-        # a pipe nobody writes to would hold up an ordinary open
-        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    except OSError as error:
-        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
-    except ValueError as error:
-        raise FileError(repr(str(path)), f"cannot be read: {error}; name a file") from error
-    mode = os.fstat(handle).st_mode
-    if stat.S_ISREG(mode):
-        return os.fdopen(handle, "rb")
-    os.close(handle)
-    what = "Is a directory" if stat.S_ISDIR(mode) else "it is a pipe or a device; write what it gives into a file first"
-    raise FileError(path, f"cannot be read: {what}")
 
 
 def read_text(
@@ -85,19 +30,6 @@ def read_text(
     except UnicodeDecodeError as error:
         raise FileError(path, otherwise) from error
     return text.replace("\r\n", "\n").replace("\r", "\n")
-
-
-def _bound(path: str | Path, largest_mb: float) -> float:
-    stated = os.environ.get(VARIABLE)
-    if stated is None:
-        return largest_mb
-    try:
-        bound = float(stated)
-    except ValueError:
-        bound = 0.0
-    if not 0.0 < bound <= 1e6:
-        raise FileError(path, f"{VARIABLE} is {stated[:40]!r}; give megabytes above 0 and up to 1e6, such as 200")
-    return bound
 
 
 def read_json(path: str | Path, what: str, remedy: str) -> Any:

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from taskcal.arguments import expect_kinds
 from taskcal.campaigns.campaign import Campaign
-from taskcal.errors import FileError, shown
+from taskcal.errors import Faults, FileError, shown
 from taskcal.geometry import se3
 from taskcal.observations import Point, Pose, Read, kinds
 from taskcal.observations.base import TrackerNoise
@@ -32,7 +32,6 @@ from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.robot import Robot
 from taskcal.tables.forms import TableForm
-from taskcal.tables.table import Faults
 
 # How each row of a campaign was reached, as its file tells.
 

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.errors import FileError, shown
+from taskcal.errors import Faults, FileError, shown
 from taskcal.geometry import se3
 from taskcal.observations import ObservedColumns, kinds
 from taskcal.reading.columns import (
@@ -31,7 +31,7 @@ from taskcal.robot.robot import Robot
 from taskcal.tables.column_groups import LEAVE_OUT, UNIT_LENGTH
 from taskcal.tables.forms import TableForm, lay_out_file
 from taskcal.tables.layout import Laid
-from taskcal.tables.table import Faults, Table, pack_numbered, with_columns
+from taskcal.tables.table import Table, pack_numbered, with_columns
 from taskcal.tables.text import footer_note, is_statistic
 
 # Joint positions in a table of measurements.

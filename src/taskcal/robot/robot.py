@@ -12,8 +12,9 @@ from jaxtyping import Bool, Float
 
 from taskcal.errors import ReachError, shortened
 from taskcal.geometry import se3
-from taskcal.kernels.chain import Fixed, Joint, JointKind, Step
-from taskcal.robot.joint_side import FourBarDrive, JointMap
+from taskcal.kernels import walk
+from taskcal.kernels.chain import Chain, Fixed, Joint, JointKind, Step
+from taskcal.robot.joint_side import FourBarDrive, JointMap, JointSide
 from taskcal.robot.statics import Statics
 
 # What geometry cannot explain of a robot, stated or assumed before anything is measured.
@@ -200,7 +201,12 @@ class Robot:
         parts = [part for joint in self.joints for part in (*joint.before, *joint.after)] + list(self.tool)
         return tuple(part.driven for part in parts if part.driven is not None)
 
-    @cached_property
+    @property
+    def has_linkage(self) -> bool:
+        """Whether a four-bar or driven joints move parts with others."""
+        return self.four_bar is not None or bool(self.driven)
+
+    @property
     def T_flange_tool(self) -> Float[np.ndarray, "4 4"]:
         """Nominal pose of the robot's own tool in the controller's flange."""
         return se3.inverse(_product(self.flange)) @ _product(self.tool)
@@ -237,6 +243,36 @@ class Robot:
             out.append(Joint(joint.kind))
             out += [part.step for part in joint.after]
         return out + [part.step for part in self.tool]
+
+    def joint_frames(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n joints 4 4"]:
+        """Nominal frames behind each joint in the base.
+
+        Args:
+            q: controller joint positions, radians (metres where a joint slides).
+
+        Raises:
+            ClosureError: the four-bar cannot be assembled at some pose.
+        """
+        s = self._coordinates(q)
+        return np.stack([walk.poses(chain, s, np.zeros((0, 6))) for chain in self._joint_chains], axis=1)
+
+    def tool_poses(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
+        """Nominal poses of the tool in the base; arguments and errors as of `joint_frames`, and of `check_radians`."""
+        self.check_radians(q)
+        return walk.poses(Chain.of(self.steps()), self._coordinates(q), np.zeros((0, 6)))
+
+    @cached_property
+    def _joint_chains(self) -> tuple[Chain, ...]:
+        """From the base to behind each joint."""
+        steps = self.steps()
+        own = [k for k, step in enumerate(steps) if isinstance(step, Joint) and step.number is None]
+        return tuple(Chain.of(steps[: k + 1]) for k in own)
+
+    def _coordinates(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n coordinates"]:
+        """Nominal chain coordinates at joint positions, those of driven joints included."""
+        side = JointSide(joint_map=self.joint_map, four_bar=self.four_bar)
+        q, count = np.ascontiguousarray(q, dtype=float), len(self.joints) + len(self.driven)
+        return side.at(q, np.zeros(3), np.zeros(0, dtype=bool), count)[0]
 
     def _limited(self) -> list[tuple[str, Float[np.ndarray, " joints"], tuple[float, float], bool]]:
         """Name, coefficients, limits and whether it slides, of every joint and coupled limit."""

@@ -9,8 +9,8 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 
+from robot_programs.core.zip_file import ZipEntry, ZipKind, open_zip
 from taskcal.errors import TaskcalError, shown
-from taskcal.io.zip_file import ZipEntry, ZipKind, open_zip
 from taskcal.robot.importers.urdf_visuals import read_looks
 from taskcal.studio.project import (
     CAMPAIGN_ENDINGS,

@@ -7,20 +7,19 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from taskcal.arguments import repeated
-from taskcal.errors import FileError, shown
+from taskcal.errors import FaultyFile, FileError, shown
 from taskcal.io.text_file import read_bytes
 from taskcal.plugins import load_plugins
-from taskcal.tables.layout import Laid, lay_out, lay_out_plain
+from taskcal.tables.layout import Laid, lay_out
 from taskcal.tables.motion_capture import is_motion_capture, parse_motion_capture
 from taskcal.tables.parquet import is_parquet, read_parquet
-from taskcal.tables.table import FaultyFile, Sheet, Table, refuse_wide
+from taskcal.tables.table import Sheet, Table, refuse_wide
 from taskcal.tables.text import (
     DecimalMark,
     has_labelled_values,
     in_plain_digits,
     parse_delimited,
     parse_labelled_values,
-    parse_plain,
     with_decimal_points,
 )
 
@@ -288,18 +287,6 @@ def read_csv(path: str | Path, form: TableForm | None = None) -> Table:
             the header.
     """
     return named_table(lay_out_file(path, form))
-
-
-def parse_csv(path: Path, text: str) -> Table:
-    """The table that a file's text holds whose cells will be rewritten in place: plain CSV, taken as it is written.
-
-    Raises:
-        FileError: as `read_csv`, for the file named.
-    """
-    refuse_wide(path, text)
-    table = named_table(lay_out_plain(parse_plain(path, text)))
-    # who rewrites a cell asks for its row
-    return replace(table, rows=tuple(table.rows))
 
 
 def named_table(laid: Laid) -> Table:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import compress, islice
 
-from taskcal.errors import FileError, shown
-from taskcal.tables.table import MAX_COLUMNS, MAX_MET, Sheet, Table, pack_numbered, too_wide
+from taskcal.errors import MAX_MET, FileError, shown
+from taskcal.tables.table import MAX_COLUMNS, Sheet, Table, pack_numbered, too_wide
 from taskcal.tables.text import MOST_REMARKS, footer_note, is_footer, separator_of, split_line
 
 # Column names over two rows: groups, as of a reflector or of what was asked and what was measured, above the names
@@ -170,17 +170,6 @@ def _numbers_above(sheet: Sheet, before: int) -> tuple[str, ...]:
     return (
         f"{where} numbers above the table that is read, which begins in line {sheet.lines[before]}, and are left out",
     )
-
-
-def lay_out_plain(sheet: Sheet) -> Laid:
-    """A table whose first row names the columns.
-
-    Raises:
-        FileError: there is nothing in it.
-    """
-    if not sheet.rows:
-        raise FileError(sheet.path, "is empty; its first line must name the columns")
-    return _only_names(sheet)
 
 
 def _first_row_of_numbers(rows: Sequence[tuple[str, ...]]) -> tuple[int, int | None]:

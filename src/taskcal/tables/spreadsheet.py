@@ -7,8 +7,8 @@ from datetime import date, datetime, time
 from pathlib import Path
 from typing import Any
 
+from robot_programs.core.zip_file import ZipKind, open_zip
 from taskcal.errors import FileError, UnknownName, shown
-from taskcal.io.zip_file import ZipKind, open_zip
 from taskcal.tables.table import Sheet, pack_numbered
 
 WORKBOOK = ZipKind(

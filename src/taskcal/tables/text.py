@@ -194,8 +194,6 @@ def _number(cell: str, unit: str) -> str:
 _SEPARATOR_LINE = re.compile(r"\Asep=(.)[ \t]*(?=\n)", re.IGNORECASE)
 """What a spreadsheet writes first to say how it separates."""
 
-_LINE = re.compile(r"[^\r\n]+")
-
 _COMMENT = re.compile(r"\s*(?:#|//|%|;;|!)(.*)")
 
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:[\d.,]*\d|\.)?|[.,]\d+)(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
@@ -264,30 +262,6 @@ def _commented(comments: Sequence[tuple[int, str]], separator: str, width: int, 
         return ()
     listed = ", ".join(map(str, lines[:5])) + (", …" if len(lines) > 5 else "")
     return (f"numbers behind a comment mark are left out (line {listed})",)
-
-
-def parse_plain(path: Path, text: str) -> Sheet:
-    """The rows of plain CSV, whatever its numbers look like: commas, semicolons or tabs, as most of the first line's are.
-
-    Raises:
-        FileError: a quote is not closed.
-    """
-    separator, stated = delimiter_of(text), _SEPARATOR_LINE.match(text)
-    first = 0
-    if stated:
-        text, first = text[stated.end() + 1 :], 1
-    rows, lines = pack_numbered(
-        (number + first, cells) for number, cells in _cells(path, text, separator) if any(cells)
-    )
-    return Sheet(path=path, rows=rows, lines=lines, separator=separator)
-
-
-def delimiter_of(text: str) -> str:
-    """What separates the cells of plain CSV, by its header."""
-    # one after another: of a large file all lines take far more memory than its text
-    lines = (line[0] for line in _LINE.finditer(_SEPARATOR_LINE.sub("", text, count=1)))
-    header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
-    return max(",;\t", key=header.count)
 
 
 def with_decimal_points(sheet: Sheet, decimal: DecimalMark | None = None) -> Sheet:

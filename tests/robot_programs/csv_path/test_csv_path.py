@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from robot_programs.core.program import Waypoint
 from robot_programs.core.source import Source
+from robot_programs.csv_path.table import parse_table
 from taskcal.errors import FileError, TaskcalError
-from taskcal.tables.forms import parse_csv
 from tests.laws.robots import generators
 from tests.robot_programs.csv_path.generator import generate
 from tests.robot_programs.csv_path.texts import ARC, ROBOT, TOOL, read
@@ -19,8 +19,8 @@ paths = generators.map(generate)
 
 
 def cells(source: Source) -> list[list[str]]:
-    table = parse_csv(source.path, source.text.removeprefix("\ufeff"))
-    return [list(table.header), *map(list, table.rows)]
+    table = parse_table(source)
+    return [list(table.header), *(list(row.texts) for row in table.rows)]
 
 
 def to(T: np.ndarray, kind: str = "linear", via: Waypoint | None = None) -> Waypoint:

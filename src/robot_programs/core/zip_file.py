@@ -11,8 +11,8 @@ from copy import copy
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from taskcal.errors import FileError, shown
-from taskcal.io.text_file import open_ordinary
+from robot_programs.core.errors import FileError, shown
+from robot_programs.core.files import open_ordinary
 
 METHODS = {zipfile.ZIP_STORED: "stored", zipfile.ZIP_DEFLATED: "Deflate"}
 """How an entry may be packed: the two methods of ISO/IEC 21320-1, "Document Container File". `zipfile` unpacks BZIP2 and LZMA too,
