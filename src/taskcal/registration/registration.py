@@ -105,8 +105,8 @@ STRAIGHT_SHARE = 1e-3
 """Extent across one line over the reach, below which points lie along it. A convention: 2 mm of a reach of 2 m."""
 
 LOCATED_WITHIN = 0.02
-"""Standard deviation, metres, below which a direction of the target offsets counts as determined. A convention; a direction
-known worse stays as the registration's prior has it (decision 0005)."""
+"""Standard deviation, metres, below which a direction of the target offsets counts as determined. Decision 0005: poses spread by
+a few degrees tell an offset to millimetres, poses of one orientation not at all."""
 
 MINORITY_SHARE = 0.1
 """Share of the points, at most, that may be wrong: what so few alone say of a target is not believed. A convention, as
