@@ -31,29 +31,35 @@ LEAST_ABRUPT = {"target-slipped": 10.0, "station-moved": 30.0}
 On those robots with gear errors and compliance moves gained 28 at most; moves by 2 mm gained 36 at least, slips by 2 mm 40."""
 
 LEAST_MEDIANS = 1.5
-"""Median distances that a point has to move by, so that what is said matters."""
+"""Displacement over the median distance, at least, of a point that moved. A convention: less does not matter beside what the
+fit leaves."""
 
 LEAST_MOVE = 1e-3
-"""Metres; less only counts where it raised the error by `CLEAR_FACTOR`."""
+"""Displacement at least, metres, of a point that moved. A convention: a smaller one misses fewer moves and raises more false
+alarms. Less only counts where it raised the error by `CLEAR_FACTOR`."""
 
 CLEAR_FACTOR = 2.0
-"""By which a small move raised the error, at least: more than half of it is then the move's. Where nothing moved it was 1.3 at
-most, on five measured robots and on 30 drawn ones with gear errors in rows that follow a joint."""
+"""Factor at least by which a small move raised the error: more than half of it is then the move's. Where nothing moved it was 1.3
+at most, on five measured robots and on 30 drawn ones with gear errors in rows that follow a joint."""
 
 LEAST_FACTOR = 1.05
-"""By which it raised the error, at least: less changes nothing that matters."""
+"""Factor at least by which a slip, move or drift raised the root mean square error. A convention: less than 5 % changes nothing
+that matters."""
 
 LEAST_SHARE = 0.5
-"""Of the farthest move, that a target moved by which slipped as well."""
+"""Share of the farthest target's displacement, at least, that a target moved by which slipped as well. A convention: halfway
+between still and moved alike."""
 
 LEAST_ROWS = 4
-"""On either side of a slip."""
+"""Rows at least on either side of a slip. A convention: one row tells the displacement, the others confirm it."""
 
 LEAST_MOVED_SHARE = 0.1
-"""Of the rows, on either side of a move: fewer in one corner of the workspace may lack what all others explain."""
+"""Share of the rows, at least, on either side of a move. A convention: fewer in one corner of the workspace may lack what all
+others explain."""
 
 MOST_CUTS = 60
-"""Rows between which a slip is looked for; the best one's neighbours are looked at as well."""
+"""Cuts between rows, at most, at which a slip is tried first; the best one's neighbours are tried as well. A convention: more
+cost time in proportion."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -250,16 +256,18 @@ def _after(fit: LinearFit, targets: tuple[int, ...], row: int) -> Float[np.ndarr
 # once.
 
 HEADINGS = 24
-"""Directions in which a standing robot may face, that are tried."""
+"""Headings about the vertical, 15° apart, that are tried for a standing robot. A convention: fewer may miss the registration,
+more cost time in proportion."""
 
 ROUNDS = 25
-"""Of assignment and registration, from one start."""
+"""Rounds of assignment and registration, at most, from one start. A convention that bounds the time."""
 
 MOST_ROWS = 300
-"""For which it is tried: what an assignment costs grows with the cube of the rows."""
+"""Rows, at most, that are paired by an assignment, whose cost grows with their cube. A convention that bounds the time."""
 
 CLEARLY = 0.3
-"""Of the distance to the nearest point of another row: paired rows are nearer, by the median."""
+"""Ratio, at most, of the median distance of a paired point to that of the nearest point of another row. A convention: where
+nothing belongs together, the ratio is about 1."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -362,16 +370,18 @@ FAR_QUARTILES = 10.0
 off by three times the 95th percentile there, in all rows of that posture, and none of them is wrong."""
 
 FAR = 1e-3
-"""Metres; nearer than that a row is not grossly wrong."""
+"""Distance, metres, at least, of a grossly wrong row. A convention: a smaller one misses fewer wrong rows and raises more false
+alarms."""
 
 MOST_SHARE = 0.2
-"""Of the rows, that may be grossly wrong; with more it is another mistake."""
+"""Share of the rows, at most, that may be grossly wrong. A convention: with more, another mistake explains them better."""
 
 MOST_MIXED_UP = 0.5
-"""Of the rows, that may have the points of one another: that all of them find their place is proof in itself."""
+"""Share of the rows, at most, that may have the points of one another. A convention: beyond half, the rows are in another
+order. That all find their place is proof in itself."""
 
 SAME_POSE = 2e-5
-"""Radians, or metres."""
+"""Difference of joints, at most, of one pose, radians or metres. A convention: what rounding to a thousandth of a degree leaves."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -538,16 +548,18 @@ def _mixed_up(case: Case, rows: np.ndarray, fit: LinearFit) -> RowFault | None:
 
 
 IN_COURSE_SHARE = 0.1
-"""Of the reach: with more left than this, nothing that happened in a campaign's course is told."""
+"""Median distance over the reach beyond which no slip, move or drift is looked for. A convention: then the fit itself is wrong."""
 
 LOCAL_ROWS = 240
-"""Rows on which slips, drifts and gross errors are looked for; a longer campaign is looked at in every second row, or third."""
+"""Rows, at most, on which slips, drifts and gross errors are looked for; of a longer campaign every second, or third. A
+convention that bounds the time."""
 
 LARGE_CUTS = 24
-"""Rows between which a large move is looked for first; those near the best one are looked at as well."""
+"""Cuts between rows at which a large move is tried first; those near the best one are tried as well. A convention that bounds
+the time."""
 
 LEAST_PART = 6
-"""Rows on either side of a large move."""
+"""Rows at least on either side of a large move, as many as one half of the rows needs to judge the other. A convention."""
 
 Local = tuple[Finding, Campaign]
 

@@ -102,7 +102,8 @@ def _can_turn(case: Case) -> bool:
 # What is told where no usual mistake explains a campaign: rows in another order, or a robot that is not known.
 
 AT_CHANCE = 0.7
-"""Of the error of points that were given out at random: rows with as much have nothing to do with each other."""
+"""Error over that of points given out at random, from which on rows have nothing to do with each other. A convention: related
+rows are far below 1, random orders scatter about it."""
 
 
 def find_other_order(case: Case, before: float) -> tuple[list[Finding], Campaign] | None:
@@ -198,11 +199,11 @@ def _error_at(case: Case, rng: np.random.Generator | None) -> float:
 # Mistakes of joints and robot in what was observed without a tracker: sockets, wires, landmarks, boards.
 
 CONTINUED = 4
-"""Single mistakes beside which a second is looked for."""
+"""Single mistakes, at most, beside which a second is looked for. A convention: more cost time in proportion."""
 
 
 ENOUGH_ROWS = 12
-"""Of one thing, to find it without a guess."""
+"""Rows of one thing, at least, to find it without a guess: a wire's anchor needs as many (`observations.distance`)."""
 
 _QUICK = frozenset({"socket"})
 """Kinds that are placed in a millisecond, so that all mistakes and their pairs can be tried."""
@@ -313,15 +314,18 @@ def _error(case: Case, *, as_given: bool) -> tuple[float, float]:
 
 
 ALTERNATIVES = 0.6
-"""Logarithm of how much worse an explanation may be that is told beside the best."""
+"""Natural logarithm of the error's factor, 1.8, over the best within which an explanation is told as well. A convention: below
+the charge of a mistake, above that of three unusual traits."""
 
 MOST_ALTERNATIVES = 2
+"""Alternatives, at most, that are told beside the best explanation. A convention: three answers are read."""
 
 SHARPNESS = 3.0
-"""How fast an explanation's share falls with the logarithm of its error; chosen, not calibrated against right answers."""
+"""Power of the error's ratio by which an explanation's share of the confidence falls. A convention, not calibrated; `python -m
+tests.diagnosis.shares` counts the right answers by confidence."""
 
 UNEXPLAINED_SHARE = 0.1
-"""Of the reach, at which a row that is left out counts."""
+"""Distance over the reach that a row left out is charged as. A convention: far above what an explained row is off by."""
 
 IN_NO_FILE = ("drift", "station-moved")
 """What happened in the course of a campaign, and no other file mends."""

@@ -16,16 +16,18 @@ from taskcal.geometry import se3
 from taskcal.registration.registration import Registration, register_closely
 
 PRIOR_SCALE = 3.0
-"""Of the tolerances."""
+"""Standard deviation of the geometry over its tolerances in the doctor's fit. A convention: a robot is rarely off by more; a
+looser one would follow slips."""
 
 LEAST_NOISE = 5e-5
-"""Metres per axis; no robot fits better."""
+"""Standard deviation at least, metres per axis. A convention: no nominal robot fits better."""
 
 ROUNDS = 8
-"""Of weights and noise."""
+"""Rounds of weights and noise in turn. A convention that bounds the time."""
 
 TUNING = 4.0
-"""Median distances from which on a row loses its weight."""
+"""Distance over the median one at which a row's weight is a quarter. A convention of the Geman–McClure kind: larger trusts
+outliers, smaller wastes rows."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -177,23 +179,26 @@ def _solve(
 # 2006) keep the best three quarters.
 
 TRUSTED_SHARE = 0.75
-"""Of the points, that the fit follows; the others may be wrong."""
+"""Share of the points that the fit follows; the others may be wrong. A convention between the share of wrong rows that is borne
+and the use of right ones."""
 
 CHUNK = 400
 """Suppositions fitted together: what they need stays in the cache and below 100 MB."""
 
 QUICK_ROUNDS = 3
-"""Fits, the first to all points, the others to the best of them."""
+"""Fits, the first to all points, the others to the best of them. A convention: concentration steps settle fast, and each costs
+a fit."""
 
 RIDGE = 1e-10
-"""Of the normal equations' mean diagonal: columns that hardly matter stay at zero."""
+"""Share of the normal equations' mean diagonal that is added to it: columns that hardly matter stay at zero. A convention: far
+above rounding, far below any information."""
 
 LEVER_SHARE = 0.25
-"""Of the reach, at which a measured rotation's error counts as a distance."""
+"""Lever over the reach by which a measured rotation's error counts as a distance. A convention."""
 
 
 SMALLEST_ERROR = 2e-4
-"""Metres; nearer than that nothing is told apart."""
+"""Distance, metres, below which no two explanations are told apart. A convention: below it, noise decides."""
 
 
 def misfits(

@@ -160,8 +160,8 @@ OTHER_UNITS = {unit: LENGTHS[unit] for unit in ("mm", "m", "in", "cm", "ft")}
 """In which points are written, and taken for one another."""
 
 SCATTER_WINDOW = 2.0
-"""Largest factor between the scatter of the points and that of the nominal tool point, which a target's place on the tool and
-mistakes of the joints can explain."""
+"""Factor, at most, between the scatter of the points and that of the nominal tool point, which a target's place and mistakes of
+joints explain. A convention: below 2.54, the ratio of the nearest two units."""
 
 _LONG = {"mm": "millimetres", "m": "metres", "in": "inches", "cm": "centimetres", "ft": "feet"}
 
@@ -389,14 +389,15 @@ def _exchanged(description: Mapping[str, Any], convention: str) -> dict[str, Any
 # Points that stand some rows below or above their joints.
 
 MOST_ROWS = 12
-"""Shifts that are tried; who loses more rows at the top of a file sees it."""
+"""Rows, at most, of the shifts that are tried. A convention: who loses more rows at the top of a file sees it."""
 
 
 SHIFTED_ALIKE = 0.8
-"""Of the rows that are not where they belong, that make it a shift."""
+"""Share of the rows out of place, at least, that lie as many rows off for a shift. A convention: rows shuffled at random agree
+in a few only."""
 
 LEAST_SHIFTED = 4
-"""Rows."""
+"""Rows at least that lie as many rows off for a shift. A convention: fewer agree by chance."""
 
 
 def row_mistakes(case: Case) -> Iterator[Supposition]:

@@ -26,44 +26,53 @@ Progress = Callable[[str, int, int], None]
 """Told what is being tried, how many of it were, and how many there are."""
 
 PER_MISTAKE = 0.8
-"""Logarithm of the factor by which a mistake has to lower the error to be believed: 2.2."""
+"""Natural logarithm of the factor, 2.2, by which one mistake has to lower the typical error to be believed. A convention: less
+finds mistakes in sound campaigns, more misses small ones. `python -m tests.diagnosis.shares` counts right answers with it."""
 
 OUTSIDE_LIMITS = 0.5
-"""Logarithm that rows outside the joint limits cost; decides where several suppositions leave the same error."""
+"""Natural logarithm of the error's factor, 1.6, charged where a fifth of the rows or more lie outside the joint limits. A
+convention: below the charge of a mistake, so that it decides between explanations of equal error only."""
 
 TRIED_ROWS = 36
-"""Rows on which all suppositions are tried."""
+"""Rows, at most, on which all hypotheses are tried. A convention: 18 rows register the robot, 18 judge it; more cost time in
+proportion."""
 
 HELD_OUT_ROWS = 120
-"""Rows on which the best ones are compared."""
+"""Rows, at most, on which the best explanations are compared. A convention: more sharpen the comparison by the root of their
+number."""
 
 UNUSUAL = 0.15
-"""Logarithm that a robot costs that hangs from the ceiling, as a levelled tracker sees it, a target that sits behind the flange,
-inside the arm, or a joint that stays at its limit; decides where mirrored robots leave the same error."""
+"""Natural logarithm of the error's factor, 1.16, charged for each unusual trait: a robot that hangs from the ceiling by a
+levelled tracker, a target behind the flange, inside the arm, a joint that stays at its limit. A convention: a fifth of a
+mistake's charge, so that it decides between mirrored robots, whose errors are equal."""
 
 UPRIGHT = 0.7
-"""Cosine of the base's z axis and the tracker's."""
+"""Cosine of the angle, 45°, between the base's z axis and minus the tracker's, within which a robot hangs. A convention halfway
+between ceiling and wall."""
 
 BEHIND = 5e-3
-"""Metres along the tool's z axis."""
+"""Distance behind the flange along the tool's z axis, metres, from which on a target is inside the arm. A convention that
+allows for the registration's error."""
 
 ALIKE = 0.4
-"""Logarithm of how much worse the explanations are, whose frames are looked at for what is unusual."""
+"""Natural logarithm of the error's factor, 1.5, over the best within which explanations are looked at for unusual traits. A
+convention: more than two traits' charges, less than a mistake's."""
 
 COMPARED = 24
-"""How many are."""
+"""Explanations, at most, that are compared on held-out rows. A convention: more cost time in proportion."""
 
 LEAST_ROWS = 6
-"""With fewer no half of the rows can be judged by the other."""
+"""Rows at least; with fewer no half of the rows can be judged by the other, since three points register a frame."""
 
 CLOSELY = 300
-"""Combinations of joint mistakes, of many, that are fitted robustly."""
+"""Combinations of joint mistakes, at most, that are fitted robustly. A convention: a plain fit ranks the others; more cost time
+in proportion."""
 
 SOUND_SHARE = 4e-3
-"""Of the reach: a campaign that nominally fits as well is not looked at for pairs of mistakes."""
+"""Typical error over the robot's reach, below which pairs of mistakes are not looked for. A convention: 8 mm of a reach of 2 m."""
 
 MOST = 3
-"""Mistakes at a time."""
+"""Mistakes at a time, at most. A convention: the number of combinations grows with its power."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -113,10 +113,12 @@ def _without_nan(array: np.ndarray) -> list[Any]:
 # Which parameters the data of a calibration inform, and which its prior alone holds.
 
 UNSEEN_SHARE = 0.95
-"""Share of the prior's standard deviation from which on a standard error says that nothing was learnt."""
+"""Standard error over the prior's standard deviation, from which on nothing was learnt. A convention: at 0.95 the data add a
+tenth of the prior's information."""
 
 WORTHLESS_SIZE = 3e-4
-"""Model error, metres per axis, with which a robot that shows none of its tolerances is not a nearly perfect one."""
+"""Model error, metres per axis, from which on a robot that shows none of its tolerances is no nearly perfect one. A convention:
+a nearly perfect robot leaves less."""
 
 
 def informed_parameters(calibration: "Calibration") -> dict[str, bool | None]:

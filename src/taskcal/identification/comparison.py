@@ -22,16 +22,17 @@ from taskcal.robot.parameter import ShownUnit
 from taskcal.short_repr import short_repr
 
 LEVEL = 0.01
-"""Chance of calling a robot changed that is not."""
+"""Probability of calling a robot changed that is not. A convention: the 1 % of the tests for drift and for a fleet's outliers."""
 
 MOST_POSES = 300
-"""At which two calibrations are compared where no poses are given."""
+"""Poses, at most, at which two calibrations are compared where none are given. A convention that bounds the time."""
 
 NEGLIGIBLE = 1e-7
 """Standard deviation of the difference, metres, below which a direction is taken as known to that."""
 
 MOST_TOLERANCES = 20.0
-"""Times its tolerance that a parameter is believed to change; frames hide what would have to change by more."""
+"""Change over its tolerance, at most, that a parameter is believed to have. A convention: frames hide what would have to change
+by more."""
 
 ALIGNMENTS = 3
 """Steps in which the tool points are put on each other; each leaves what is of second order in the step."""

@@ -219,10 +219,12 @@ def search_steps(model: ErrorModel, campaign: Campaign, search: EffectSearch) ->
 
 
 MIN_EVIDENCE_GAIN = 3.0
-"""Fall of log evidence without it from which on an effect is called proven, odds of 20 to 1."""
+"""Fall of the log evidence without an effect from which on it is called proven: odds of 20 to 1. Decision 0012: effects that
+are not there gained 2.9 at most on 200 virtual robots, in the search as it was."""
 
 MANY = 100
-"""Parameters of an effect from which on it is not asked what geometry repeats of them: their sum counts, not each."""
+"""Parameters of an effect, at most, of which it is asked what geometry repeats of them. A convention: of more the sum counts,
+not each."""
 
 
 def _silent(_: str) -> None:

@@ -35,13 +35,15 @@ TYPICAL, WIDTH = 5e-5, 3.0
 """Expected standard deviation, metres and radians: what industrial robots repeat to; and that of its square's logarithm."""
 
 FREEDOM = 8.0
-"""Degrees of freedom of the t-distribution that single poses' errors are expected to have."""
+"""Degrees of freedom of the t-distribution that single poses' errors are expected to have. A convention: tails longer than a
+normal distribution's, as errors of measured robots have."""
 
 LEAST = 1e-14
 """Variance under which there is nothing, m² and rad²."""
 
 LONGEST_STEP = 1.5
-"""Of a logarithm in one step."""
+"""Change of a log variance, at most, in one step of the scoring: a factor of 4.5. A convention that keeps the scoring where its
+information holds."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -150,22 +152,25 @@ def whiteners(R: Float[np.ndarray, "n m m"]) -> Float[np.ndarray, "n m m"]:
 
 
 GEOMETRY_WIDTH = 3.0
-"""Standard deviation of the logarithm of the geometry's variances about that of its tolerances: a factor of 4.5 in size."""
+"""Standard deviation of the log variances of the geometry about its tolerances: a factor of 4.5 in size. A convention, as of
+the effects (docs/theory/one-model.md)."""
 
 COMMON_WIDTH, EFFECT_WIDTH, JOINT_WIDTH = 4.0, 3.0, 1.0
 """The same of what all effects have in common, of each effect beside that, and of each joint beside the others."""
 
 MOST_ROUNDS = 8
-"""Of linearisation, sizes and row errors in turn."""
+"""Rounds, at most, of linearisation, sizes and pose noise. A convention: what the last rounds change is told in `reason`."""
 
 MOST_JUDGED = 300
-"""Poses, evenly among all, that the row errors are found from."""
+"""Poses, at most, evenly among all, that pose noise is estimated from. A convention: variances of 300 poses are known to some 8
+%."""
 
 WHITENED_AT_ONCE = 128
 """Poses of a thread."""
 
 STANDS_STILL = 0.1
-"""Change of a logarithm of a variance, in standard errors of the others, under which it has settled."""
+"""Change of a log variance, in its standard errors, under which it has settled. A convention: a tenth of what the data leave
+open."""
 
 FRAME_SCALE = 1e-3
 """Unit of tracker frame and targets in the equations, metres and radians."""

@@ -48,7 +48,8 @@ from taskcal.robot.error_model import ErrorModel
 # The calibration that the one model gives: estimate, covariance with the sizes' own uncertainty, residuals.
 
 DRAWS = 12
-"""Of the sizes of the groups, over which the covariance is averaged."""
+"""Draws of the sizes of the groups, over which the covariance is averaged. A convention: more cost time in proportion
+(docs/theory/one-model.md)."""
 
 
 def calibrate(
@@ -166,10 +167,10 @@ def _remarks(fitted: OneFit, z: Float[np.ndarray, " z"], S: Float[np.ndarray, "z
 # that of this distribution.
 
 STEPS = 2
-"""Of the scoring in a fold."""
+"""Steps of the scoring in a fold. A convention: sizes of nearly the same rows are near at the start."""
 
 VALIDATION_DRAWS = 2
-"""Of the sizes in a fold."""
+"""Draws of the sizes in a fold. A convention: errors of all folds are averaged as well."""
 
 TAILS = np.array([4.0, 6.0, 9.0, 14.0, 25.0, 60.0, 1000.0])
 """Degrees of freedom that are tried."""
@@ -178,10 +179,11 @@ STRETCH = np.exp(np.linspace(np.log(0.05), np.log(9.0), 73))
 """Values of f that are tried."""
 
 MOST_STRETCH = 25.0
-"""With the tails."""
+"""Factor f of the covariance, at most, with the tails: five times the predicted deviation. A convention."""
 
 STRETCH_WIDTH = 1.0
-"""Standard deviation of the logarithm of f, which is expected to be 1, before anything is left out."""
+"""Standard deviation of log f about 0, before anything is left out: a factor of 1.6 in size. A convention, as of one joint's
+size beside the others."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -383,10 +385,10 @@ HIGHEST = 640.0
 """Order that is looked for: four times in a turn of the motor behind a gear of 160."""
 
 CHANCE = 0.01
-"""Of taking any order where none recurs."""
+"""Probability of taking any order, over all orders of all joints, where none recurs. A convention: the usual 1 %."""
 
 FINENESS = 0.1
-"""Step of the search, in periods over the whole range of a joint."""
+"""Step of the search, in periods over the whole range of a joint. A convention: half a step off loses 0.4 % of an amplitude."""
 
 APART = 1.5
 """Periods over the whole range by which orders found at once differ at least."""
@@ -395,7 +397,7 @@ AT_ONCE = 3
 """Orders of a joint that are taken before the others are looked at again."""
 
 SMALLEST_RANGE = 0.2
-"""Of a joint that is searched, radians."""
+"""Range at least, radians, of a joint that is searched. A convention: 11° hold a period of orders above 31."""
 
 SHARP_TOLERANCE = 3e-5
 """Amplitude expected of each, radians: six seconds of arc."""
@@ -495,13 +497,14 @@ LARGE = 2.0
 """Log variance of every group to start from: from a size that is next to nothing the scoring would hardly come back."""
 
 SHARPENINGS = 4
-"""Times that sharp orders are looked for; each finds what stood behind the clearest ones."""
+"""Searches for sharp orders, at most; each finds what stood behind the clearest ones. A convention that bounds the time."""
 
 SHARPENING_ROUNDS = 2
 """Of a fit between, which need not be at its end."""
 
 FEW = 1e-6
-"""Least standard deviation of single poses to start from, metres and radians."""
+"""Standard deviation of single poses at least to start from, metres and radians. A convention: below all that is measured, so
+that the scoring moves off zero."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -42,14 +42,15 @@ from taskcal.robot.error_model import ErrorModel
 # fit are therefore judged in the same way: by the fit of all other rows.
 
 GROSS_SIGMAS = 10.0
-"""Standard deviations from which on a row that disagrees is wrong, not unlucky."""
+"""Standard deviations from which on a row that disagrees is wrong, not unlucky. A convention: errors of measured robots have
+longer tails than normal ones."""
 
 MASKED_SIGMAS = 15.0
 """The same by the fit of the others, for an outlier that is nearer than `GROSS_SIGMAS` in the fit that it is part of: gross errors
 raise the model error and so hide themselves. Sound rows of measured robots, in postures that few rows have, reach 11."""
 
 MAX_REJECTION_ROUNDS = 6
-"""Of fit and judgement in turn; two are enough as a rule."""
+"""Rounds of fit and judgement, at most. A convention: two are enough as a rule."""
 
 MANY, SOME = 5000, 1000
 """Rows from which on those that disagree are first judged by a fit of so many of the others."""
@@ -196,7 +197,8 @@ def _predicted_covariance(calibration: Calibration, campaign: Campaign) -> Float
 # Campaigns that no length is in: a robot of any size fits them, and the smallest fits best.
 
 LARGEST_SCALE = 3.0
-"""Of the tolerances: beyond, the residuals of a shrinking robot gain more than its lengths lose."""
+"""Prior scale, at most, of campaigns that no length is in. A convention: beyond, the residuals of a shrinking robot gain more
+than its lengths lose."""
 
 
 def with_size_held(model: ErrorModel, campaign: Campaign, options: FitOptions) -> FitOptions:
@@ -233,14 +235,15 @@ CALCULATED = 1.5e-5
 robots repeat to some 20 µm."""
 
 WIDE_SCALE = 5.0
-"""A prior scale above this calls for a look at the robot file."""
+"""Prior scale beyond which a look at the robot file is advised. A convention: five times the tolerances on average are no
+scatter of one robot."""
 
 CONTRADICTING = 3.0
 """Standard deviations of what the tolerances make of the tool's position, beyond which an unexplained error is the rows' and not
 the robot's: 3σ, as for a single gross error."""
 
 JUDGED_ROWS = 100
-"""At which that is found, evenly among all."""
+"""Rows, at most, evenly among all, at which that is found. A convention that bounds the time."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

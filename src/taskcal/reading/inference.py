@@ -26,9 +26,10 @@ _WINDOW = 1.8
 millimetres and metres lie further apart."""
 _MIN_POSES = 4
 _FARTHEST = 50.0
-"""Scatter of points that one instrument measures, metres, at most."""
+"""Scatter, metres, at most, of points that one instrument measures. A convention: beyond any robot's workspace."""
 _FAR_BETTER = 0.2
-"""Of two misfits: a nominal robot misses by hundredths of the points' scatter with the right units, by tenths with others."""
+"""Ratio of two misfits, at most, where the better one decides. A nominal robot misses by hundredths of the scatter in the right
+units, by tenths in others. A convention."""
 
 
 def infer_units(
@@ -125,16 +126,17 @@ WINDOW = 10
 """Successive rows that are fitted to find a shift: a frame and a target have nine unknowns, ten points 30 coordinates."""
 
 MAX_WINDOWS = 6
-"""Tried for each shift: of some both files hold all rows, where a few are lost."""
+"""Windows, at most, tried for each shift. A convention: of some, both files hold all rows where a few are lost."""
 
 MAX_SHIFT = 30
-"""Rows that one file may begin before the other."""
+"""Rows, at most, that one file begins before the other. A convention: who loses more sees it."""
 
 MIN_SHARE = 0.8
-"""Of the shorter file's rows that must agree where geometry pairs them."""
+"""Share of the shorter file's rows, at least, that must agree. A convention: fewer rows in common are mostly two campaigns."""
 
 _PER_REACH = 0.01
-"""Misfit of a nominal robot over its reach at most, with rows that belong together; with others it is tenths of the reach."""
+"""Misfit of a nominal robot over its reach, at most, with rows that belong together. A convention: 20 mm of a reach of 2 m; of
+other rows it is tenths of the reach."""
 
 
 def pair(joints: Readings, points: Readings, robot: Robot) -> Readings:
@@ -368,16 +370,18 @@ def _rising(near: Float[np.ndarray, "n m"], limit: float) -> np.ndarray:
 # Which convention three angles follow whose names leave it open, told by what the robot can have done.
 
 MIN_POSES = 6
-"""Two frames have six unknowns, each pose three angles."""
+"""Poses at least: two frames have six unknowns, each pose tells three angles. A convention: three times as many equations as
+unknowns."""
 
 MOST_POSES = 200
-"""That are looked at, spread over all."""
+"""Poses, at most, that are looked at, spread over all. A convention that bounds the time."""
 
 FITS_RAD = float(np.radians(5.0))
 """Root mean square misfit of a nominal robot at most; it misses by tenths of a degree under the right convention."""
 
 FAR_BETTER = 0.2
-"""Of two misfits, where the better one decides."""
+"""Ratio of the best misfit to the next, at most, where the best decides. A convention: a nominal robot misses by tenths of a
+degree under the right one."""
 
 CALCULATED_RAD = 1e-5
 """Misfit under which angles of no certain meaning are the controller's own: no robot is built and measured so well."""

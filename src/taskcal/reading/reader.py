@@ -70,15 +70,15 @@ SIGMAS = 10.0
 beyond ten in fewer than one of a thousand million pairs."""
 
 COARSEST_M = 1e-3
-"""Standard uncertainty of a coordinate that shots themselves may show, metres: cameras and motion capture. Beyond it they are of
-several poses."""
+"""Standard uncertainty of a coordinate, metres, at most, that shots of one pose show. A convention: cameras and motion capture
+stay below; beyond, shots are of several poses."""
 
 MIN_REPEATED = 3
 """Poses with several shots, from which their scatter is learnt; one of three may hold two poses."""
 
 TURNED_RAD = float(np.radians(2.0))
-"""Rotation between two shots of one pose: instruments of six degrees of freedom scatter by hundredths of a degree, cameras by
-tenths."""
+"""Angle, radians, at most, between two shots of one pose. A convention: instruments of six degrees of freedom scatter by
+hundredths of a degree, cameras by tenths."""
 
 
 def average_shots(readings: Readings, metres: float = 1e-3) -> Readings:
@@ -350,8 +350,8 @@ def _poses(readings: Readings) -> np.ndarray:
 # Targets without a column that says so: behind the name of the pose, as in ``P12_T1``, or as points of a group.
 
 _APART = 3e-3
-"""Least distance of two targets over the scatter of all points: shots of one target are nearer. As much, the distance of two
-targets on one tool may change from pose to pose."""
+"""Distance of two targets over the scatter of all points, at least; it may change as much from pose to pose. A convention:
+shots of one target are nearer."""
 
 
 def with_targets_in_names(readings: Readings) -> Readings:
@@ -576,7 +576,8 @@ MIN_COLUMNS = 5
 """In which the rows differ, and all of which must agree with one statistic."""
 
 _AGREES = 2e-3
-"""Largest difference over the standard deviation of the rows above: a mean is often written with fewer digits."""
+"""Difference over the standard deviation of the rows above, at most, of a stated statistic. A convention: means are often
+written with fewer digits."""
 
 
 def without_means(readings: Readings) -> Readings:
@@ -621,10 +622,11 @@ def _statistics(rows: np.ndarray) -> Float[np.ndarray, "statistics columns"]:
 
 
 MOVED = 0.01
-"""By which a point that stands does not move, metres: stands bend and bases drift by less."""
+"""Displacement, metres, at most, of a point that stands still. A convention: stands bend and bases drift by less."""
 
 LARGEST_IN_RADIANS = 10.0
-"""A turn and a half: joints that stay within it in degrees hardly move."""
+"""Joint position, at most, taken for radians: a turn and a half. A convention: joints that stay within it in degrees hardly
+move."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -43,7 +43,7 @@ _OTHER_AXIS = re.compile(
 """Axes beside the robot's own, as controllers call them."""
 
 _STILL = 1e-3
-"""Range of an axis that stands still, in any unit: what an encoder flickers."""
+"""Range of an axis, at most, that stands still, in any unit. A convention: what an encoder flickers."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -571,10 +571,11 @@ def without_lost(table: Table, columns: Sequence[str]) -> tuple[Table, tuple[str
 # Positions of targets in a table of measurements: columns for each target, or a row for each.
 
 MAX_UNCERTAINTY = 0.01
-"""Largest standard uncertainty under a name that positions have too, metres: no instrument that calibrates robots has as much."""
+"""Standard uncertainty, metres, at most, under a name that positions have too. A convention: no instrument that calibrates
+robots has as much."""
 
 SMALL = 0.01
-"""Largest of these over the largest coordinate, where the unit of both is unknown."""
+"""Uncertainty over the largest coordinate, at most, where the unit of both is unknown. A convention: 10 mm on a metre."""
 
 LEAVE_EMPTY = "give a number, or leave all the target's cells empty"
 
@@ -782,17 +783,17 @@ _NAMES = ("collection", "group", "id")
 """Of points, the outermost first, as SpatialAnalyzer writes them."""
 
 _SAMPLED = 500
-"""Rows that tell numbers from texts."""
+"""Rows that tell numbers from texts. A convention that bounds the time."""
 
 _COMPARED, _COMPARED_COLUMNS = 40, 200
 """Rows, and columns of numbers, in which a second block of positions is looked for."""
 
 _ALIKE = 0.8
-"""Least correlation of the distances between points in two blocks that may be the same points, in any two frames and units: asked
-and measured points, or two targets of one tool. Angles and uncertainties stay below."""
+"""Correlation at least of the distances between points of two blocks that may be the same points, in any frames and units. A
+convention: angles and uncertainties stay below."""
 
 _NEAR = 0.1
-"""Distance of two blocks over the scatter of one, where they are the same points in one frame."""
+"""Distance of two blocks over the scatter of one, at most, where they are the same points in one frame. A convention."""
 
 
 def name_columns(laid: Laid, robot: Robot) -> Laid:

@@ -29,7 +29,8 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
 TRUSTED_SHARE = 0.75
-"""Of the rows, that the trimmed sum counts."""
+"""Share of the rows that the trimmed sum counts. A convention between the share of wrong rows that is borne and the use of
+right ones."""
 
 SUBSETS = 24
 """Subsets from which the search starts where the whole campaign does not agree: with a tenth of the rows wrong, eight rows are
@@ -44,7 +45,8 @@ FAR_SIGMAS = 10.0
 """Times the median distance: on measured robots the nominal geometry leaves at most 8.4 times the median."""
 
 TRACKER_NOISE = 1e-4
-"""Metres; nearer than that no row is far, however well the others agree."""
+"""Distance, metres, below which no row is far, however well the others agree. A convention: several times the uncertainty of a
+laser tracker."""
 
 MAX_STEPS, MANY_STEPS = 10, 2
 """Concentration steps, and those of very many rows from what a sample of them came to; each lowers the trimmed sum."""
@@ -192,7 +194,7 @@ def _distances(registration: Registration, cloud: Cloud, rows: int, model: Error
 # Whether joints and points can belong to each other at all.
 
 LARGEST_SHARE = 0.1
-"""Of the rows, that may be wrong: with more, others than these could be the right ones."""
+"""Share of the rows, at most, that may be wrong. A convention: with more, others than these could be the right ones."""
 
 COMPUTED = 1e-7
 """Residual of joints that nobody read of a robot, metres: a controller shows thousandths of a degree."""
