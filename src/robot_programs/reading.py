@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.backup import is_backup, open_backup
+from robot_programs.backup import open_backup
 from robot_programs.core.errors import FileError, InputError, WrongKind, shown
+from robot_programs.core.files import is_backup
 from robot_programs.core.program import Frame, Move, Program, Target, missing_names
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Backup, Place, Source, read_source

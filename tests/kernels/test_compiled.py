@@ -8,8 +8,7 @@ import numba.core.config as numba_config
 import numpy as np
 import pytest
 
-from taskcal.kernels import compiled, normal_equations
-from taskcal.kernels import compiled as kernel_cache
+from taskcal.kernels import compiled, kernel_cache, normal_equations
 from taskcal.kernels.chain import Chain
 from taskcal.kernels.observations import Observations, Points, Walked
 from taskcal.kernels.walk import Columns

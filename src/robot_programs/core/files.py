@@ -20,6 +20,14 @@ VARIABLE = "TASKCAL_MAX_FILE_MB"
 
 _PIECE = 1 << 20
 
+ZIP = ".zip"
+"""Suffix of zip files."""
+
+
+def is_backup(path: Path) -> bool:
+    """Whether a path is a folder or a zip file."""
+    return path.suffix.lower() == ZIP or path.is_dir()
+
 
 def read_bytes(path: str | Path, largest_mb: float = MAX_FILE_MB) -> bytes:
     """The bytes of a file.

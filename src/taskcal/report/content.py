@@ -6,11 +6,11 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from taskcal.identification.calibration import Calibration
-
 if TYPE_CHECKING:
     import plotly.graph_objects as go
     from rich.console import Console
+
+    from taskcal.identification.calibration import Calibration
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -373,7 +373,7 @@ def signed(value: float, digits: int) -> str:
 # Where the figures of model error and prior scale come from, in words.
 
 
-def model_error_origin(calibration: Calibration) -> str:
+def model_error_origin(calibration: "Calibration") -> str:
     """Whether the model error was given, found, or none was found."""
     if calibration.provenance.options.get("model_error", "estimate") != "estimate":
         return "as given"
@@ -388,6 +388,6 @@ def state_model_error(millimetres: float, origin: str, milliradians: float | Non
     return f"{millimetres:.3g} mm{rotation} per axis at every pose: {origin}"
 
 
-def prior_scale_origin(calibration: Calibration) -> str:
+def prior_scale_origin(calibration: "Calibration") -> str:
     """What is to be added to the prior's scale, if anything."""
     return "as given" if calibration.provenance.options.get("prior_scale", "estimate") != "estimate" else ""

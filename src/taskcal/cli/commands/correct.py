@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from robot_programs.backup import is_backup
+from robot_programs.core.files import is_backup
 from taskcal.cli.command import grouped
 from taskcal.cli.options.common import look_at_calibration
 from taskcal.cli.options.correction import BoundsOptions, CellOptions

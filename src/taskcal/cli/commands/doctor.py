@@ -132,7 +132,7 @@ def _package(name: str) -> Callable[[], str]:
 
 
 def _kernels() -> str:
-    from taskcal.kernels.compiled import cache_folder, is_warm
+    from taskcal.kernels.kernel_cache import cache_folder, is_warm
 
     return f"{cache_folder()} ({'warm' if is_warm() else 'not compiled yet: taskcal warm'})"
 

@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 
 from taskcal.analysis.elimination_table import describe_combination
 from taskcal.cli.command import Command, grouped, trusting
+from taskcal.cli.fit_report import placement
 from taskcal.cli.options.common import JsonOption, OutputOptions
 from taskcal.cli.output import info, show_facts, show_table, tell, write_json
 from taskcal.cli.outputs import check_outputs
@@ -317,11 +318,6 @@ def _placement(parts: tuple[Part, ...]) -> dict[str, Any]:
     for part in parts:
         T = T @ part.transform
     return placement(T)
-
-
-def placement(T: np.ndarray) -> dict[str, Any]:
-    """A pose for people: position in millimetres, orientation as a quaternion."""
-    return {"position_mm": _scaled(T[:3, 3], 1e3), "quaternion": se3.to_quaternion(T[None, :3, :3])[0].tolist()}
 
 
 def show_sheet(sheet: Mapping[str, Any]) -> None:

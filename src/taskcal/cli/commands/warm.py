@@ -26,7 +26,7 @@ def command(as_json: JsonOption = False) -> None:
     import os
     from time import perf_counter
 
-    from taskcal.kernels.compiled import announce_compilation, cache_folder, is_warm
+    from taskcal.kernels.kernel_cache import announce_compilation, cache_folder, is_warm
 
     before, start = _kept_kernels(), perf_counter()
     if is_warm():
@@ -44,7 +44,7 @@ def command(as_json: JsonOption = False) -> None:
 
 def _kept_kernels() -> set[Path]:
     """Of every installation that keeps its kernels there, each in a folder of its own."""
-    from taskcal.kernels.compiled import cache_folder
+    from taskcal.kernels.kernel_cache import cache_folder
 
     return set(cache_folder().rglob("*.nbc"))
 
