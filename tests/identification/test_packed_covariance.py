@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskcal.errors import FileError, FitError, TaskcalError
-from taskcal.identification.calibration import load_calibration
-from taskcal.identification.calibration_format import (
+from taskcal.identification.calibration import (
     PACKED_FROM,
     describe_factor,
     factor_of,
+    load_calibration,
     spread_of,
     unpack_factor,
 )

@@ -175,8 +175,6 @@ def working(step: str, steps: int | None = None) -> Generator[Callable[[str], No
     Yields:
         how to say which step begins.
     """
-    pass
-
     with progress_bar(for_terminal(step), steps) as update:
         report_step(step, 0, steps)
         begun = 0

@@ -144,7 +144,6 @@ def command(
     named = [*page.places, *(("--output", path) for path in destination.files(programs))]
     outputs = check_outputs("correct", named, inputs, force=page.force)
     page.check()
-    pass
     from robot_programs.backup import check_place
     from taskcal.correction.correct import correct
     from taskcal.identification.calibration import load_calibration

@@ -60,7 +60,6 @@ def command(
     if robot is None:
         raise typer.BadParameter("say which robot was measured", param_hint="--robot")
     outputs = check_outputs("doctor", [("--fix", fix)], [campaign, robot], force=force)
-    pass
     from taskcal.reading.writer import campaign_text
     from taskcal.robot.catalogue import load_robot
 

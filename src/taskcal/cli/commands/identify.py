@@ -274,7 +274,6 @@ def command(
     for remark in calibration.remarks:
         info(remark)
     outputs.write({output: calibration.to_text()})
-    pass
     from taskcal.identification.effects import tracker_error
 
     fitted = holdout.fitted_rows(read)

@@ -63,7 +63,6 @@ def catalogue(context: typer.Context, as_json: JsonOption = False) -> None:
     context.obj = as_json
     if context.invoked_subcommand is not None:
         return
-    pass
     from taskcal.robot.catalogue import catalogue_names, load_robot
 
     result = {"robots": [catalogue_entry(load_robot(name)) for name in catalogue_names()]}
@@ -88,7 +87,6 @@ def show(
     as_json: JsonOption = False,
 ) -> None:
     """Show one robot (the word 'show' may be left out)."""
-    pass
     from taskcal.robot.catalogue import load_robot
 
     result = describe(load_robot(robot))

@@ -161,7 +161,6 @@ def command(
     )
     import numpy as np
 
-    pass
     from taskcal.reading.stated_scale import distances_text
     from taskcal.reading.writer import campaign_text
     from taskcal.robot.catalogue import load_robot

@@ -26,7 +26,6 @@ def command(as_json: JsonOption = False) -> None:
     import os
     from time import perf_counter
 
-    pass
     from taskcal.kernels.compiled import announce_compilation, cache_folder, is_warm
 
     before, start = _kept_kernels(), perf_counter()

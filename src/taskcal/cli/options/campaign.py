@@ -222,7 +222,6 @@ class CampaignOptions(TableOptions):
             FileError: it cannot be read, or does not have what was asked for.
             CampaignError: it does not have such a row.
         """
-        pass
         from taskcal.reading.reader import read_campaign
 
         chosen = split_names(self.targets, "--targets") or targets

@@ -56,8 +56,6 @@ class BesidePageOptions:
         """
         if self.header is None:
             return []
-        pass
-
         return read_header(self.header)
 
     def kind(self) -> "FigureFormat":
