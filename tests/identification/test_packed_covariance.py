@@ -9,8 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskcal.errors import FileError, FitError, TaskcalError
-from taskcal.identification.calibration import load_calibration
-from taskcal.identification.covariance_factor import PACKED_FROM, describe_factor, factor_of, spread_of, unpack_factor
+from taskcal.identification.calibration import (
+    PACKED_FROM,
+    describe_factor,
+    factor_of,
+    load_calibration,
+    spread_of,
+    unpack_factor,
+)
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Harmonics

@@ -79,7 +79,7 @@ def test_points_do_not_register_poses(model, saved):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": "taskcal calibration"}, "no registration"),
+        ({"format": "taskcal calibration"}, "not a registration"),
         ({"format_version": 1}, "format version 1"),
         ({"targets": ["a"]}, "T_tool_target"),
         ({"registration": {}}, "T_tracker_base"),

@@ -3,8 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from taskcal.errors import FileError, shown
-from taskcal.io.text_file import read_json
+from taskcal.io.text_file import read_versioned
 
 FORMAT = "taskcal-calibration"
 FORMAT_VERSION = 8
@@ -16,16 +15,4 @@ def read_envelope(path: Path) -> dict[str, Any]:
     Raises:
         FileError: it cannot be read, is cut off, or is something else.
     """
-    data = read_json(path, "calibration", "save the calibration again")
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise FileError(
-            path, f"is JSON, but not a calibration: 'format' is not '{FORMAT}'; write one with taskcal identify"
-        )
-    format_version = data.get("format_version")
-    if type(format_version) is not int or format_version != FORMAT_VERSION:
-        raise FileError(
-            path,
-            f"has format version {shown(repr(format_version))}, this Taskcal reads {FORMAT_VERSION}; identify again, or use the "
-            "Taskcal that wrote it",
-        )
-    return data
+    return read_versioned(path, "calibration", FORMAT, FORMAT_VERSION, "identify", cut_off="save the calibration again")

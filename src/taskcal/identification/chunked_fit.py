@@ -13,8 +13,7 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import FitError
 from taskcal.estimation.least_squares import Solution, fit
 from taskcal.estimation.matrices import invert_positive, single_threaded
-from taskcal.identification.calibration import Calibration
-from taskcal.identification.covariance_factor import spread_of
+from taskcal.identification.calibration import Calibration, spread_of
 from taskcal.identification.held_out import studentise
 from taskcal.identification.identify import GROSS_SIGMAS, identify_parameters
 from taskcal.identification.layout import belief_of, problem_of

@@ -19,8 +19,7 @@ from taskcal.estimation.group_variances import (
     reduce_rows,
     without,
 )
-from taskcal.identification.calibration import Calibration
-from taskcal.identification.covariance_factor import spread_of
+from taskcal.identification.calibration import Calibration, spread_of
 from taskcal.identification.group_model import (
     EMPTY,
     GEOMETRY,

@@ -11,8 +11,7 @@ from taskcal.arguments import expect_kinds
 from taskcal.campaigns.campaign import Campaign, check_rows, named_file
 from taskcal.errors import CampaignError, FitError, NothingLearntError
 from taskcal.estimation.matrices import single_threaded
-from taskcal.identification.calibration import Calibration, covariance_by_kind, tells_nothing
-from taskcal.identification.covariance_factor import spread_of
+from taskcal.identification.calibration import Calibration, covariance_by_kind, spread_of, tells_nothing
 from taskcal.identification.held_out import LeftOut, studentise
 from taskcal.identification.hyperparameters import (
     MAX_ROUNDS,

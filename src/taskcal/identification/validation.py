@@ -14,8 +14,7 @@ from taskcal.errors import CampaignError, FitError
 from taskcal.estimation.least_squares import Stopping, fit
 from taskcal.estimation.matrices import invert_positive
 from taskcal.geometry import se3
-from taskcal.identification.calibration import Calibration, residuals_by_kind, unknowns_of
-from taskcal.identification.covariance_factor import spread_of
+from taskcal.identification.calibration import Calibration, residuals_by_kind, spread_of, unknowns_of
 from taskcal.identification.group_model import LEAST, RowErrors, of_targets
 from taskcal.identification.held_out import Outlier, Validation, shared_with_neighbours, studentise
 from taskcal.identification.hyperparameters import SLOW

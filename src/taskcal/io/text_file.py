@@ -8,7 +8,7 @@ from robot_programs.core.files import MAX_FILE_MB as MAX_FILE_MB
 from robot_programs.core.files import VARIABLE as VARIABLE
 from robot_programs.core.files import open_ordinary as open_ordinary
 from robot_programs.core.files import read_bytes as read_bytes
-from taskcal.errors import FileError
+from taskcal.errors import FileError, shown
 
 
 def read_text(
@@ -38,18 +38,33 @@ def read_json(path: str | Path, what: str, remedy: str) -> Any:
     Args:
         path: the file.
         what: it should be, for messages, such as ``calibration``.
-        remedy: for a file that was cut off.
+        marker: that it has as ``format``.
+        version: of the format, the only one that is read.
+        command: of taskcal that writes one.
+        cut_off: what to do about a file that is not whole; to repeat the command by default.
 
     Raises:
-        FileError: it cannot be read, or is not JSON.
+        FileError: it cannot be read, is not JSON, or is of another format or version.
     """
     text = read_text(path, otherwise=f"is not a {what}: it is not UTF-8 text")
     try:
-        return json.loads(text)
+        data = json.loads(text)
     except RecursionError as error:
         raise FileError(path, f"is not a {what}: its JSON is nested too deeply") from error
     except json.JSONDecodeError as error:
-        message = f"is not a whole JSON file; it may have been cut off: {remedy}"
+        message = f"is not a whole JSON file; it may have been cut off: {cut_off or f'{command} again'}"
         raise FileError(path, message, line=error.lineno) from error
     except ValueError as error:
         raise FileError(path, f"is not a {what}: a number has too many digits") from error
+    if not isinstance(data, dict) or data.get("format") != marker:
+        raise FileError(
+            path, f"is JSON, but not a {what}: 'format' is not '{marker}'; write one with taskcal {command}"
+        )
+    stated = data.get("format_version")
+    if type(stated) is not int or stated != version:
+        raise FileError(
+            path,
+            f"has format version {shown(repr(stated))}, this Taskcal reads {version}; {command} again, or use the Taskcal that "
+            "wrote it",
+        )
+    return data

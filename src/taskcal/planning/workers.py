@@ -7,13 +7,10 @@ import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
-from functools import cache
-from importlib.metadata import version
-from inspect import unwrap
+from functools import cache, partial
 from itertools import islice
+from operator import call
 from pathlib import Path
-from queue import Empty, SimpleQueue
-from types import FunctionType
 from typing import Any, TypeVar, cast
 
 from taskcal.errors import TaskcalError, UnknownName
@@ -109,8 +106,7 @@ def _end_with(parent: int) -> None:
 
 # A function of many items on the workers of a Dask cluster: results as they are done, few items under way.
 #
-# Function, items and results are bytes to the scheduler, which needs no Taskcal. A worker that dies takes nothing
-# with it: the scheduler gives what it was at, and what it alone held, to another.
+# Dask does again on another worker what was under way on one that died.
 
 AHEAD = 4
 """Items under way for each thread of the workers: one that it is at, and some that wait, so that it need not wait for the next."""
@@ -124,8 +120,8 @@ LOST = 60.0
 CLUSTER_POLL_S = 0.5
 """Seconds after which the workers are counted again."""
 
-DONE, RAISED, UNKNOWN = "done", "raised", "unknown"
-"""Answers of a worker: the result, or an error; it has not seen the function yet. Any other says why it cannot take part."""
+RELEASE = ("taskcal", "numpy", "scipy", "numba")
+"""Packages on which results depend, to the last digit."""
 
 
 def on_cluster(
@@ -140,212 +136,127 @@ def on_cluster(
         workers: items under way at most; −1 for four for each thread of the workers.
 
     Raises:
-        TaskcalError: Dask is not installed, the scheduler does not answer or is gone, there are no workers, or one of them has
-            another Taskcal; besides, whatever the function raises.
+        TaskcalError: Dask is not installed, the scheduler does not answer or is gone, there are no workers, or another
+            Taskcal is installed there; besides, whatever the function raises.
     """
-    client = _connect(address)
-    with client, _lost_scheduler_named(address):
-        cluster = _Cluster(client, address, workers)
-        cluster.await_workers()
-        yield from _results(cluster, function, iter(items))
-
-
-def _connect(address: str) -> Any:
     try:
-        from dask.distributed import Client  # pyright: ignore
+        from dask.distributed import CancelledError, Client, KilledWorker  # pyright: ignore
+        from distributed.comm import CommClosedError  # pyright: ignore
     except ImportError as error:
         raise TaskcalError("the dask engine needs dask[distributed]; install Taskcal with its extra: dask") from error
     try:
-        return Client(address, timeout=PATIENCE, set_as_default=False)
+        client = Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise TaskcalError(
             f"no Dask scheduler answers at '{address}': {error}; name one as 'dask scheduler' prints it: tcp://HOST:PORT"
         ) from error
+    with client:
+        try:
+            _check_cluster(client, address)
+            yield from _results(client, address, function, iter(items), workers)
+        except KilledWorker as error:
+            raise TaskcalError(
+                f"{error.allowed_failures + 1} workers of the Dask scheduler at '{address}' died at the same item; see their "
+                "log (memory?)"
+            ) from error
+        except ImportError as error:
+            raise TaskcalError(f"a worker cannot take part: {error}; install there what is imported here") from error
+        except (CommClosedError, CancelledError) as error:
+            raise TaskcalError(
+                f"the Dask scheduler at '{address}' no longer answers ({type(error).__name__}: {error}); what was under way is lost"
+            ) from error
 
 
-@contextmanager
-def _lost_scheduler_named(address: str) -> Generator[None, None, None]:
-    """What Dask raises where the scheduler is gone, in words.
+def _check_cluster(client: Any, address: str) -> None:
+    """See that there is a worker, and that the same is installed on all of them; the scheduler needs no Taskcal.
 
     Raises:
-        TaskcalError: that it is gone.
+        TaskcalError: no worker comes, or one has another release.
     """
-    from dask.distributed import CancelledError  # pyright: ignore
-    from distributed.comm import CommClosedError  # pyright: ignore
-
     try:
-        yield
-    except (CommClosedError, CancelledError) as error:
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except TimeoutError as error:
         raise TaskcalError(
-            f"the Dask scheduler at '{address}' no longer answers ({type(error).__name__}: {error}); what was under way is lost"
+            f"the Dask scheduler at '{address}' has no workers; start some with 'dask worker {address}'"
         ) from error
-
-
-class _Cluster:
-    """The workers of a scheduler, counted from time to time."""
-
-    def __init__(self, client: Any, address: str, most: int):
-        self.client, self.address, self.most = client, address, most
-        self.threads, self.counted, self.seen = 0, float("-inf"), time.monotonic()
-
-    def room(self) -> int:
-        """How many items may be under way.
-
-        Raises:
-            TaskcalError: there has been no worker for long.
-        """
-        now = time.monotonic()
-        if now - self.counted >= CLUSTER_POLL_S:
-            self.counted, self.threads = now, sum(self.client.nthreads().values())
-        if self.threads:
-            self.seen = now
-        elif now - self.seen > LOST:
+    versions = client.get_versions(packages=RELEASE)
+    here = _installed(versions["client"])
+    for worker, said in versions["workers"].items():
+        if (there := _installed(said)) != here:
             raise TaskcalError(
-                f"the Dask scheduler at '{self.address}' has had no workers for {LOST:.0f} s; "
-                "see why they ended (memory?), and start some with 'dask worker'"
+                f"the worker {worker} cannot take part: it has {there}, here is {here}; install the same on both"
             )
-        room = max(AHEAD * self.threads, 1)
-        return room if self.most < 1 else min(room, self.most)
 
-    def await_workers(self) -> None:
-        """Wait for a first worker.
 
-        Raises:
-            TaskcalError: none comes.
-        """
-        try:
-            self.client.wait_for_workers(1, timeout=PATIENCE)
-        except TimeoutError as error:
-            raise TaskcalError(
-                f"the Dask scheduler at '{self.address}' has no workers; start some with 'dask worker {self.address}'"
-            ) from error
+def _installed(versions: Any) -> str:
+    return ", ".join(f"{name} {versions['packages'][name] or 'not at all'}" for name in RELEASE)
 
 
 def _results(
-    cluster: _Cluster, function: Callable[[Item], Result], left: Iterator[Item]
+    client: Any, address: str, function: Callable[[Item], Result], left: Iterator[Item], most: int
 ) -> Generator[Result, None, None]:
-    import cloudpickle
-
-    carry_out, own, work = _by_value(_carry_out), release(), cloudpickle.dumps(function)
-    name = hashlib.sha256(work).hexdigest()
-    done: SimpleQueue[Any] = SimpleQueue()
-    under_way: dict[str, bytes] = {}
-
-    def send(item: bytes, work: bytes = b"") -> None:
-        future = cluster.client.submit(carry_out, own, name, work, item, pure=False)
-        under_way[future.key] = item
-        future.add_done_callback(done.put)
-
-    while True:
-        for item in islice(left, max(cluster.room() - len(under_way), 0)):
-            send(cloudpickle.dumps(item))
-        if not under_way:
-            return
-        futures = _drained(done)
-        for future, (answer, result) in zip(futures, _fetched(futures, cluster), strict=True):
-            item = under_way.pop(future.key)
-            if answer == DONE:
-                yield cast(Result, cloudpickle.loads(result))
-            elif answer == RAISED:
-                raise cloudpickle.loads(result)
-            elif (
-                answer == UNKNOWN
-            ):  # each worker is sent it once, so that no item weighs as much and the scheduler keeps none
-                send(item, work)
-            else:
-                raise TaskcalError(answer)
-
-
-def _drained(done: "SimpleQueue[Any]") -> list[Any]:
-    """All that are done, waited for a little where none is: a journey fetches many results as fast as one."""
-    out: list[Any] = []
-    try:
-        out.append(done.get(timeout=CLUSTER_POLL_S))
-        while True:
-            out.append(done.get_nowait())
-    except Empty:
-        return out
-
-
-def _fetched(futures: list[Any], cluster: _Cluster) -> list[tuple[str, bytes]]:
-    """What tasks gave, waited for where one has to be done again since the worker that held it has died.
+    """Results, with as many items under way as the workers that are there have room for.
 
     Raises:
-        TaskcalError: the workers that were at it died, one after another; or there are none any more.
+        TaskcalError: there has been no worker for long.
     """
-    from dask.distributed import KilledWorker  # pyright: ignore
+    import cloudpickle
+    from dask.distributed import wait  # pyright: ignore
 
-    client = cluster.client
-
-    async def gather() -> list[tuple[str, bytes]]:
-        return await client.gather(futures, asynchronous=True)
-
-    while futures:
-        try:
-            return client.sync(gather, callback_timeout=LOST)
-        except KilledWorker as error:
+    # Bytes, so that the scheduler needs no Taskcal. A task's result is made again where the workers that held it died;
+    # scattered data are lost with them.
+    work = client.submit(cloudpickle.loads, cloudpickle.dumps(partial(_on_worker, _sources(), function)), pure=False)
+    client.replicate(work)
+    under_way: set[Any] = set()
+    threads, counted, seen = 0, float("-inf"), time.monotonic()
+    while True:
+        now = time.monotonic()
+        if now - counted >= CLUSTER_POLL_S:
+            counted, threads = now, sum(client.nthreads().values())
+        if threads:
+            seen = now
+        elif now - seen > LOST:
             raise TaskcalError(
-                f"{error.allowed_failures + 1} workers of the Dask scheduler at '{cluster.address}' died at the same item; "
-                "see their log (memory?)"
-            ) from error
+                f"the Dask scheduler at '{address}' has had no workers for {LOST:.0f} s; "
+                "see why they ended (memory?), and start some with 'dask worker'"
+            )
+        room = max(AHEAD * threads, 1) if most < 1 else min(max(AHEAD * threads, 1), most)
+        for item in islice(left, max(room - len(under_way), 0)):
+            under_way.add(client.submit(call, work, cloudpickle.dumps(item), pure=False))
+        if not under_way:
+            return
+        try:
+            with client.as_current():
+                done, under_way = cast(Any, wait(under_way, timeout=CLUSTER_POLL_S, return_when="FIRST_COMPLETED"))
         except TimeoutError:
-            cluster.room()
-    return []
+            continue
+        yield from client.gather(list(done))
 
 
-def _by_value(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function, to be sent as code and not by name: scheduler and workers may have no Taskcal, or another one."""
-    return FunctionType(unwrap(function).__code__, {"__name__": "__main__"}, function.__name__)
+def _on_worker(sources: str, function: Callable[[Item], Result], item: bytes) -> Result:
+    """The result, on a worker that has the same sources.
 
+    Raises:
+        TaskcalError: it has others; the version alone does not tell them apart.
+    """
+    if _sources() != sources:
+        from dask.distributed import get_worker  # pyright: ignore
 
-def _carry_out(own: str, name: str, work: bytes, item: bytes) -> tuple[str, bytes]:
-    """On a worker: its answer, and the result or the error if it has one."""
-    import traceback
-
-    import cloudpickle
-    from dask.distributed import get_worker
-
-    refusal = f"the worker {get_worker().address} cannot take part: "
-    try:
-        pass
-    except ImportError as error:
-        return f"{refusal}{error}; it needs {own}, as here", b""
-    if release() != own:
-        return f"{refusal}it has {release()}, here is {own}; install the same on both", b""
-    try:
-        function = seen_function(name, work)
-    except ImportError as error:
-        return f"{refusal}{error}; install there what is imported here", b""
-    if function is None:
-        return "unknown", b""
-    try:
-        return "done", cloudpickle.dumps(function(cloudpickle.loads(item)))
-    except Exception as error:
-        error.add_note(f"on a worker:\n{traceback.format_exc()}")
-        return "raised", cloudpickle.dumps(error)
-
-
-_seen: dict[str, Callable[[Any], Any]] = {}
-
-
-def seen_function(name: str, work: bytes) -> Callable[[Any], Any] | None:
-    """The last function that was sent to this worker, if it has that name, or the one sent now; read once."""
+        raise TaskcalError(
+            f"the worker {get_worker().address} cannot take part: its sources of Taskcal are {_sources()}, here they are "
+            f"{sources}; install the same on both"
+        )
     import cloudpickle
 
-    if work and name not in _seen:
-        function = cloudpickle.loads(work)
-        _seen.clear()
-        _seen[name] = function
-    return _seen.get(name)
+    return function(cloudpickle.loads(item))
 
 
 @cache
-def release() -> str:
-    """What results depend on, to the last digit: Taskcal, by its sources too, and the libraries that compute."""
+def _sources() -> str:
+    """Digest of Taskcal's sources."""
     package = Path(__file__).parents[1]
     digest = hashlib.sha256()
     for source in sorted(package.rglob("*.py")):
         digest.update(f"{source.relative_to(package).as_posix()}\n".encode())
         digest.update(source.read_bytes().replace(b"\r\n", b"\n"))
-    libraries = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "numba"))
-    return f"taskcal {version('taskcal')} ({digest.hexdigest()[:8]}), {libraries}"
+    return digest.hexdigest()[:8]

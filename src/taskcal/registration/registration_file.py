@@ -11,7 +11,7 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.geometry.se3 import array_of, rigid
 from taskcal.io.files import write_whole
-from taskcal.io.text_file import read_json
+from taskcal.io.text_file import read_versioned
 from taskcal.io.toml_file import Finite, NotNegative, Section, explain
 from taskcal.registration.registration import Method, Registration
 from taskcal.robot.error_model import ErrorModel
@@ -118,17 +118,7 @@ def load_registration(path: str | Path, model: ErrorModel, campaign: Campaign) -
             where poses were measured.
     """
     path = Path(path)
-    data = read_json(path, "registration", "register again")
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise FileError(
-            path, f"is JSON, but no registration: 'format' is not '{FORMAT}'; write one with taskcal register"
-        )
-    format_version = data.get("format_version")
-    if type(format_version) is not int or format_version != FORMAT_VERSION:
-        raise FileError(
-            path,
-            f"has format version {shown(repr(format_version))}, this Taskcal reads {FORMAT_VERSION}; register again",
-        )
+    data = read_versioned(path, "registration", FORMAT, FORMAT_VERSION, "register")
     try:
         content = RegistrationFile.model_validate(data)
         registration = content.registration.registration(len(content.targets))

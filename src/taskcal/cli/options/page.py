@@ -56,7 +56,6 @@ class BesidePageOptions:
         """
         if self.header is None:
             return []
-
         return read_header(self.header)
 
     def kind(self) -> "FigureFormat":
