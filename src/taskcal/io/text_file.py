@@ -32,8 +32,10 @@ def read_text(
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def read_json(path: str | Path, what: str, remedy: str) -> Any:
-    """The content of a JSON file.
+def read_versioned(
+    path: str | Path, what: str, marker: str, version: int, command: str, *, cut_off: str | None = None
+) -> dict[str, Any]:
+    """The content of a JSON file that states its format and the version of it; only these are looked at.
 
     Args:
         path: the file.
