@@ -28,6 +28,7 @@ ONE_IMPORTER = {
         "taskcal.reading.inference",
         "taskcal.registration.together",
         "taskcal.cli.options.correction",
+        "taskcal.cli.fit_report",
         "taskcal.cli.options.fit",
         "taskcal.studio.server",
     },

@@ -8,6 +8,7 @@ import numpy as np
 from taskcal.campaigns.campaign import Campaign
 from taskcal.cli.options.effects import is_harmonic, show_harmonics
 from taskcal.cli.output import (
+    placement,
     say,
     show,
     show_errors,
@@ -15,7 +16,6 @@ from taskcal.cli.output import (
     started_as,
     tell,
 )
-from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration, list_unknowns
 from taskcal.identification.validation import validate
 from taskcal.registration.registration import Registration
@@ -262,9 +262,3 @@ def _point(placed: Mapping[str, Any]) -> str:
     position = " ".join(f"{value:.3f}" for value in placed["position_mm"])
     quaternion = " ".join(f"{value:.6f}" for value in placed["quaternion"])
     return f"{position} mm, quaternion {quaternion}"
-
-
-def placement(T: np.ndarray) -> dict[str, Any]:
-    """A pose for people: position in millimetres, orientation as a quaternion ``qx qy qz qw``."""
-    position = [round(float(value) * 1e3, 9) for value in T[:3, 3]]
-    return {"position_mm": position, "quaternion": se3.to_quaternion(T[None, :3, :3])[0].tolist()}

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from taskcal.errors import printable, shortened
 
 if TYPE_CHECKING:
+    import numpy as np
     from rich.console import Console
 
     from taskcal.report.content import Table
@@ -375,3 +376,11 @@ def bar_by_parts(first: str) -> Generator[Callable[[str, int, int], None], None,
             report_step(part, done, of)
 
         yield show
+
+
+def placement(T: "np.ndarray") -> dict[str, Any]:
+    """A pose for people: position in millimetres, orientation as a quaternion ``qx qy qz qw``."""
+    from taskcal.geometry import se3
+
+    position = [round(float(value) * 1e3, 9) for value in T[:3, 3]]
+    return {"position_mm": position, "quaternion": se3.to_quaternion(T[None, :3, :3])[0].tolist()}

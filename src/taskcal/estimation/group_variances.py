@@ -18,7 +18,6 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from taskcal.estimation.matrices import invert_positive
 from taskcal.kernels.chunks import in_chunks
@@ -104,6 +103,8 @@ class Reduced:
 
     def at(self, log_variances: Float[np.ndarray, " groups"]) -> "Evidence":
         """Evidence at some sizes."""
+        from scipy.linalg import solve_triangular
+
         root = np.exp(0.5 * log_variances)[self.groups.own]
         if self.A is None or self.y is None:
             L = np.linalg.cholesky(np.eye(len(root)) + root[:, None] * self.H * root)
@@ -151,6 +152,8 @@ class Evidence:
     @cached_property
     def g(self) -> Float[np.ndarray, " grouped"]:
         """AᵀPy."""
+        from scipy.linalg import solve_triangular
+
         v = solve_triangular(self.L, self.w, lower=True, trans=1)
         A = self.reduced.A
         return self.reduced.b - self.reduced.H @ (self.root * v) if A is None else A.T @ v
@@ -158,6 +161,8 @@ class Evidence:
     @cached_property
     def M(self) -> Float[np.ndarray, "grouped grouped"]:
         """AᵀPA."""
+        from scipy.linalg import solve_triangular
+
         A = self.reduced.A
         if A is not None:
             U = solve_triangular(self.L, A, lower=True)
@@ -175,6 +180,8 @@ class Evidence:
 
         D − D·AᵀPA·D would lose as many digits as the data know a parameter better than its prior, twice over.
         """
+        from scipy.linalg import solve_triangular
+
         L, A = self.L, self.reduced.A
         if A is not None:
             scaled = A * self.root
@@ -198,6 +205,8 @@ class GroupedFit:
         The sizes are drawn in pairs about the likeliest ones. The mean is not averaged: what is next to nothing may be larger
         by as much as smaller in its logarithm, which draws noise into the mean.
         """
+        from scipy.linalg import solve_triangular
+
         own, searched = self.reduced.groups.own, self.reduced.groups.searched
         likeliest = self.evidence.mean(own)
         if not len(searched) or draws < 2:
@@ -216,6 +225,8 @@ class GroupedFit:
 
 def reduce_rows(A: Float[np.ndarray, "rows p"], y: Float[np.ndarray, " rows"], groups: Groups) -> Reduced:
     """The equations of whitened rows, in the smaller of their two forms."""
+    from scipy.linalg import cho_factor, cho_solve
+
     k, f = groups.grouped, groups.ungrouped
     if len(y) >= len(k):
         H = np.sum(in_chunks(lambda rows: A[rows].T @ A[rows], len(A), MULTIPLIED_AT_ONCE), axis=0)
@@ -243,6 +254,8 @@ def reduce_rows(A: Float[np.ndarray, "rows p"], y: Float[np.ndarray, " rows"], g
 
 def reduce_normal(H: Float[np.ndarray, "p p"], b: Float[np.ndarray, " p"], square: float, groups: Groups) -> Reduced:
     """The equations from AᵀA, Aᵀy and yᵀy of whitened rows."""
+    from scipy.linalg import cho_factor, cho_solve
+
     k, f = groups.grouped, groups.ungrouped
     precision = H[np.ix_(f, f)] + groups.held
     factor = cho_factor(precision, lower=True)

@@ -14,15 +14,15 @@ from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 
 from taskcal.errors import TaskcalError, printable
 from taskcal.report.content import Chart, Commands, Numbers, Points, Scene, Section, Table, Text
-from taskcal.report.theme import figure_json
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,6 +41,8 @@ class Page:
 
     def html(self) -> str:
         """The page, with its figures and, once, the library that draws them (about 5 MB)."""
+        from plotly.offline import get_plotlyjs
+
         kinds = {block.kind for section in self.sections for block in section.blocks}
         return _template().render(
             page=self,
@@ -65,6 +67,8 @@ def report_html(title: str, sections: Sequence[Section], *, lead: str = "", foot
 
 
 def _chart_json(chart: Chart) -> Markup:
+    from taskcal.report.theme import figure_json
+
     return _for_script(figure_json(chart.figure))
 
 
@@ -83,7 +87,9 @@ def _script(name: str) -> str:
 
 
 @cache
-def _template() -> Template:
+def _template() -> "Template":
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
     environment = Environment(
         loader=PackageLoader("taskcal", "report"),
         autoescape=True,

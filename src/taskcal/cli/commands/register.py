@@ -74,7 +74,7 @@ def command(
 
 def _frames(registration: "Registration", model: "ErrorModel", campaign: "Campaign") -> dict[str, Any]:
     """Frames and residuals, in millimetres."""
-    from taskcal.cli.fit_report import placement
+    from taskcal.cli.output import placement
     from taskcal.registration.registration import registration_residuals
     from taskcal.report.calibration import describe_unobservable
 

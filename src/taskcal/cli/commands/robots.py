@@ -12,9 +12,8 @@ from typer.core import TyperGroup
 
 from taskcal.analysis.elimination_table import describe_combination
 from taskcal.cli.command import Command, grouped, trusting
-from taskcal.cli.fit_report import placement
 from taskcal.cli.options.common import JsonOption, OutputOptions
-from taskcal.cli.output import info, show_facts, show_table, tell, write_json
+from taskcal.cli.output import info, placement, show_facts, show_table, tell, write_json
 from taskcal.cli.outputs import check_outputs
 from taskcal.geometry import se3
 from taskcal.robot.error_model import ErrorModel

@@ -4,7 +4,7 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -12,8 +12,10 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.cli.options.common import split_names
 from taskcal.cli.output import show_facts, show_table
 from taskcal.errors import TaskcalError
-from taskcal.identification.effects import Explanation, Stage
 from taskcal.robot.effects import Effect, parse_effect
+
+if TYPE_CHECKING:
+    from taskcal.identification.effects import Explanation, Stage
 
 STRONGEST = 12
 """How many harmonics are shown."""
@@ -57,7 +59,7 @@ def refer_to(campaign: Campaign, effects: list[Effect] | None) -> list[Effect] |
     return None if effects is None else [effect.referred(campaign.conditions) for effect in effects]
 
 
-def show_explanation(explanation: Explanation) -> None:
+def show_explanation(explanation: "Explanation") -> None:
     """Print what each step was worth, and what each effect is among all others."""
     header = ("beside what is above", "parameters", "left mm", "± 1σ mm", "taken", "because")
     title = "What explains the measurements: mean error in space on rows left out"
@@ -74,7 +76,7 @@ def show_explanation(explanation: Explanation) -> None:
     show_facts(facts)
 
 
-def _row(stage: Stage, metres: float) -> tuple[str, ...]:
+def _row(stage: "Stage", metres: float) -> tuple[str, ...]:
     return (
         stage.name,
         str(stage.parameters),
@@ -85,7 +87,7 @@ def _row(stage: Stage, metres: float) -> tuple[str, ...]:
     )
 
 
-def collinearities_json(explanation: Explanation) -> list[dict[str, Any]]:
+def collinearities_json(explanation: "Explanation") -> list[dict[str, Any]]:
     """Parameters of effects that geometry nearly repeats, for JSON; an infinite inflation is None."""
     return [
         {
@@ -98,7 +100,7 @@ def collinearities_json(explanation: Explanation) -> list[dict[str, Any]]:
     ]
 
 
-def _collinear(explanation: Explanation) -> str:
+def _collinear(explanation: "Explanation") -> str:
     named = [
         f"{near.name} is {_percent(near.share)} explained by {', '.join(near.by)}"
         for near in explanation.collinearities
@@ -115,7 +117,7 @@ def _percent(share: float) -> str:
     return f"{math.floor(min(share + 1e-9, 1.0) * 1e4) / 1e2:g} %"
 
 
-def _sentence(explanation: Explanation) -> str:
+def _sentence(explanation: "Explanation") -> str:
     first, *others = explanation.steps
     steps = [f"geometry leaves {first.cross_validated * 1e3:.4f} mm"]
     for stage in others:
