@@ -73,7 +73,7 @@ def test_an_interrupt_while_a_class_is_made_is_one_all_the_same(monkeypatch, cap
     def stuck(*_):
         type("Made", (), {"field": Interrupted()})
 
-    monkeypatch.setattr("taskcal.robot.catalogue.describe_dh_table", stuck)
+    monkeypatch.setattr("taskcal.robot.importers.dh.describe_dh_table", stuck)
     table = tmp_path / "table.csv"
     table.write_text("joint,alpha_deg,a_mm,d_mm,theta_offset_deg\nJ1,0,500,0,0\n")
     command = ["robots", "import", str(table), "--convention", "dh", "-o", str(tmp_path / "r.toml")]
