@@ -29,6 +29,11 @@ autodoc_preserve_defaults = True
 autodoc_inherit_docstrings = False
 add_module_names = False
 nitpicky = True  # a name that a docstring refers to is in the reference
+nitpick_ignore = [  # one class by two names: the library of programs raises it as InputError
+    ("py:exc", "TaskcalError"),
+    ("py:exc", "InputError"),
+    ("py:class", "robot_programs.core.errors.InputError"),
+]
 
 html_theme = "furo"
 html_title = "Taskcal"

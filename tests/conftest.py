@@ -56,7 +56,7 @@ def _checked() -> list[str]:
     ]
 
 
-install_checks(_checked())
+install_checks([*_checked(), "robot_programs.core.se3"])
 
 # The same examples at every run; compiling a kernel inside an example is slow only once.
 settings.register_profile(

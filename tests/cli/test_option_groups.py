@@ -86,7 +86,8 @@ def test_every_command_that_reads_a_campaign_has_the_same_options_of_it(name: st
 
     parameters = {parameter.name: parameter.opts for parameter in commands()[name].params}
     for option in fields(CampaignOptions):
-        assert parameters[option.name] == [f"--{option.name.replace('_', '-')}"]
+        second = ["--nests"] if option.name == "reference_points" else []
+        assert parameters[option.name] == [f"--{option.name.replace('_', '-')}", *second]
 
 
 def test_a_length_an_angle_or_a_time_has_its_unit_in_the_name() -> None:

@@ -91,4 +91,4 @@ def test_no_source_evaluates_or_unpickles_what_it_reads():
         for path in (ROOT / "src").rglob("*.py")
         for code in re.findall(r"# noqa: (S\d+)", path.read_text(encoding="utf-8"))
     }
-    assert quiet == {("src/taskcal/kernels/compiled.py", "S301"), ("src/taskcal/report/page.py", "S704")}
+    assert quiet == {("src/taskcal/kernels/kernel_cache.py", "S301"), ("src/taskcal/report/page.py", "S704")}
