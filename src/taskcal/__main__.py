@@ -17,7 +17,7 @@ def main() -> int:
         status = run()
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is written and said: only the interpreter has to end
     except KeyboardInterrupt:
-        outputs = sys.modules.get("taskcal.cli.outputs")
+        outputs = sys.modules.get("taskcal.cli.output")
         interrupted = getattr(outputs, "interrupted", None)  # not there while the module is being imported
         print(interrupted() if interrupted else "interrupted: nothing was written", file=sys.stderr)
         return 130

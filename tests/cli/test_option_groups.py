@@ -10,7 +10,7 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from taskcal.cli import app, main
-from taskcal.cli.command import grouped
+from taskcal.cli.command import laid_out
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +27,7 @@ def ran(*arguments: str) -> tuple[int, list[Any], str]:
     """Exit status, what the command got, and what was printed."""
     got: list[Any] = []
 
-    @grouped
+    @laid_out
     def command(name: Annotated[str, typer.Argument()], size: Size, twice: bool = False) -> None:
         """Draw."""
         got.extend((name, size, twice))
@@ -62,7 +62,7 @@ def test_what_a_group_refuses_is_wrong_usage() -> None:
 
 
 def test_options_stand_where_the_group_does() -> None:
-    @grouped
+    @laid_out
     def command(first: int, size: Size, last: int) -> None: ...
 
     assert list(signature(command).parameters) == ["first", "width", "height", "last"]
@@ -72,7 +72,7 @@ def test_two_options_of_one_name_are_refused() -> None:
     def command(width: int, size: Size) -> None: ...
 
     with pytest.raises(ValueError, match="width"):
-        grouped(command)
+        laid_out(command)
 
 
 def commands() -> dict[str, Any]:

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 import typer
 
-from taskcal.cli import main, outputs
-from taskcal.cli.outputs import check_outputs, files_of_task
+from taskcal.cli import main, output
+from taskcal.cli.output import check_outputs, files_of_task
 from taskcal.errors import FileError
 from tests.cli.conftest import IRB6660, Run
 
@@ -28,7 +28,9 @@ def test_a_file_that_the_command_wrote_is_replaced_and_one_that_was_edited_is_no
     check_outputs("plan", [("--output", path)]).write({path: "first"})
     check_outputs("plan", [("--output", path)]).write({path: "second"})
     path.write_text("second, and an afternoon of measurements")
-    with pytest.raises(FileError, match=r"plan.csv: exists already, and is not as taskcal plan wrote it; .*--force"):
+    with pytest.raises(
+        FileError, match=r"plan.csv: exists and was not written by taskcal plan, or was edited since; .*--force"
+    ):
         check_outputs("plan", [("--output", path)])
     check_outputs("plan", [("--output", path)], force=True).write({path: b"third"})
     check_outputs("plan", [("--output", path)])
@@ -52,7 +54,7 @@ def test_a_kill_between_the_note_and_the_file_leaves_it_known(tmp_path: Path, mo
 
     ready = check_outputs("plan", [("--output", path)])
     with monkeypatch.context() as patch:
-        patch.setattr(outputs, "write_all", killed)
+        patch.setattr(output, "write_all", killed)
         with pytest.raises(SystemExit):
             ready.write({path: "second"})
     check_outputs("plan", [("--output", path)])
@@ -68,16 +70,13 @@ def test_no_note_can_be_kept_and_the_next_run_asks(tmp_path: Path, monkeypatch: 
         check_outputs("plan", [("--output", path)])
 
 
-def test_the_notes_of_files_that_are_gone_are_forgotten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_oldest_notes_are_dropped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TASKCAL_STATE_DIR", str(tmp_path / "state"))
-    monkeypatch.setattr(outputs, "RECORDS", 3)
+    monkeypatch.setattr(output, "MAX_NOTES", 3)
     for name in "abcdefgh":
-        path = tmp_path / name
-        check_outputs("plan", [("--output", path)]).write({path: "x"})
-        if name != "a":
-            path.unlink()
-    assert len(list((tmp_path / "state/written").iterdir())) <= 5
-    check_outputs("plan", [("--output", tmp_path / "a")])
+        check_outputs("plan", [("--output", tmp_path / name)]).write({tmp_path / name: "x"})
+    assert len(list((tmp_path / "state/written").iterdir())) == 3
+    check_outputs("plan", [("--output", tmp_path / "h")])
 
 
 @pytest.mark.parametrize("spelling", ["{0}/a", "{0}/../{1}/a", "{0}/link", "{0}/hard", "{0}/folder/a"])
@@ -89,12 +88,12 @@ def test_an_input_is_never_an_output_however_it_is_spelled(tmp_path: Path, spell
     os.link(given, tmp_path / "hard")
     (tmp_path / "folder").symlink_to(tmp_path)
     path = Path(spelling.format(tmp_path, tmp_path.name))
-    with pytest.raises(FileError, match="would overwrite what is read"):
+    with pytest.raises(FileError, match="would overwrite an input file"):
         check_outputs("plan", [("--output", path)], [given], force=force)
 
 
 def test_an_input_that_is_yet_to_be_made_is_no_output_either(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="would overwrite what is read"):
+    with pytest.raises(FileError, match="would overwrite an input file"):
         check_outputs("plan", [("--output", tmp_path / "a.toml")], [tmp_path / "a.toml"])
 
 
@@ -111,16 +110,16 @@ def test_names_that_differ_in_case_alone_are_one_file_where_the_folder_folds_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     named = [("--output", tmp_path / "Part.csv"), ("--report", tmp_path / "part.CSV")]
-    monkeypatch.setattr(outputs, "_folds_case", lambda folder: True)
+    monkeypatch.setattr(output, "_folds_case", lambda folder: True)
     with pytest.raises(typer.BadParameter):
         check_outputs("plan", named)
-    monkeypatch.setattr(outputs, "_folds_case", lambda folder: False)
+    monkeypatch.setattr(output, "_folds_case", lambda folder: False)
     check_outputs("plan", named)
 
 
 def test_whether_a_folder_folds_case_is_seen_by_trying(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("")
-    assert outputs._folds_case(tmp_path) == (tmp_path / "A").exists()
+    assert output._folds_case(tmp_path) == (tmp_path / "A").exists()
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
 
 
@@ -142,7 +141,7 @@ def test_identify_overwrites_neither_robot_nor_rows(run: Run, tmp_path: Path, ta
         options = ["--robot", tmp_path / "r.toml", tmp_path / "c.csv", "--rows", tmp_path / "rows.txt"]
         ended = run("identify", *options, "-o", tmp_path / name, "--force")
         assert (ended.status, (tmp_path / name).read_bytes()) == (1, before)
-        assert "would overwrite what is read" in ended.err
+        assert "would overwrite an input file" in ended.err
 
 
 def test_the_page_of_a_correction_does_not_replace_the_program(run: Run, cell: Path, tmp_path: Path) -> None:

@@ -51,7 +51,8 @@ def test_every_command_has_help(run: Run, command: list[str]) -> None:
 def test_the_commands_stand_in_the_order_of_the_road(run: Run) -> None:
     text = run("--help").out
     places = [
-        text.index(f" {name} ") for name in ("demo", "robots", "sensitivity", "plan", "study", "simulate", "identify")
+        text.index(f"\n  {name} ")
+        for name in ("demo", "robots", "sensitivity", "plan", "study", "simulate", "identify")
     ]
     assert places == sorted(places)
 

@@ -36,7 +36,7 @@ def test_no_word_of_a_table_is_broken_and_no_line_is_too_wide(
         tables.append(given)
         return plain(*given)
 
-    monkeypatch.setattr(layout, "lay_out_table", note)
+    monkeypatch.setattr(output, "lay_out_table", note)
     for command in commands(cell, tmp_path):
         ended = run(*command)
         assert ended.status == 0, ended.err

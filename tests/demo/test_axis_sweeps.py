@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taskcal.demo import procedure_tables as tables
+from taskcal.demo import procedure_report as tables
 from taskcal.demo.procedure import CIRCLES, INSIDE, ONE, SEVERAL, Procedure, frame_error, sweep_motors
 from taskcal.geometry import se3
 

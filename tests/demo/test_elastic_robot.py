@@ -5,8 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from taskcal.demo.model_trial import try_models
-from taskcal.demo.procedure import reference_task
+from taskcal.demo.procedure import reference_task, try_models
 from taskcal.demo.true_robot import GEARS, STIFFNESS, WEIGHTS, elastic_model
 from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify

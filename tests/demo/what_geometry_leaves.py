@@ -15,7 +15,7 @@ import numpy as np
 from taskcal.analysis import published_kept
 from taskcal.campaigns.campaign import Campaign
 from taskcal.demo import GEARS, RIPPLE, elastic_model, reference_task, try_models
-from taskcal.demo.model_trial import Fit
+from taskcal.demo.procedure import Fit
 from taskcal.effects import PERIODIC, SOFT
 from taskcal.errors import FitError
 from taskcal.identification.calibration import Calibration

@@ -109,7 +109,7 @@ def test_a_folder_that_may_only_be_read_is_named(tmp_path):
         cwd=tmp_path, capture_output=True, text=True, check=False, preexec_fn=_like_others,
     )  # fmt: skip
     tmp_path.chmod(0o755)
-    assert refused(ended, "new.toml: cannot be written: folder '.' is not yours to write in"), ended.stderr
+    assert refused(ended, "new.toml: cannot be written: no permission to write in folder '.'"), ended.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["table.csv"]
 
 

@@ -42,7 +42,6 @@ ONE_IMPORTER = {
         "taskcal.robot.importers.ur",
         "taskcal.tables.motion_capture",
         "taskcal.tables.spreadsheet",
-        "taskcal.demo.procedure_files",
     },
     "the page of one subject": {
         "taskcal.report.fleet",

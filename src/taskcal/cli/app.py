@@ -1,43 +1,48 @@
-"""The commands by name, each imported when it is first wanted: a list of them costs nothing but their names."""
+"""The command line: its commands, each imported when it is called, and how a run of one ends."""
 
 import os
 import signal
 import socket
 import sys
 import threading
-from collections.abc import Callable, Generator, Iterator, MutableMapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Generator, Iterator, MutableMapping, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NoReturn
+from traceback import walk_tb
+from typing import Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperGroup
 
-from taskcal.cli.command import Command, trusting
+from taskcal.cli.command import Command, laid_out
+from taskcal.cli.output import MESSAGE_CHARACTERS, begin_account, error, for_terminal, info, interrupted
+from taskcal.cli.progress import clear_line, working
+from taskcal.errors import TaskcalError, shortened
 
 SUMMARIES = {
     "demo": "Run the published procedure on a virtual robot.",
-    "robots": "Robots: list, look at, import from a table or URDF.",
-    "sensitivity": "Influence of each parameter on the tool point, and which parameters the poses can tell apart.",
-    "select": "Choose the smallest set of parameters that serves a task.",
-    "plan": "Choose the poses whose measurement makes a robot accurate over a task.",
-    "study": "See what error to expect over a task, from many virtual robots.",
-    "simulate": "Measure a virtual robot: defects drawn from its tolerances, a tracker or what --observe names with its noise.",
-    "convert": "Write a file of measurements as plain CSV: one row a pose, units in the names, shots of one pose averaged.",
-    "register": "Find the tracker's frame and the targets with the nominal robot, and what it leaves of the measurements.",
-    "identify": "Identify a robot's parameters from a campaign, with tracker frame and targets.",
-    "validate": "Compare a campaign with a calibration's predictions, and decide whether it keeps a limit.",
-    "compare": "Say what changed between calibrations of one robot: has it been hit, is it due again?",
-    "fleet": "Look after many robots: their calibrations in one table, what changed, and which robot is unlike the others.",
-    "performance": "Accuracy and repeatability of measured poses or paths (ISO 9283).",
-    "correct": "Correct a robot program, so that the true tool goes where the program says.",
-    "place": "Find where to put a part: the error to be expected of a program or a task over placements of its part.",
-    "poses": "Compute tool poses from joint positions, nominal and calibrated, or joint positions from tool poses.",
-    "export": "Write a calibrated robot as URDF, YAML or table, or fit what a controller can hold.",
-    "report": "Make a page of a calibration, for a person who was not there.",
-    "studio": "Work through pages in the browser, on a project's folder.",
-    "doctor": "Find what is wrong with a campaign; without one, check the installation.",
-    "warm": "Compile all kernels now, so that no later command has to.",
+    "robots": "List the catalogue, show a robot, or import one from a table or URDF.",
+    "sensitivity": "Report parameter sensitivity and identifiability.",
+    "select": "Select the smallest set of parameters that meets a task's accuracy.",
+    "plan": "Plan measurement poses that minimise the expected task error.",
+    "study": "Predict the task error after calibration, by simulating many robots.",
+    "simulate": "Simulate a campaign of a virtual robot drawn from its tolerances.",
+    "convert": "Convert a file of measurements to plain CSV or Parquet.",
+    "register": "Register tracker frame and targets with the nominal robot.",
+    "identify": "Identify a robot's parameters, tracker frame and targets from a campaign.",
+    "validate": "Validate a calibration against a campaign; optional pass/fail decision.",
+    "compare": "Compare calibrations of one robot and test for change.",
+    "fleet": "Monitor a fleet: latest calibrations, changes and outliers.",
+    "performance": "Evaluate accuracy and repeatability of poses or paths (ISO 9283).",
+    "correct": "Correct a robot program with the calibrated model.",
+    "place": "Compare placements of a part by the expected error.",
+    "poses": "Compute tool poses from joint values, or joint values from tool poses.",
+    "export": "Export a calibrated robot, or fit the offsets of a controller.",
+    "report": "Write an HTML report of a calibration.",
+    "studio": "Open the browser interface on a project folder.",
+    "doctor": "Diagnose a campaign, or (without arguments) check the installation.",
+    "warm": "Compile all kernels ahead of their first use.",
 }
 """Each command's name and the first line of its help, in the order in which a user needs them: from a robot to its report, and
 then what keeps the installation in order."""
@@ -75,10 +80,215 @@ def _load(name: str) -> Any:
     app = getattr(module, "app", None)
     if app is None:
         app = typer.Typer(add_completion=False, rich_markup_mode=None)
-        app.command(name, cls=Command)(trusting(module.command))
+        app.command(name, cls=Command)(laid_out(module.command))
     command: Any = typer.main.get_command(app)  # pyright: ignore
     command.name = name
     return command
+
+
+class OrderedGroup(TyperGroup):
+    """A group that lists its commands in the order in which the user needs them, and imports the one that is called."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.commands = LazyCommands()
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names of the commands."""
+        return list(SUMMARIES)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write each command and what it does, without importing it."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(SUMMARIES.items()))
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the options before the subcommand."""
+        with _readable():
+            return super().parse_args(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Read the subcommand's options and run it."""
+        with _readable():
+            return super().invoke(ctx)
+
+
+@contextmanager
+def _readable() -> Generator[None, None, None]:
+    """Make messages of wrong usage safe to print: they repeat the argument, which may be long or command the terminal."""
+    try:
+        yield
+    except EOFError as failure:
+        clear_line()
+        raise _cut_off(failure) from failure  # else Typer takes it for a question that got no answer: "Aborted!"
+    except Exception as error:
+        clear_line()
+        if isinstance(message := getattr(error, "message", None), str):
+            error.message = for_terminal(shortened(message, MESSAGE_CHARACTERS))  # pyright: ignore
+        raise
+
+
+def _cut_off(failure: EOFError) -> Exception:
+    """The error of a file that ends too soon: bytecode, which Python writes without checking that the disk had room for it."""
+    frames = [frame for frame, _ in walk_tb(failure.__traceback__)]
+    paths = [path for frame in frames if isinstance(path := frame.f_locals.get("bytecode_path"), str)]
+    if not paths:
+        return RuntimeError(f"EOFError: {failure}")
+    return TaskcalError(
+        f"{paths[-1]}: compiled Python file is truncated, as on a full disk; remove it, Python writes it again"
+    )
+
+
+app = typer.Typer(
+    name="taskcal",
+    cls=OrderedGroup,
+    help="Calibrate serial robots from laser-tracker measurements.",
+    no_args_is_help=True,
+    rich_markup_mode=None,  # plain help keeps words whole at any width, and is there in half the time
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        import taskcal
+
+        print(f"taskcal {taskcal.__version__}")
+        raise typer.Exit()
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+    modules: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--import",
+            metavar="MODULE",
+            envvar="TASKCAL_IMPORT",
+            help="Python module, or file ending in .py, with effects of your own; may be given several times.",
+        ),
+    ] = None,
+) -> None:
+    """Options that come before a subcommand."""
+    if modules:
+        import_modules(modules)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Args:
+        arguments: what follows the program's name; that of this process by default.
+
+    Returns:
+        the exit status: 0, 1 where the data or a file cannot give what was asked or the result cannot be shown,
+        2 for wrong usage, 130 where it was interrupted.
+    """
+    for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")  # read once, when NumPy is imported; the kernels bring their own threads
+    if sys.stderr is None:  # pyright: ignore  # closed by the caller; Rich and others write to it unasked
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    if sys.stdout is None:  # pyright: ignore
+        error("standard output is closed, and the result would be lost; send it to a file or to /dev/null")
+        return 1
+    for stream in (sys.stdout, sys.stderr):
+        if reconfigure := getattr(stream, "reconfigure", None):
+            reconfigure(errors="replace")  # a terminal without σ or √ shows '?' instead of failing
+    begin_account()
+    begun = working() if arguments is None and _takes_time(sys.argv[1:]) else nullcontext()
+    with watch_for_interrupt(_say_interrupted) if arguments is None else nullcontext(threading.Event()) as said:
+        with begun:
+            status = _run(arguments)
+        said.set()
+    if status == INTERRUPTED:
+        _say_interrupted()
+        if arguments is None:
+            leave()
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _drop_output()
+        return status or 1
+    except OSError as failure:
+        _drop_output()
+        error(f"standard output: {failure.strerror or failure}")
+        return status or 1
+    return status
+
+
+def _is_an_interrupt(failure: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind it: Python wraps what comes while a class is made into an error of its own."""
+    while failure is not None:
+        if isinstance(failure, KeyboardInterrupt):
+            return True
+        failure = failure.__cause__ or failure.__context__
+    return False
+
+
+def _takes_time(arguments: Sequence[str]) -> bool:
+    """Whether a command is to run, not its help or a shell's question for completions."""
+    quick = {"-h", "--help", "--version", "--install-completion", "--show-completion"}
+    return (
+        bool(SUMMARIES.keys() & set(arguments)) and not quick & set(arguments) and "_TASKCAL_COMPLETE" not in os.environ
+    )
+
+
+def _say_interrupted() -> None:
+    info(interrupted())
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    """Run a command, and say in a line what went wrong; returns the exit status."""
+    command: Any = typer.main.get_command(app)  # pyright: ignore
+    try:
+        command.main(args=arguments, prog_name="taskcal")
+    except SystemExit as ended:
+        return ended.code if isinstance(ended.code, int) else int(ended.code is not None)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except BrokenPipeError:
+        _drop_output()
+        return 1
+    except TaskcalError as failure:
+        error(str(failure))
+        return 1
+    except OSError as failure:
+        where = "standard output: " if not failure.filename and _output_is_full() else ""
+        error(f"{f'{failure.filename}: ' if failure.filename else where}{failure.strerror or failure}")
+        return 1
+    except Exception as failure:
+        if _is_an_interrupt(failure):
+            return INTERRUPTED
+        if os.environ.get("TASKCAL_TRACEBACK"):
+            raise
+        if isinstance(failure, ValueError) and "embedded null" in str(failure):
+            error("a file name has a NUL character (\\x00) in it, which no file can have; correct the name")
+            return 1
+        error(
+            f"Taskcal itself failed, please report it: {type(failure).__name__}: {failure} "
+            "(TASKCAL_TRACEBACK=1 in the environment shows where)"
+        )
+        return 1
+    return 0
+
+
+def _output_is_full() -> bool:
+    """Whether standard output takes no more; a line feed after what failed finds it out."""
+    try:
+        print(flush=True)
+    except OSError:
+        return True
+    return False
+
+
+def _drop_output() -> None:
+    """Discard the buffer, which nobody reads: it must not fail again when the interpreter ends."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 # Ctrl-C ends the program within a second, whatever it is doing.
@@ -86,12 +296,12 @@ def _load(name: str) -> Any:
 INTERRUPTED = 130
 """Exit status after Ctrl-C."""
 
-GRACE = 0.5
-"""Seconds that the main thread has to end by itself."""
+GRACE_S = 0.5
+"""Time that the main thread has to end by itself: with it, Ctrl-C ends within a second."""
 
 
 @contextmanager
-def prompt(say: Callable[[], None]) -> Generator[threading.Event, None, None]:
+def watch_for_interrupt(say: Callable[[], None]) -> Generator[threading.Event, None, None]:
     """Watch for an interrupt beside the main thread, which may be in a library that does not return or swallows it.
 
     Yields an event: once set, the end is no longer said. An interrupt that a library's callback loses is not shown either.
@@ -129,7 +339,7 @@ def _wait(reader: socket.socket, say: Callable[[], None], said: threading.Event)
             break
     else:
         return
-    threading.Event().wait(GRACE)  # not in vain where the program has ended: it may wait for threads of a library
+    threading.Event().wait(GRACE_S)  # not in vain where the program has ended: it may wait for threads of a library
     if not said.is_set():
         with suppress(OSError):
             say()

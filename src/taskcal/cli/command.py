@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import MISSING, Field, fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from typing import Annotated, Any, get_type_hints
@@ -84,8 +84,7 @@ class Command(TyperCommand):
         return {name for parameter in self.params for name in parameter.opts}
 
 
-# Options that belong together, as one frozen value: each field of a dataclass is an option, and a command takes the
-# whole.
+# The options of a command: single ones, and groups of them as one frozen value.
 
 TrustOption = Annotated[
     bool,
@@ -96,11 +95,12 @@ TrustOption = Annotated[
 ]
 
 
-def grouped(command: Callable[..., None]) -> Callable[..., None]:
-    """A command whose groups are laid out as the single options that the command line reads.
+def laid_out(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command as the command line reads it: every option a parameter of its own.
 
-    Where an annotation is a dataclass, every field of it, annotated like a parameter, stands in its place; the command gets
-    the dataclass, which may check its values against one another as it is made.
+    Where an annotation is a dataclass, its fields, annotated like parameters, take its place; the command gets the
+    dataclass, which may check its values against one another as it is made. After a robot, or a source of one,
+    ``--trust-xacro`` is added.
 
     Args:
         command: takes options, arguments and groups by keyword.
@@ -112,54 +112,16 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
     groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
     flat: list[Parameter] = []
     for name, parameter in signature(command).parameters.items():
-        if name in groups:
-            flat += _parameters(groups[name])
-        else:
-            flat.append(parameter.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[name]))
+        one = parameter.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[name])
+        flat += _parameters(groups[name]) if name in groups else [one]
+    place = next((place for place, parameter in enumerate(flat) if parameter.name in ("robot", "source")), None)
+    if place is not None:
+        flat.insert(place + 1, Parameter("trust_xacro", Parameter.KEYWORD_ONLY, default=False, annotation=TrustOption))
 
     @wraps(command)
-    def run(**given: Any) -> None:
+    def run(*, trust_xacro: bool = False, **given: Any) -> None:
         for name, kind in groups.items():
             given[name] = kind(**{field.name: given.pop(field.name) for field in fields(kind)})
-        command(**given)
-
-    laid_out: Any = run
-    laid_out.__signature__ = Signature(flat)
-    laid_out.__annotations__ = {parameter.name: parameter.annotation for parameter in flat}
-    return run
-
-
-def _parameters(group: type) -> list[Parameter]:
-    """One for each field."""
-    hints = get_type_hints(group, include_extras=True)
-    return [
-        Parameter(field.name, Parameter.KEYWORD_ONLY, default=_default(field), annotation=hints[field.name])
-        for field in fields(group)
-    ]
-
-
-def _default(field: Field[Any]) -> Any:
-    return Parameter.empty if field.default is MISSING else field.default
-
-
-def trusting(command: Callable[..., None]) -> Callable[..., None]:
-    """A command with ``--trust-xacro`` after its robot or its source of one; a command that takes none is left as it is.
-
-    Args:
-        command: as typer takes it, with its groups laid out.
-    """
-    hints = get_type_hints(command, include_extras=True)
-    flat = [
-        parameter.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[name])
-        for name, parameter in signature(command).parameters.items()
-    ]
-    robot = next((place for place, parameter in enumerate(flat) if parameter.name in ("robot", "source")), None)
-    if robot is None:
-        return command
-    flat.insert(robot + 1, Parameter("trust_xacro", Parameter.KEYWORD_ONLY, default=False, annotation=TrustOption))
-
-    @wraps(command)
-    def run(*, trust_xacro: bool, **given: Any) -> None:
         if not trust_xacro:
             return command(**given)
         from taskcal.robot.importers.xacro import trusting_xacro
@@ -167,7 +129,21 @@ def trusting(command: Callable[..., None]) -> Callable[..., None]:
         with trusting_xacro():
             return command(**given)
 
-    laid_out: Any = run
-    laid_out.__signature__ = Signature(flat)
-    laid_out.__annotations__ = {parameter.name: parameter.annotation for parameter in flat}
+    result: Any = run
+    result.__signature__ = Signature(flat)
+    result.__annotations__ = {parameter.name: parameter.annotation for parameter in flat}
     return run
+
+
+def _parameters(group: type) -> list[Parameter]:
+    """One for each field."""
+    hints = get_type_hints(group, include_extras=True)
+    return [
+        Parameter(
+            field.name,
+            Parameter.KEYWORD_ONLY,
+            default=Parameter.empty if field.default is MISSING else field.default,
+            annotation=hints[field.name],
+        )
+        for field in fields(group)
+    ]

@@ -7,15 +7,7 @@ import numpy as np
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.cli.options.effects import is_harmonic, show_harmonics
-from taskcal.cli.output import (
-    placement,
-    say,
-    show,
-    show_errors,
-    show_facts,
-    started_as,
-    tell,
-)
+from taskcal.cli.output import placement, say, show, show_facts, started_as, tell
 from taskcal.identification.calibration import Calibration, list_unknowns
 from taskcal.identification.validation import validate
 from taskcal.registration.registration import Registration
@@ -24,6 +16,7 @@ from taskcal.report.calibration import (
     are_most,
     describe_held_out,
     describe_unobservable,
+    tabulate_errors,
     tabulate_left_out,
     tabulate_outliers,
     tabulate_parameters,
@@ -176,7 +169,8 @@ def show_report(
     say(verdict(calibration, result))
     tell()
     title = "Position error: largest along the axes of the robot's base, then in space"
-    show_errors(title if "max_x_mm" in result["fitted"] else "Error: measured less predicted", summaries)
+    title = title if "max_x_mm" in result["fitted"] else "Error: measured less predicted"
+    show(tabulate_errors(title, summaries))
     steps = next_steps(calibration, result, tracker_mm)
     show_facts([("next" if number == 0 else "", step) for number, step in enumerate(steps)])
     tell()

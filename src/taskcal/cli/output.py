@@ -1,4 +1,4 @@
-"""What commands print: tables for people or JSON for programs on standard output, everything else beside it."""
+"""Command output: tables or JSON on standard output, messages on standard error, files written all together."""
 
 import json
 import math
@@ -7,118 +7,51 @@ import re
 import shlex
 import shutil
 import sys
-import time
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING, Any, TextIO
 
-from taskcal.errors import printable, shortened
+import typer
+
+from taskcal.cli.progress import clear_line
+from taskcal.errors import FileError, printable, shortened
+from taskcal.io.files import write_all, write_whole
+from taskcal.report.content import Table, fold, lay_out_facts, lay_out_table
 
 if TYPE_CHECKING:
     import numpy as np
-    from rich.console import Console
-
-    from taskcal.report.content import Table
 
 
-# How far a command is, a line of JSON for each step on standard error, for a program that started it and asks for
-# them.
-
-VARIABLE = "TASKCAL_PROGRESS"
-"""Environment variable; ``lines`` asks for them."""
-
-
-def report_step(step: str, done: int, of: int | None) -> None:
-    """Say that a step begins, where that is asked for.
-
-    Args:
-        step: what is being done.
-        done: steps before it.
-        of: how many there are; None where that is not known.
-    """
-    if os.environ.get(VARIABLE) != "lines":
-        return
-    with suppress(OSError):
-        print(json.dumps({"step": step, "done": done, "of": of}), file=sys.stderr, flush=True)
-
-
-# A word on the terminal as soon as a command begins, while the libraries that it needs are still being imported.
-
-TICK = 1.0
-"""Seconds after which the word says anew for how long."""
-
-_shown = [False]
-"""Whether the word stands there."""
-_writing = Lock()
-
-
-@contextmanager
-def sign_of_life() -> Generator[None, None, None]:
-    """Say that something is being done, and for how long, where standard error is a terminal, until anything else is said."""
-    ended = Event()
-    if sys.stderr.isatty():
-        _shown[0] = True
-        _write("working …")
-        Thread(target=_tick, args=(ended, time.monotonic()), daemon=True).start()
-    try:
-        yield
-    finally:
-        ended.set()
-        clear_sign()
-
-
-def clear_sign() -> None:
-    """Take the word away again; to be called before anything is written."""
-    with _writing:
-        if _shown[0]:
-            _shown[0] = False
-            _write("\r\x1b[K")
-
-
-def _tick(ended: Event, start: float) -> None:
-    while not ended.wait(TICK):
-        with _writing:
-            if not _shown[0]:
-                return
-            _write(f"\rworking … {time.monotonic() - start:.0f} s")
-
-
-def _write(text: str) -> None:
-    with suppress(OSError):
-        sys.stderr.write(text)
-        sys.stderr.flush()
-
+# Messages and sentences.
 
 MESSAGE_CHARACTERS = 4000
 """Of one message; whatever it repeats of its input is cut."""
 
 
 def error(message: str) -> None:
-    """An error, on standard error."""
+    """Write an error on standard error."""
     info(f"error: {message}")
 
 
 def info(message: str) -> None:
-    """A message beside the result, on standard error."""
-    clear_sign()
+    """Write a message beside the result, on standard error."""
+    clear_line()
     with suppress(OSError):  # where that is full or closed, the exit status has to do
         print(_folded(for_terminal(shortened(message, MESSAGE_CHARACTERS)), sys.stderr), file=sys.stderr, flush=True)
 
 
 def tell(line: str = "") -> None:
-    """A line of the result, on standard output."""
-    clear_sign()
+    """Write a line of the result on standard output."""
+    clear_line()
     print(_folded(for_terminal(line), sys.stdout))
 
 
 def say(text: str) -> None:
-    """A sentence of the result, folded between words whatever reads it."""
-    from taskcal.report.content import fold
-
-    clear_sign()
+    """Write a sentence of the result, folded between words whatever reads it."""
+    clear_line()
     for line in fold(for_terminal(text), line_width()):
         print(line)
 
@@ -127,8 +60,6 @@ def _folded(text: str, stream: TextIO) -> str:
     """A message cut between words for a terminal, which would cut within them; whole where programs read it."""
     if not stream.isatty():
         return text
-    from taskcal.report.content import fold
-
     width = line_width()
     return "\n".join(part for line in text.split("\n") for part in (fold(line, width) if len(line) > width else [line]))
 
@@ -136,6 +67,11 @@ def _folded(text: str, stream: TextIO) -> str:
 def for_terminal(text: str) -> str:
     """Text in which a name or a value from a file cannot command the terminal: only line feeds and tabs act."""
     return printable(text, keep="\n\t")
+
+
+def line_width() -> int:
+    """Characters in a line: the terminal's, the value of COLUMNS, or 80."""
+    return max(shutil.get_terminal_size((80, 24)).columns, 20)
 
 
 def started_as() -> str:
@@ -151,7 +87,7 @@ def started_as() -> str:
 
 @cache
 def show_log() -> None:
-    """From now on, what the library reports, such as that it compiles kernels, is said on standard error."""
+    """Write on standard error, from now on, what the library reports, such as that it compiles kernels."""
     from logging import INFO, Handler, LogRecord, getLogger
 
     class Shown(Handler):
@@ -165,37 +101,60 @@ def show_log() -> None:
     log.addHandler(Shown())
 
 
-@contextmanager
-def working(step: str, steps: int | None = None) -> Generator[Callable[[str], None], None, None]:
-    """A line on standard error that says what is being done and for how long, where that is a terminal.
+# Tables and labelled lines for people.
+
+
+def show(table: Table, *, spare: Sequence[int] = (), note: bool = False) -> None:
+    """Print a table, the same that a page shows.
 
     Args:
-        step: the first.
-        steps: how many there are; the line has a bar then, and its end.
-
-    Yields:
-        how to say which step begins.
+        table: with its columns of words set flush left.
+        spare: columns that are left out first where it is too wide.
+        note: whether to print its note below it.
     """
-    with progress_bar(for_terminal(step), steps) as update:
-        report_step(step, 0, steps)
-        begun = 0
+    clear_line()
+    width = line_width()
+    for line in fold(for_terminal(table.title), width) if table.title else ():
+        print(f"\x1b[1m{line}\x1b[0m" if sys.stdout.isatty() and "NO_COLOR" not in os.environ else line)
+    groups = [(heading, [[_in_a_cell(cell) for cell in row] for row in rows]) for heading, rows in table.groups]
+    for line in lay_out_table([*map(_in_a_cell, table.header)], groups, set(table.text_columns), width, spare):
+        print(line)
+    for line in fold(for_terminal(table.note), width) if note and table.note else ():
+        print(line)
+    print()
 
-        def begin(text: str) -> None:
-            nonlocal begun
-            if begun == 0 and text == step:
-                return
-            begun = begun + 1 if steps is None else min(begun + 1, steps - 1)
-            update(begun, for_terminal(text), steps)
-            report_step(text, begun, steps)
 
-        yield begin
-        if steps is not None:
-            update(steps, for_terminal(step), steps)
+def show_table(
+    title: str,
+    header: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    left: Iterable[int] = (0,),
+    spare: Sequence[int] = (),
+) -> None:
+    """Print a table that no page has; columns are flush right but for those in `left`."""
+    table = Table.of_rows(title, tuple(header), [tuple(row) for row in rows], text_columns=tuple(left))
+    show(table, spare=spare)
+
+
+def _in_a_cell(text: str) -> str:
+    """A cell's text, without line feeds, which would break the table; a header's stand where it folds."""
+    return " ".join(for_terminal(text).split("\n"))
+
+
+def show_facts(facts: Iterable[tuple[str, str]]) -> None:
+    """Print labelled lines."""
+    clear_line()
+    for line in lay_out_facts([(for_terminal(label), for_terminal(text)) for label, text in facts], line_width()):
+        print(line)
+
+
+# JSON for programs.
 
 
 def write_json(result: Mapping[str, Any]) -> None:
-    """The machine-readable result, alone on standard output."""
-    clear_sign()
+    """Print the machine-readable result, alone on standard output."""
+    clear_line()
     text = json.dumps(plain(result), indent=1, ensure_ascii=False, allow_nan=False)
     print(re.sub("[\x7f-\x9f]", lambda control: f"\\u{ord(control[0]):04x}", text))  # JSON escapes those below 0x20
 
@@ -215,172 +174,241 @@ def plain(value: Any) -> Any:
     return value
 
 
-def line_width() -> int:
-    """Characters in a line: the terminal's, what COLUMNS says, or 80."""
-    return max(shutil.get_terminal_size((80, 24)).columns, 20)
-
-
-def console() -> "Console":
-    """Standard output for what is laid out elsewhere."""
-    from rich.console import Console, ConsoleOptions, RenderableType
-    from rich.segment import Segment
-
-    class Terminal(Console):
-        """A console whose text carries no commands but its own."""
-
-        def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-            for segment in super().render(renderable, options):
-                yield segment if segment.control else Segment(for_terminal(segment.text), segment.style)
-
-    clear_sign()
-    return Terminal(width=line_width(), markup=False, highlight=False, emoji=False, soft_wrap=False)
-
-
-def show_table(
-    title: str,
-    header: Sequence[str],
-    rows: Iterable[Sequence[str]],
-    *,
-    left: Iterable[int] = (0,),
-    spare: Sequence[int] = (),
-) -> None:
-    """Print a table; columns are flush right but for those in `left`, and those in `spare` go first where it is too wide."""
-    from taskcal.report.content import fold, lay_out_table
-
-    clear_sign()
-    width = line_width()
-    for line in fold(for_terminal(title), width) if title else ():
-        _print_bold(line)
-    cells = [[_in_a_cell(cell) for cell in row] for row in rows]
-    for line in lay_out_table([_in_a_cell(name) for name in header], [("", cells)], set(left), width, spare):
-        print(line)
-    print()
-
-
-def _print_bold(line: str) -> None:
-    if sys.stdout.isatty() and "NO_COLOR" not in os.environ:
-        line = f"\x1b[1m{line}\x1b[0m"
-    print(line)
-
-
-def _in_a_cell(text: str) -> str:
-    """A cell's text, without line feeds, which would break the table."""
-    return " ".join(for_terminal(text).split("\n"))
-
-
-def show(table: "Table") -> None:
-    """Print a table that a page shows as well."""
-    show_table(table.title, table.header, table.rows, left=table.text_columns)
-
-
-def show_facts(facts: Iterable[tuple[str, str]]) -> None:
-    """Print labelled lines."""
-    from taskcal.report.content import lay_out_facts
-
-    clear_sign()
-    for line in lay_out_facts([(for_terminal(label), for_terminal(text)) for label, text in facts], line_width()):
-        print(line)
-
-
-# The table of position errors on the terminal.
-
-
-def show_errors(title: str, summaries: Mapping[str, Mapping[str, float | int]]) -> None:
-    """Print a row for each labelled `Validation.summary`; axes are those of the robot's base."""
-    from taskcal.report.calibration import tabulate_errors
-
-    show(tabulate_errors(title, summaries))
-
-
-# The line on a terminal that shows how far a command is.
-
-Update = Callable[[int, str, int | None], None]
-"""Of the steps that are done, what is being done now, and how many steps there are."""
-
-
-@contextmanager
-def progress_bar(text: str, total: int | None) -> Generator[Update, None, None]:
-    """A line on standard error with what is being done, a bar and the time; nothing where that is not a terminal.
-
-    Args:
-        text: what is being done, fit for a terminal.
-        total: steps to the end; a wheel turns in place of the bar where that is not known.
-
-    Yields:
-        how to say how many steps are done, what is being done now, and how many there are.
-    """
-    if not _is_watched():
-        yield _say_nothing
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    clear_sign()
-    described = TextColumn("{task.description} …", markup=False)
-    counted = (described, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    columns = (SpinnerColumn(), described, TimeElapsedColumn()) if total is None else counted
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(text, total=total)
-        yield lambda done, now, of: bar.update(task, completed=done, description=now, total=of, refresh=True)
-
-
-def _is_watched() -> bool:
-    return bool(os.environ.get("FORCE_COLOR")) or sys.stderr.isatty()
-
-
-def _say_nothing(done: int, now: str, of: int | None) -> None:
-    """Nobody watches; a terminal alone needs Rich, which takes a while to import."""
-
-
-# Bars for work whose steps are known: beforehand, or as each part of it begins.
-
-
-@contextmanager
-def bar_over(steps: Sequence[str]) -> Generator[Callable[[str], None], None, None]:
-    """A bar on standard error that is full behind the last step, where that is a terminal; yields how to say which one begins.
-
-    A step may stand several times, and steps may be passed over. What is not among those that are left changes the words alone.
-    """
-    with progress_bar(for_terminal(steps[0]), len(steps)) as update:
-        report_step(steps[0], 0, len(steps))
-        begun = 0
-
-        def begin(step: str) -> None:
-            nonlocal begun
-            done = max(begun - 1, 0)
-            if step in steps[begun:]:
-                done = steps.index(step, begun)
-                begun = done + 1
-            update(done, for_terminal(step), len(steps))
-            report_step(step, done, len(steps))
-
-        yield begin
-        update(len(steps), for_terminal(steps[-1]), len(steps))
-
-
-@contextmanager
-def bar_by_parts(first: str) -> Generator[Callable[[str, int, int], None], None, None]:
-    """A bar on standard error for work that says how far each part of it is, where that is a terminal.
-
-    Args:
-        first: what is done before any part is said.
-
-    Yields:
-        how to say the part, how many of its steps are done, and how many it has.
-    """
-    with progress_bar(for_terminal(first), 1) as update:
-        report_step(first, 0, None)
-
-        def show(part: str, done: int, of: int) -> None:
-            update(done, for_terminal(part), of)
-            report_step(part, done, of)
-
-        yield show
-
-
 def placement(T: "np.ndarray") -> dict[str, Any]:
     """A pose for people: position in millimetres, orientation as a quaternion ``qx qy qz qw``."""
     from taskcal.geometry import se3
 
     position = [round(float(value) * 1e3, 9) for value in T[:3, 3]]
     return {"position_mm": position, "quaternion": se3.to_quaternion(T[None, :3, :3])[0].tolist()}
+
+
+# Notes that are kept from one run to the next, in the user's state folder.
+
+MAX_NOTES = 5000
+"""Of one kind, the last ones written; each has some hundred bytes."""
+
+
+def _note(kind: str, key: bytes) -> Path:
+    import hashlib
+
+    import platformdirs
+
+    folder = Path(os.environ.get("TASKCAL_STATE_DIR") or platformdirs.user_state_path("taskcal"))
+    return folder / kind / f"{hashlib.sha256(key).hexdigest()[:32]}.json"
+
+
+def read_note(kind: str, key: bytes) -> dict[str, Any]:
+    """The note of a kind and key; empty where there is none."""
+    with suppress(OSError, ValueError, RecursionError):
+        content = json.loads(_note(kind, key).read_text(encoding="utf-8"))
+        if isinstance(content, dict):
+            return content
+    return {}
+
+
+def keep_note(kind: str, key: bytes, content: Mapping[str, Any]) -> None:
+    """Write a note, where that can be done, and drop the oldest of its kind where there are too many."""
+    path = _note(kind, key)
+    with suppress(OSError, FileError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, json.dumps(content))
+        notes = list(path.parent.glob("*.json"))
+        for old in sorted(notes, key=lambda note: note.stat().st_mtime)[:-MAX_NOTES] if len(notes) > MAX_NOTES else ():
+            old.unlink(missing_ok=True)
+
+
+# The files of a command: checked before anything is computed, written all together, and known again as its own.
+#
+# A file is a command's own while it is, byte for byte, what that command last wrote there. Digests of what was
+# written are kept as notes, so that no mark has to be in a file, and a file that was edited since is noticed.
+
+
+@dataclass
+class _Account:
+    """Files that this run is to write and has written, for the line that lists them where it is interrupted."""
+
+    planned: list[Path] = field(default_factory=list[Path])
+    written: list[Path] = field(default_factory=list[Path])
+
+
+_account = _Account()
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """The files of one command, seen to be free."""
+
+    command: str
+    paths: tuple[Path, ...]
+    force: bool = False
+
+    def write(self, contents: Mapping[Path, str | bytes] | Mapping[Path | None, str | bytes]) -> None:
+        """Write files that belong together, all or none, and remember them as this command's.
+
+        Args:
+            contents: of each file; that of an option that was not given, None, is not written. Files whose names were not known
+                before are each in a folder that may still have to be made.
+
+        Raises:
+            FileError: one of them cannot be written, or exists and is not as this command wrote it.
+        """
+        named = {path: content for path, content in contents.items() if path is not None}
+        for path in named:
+            if path not in self.paths:
+                _check_own(path, self.command, force=self.force)
+                path.parent.mkdir(exist_ok=True)
+        for path, content in named.items():
+            _remember(path, self.command, content)
+        if named:
+            write_all(named)
+            _account.written.extend(named)
+
+
+def check_outputs(
+    command: str,
+    outputs: Iterable[tuple[str, Path | None]],
+    inputs: Iterable[str | Path | None] = (),
+    *,
+    force: bool = False,
+    updated: Sequence[str] = (),
+) -> Outputs:
+    """Check, before anything is computed, that every file can be written and that nothing is lost by it.
+
+    Args:
+        command: as the user calls it.
+        outputs: option and file.
+        inputs: files that the command reads.
+        force: replace files that the command did not write.
+        updated: options whose file the command reads first and goes on with; only a clash with others is looked for.
+
+    Raises:
+        FileError: a folder is missing or closed to us, a file is a folder or one of the inputs, or it exists and is not
+            as this command wrote it.
+        typer.BadParameter: two outputs are one file.
+    """
+    named = [(option, path) for option, path in outputs if path is not None]
+    read = [Path(given) for given in inputs if given is not None]
+    for number, (option, path) in enumerate(named):
+        _check_place(path)
+        for other, earlier in named[:number]:
+            if _are_one(path, earlier):
+                raise typer.BadParameter(
+                    f"both name '{path}' and cannot be one file; name different ones", param_hint=f"{option} / {other}"
+                )
+        if any(_are_one(path, given) for given in read):
+            raise FileError(
+                path, "would overwrite an input file, which --force does not allow either; name another file"
+            )
+        if option not in updated:
+            _check_own(path, command, force=force)
+    _account.planned.extend(path for option, path in named if option not in updated)
+    return Outputs(command, tuple(path for _, path in named), force)
+
+
+def begin_account() -> None:
+    """Forget the files of an earlier command of this process."""
+    _account.planned.clear()
+    _account.written.clear()
+
+
+def count_as_written(path: Path) -> None:
+    """Note a file that a command keeps up to date by itself."""
+    if path not in _account.written:
+        _account.written.append(path)
+
+
+def interrupted() -> str:
+    """The message of an interrupted command, with its files."""
+    missing = [str(path) for path in _account.planned if path not in _account.written]
+    written = f"wrote {', '.join(map(str, _account.written))}" if _account.written else "nothing was written"
+    return f"interrupted: {written}" + (f"; not written: {', '.join(missing)}" if missing else "")
+
+
+def files_of_task(task: Path | None) -> list[Path]:
+    """The task file and the list or path that it names; its reader reports what is wrong with it."""
+    if task is None:
+        return []
+    import tomllib
+
+    named: list[Any] = []
+    with suppress(OSError, ValueError, RecursionError):
+        content = tomllib.loads(task.read_text(encoding="utf-8"))
+        named = [content.get(key) for key in ("poses", "path")]
+    return [task, *(task.parent / name for name in named if isinstance(name, str) and "\0" not in name)]
+
+
+def _check_place(path: Path) -> None:
+    """Check that a file can be made here.
+
+    Raises:
+        FileError: its folder is missing or closed to us, or it is a folder itself.
+    """
+    folder = path.parent
+    if not folder.is_dir():
+        raise FileError(path, f"cannot be written: there is no folder '{folder}'; make it, or name one that exists")
+    if path.is_dir():
+        raise FileError(path, "cannot be written: it is a folder; name a file in it")
+    if not os.access(folder, os.W_OK):
+        raise FileError(path, f"cannot be written: no permission to write in folder '{folder}'; name another")
+
+
+def _are_one(path: Path, other: Path) -> bool:
+    """Whether two names are one file, through links and other spellings, whether it exists yet or not."""
+    path, other = path.resolve(), other.resolve()
+    if path == other:
+        return True
+    if path.exists() and other.exists():
+        return path.samefile(other)
+    if path.name.casefold() != other.name.casefold() or path.exists() != other.exists():
+        return False
+    folder, beside = path.parent, other.parent
+    if not (folder.is_dir() and beside.is_dir() and folder.samefile(beside)):
+        return False
+    return path.name == other.name or _folds_case(folder)
+
+
+def _folds_case(folder: Path) -> bool:
+    """Whether names that differ in case alone are one file here; seen by trying, for each folder may differ."""
+    import tempfile
+
+    with suppress(OSError), tempfile.NamedTemporaryFile(prefix=".case-", dir=folder) as probe:
+        path = Path(probe.name)
+        return path.with_name(path.name.swapcase()).exists()
+    return False
+
+
+def _check_own(path: Path, command: str, *, force: bool) -> None:
+    """Check that a file is not there, is as the command left it, or may be replaced.
+
+    Raises:
+        FileError: none of these.
+    """
+    if force or not path.is_file():
+        return
+    note = read_note("written", _key(path))
+    with suppress(OSError, KeyError, TypeError):
+        if note.get("command") == command and _digest(path.read_bytes()) in note["sha256"]:
+            return
+    message = f"exists and was not written by taskcal {command}, or was edited since; name another file, or replace it with --force"
+    raise FileError(path, message)
+
+
+def _remember(path: Path, command: str, content: str | bytes) -> None:
+    """Note the digest of a file about to be written, beside that of its present content: a kill in between leaves one of them.
+
+    Where no note can be kept, the next run asks for --force.
+    """
+    note = read_note("written", _key(path))
+    earlier = note.get("sha256") if note.get("command") == command else None
+    digests = [*(earlier[-1:] if isinstance(earlier, list) else []), _digest(content)]
+    keep_note("written", _key(path), {"path": str(path.resolve()), "command": command, "sha256": digests})
+
+
+def _key(path: Path) -> bytes:
+    return os.fsencode(path.resolve())
+
+
+def _digest(content: str | bytes) -> str:
+    import hashlib
+
+    return hashlib.sha256(content.encode("utf-8") if isinstance(content, str) else content).hexdigest()

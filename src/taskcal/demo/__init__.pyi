@@ -8,11 +8,11 @@ from taskcal.demo.closed_loop import run_closed_loops as run_closed_loops
 from taskcal.demo.closed_loop import summarise_runs as summarise_runs
 from taskcal.demo.closed_loop_report import draw_closed_loop as draw_closed_loop
 from taskcal.demo.closed_loop_report import tabulate_closed_loop as tabulate_closed_loop
-from taskcal.demo.model_trial import try_models as try_models
 from taskcal.demo.procedure import ONE as ONE
 from taskcal.demo.procedure import ROBOT as ROBOT
 from taskcal.demo.procedure import reference_task as reference_task
 from taskcal.demo.procedure import run_procedure as run_procedure
+from taskcal.demo.procedure import try_models as try_models
 from taskcal.demo.procedure_report import draw_error_over_angle as draw_error_over_angle
 from taskcal.demo.true_robot import GEARS as GEARS
 from taskcal.demo.true_robot import RIPPLE as RIPPLE

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
-    from rich.console import Console
 
     from taskcal.identification.calibration import Calibration
 
@@ -299,23 +298,6 @@ def _stacked(header: Sequence[str], groups: Sequence[tuple[str, Rows]], width: i
             named = [(f"   {name}", cell) for name, cell in zip(header[1:], row[1:], strict=True) if cell]
             out += lay_out_facts(named, width)
     return out
-
-
-# A report's tables in a terminal.
-
-
-def print_tables(console: "Console", tables: "Iterable[Table]") -> None:
-    """Print tables one below the other, what each shows under it."""
-    from rich.text import Text
-
-    for table in tables:
-        for line in fold(table.title, console.width):
-            console.print(Text(line, style="bold"), soft_wrap=True)
-        for line in lay_out_table(table.header, table.groups, table.text_columns, console.width):
-            console.print(Text(line), soft_wrap=True)
-        for line in fold(table.note, console.width) if table.note else ():
-            console.print(Text(line, style="dim"), soft_wrap=True)
-        console.print()
 
 
 # The unit of short lengths on a page: one of them throughout.

@@ -34,7 +34,7 @@ def test_a_corrected_program_is_refused_under_whatever_name_and_its_origin_named
     for path in (corrected, copy):
         ended = run("correct", "--accept-uncertain", "-c", cell / "cal.json", path, *where)
         assert ended.status != 0
-        assert f"is as taskcal correct wrote it from '{part.resolve()}'" in ended.err
+        assert f"was written by taskcal correct from '{part.resolve()}'" in ended.err
     assert not out.exists()
     assert run("correct", "--again", "--accept-uncertain", "-c", cell / "cal.json", corrected, *where).status == 0
 

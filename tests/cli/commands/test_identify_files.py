@@ -28,14 +28,14 @@ def test_where_nothing_can_be_written(run: Run, cell: Path, tmp_path: Path) -> N
     assert [ended.status for ended in (missing, folder, itself)] == [1, 1, 1]
     assert "there is no folder" in missing.err
     assert "it is a folder" in folder.err
-    assert "would overwrite what is read" in itself.err
+    assert "would overwrite an input file" in itself.err
 
 
 def test_a_folder_that_is_closed_to_us(run: Run, cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.access", lambda _, mode: mode != os.W_OK)
     ended = identify(run, cell / "one.csv", tmp_path / "a.json")
     assert ended.status == 1
-    assert "is not yours to write in" in ended.err
+    assert "no permission to write in" in ended.err
 
 
 def test_a_file_that_is_closed_to_us(run: Run, cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

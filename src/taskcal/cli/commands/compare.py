@@ -8,7 +8,8 @@ import typer
 
 from taskcal.cli.options.common import CountOption, JsonOption, SeedOption, check_above_zero, look_at_calibrations
 from taskcal.cli.options.task import REACHING, read_and_reach
-from taskcal.cli.output import bar_over, info, say, show, show_facts, write_json
+from taskcal.cli.output import info, say, show, show_facts, write_json
+from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
     import numpy as np
@@ -52,7 +53,7 @@ def command(
     seed: SeedOption = 0,
     as_json: JsonOption = False,
 ) -> None:
-    """Say what changed between calibrations of one robot: has it been hit, is it due again?
+    """Compare calibrations of one robot and test for change.
 
     Tracker frames and targets do not count, nor does it matter which parameters each calibration has.
     """

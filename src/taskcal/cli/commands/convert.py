@@ -5,14 +5,11 @@ from typing import Annotated
 
 import typer
 
-from taskcal.cli.command import grouped
 from taskcal.cli.options.campaign import TableOptions
 from taskcal.cli.options.common import ForceOption, RobotOption
-from taskcal.cli.output import info
-from taskcal.cli.outputs import check_outputs
+from taskcal.cli.output import check_outputs, info
 
 
-@grouped
 def command(
     file: Annotated[
         Path,
@@ -37,7 +34,7 @@ def command(
     table: TableOptions,
     force: ForceOption = False,
 ) -> None:
-    """Write a file of measurements as plain CSV: one row a pose, units in the names, shots of one pose averaged.
+    """Convert a file of measurements to plain CSV or Parquet.
 
     What the file did not say and was decided, and what was left out, is said in a line each.
     """

@@ -1,8 +1,6 @@
 """``taskcal correct``: a robot program and a calibration in, a corrected program out."""
 
-import json
 from collections.abc import Iterable
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,14 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robot_programs.core.files import is_backup
-from taskcal.cli.command import grouped
 from taskcal.cli.options.common import look_at_calibration
 from taskcal.cli.options.correction import BoundsOptions, CellOptions
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import info, show_facts, show_table, tell, working, write_json
-from taskcal.cli.outputs import check_outputs, state_folder
+from taskcal.cli.output import check_outputs, info, keep_note, read_note, show_facts, show_table, tell, write_json
+from taskcal.cli.progress import bar_over
 from taskcal.errors import FileError
-from taskcal.io.files import write_whole
 
 if TYPE_CHECKING:
     from robot_programs.core.program import Frame, Program
@@ -93,7 +89,6 @@ class DestinationOptions:
         return (uncertain or bool(correction.why_unwritten)) and not self.dry_run
 
 
-@grouped
 def command(
     programs: Annotated[
         list[Path],
@@ -129,7 +124,7 @@ def command(
     *,
     page: PageOptions,
 ) -> None:
-    """Correct a robot program, so that the true tool goes where the program says.
+    """Correct a robot program with the calibrated model.
 
     Every target becomes the pose that makes the controller, which takes its robot for nominal, drive the joints that the
     robot as calibrated needs; lines and arcs get more targets where they need them. Whatever else the files say stays,
@@ -154,7 +149,7 @@ def command(
         check_not_corrected(program.sources)
     if program.backup is not None and destination.output is not None and not destination.dry_run:
         check_place(program.backup, destination.output)
-    with working("reading the program", steps=4) as say:
+    with bar_over(["reading the program"], 4) as say:
         correction = correct(
             calibrated,
             program,
@@ -167,7 +162,7 @@ def command(
     contents = destination.contents(correction)
     written = (*contents, *destination.write_backup(correction))
     made = page.compose(_page(correction, calibrated)) if page.asked else {}
-    outputs.write_beside({**contents, **made}, force=page.force)
+    outputs.write({**contents, **made})
     if written:
         remember_corrected(correction)
     if page.as_json:
@@ -298,28 +293,24 @@ def _show(correction: "Correction", written: tuple[Path, ...], pages: str) -> No
         info(f"written: {pages}")
 
 
-# Which programs ``taskcal correct`` wrote: known again by their bytes, wherever they lie, so that none is corrected
-# twice.
+# Programs that ``taskcal correct`` wrote: known again by their bytes, wherever they lie, so that none is corrected twice.
 #
-# A corrected program bears no mark, for all but its targets stays as it was. A digest of what was written lies in
-# the user's state folder instead, with the name of the program that it was made from.
-
-RECORDS = 5000
-"""Files that are remembered, the last ones written."""
+# A corrected program bears no mark, for all but its targets stays unchanged. A note has a digest of what was written instead,
+# with the name of the program that it was made from.
 
 
 def check_not_corrected(sources: "Iterable[Source]") -> None:
-    """See that no file of a program is as `taskcal correct` wrote it.
+    """Check that no file of a program is as `taskcal correct` wrote it.
 
     Raises:
         FileError: one is, with the file that it was made from.
     """
     for source in sources:
-        if origin := _origin_of(source.encode()):
+        if origin := read_note("corrected", source.encode()).get("program"):
             raise FileError(
                 source.path,
-                f"is as taskcal correct wrote it from '{origin}', and would be corrected twice; correct that file, or say with "
-                "--again that this is meant",
+                f"was written by taskcal correct from '{origin}' and would be corrected twice; correct that file, or confirm with "
+                "--again",
             )
 
 
@@ -328,31 +319,6 @@ def remember_corrected(correction: "Correction") -> None:
     given = {source.path: source.encode() for source in correction.program.sources}
     for source in correction.sources:
         content = source.encode()
-        if content in given.values():
-            continue
-        origin = source.path if source.path in given else correction.program.sources[0].path
-        place = _record_of(content)
-        with suppress(OSError, FileError):
-            place.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(place, json.dumps({"program": str(origin.resolve())}))
-            _forget_the_oldest(place.parent)
-
-
-def _origin_of(content: bytes) -> str:
-    """The file that a corrected one was made from; empty for any other."""
-    with suppress(OSError, ValueError, KeyError, TypeError):
-        return str(json.loads(_record_of(content).read_text(encoding="utf-8"))["program"])
-    return ""
-
-
-def _record_of(content: bytes) -> Path:
-    import hashlib
-
-    return state_folder() / "corrected" / f"{hashlib.sha256(content).hexdigest()}.json"
-
-
-def _forget_the_oldest(folder: Path) -> None:
-    records = list(folder.glob("*.json"))
-    if len(records) > RECORDS:
-        for record in sorted(records, key=lambda path: path.stat().st_mtime)[:-RECORDS]:
-            record.unlink(missing_ok=True)
+        if content not in given.values():
+            origin = source.path if source.path in given else correction.program.sources[0].path
+            keep_note("corrected", content, {"program": str(origin.resolve())})

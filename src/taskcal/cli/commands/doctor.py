@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from taskcal.cli.options.common import ForceOption, JsonOption
-from taskcal.cli.output import bar_by_parts, info, show_table, tell, write_json
-from taskcal.cli.outputs import check_outputs
+from taskcal.cli.output import check_outputs, info, show_table, tell, write_json
+from taskcal.cli.progress import bar_by_parts
 from taskcal.errors import TaskcalError, UnitError
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def command(
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Find what is wrong with a campaign; without one, check the installation.
+    """Diagnose a campaign, or (without arguments) check the installation.
 
     Units, signs, zeros, couplings, the order of joints and rows, frames, poses, targets that slipped, a tracker that moved,
     drift, gross rows, the robot: every usual mistake is undone, singly and in pairs, and judged on rows held out.

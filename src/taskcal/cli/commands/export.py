@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.command import grouped
 from taskcal.cli.options.common import CalibrationArgument, CountOption, OutputOptions, SeedOption
 from taskcal.cli.options.task import REACHING, read_and_reach
-from taskcal.cli.output import info, plain, show_facts, show_table, tell, working, write_json
-from taskcal.cli.outputs import check_outputs, files_of_task
+from taskcal.cli.output import check_outputs, files_of_task, info, plain, show_facts, show_table, tell, write_json
+from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
     import numpy as np
@@ -43,7 +42,6 @@ class PosesOptions:
     seed: SeedOption = 0
 
 
-@grouped
 def command(
     calibration: CalibrationArgument,
     form: Annotated[
@@ -67,7 +65,7 @@ def command(
     ] = False,
     out: OutputOptions,
 ) -> None:
-    """Write a calibrated robot as URDF, YAML or table, or fit what a controller can hold."""
+    """Export a calibrated robot, or fit the offsets of a controller."""
     form, exporter = form.lower(), None if form.lower() == OFFSETS else _exporter(form.lower())
     if output is None and exporter is not None:
         raise typer.BadParameter(f"name the file to write as {form}", param_hint="--output")
@@ -79,7 +77,7 @@ def command(
     calibrated = load_calibration(calibration)
     robot, reached = calibrated.model.robot, None
     if poses.task is not None:
-        with working(REACHING, steps=1) as begin:
+        with bar_over([REACHING], 1) as begin:
             reached = read_and_reach(ErrorModel(robot), poses.task, poses.count, poses.seed, begin)
     q = None if reached is None else reached.q
     if exporter is None:

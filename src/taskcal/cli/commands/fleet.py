@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.command import grouped
 from taskcal.cli.options.common import EngineOptions, OutputOptions, check_above_zero
-from taskcal.cli.output import bar_by_parts, info, show, show_facts, show_table, tell, write_json
-from taskcal.cli.outputs import check_outputs, count_as_written
+from taskcal.cli.output import check_outputs, count_as_written, info, show, show_facts, show_table, tell, write_json
+from taskcal.cli.progress import bar_by_parts
 
 if TYPE_CHECKING:
     from taskcal.planning.fleet import Fleet
@@ -54,7 +53,6 @@ class IdentifyOptions:
             raise typer.BadParameter("calibrations name their robot; it goes with --identify", param_hint="--robot")
 
 
-@grouped
 def command(
     robots: Annotated[
         Path,
@@ -81,7 +79,7 @@ def command(
     running: EngineOptions,
     out: OutputOptions,
 ) -> None:
-    """Look after many robots: their calibrations in one table, what changed, and which robot is unlike the others.
+    """Monitor a fleet: latest calibrations, changes and outliers.
 
     Files that cannot be read are named and left out; the exit status is 1 then.
     """

@@ -7,26 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.command import grouped
 from taskcal.cli.options.campaign import CampaignOptions
 from taskcal.cli.options.common import CampaignArgument, OutputOptions, RobotOption
 from taskcal.cli.options.fit import FitCommandOptions, HoldoutOptions, PriorChoice
-from taskcal.cli.output import (
-    bar_by_parts,
-    bar_over,
-    info,
-    say,
-    show,
-    show_facts,
-    tell,
-    write_json,
-)
-from taskcal.cli.outputs import check_outputs
+from taskcal.cli.output import check_outputs, info, say, show, show_facts, tell, write_json
+from taskcal.cli.progress import bar_by_parts, bar_over
 from taskcal.errors import CampaignError, FileError, FitError, TaskcalError
 
 if TYPE_CHECKING:
     from taskcal.campaigns.campaign import Campaign
-    from taskcal.cli.outputs import Outputs
+    from taskcal.cli.output import Outputs
     from taskcal.identification.calibration import Calibration
     from taskcal.identification.chunked_fit import ChunkedFit, ErrorsOfMany
     from taskcal.identification.effects import Explanation
@@ -198,7 +188,6 @@ class ShownOptions(OutputOptions):
     parameters: Annotated[bool, typer.Option("--parameters", help="List the parameters that were identified.")] = False
 
 
-@grouped
 def command(
     campaign: CampaignArgument,
     robot: RobotOption,
@@ -211,7 +200,7 @@ def command(
     search: SearchOptions,
     out: ShownOptions,
 ) -> None:
-    """Identify a robot's parameters from a campaign, with tracker frame and targets.
+    """Identify a robot's parameters, tracker frame and targets from a campaign.
 
     Rows that are not fitted, by --rows or --holdout, are predicted and reported beside the fitted ones; with --folds, each row is,
     once, by a fit of the other parts.

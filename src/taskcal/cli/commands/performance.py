@@ -6,21 +6,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.command import grouped
 from taskcal.cli.options.common import split_names
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import info, show_table, write_json
-from taskcal.cli.outputs import check_outputs
+from taskcal.cli.output import check_outputs, info, show_table, write_json
 
 if TYPE_CHECKING:
-    from taskcal.cli.outputs import Outputs
+    from taskcal.cli.output import Outputs
     from taskcal.report.page import Page
 
 POSE_CYCLES, PATH_CYCLES = 30, 10
 """How many cycles the standard asks for (ISO 9283:1998, 6.9)."""
 
 
-@grouped
 def command(
     measured: Annotated[
         Path, typer.Argument(metavar="MEASURED.csv", readable=False, help="Measured cycles, with their commands.")
@@ -48,7 +45,7 @@ def command(
     *,
     out: PageOptions,
 ) -> None:
-    """Accuracy and repeatability of measured poses or paths (ISO 9283)."""
+    """Evaluate accuracy and repeatability of poses or paths (ISO 9283)."""
     outputs = check_outputs("performance", out.places, [measured, commanded, out.header], force=out.force)
     out.check()
     as_json = out.as_json
@@ -129,7 +126,7 @@ def _write(outputs: "Outputs", out: PageOptions, page: "Page") -> None:
     """Write the page, where one was asked for."""
     if out.asked:
         files = out.compose(page)
-        outputs.write_beside(files, force=out.force)
+        outputs.write(files)
         info(f"wrote {out.in_words(files)}")
 
 

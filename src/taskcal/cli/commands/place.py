@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.command import grouped
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import info, show, show_facts, tell, working, write_json
-from taskcal.cli.outputs import check_outputs, files_of_task
+from taskcal.cli.output import check_outputs, files_of_task, info, show, show_facts, tell, write_json
+from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
     from robot_programs.core.program import Program
@@ -117,7 +116,6 @@ class OnOptions:
         return robot, robot
 
 
-@grouped
 def command(
     what: Annotated[
         list[Path],
@@ -151,7 +149,7 @@ def command(
     *,
     page: PageOptions,
 ) -> None:
-    """Find where to put a part: the error to be expected of a program or a task over placements of its part.
+    """Compare placements of a part by the expected error.
 
     For every placement: the expected error before and after the correction, how far a process force deflects the tool, whether
     every motion can be executed, and how far the joints stay from their limits and from singular postures.
@@ -169,7 +167,7 @@ def command(
     loaded, robot = on.load()
     target = _read(what, robot, is_task=is_task)
     number = len(region.grid())
-    with working("placements", number) as say:
+    with bar_over(["placements"], number) as say:
         found = place(
             loaded,
             target,
@@ -182,7 +180,7 @@ def command(
     files_written: dict[Path, str | bytes] = {} if output is None else {output: _csv(found)}
     if page.asked:
         files_written |= page.compose(_page(found, robot, calibrated=on.calibration is not None))
-    outputs.write_beside(files_written, force=page.force)
+    outputs.write(files_written)
     if page.as_json:
         write_json({**_as_json(found, output), **page.summary()})
     else:

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from taskcal.cli.command import grouped
 from taskcal.cli.options.campaign import MeasuredOptions
 from taskcal.cli.options.common import ModelErrorOption, SeedOption, TaskOption, check_model_error
 from taskcal.cli.options.model import ModelOptions
 from taskcal.cli.options.observing import ObservingOptions, WayChoice, describe_standing, tell_how_to_measure
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import show, show_facts, working, write_json
-from taskcal.cli.outputs import check_outputs, files_of_task
+from taskcal.cli.output import check_outputs, files_of_task, show, show_facts, write_json
+from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -258,7 +257,6 @@ class Setting:
         return 0 if self.calibration is None else len(self.calibration.ids)
 
 
-@grouped
 def command(
     task: TaskOption,
     output: Annotated[
@@ -271,7 +269,7 @@ def command(
     programs: MeasuringOptions,
     page: PageOptions,
 ) -> None:
-    """Choose the poses whose measurement makes a robot accurate over a task.
+    """Plan measurement poses that minimise the expected task error.
 
     They are reached, clear of the robot itself and of obstacles, seen by the tracker,
     and stand in the order in which to visit them.
@@ -306,7 +304,7 @@ def command(
     robot = setting.model.robot
     programs.check(robot)
     steps = 5 + page.asked  # candidates, choice, exchange, two rounds of refinement, page
-    with working("candidates", steps) as say:
+    with bar_over(["candidates"], steps) as say:
         chosen = _plan(setting, choice, measured.campaign or of.calibration, say)
         contents: dict[Path, str | bytes] = {output: _text(chosen, setting)}
         for source in (
@@ -317,7 +315,7 @@ def command(
         if page.asked:
             say("page")
             made = page.compose(_page(setting, chosen, choice.seed))
-        outputs.write_beside({**contents, **made}, force=page.force)
+        outputs.write({**contents, **made})
     result = {"plan": output, "robot": robot.name, **chosen.summary(), **_visible(chosen, setting.station)}
     if choice.station is not None:
         result["station"] = choice.station

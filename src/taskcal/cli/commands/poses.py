@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.command import grouped
 from taskcal.cli.options.common import OutputOptions
 from taskcal.cli.options.model import RobotOptions
-from taskcal.cli.output import info, show_table, tell, write_json
-from taskcal.cli.outputs import check_outputs
+from taskcal.cli.output import check_outputs, info, show_table, tell, write_json
 from taskcal.errors import ReachError
 
 if TYPE_CHECKING:
@@ -34,7 +32,6 @@ Angles = StrEnum("Angles", ("quaternion", "rpy", "abc", "wpr"))
 """How orientations are written."""
 
 
-@grouped
 def command(
     table: Annotated[
         Path,
@@ -59,7 +56,7 @@ def command(
     *,
     out: OutputOptions,
 ) -> None:
-    """Compute tool poses from joint positions, nominal and calibrated, or joint positions from tool poses."""
+    """Compute tool poses from joint values, or joint values from tool poses."""
     outputs = check_outputs("poses", [("--output", output)], [table, of.robot, of.calibration], force=out.force)
     from taskcal.tables.column_groups import ColumnGroups
     from taskcal.tables.forms import read_csv

@@ -6,12 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.command import grouped
 from taskcal.cli.options.campaign import CampaignOptions
 from taskcal.cli.options.common import CampaignArgument, OutputOptions, RobotOption
 from taskcal.cli.options.registration import Method, register_by
-from taskcal.cli.output import show_facts, show_table, write_json
-from taskcal.cli.outputs import check_outputs
+from taskcal.cli.output import check_outputs, show_facts, show_table, write_json
 
 if TYPE_CHECKING:
     from taskcal.campaigns.campaign import Campaign
@@ -23,7 +21,6 @@ WORST = 5
 """How many of the rows that fit worst are shown."""
 
 
-@grouped
 def command(
     campaign: CampaignArgument,
     robot: RobotOption,
@@ -41,7 +38,7 @@ def command(
     reading: CampaignOptions,
     out: OutputOptions,
 ) -> None:
-    """Find the tracker's frame and the targets with the nominal robot, and what it leaves of the measurements.
+    """Register tracker frame and targets with the nominal robot.
 
     The fit of taskcal identify refines what is found here; nothing of the robot is identified yet.
     """

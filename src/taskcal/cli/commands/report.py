@@ -5,12 +5,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.command import grouped
 from taskcal.cli.options.campaign import MeasuredOptions
 from taskcal.cli.options.common import CalibrationArgument, OutputOptions, SeedOption
 from taskcal.cli.options.page import BesidePageOptions
-from taskcal.cli.output import bar_over, show_table, tell, write_json
-from taskcal.cli.outputs import check_outputs, files_of_task
+from taskcal.cli.output import check_outputs, files_of_task, show_table, tell, write_json
+from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -26,7 +25,6 @@ CLIMBING = "what each part of the model is worth"
 PAGE, WRITING = "figures and tables", "writing them"
 
 
-@grouped
 def command(
     calibration: CalibrationArgument,
     task: Annotated[
@@ -44,7 +42,7 @@ def command(
     seed: SeedOption = 0,
     out: OutputOptions,
 ) -> None:
-    """Make a page of a calibration, for a person who was not there.
+    """Write an HTML report of a calibration.
 
     The verdict, the robot in space with its errors before and after, what is left at each pose, the uncertainty of what is
     predicted, the parameters with their intervals and why they were kept, outliers, and where it all comes from. With
@@ -83,7 +81,7 @@ def command(
         page = calibration_page(calibrated, shown, version=package_version())
         begin(WRITING)
         files = {output: page.html(), **beside.files_of(page)}
-        outputs.write_beside(files, force=out.force)
+        outputs.write(files)
     if out.as_json:
         write_json(_result(output, calibrated, uncertainty, remainder))
         return

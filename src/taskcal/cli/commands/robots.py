@@ -11,10 +11,9 @@ import typer
 from typer.core import TyperGroup
 
 from taskcal.analysis.elimination_table import describe_combination
-from taskcal.cli.command import Command, grouped, trusting
+from taskcal.cli.command import Command, laid_out
 from taskcal.cli.options.common import JsonOption, OutputOptions
-from taskcal.cli.output import info, placement, show_facts, show_table, tell, write_json
-from taskcal.cli.outputs import check_outputs
+from taskcal.cli.output import check_outputs, info, placement, show_facts, show_table, tell, write_json
 from taskcal.geometry import se3
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.mechanism import analyse_mechanism
@@ -74,7 +73,7 @@ def catalogue(context: typer.Context, as_json: JsonOption = False) -> None:
 
 
 @app.command("show", cls=Command)
-@trusting
+@laid_out
 def show(
     context: typer.Context,
     robot: Annotated[
@@ -136,8 +135,7 @@ class DescriptionOptions:
 
 
 @app.command("import", cls=Command)
-@trusting
-@grouped
+@laid_out
 def import_robot(
     context: typer.Context,
     source: Annotated[

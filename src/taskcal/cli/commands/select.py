@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.command import grouped
 from taskcal.cli.options.campaign import MeasuredOptions
 from taskcal.cli.options.common import ModelErrorOption, SeedOption, TaskOption, check_above_zero, check_model_error
 from taskcal.cli.options.model import ModelOptions
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import bar_over, info, show, show_facts, write_json
-from taskcal.cli.outputs import check_outputs, files_of_task
+from taskcal.cli.output import check_outputs, files_of_task, info, show, show_facts, write_json
+from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
     from taskcal.campaigns.campaign import Campaign
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
 MAPPING, PAGE = "maps over the task", "page"
 
 
-@grouped
 def command(
     task: TaskOption,
     of: ModelOptions,
@@ -43,7 +41,7 @@ def command(
     *,
     page: PageOptions,
 ) -> None:
-    """Choose the smallest set of parameters that serves a task.
+    """Select the smallest set of parameters that meets a task's accuracy.
 
     With --campaign every size of the model is cross-validated on its rows.
 
@@ -78,7 +76,7 @@ def command(
             shown = _page(model, described, campaign, selection, accuracy, seed)
             begin(PAGE)
             made = page.compose(shown)
-            outputs.write_beside(made, force=page.force)
+            outputs.write(made)
             result |= page.summary()
     if page.as_json:
         write_json(result)

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.command import grouped
 from taskcal.cli.options.campaign import MeasuredOptions
 from taskcal.cli.options.common import ModelErrorOption, RobotOption, SpreadOptions, check_model_error
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.options.task import REACHING, read_and_reach
-from taskcal.cli.output import bar_over, show_facts, show_table, tell, write_json
-from taskcal.cli.outputs import check_outputs, files_of_task
+from taskcal.cli.output import check_outputs, files_of_task, show_facts, show_table, tell, write_json
+from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
     import numpy as np
@@ -37,7 +36,6 @@ class Order(StrEnum):
     influence = "influence"
 
 
-@grouped
 def command(
     robot: RobotOption,
     task: Annotated[
@@ -58,7 +56,7 @@ def command(
     model_error_mm: ModelErrorOption = None,
     page: PageOptions,
 ) -> None:
-    """Influence of each parameter on the tool point, and which parameters the poses can tell apart."""
+    """Report parameter sensitivity and identifiability."""
     if (task is None) == (measured.campaign is None):
         raise typer.BadParameter("give exactly one of them, to say at which poses", param_hint="--task / --campaign")
     stated = check_model_error(model_error_mm)
@@ -92,7 +90,7 @@ def command(
             begin(PAGE)
             contents |= page.compose(made)
             result |= page.summary()
-    outputs.write_beside(contents, force=page.force)
+    outputs.write(contents)
     if page.as_json:
         write_json(result)
         return

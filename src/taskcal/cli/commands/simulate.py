@@ -10,12 +10,11 @@ import numpy as np
 import typer
 from jaxtyping import Float
 
-from taskcal.cli.command import grouped
 from taskcal.cli.options.common import OutputOptions, RobotOption, SpreadOptions, TaskOption, check_model_error
 from taskcal.cli.options.observing import known_ways
 from taskcal.cli.options.task import REACHING, read_and_reach
-from taskcal.cli.output import bar_over, plain, tell, write_json
-from taskcal.cli.outputs import check_outputs, files_of_task
+from taskcal.cli.output import check_outputs, files_of_task, plain, tell, write_json
+from taskcal.cli.progress import bar_over
 from taskcal.errors import FileError
 from taskcal.io.text_file import read_text
 from taskcal.robot.error_model import ErrorModel
@@ -138,7 +137,6 @@ def _check(truth: TruthOptions, reflectors: ReflectorOptions, how: ObserveOption
         raise typer.BadParameter("the truth has its own targets", param_hint="--targets / --truth-from")
 
 
-@grouped
 def command(
     robot: RobotOption,
     task: TaskOption,
@@ -151,7 +149,7 @@ def command(
     how: ObserveOptions,
     out: OutputOptions,
 ) -> None:
-    """Measure a virtual robot: defects drawn from its tolerances, a tracker or what --observe names with its noise."""
+    """Simulate a campaign of a virtual robot drawn from its tolerances."""
     _check(truth, reflectors, how)
     outputs = check_outputs(
         "simulate",

@@ -32,7 +32,7 @@ def command(
     ] = 8421,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the browser, too.")] = True,
 ) -> None:
-    """Work through pages in the browser, on a project's folder.
+    """Open the browser interface on a project folder.
 
     The folder is one of plain files: what is dropped or computed lies there as the other commands read and write it, and
     project.toml says what is being worked with. One studio at a time opens a folder.

@@ -1,14 +1,12 @@
 """``taskcal study``: what task error to expect, over many virtual robots."""
 
-from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from taskcal.cli.command import grouped
 from taskcal.cli.options.common import (
     EngineOptions,
     ModelErrorOption,
@@ -20,8 +18,8 @@ from taskcal.cli.options.common import (
 from taskcal.cli.options.model import ModelOptions
 from taskcal.cli.options.observing import known_ways
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import clear_sign, info, show, show_facts, write_json
-from taskcal.cli.outputs import check_outputs, count_as_written, files_of_task
+from taskcal.cli.output import check_outputs, count_as_written, files_of_task, info, show, show_facts, write_json
+from taskcal.cli.progress import bar_by_parts, is_watched
 
 if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
@@ -98,7 +96,6 @@ class RunOptions(EngineOptions):
     ] = None
 
 
-@grouped
 def command(
     of: ModelOptions,
     task: TaskOption,
@@ -111,7 +108,7 @@ def command(
     *,
     page: PageOptions,
 ) -> None:
-    """See what error to expect over a task, from many virtual robots.
+    """Predict the task error after calibration, by simulating many robots.
 
     Each is drawn from the tolerances, or like the robot that was calibrated, off by its model error at every pose,
     measured by every plan, identified with every model, and compared with the truth.
@@ -138,7 +135,7 @@ def command(
         from taskcal.report.study import study_page
 
         made = page.compose(study_page(model, described, study, version=package_version()))
-    outputs.write_beside({**contents, **made}, force=page.force)
+    outputs.write({**contents, **made})
     result = _result(model.robot.name, study) | ({} if output is None else {"rows": output}) | page.summary()
     if page.as_json:
         write_json(result)
@@ -154,12 +151,17 @@ def _run(
     kinds = cast("list[PlanKind]", _names(choice.kinds, "--plans", PLANS))
     models = _names(choice.models, "--models", MODELS)
     ways = [known_ways(way) for way in choice.ways]
-    with _progress(choice.robots) as show:
+    with bar_by_parts("poses to measure", choice.robots) as show:
+        tenths = 0
 
         def advance(done: int, total: int) -> None:
+            nonlocal tenths
             if running.resume is not None and running.resume.exists():
                 count_as_written(running.resume)
-            show(done, total)
+            show("robots", done, total)
+            if 10 * done // total > tenths and done < total and not is_watched():
+                tenths = 10 * done // total
+                info(f"{done} of {total} robots")
 
         return study(
             model,
@@ -199,34 +201,6 @@ def _names(text: str, option: str, offered: Sequence[str]) -> list[str]:
         if name not in offered:
             raise typer.BadParameter(str(UnknownName(option.strip("-").rstrip("s"), name, offered)), param_hint=option)
     return names
-
-
-@contextmanager
-def _progress(total: int) -> Generator[Callable[[int, int], None], None, None]:
-    """A bar on standard error; a line at each tenth where that is not a terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    clear_sign()
-    out = Console(stderr=True)
-    if not out.is_terminal:
-        tenths = [0]
-
-        def say(done: int, of: int) -> None:
-            if 10 * done // of > tenths[0] and done < of:
-                tenths[0] = 10 * done // of
-                info(f"{done} of {of} robots")
-
-        yield say
-        return
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=out, transient=True) as bar:
-        robots = bar.add_task("poses to measure", total=total)
-
-        def advance(done: int, of: int) -> None:
-            bar.update(robots, completed=done, total=of, description="robots")
-
-        yield advance
 
 
 def _result(robot: str, study: "Study") -> dict[str, Any]:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from taskcal.cli.command import grouped
 from taskcal.cli.options.campaign import CampaignOptions
 from taskcal.cli.options.common import CalibrationArgument, CampaignArgument, JsonOption, check_above_zero
 from taskcal.cli.output import info, show, show_facts, write_json
@@ -62,7 +61,6 @@ class AcceptanceOptions:
         return accept(examination, self.accept * 1e-3, self.accept_of.value)
 
 
-@grouped
 def command(
     calibration: CalibrationArgument,
     campaign: CampaignArgument,
@@ -78,7 +76,7 @@ def command(
     reading: CampaignOptions,
     as_json: JsonOption = False,
 ) -> None:
-    """Compare a campaign with a calibration's predictions, and decide whether it keeps a limit."""
+    """Validate a calibration against a campaign; optional pass/fail decision."""
     from taskcal.identification.calibration import load_calibration
     from taskcal.identification.validation import examine
 
@@ -104,8 +102,7 @@ def command(
 
 
 def _show(title: str, examination: "Examination", decision: "Acceptance | None", *, all_rows: bool) -> None:
-    from taskcal.cli.output import show_errors
-    from taskcal.report.calibration import are_most, describe_outliers
+    from taskcal.report.calibration import are_most, describe_outliers, tabulate_errors
     from taskcal.report.comparison import (
         describe_compared,
         describe_decision,
@@ -115,7 +112,7 @@ def _show(title: str, examination: "Examination", decision: "Acceptance | None",
         tabulate_points,
     )
 
-    show_errors(title, {"predicted": examination.validation.summary()})
+    show(tabulate_errors(title, {"predicted": examination.validation.summary()}))
     show(tabulate_points(examination, None if all_rows else WORST))
     if examination.outliers:
         show(tabulate_examined_outliers(examination, None if all_rows else WORST))

@@ -22,7 +22,7 @@ from taskcal.virtual.cell import simulate
 
 
 def command(as_json: JsonOption = False) -> None:
-    """Compile all kernels now, so that no later command has to."""
+    """Compile all kernels ahead of their first use."""
     import os
     from time import perf_counter
 
