@@ -186,6 +186,23 @@ assert {row["plate"] for row in rows} == {"1", "2", "3"} and all(0 <= float(r["h
     assert told["mean_mm"] < 0.05, told
 
 
+@pytest.mark.parametrize("observe", ["inclinometer", "tracker+inclinometer", "socket+inclinometer"])
+def test_angles_of_a_package_are_measured_alone_and_beside_lengths(run: Run, observe: str) -> None:
+    """A kind that reads angles in degrees goes through files, fit, validation, report and study without a length of its own."""
+    cell = ("--robot", "arm.json", "--task", "task.toml", "--observe", observe)
+    taskcal(run, "simulate", *cell, "--count", "120", "-o", "tilts.csv", "--force", "--json")
+    options = ("--robot", "arm.json", "tilts.csv", "-o", "tilts.json", "--force", "--json", "--holdout", "0.3")
+    told = json.loads(taskcal(run, "identify", *options))
+    unknowns = told["observations"][-1]["unknowns"]
+    assert {name: list(values) for name, values in unknowns.items()} == {
+        f"vertical.g{axis}": ["value", "standard_error"] for axis in "xyz"
+    }
+    judged = json.loads(taskcal(run, "validate", "tilts.json", "tilts.csv", "--json"))
+    assert judged["max_mrad"] < 0.4, judged
+    taskcal(run, "report", "tilts.json", "-o", "tilts.html", "--force")
+    assert "no mistake found" in taskcal(run, "doctor", "--robot", "arm.json", "tilts.csv")
+
+
 def write_package(folder: Path, name: str, module: str, entries: str) -> None:
     """What an installer leaves of a package with one module."""
     (folder / f"{name}.py").write_text(module, encoding="utf-8")

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import CampaignError, UnknownName, shortened
-from taskcal.observations import Point, Pose
+from taskcal.observations import Point, Pose, block_size
 from taskcal.observations.base import UNMEASURED, Measured, Observation, TrackerNoise
 from taskcal.robot.conditions import Conditions
 
@@ -219,14 +219,15 @@ class Campaign:
         return out
 
     def _covariances_by_kind(self, noise: TrackerNoise) -> Float[np.ndarray, "n targets b b"]:
-        b = 3 if self.rotations is None else 6
+        b = block_size(self.observations)
         out = np.zeros((*self.valid.shape, b, b))
         out[..., range(b), range(b)] = UNMEASURED
         for t, one in enumerate(self.observations):
             seen = self.valid[:, t]
             stated = None if self.uncertainty is None else self.uncertainty[seen, t]
             part = self.read(t).take(seen)
-            out[seen, t, : one.width, : one.width] = one.covariance(part, stated, noise)
+            rows, block = np.flatnonzero(seen), np.array(one.block())
+            out[rows[:, None, None], t, block[:, None], block] = one.covariance(part, stated, noise)
         return out
 
     def read(self, target: int) -> Measured:

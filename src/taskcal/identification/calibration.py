@@ -29,7 +29,7 @@ from taskcal.kernels import walk
 from taskcal.kernels.chain import Chain, ErrorFrame, Fixed
 from taskcal.kernels.covariance import propagate
 from taskcal.kernels.observations import Points
-from taskcal.observations import Observation, kind_of
+from taskcal.observations import Observation, block_size, kind_of
 from taskcal.registration.registration_file import RegistrationSection, describe_registration
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Effect, LinearTerm, effect_from
@@ -382,16 +382,16 @@ def residuals_by_kind(
     """
     ends = calibration.target_poses(campaign.q, campaign.conditions)[:, calibration.rows_of(campaign.targets)]
     unknowns = unknowns_of(calibration, campaign, settled=settled)
-    b = 3 if campaign.rotations is None else 6
+    b = block_size(campaign.observations)
     out = np.full((*campaign.valid.shape, b), np.nan)
     R = calibration.T_tracker_base[:3, :3] if frame == "base" else np.eye(3)
     for t, (kind, unknown) in enumerate(zip(campaign.observations, unknowns, strict=True)):
         seen = campaign.valid[:, t]
         residual = kind.differentiate(ends[:, t], unknown, campaign.read(t)).residual[seen]
         out[seen, t] = 0.0
-        out[seen, t, : residual.shape[1]] = residual
+        out[np.flatnonzero(seen)[:, None], t, kind.block()] = residual
         if kind.along_axes:
-            for first in range(0, kind.width, 3):
+            for first in range(0, b, 3):
                 out[seen, t, first : first + 3] = out[seen, t, first : first + 3] @ R
     return out
 
@@ -440,8 +440,8 @@ def covariance_by_kind(calibration: "Calibration", campaign: Campaign) -> Float[
         at, layout.linearised(at, calibration.z, observe(campaign), kinds), calibration.z_covariance
     )[1]
     for t, kind in enumerate(kinds):
-        error = np.repeat(np.square(calibration.model_error), 3)[: kind.width]
-        covariance[:, t, range(kind.width), range(kind.width)] += error
+        block, error = kind.block(), np.repeat(np.square(calibration.model_error), 3)
+        covariance[:, t, block, block] += error[block]
     return np.where(campaign.valid[..., None, None], covariance, np.eye(covariance.shape[2]))
 
 

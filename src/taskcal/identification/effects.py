@@ -34,7 +34,7 @@ from taskcal.identification.held_out import group_neighbours
 from taskcal.identification.holdout import mean_over_rows, predict_left_out, split_postures
 from taskcal.identification.identify import Attempt, attempt, with_size_held
 from taskcal.identification.options import FitChoices, FitOptions
-from taskcal.observations.base import TrackerNoise
+from taskcal.observations.base import UNMEASURED, TrackerNoise
 from taskcal.robot.effects import SPECTRUM, Effect, JointField, kinds
 from taskcal.robot.effects import candidates as default_candidates
 from taskcal.robot.error_model import ErrorModel
@@ -338,9 +338,9 @@ def tracker_error(campaign: Campaign, noise: TrackerNoise | None = None) -> floa
         campaign: the measurements.
         noise: the tracker's, where the campaign does not state uncertainties.
     """
-    covariance = campaign.covariances(noise)[campaign.valid][:, :3, :3]
+    variances = campaign.covariances(noise)[campaign.valid][:, range(3), range(3)]
     # mean length of an isotropic normal vector: √(8/π) standard deviations
-    return float(np.sqrt(8.0 / np.pi) * np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean() / 3.0))
+    return float(np.sqrt(8.0 / np.pi * variances[variances < UNMEASURED].mean()))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

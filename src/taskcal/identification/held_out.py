@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from taskcal.campaigns.campaign import Campaign
 from taskcal.campaigns.performance import group_postures
 from taskcal.estimation.matrices import inverse_factors
-from taskcal.observations import Compared, Observation
+from taskcal.observations import Compared, Observation, error_lengths
 from taskcal.short_repr import short_repr
 
 # What measured points lie off what was predicted, in the form a metrologist reports it.
@@ -21,7 +21,7 @@ class Validation:
     """Errors, measured less predicted."""
 
     errors: Float[np.ndarray, " points"]
-    """Length of every point's error, metres."""
+    """Length of every point's error, metres; of a kind that measures angles alone their angle, at an arm of 1 m."""
     components: Float[np.ndarray, "points 3"]
     """The errors in the axes of the robot's base, metres; NaN for kinds of observation that measure along no axes of it."""
     rotations: Float[np.ndarray, " points"] | None
@@ -57,15 +57,15 @@ class Validation:
             kinds: of observation of each target; none where a tracker measured all.
         """
         rows, targets = np.nonzero(~np.isnan(residual[..., 0]))
-        error, turn = residual[rows, targets, :3], residual[rows, targets, 3:]
-        components = error @ base
+        turn = residual[rows, targets, 3:]
+        components = residual[rows, targets, :3] @ base
         components[~np.array([kind.along_axes for kind in kinds] or [True] * residual.shape[1])[targets]] = np.nan
         return cls(
-            errors=np.linalg.norm(error, axis=1),
+            errors=error_lengths(residual, kinds)[rows, targets],
             components=components,
             rotations=np.linalg.norm(turn, axis=1) if turn.shape[1] else None,
             rows=tuple(int(row) for row in rows),
-            in_space=all(kind.width >= 3 for kind in kinds),
+            in_space=all(kind.width - kind.angles == 3 for kind in kinds),
         )
 
     def __len__(self) -> int:
@@ -180,7 +180,7 @@ class HeldOut:
 
     def _by_part(self) -> tuple[Float[np.ndarray, " parts"], Int[np.ndarray, " parts"]]:
         """Sum of the errors and number of points of every part."""
-        length = np.linalg.norm(self.residuals[..., :3], axis=2)
+        length = error_lengths(self.residuals, self.kinds)
         seen = np.isfinite(length)
         sums = np.bincount(self.part, weights=np.where(seen, length, 0.0).sum(axis=1))
         return sums, np.bincount(self.part, weights=seen.sum(axis=1)).astype(int)
@@ -320,15 +320,18 @@ def studentise(
         level: chance of naming any where there is none.
     """
     valid, out = campaign.valid, np.full(campaign.valid.shape, np.nan)
-    widths = np.array([one.width for one in campaign.observations] or [residual.shape[2]] * valid.shape[1])
-    for b in np.unique(widths):  # numbers that were measured of a block
-        judged = valid & (widths == b)
-        floor = 1e-6 * np.trace(covariance[judged][:, :b, :b], axis1=1, axis2=2) / b
-        square = _squared_lengths(residual[judged][:, :b], own[judged][:, :b, :b], floor)
-        out[judged] = np.sqrt(square)
+    whole = list(range(residual.shape[2]))
+    blocks = [one.block() for one in campaign.observations] or [whole] * valid.shape[1]
+    widths = np.array([len(block) for block in blocks])
+    for t, block in enumerate(blocks):  # numbers that were measured
+        judged, part = valid[:, t], np.ix_(block, block)
+        floor = 1e-6 * np.trace(covariance[judged, t][:, *part], axis1=1, axis2=2) / len(block)
+        square = _squared_lengths(residual[judged, t][:, block], own[judged, t][:, *part], floor)
+        out[judged, t] = np.sqrt(square)
     from scipy.special import chdtri
 
     limit = np.sqrt(chdtri(widths, level / max(int(valid.sum()), 1)))
+    lengths = error_lengths(residual, campaign.observations)
     rows = [(float(out[i, t]), int(i), int(t)) for i, t in zip(*np.nonzero(out > limit), strict=True)]
     named = [
         Outlier(
@@ -337,7 +340,7 @@ def studentise(
             id=campaign.ids[i],
             target=campaign.targets[t],
             studentised=s,
-            residual=float(np.linalg.norm(residual[i, t, :3])),
+            residual=float(lengths[i, t]),
         )
         for s, i, t in sorted(rows, reverse=True)
     ]

@@ -301,7 +301,7 @@ def fit_with_hyperparameters(problem: Problem, belief: Belief, options: FitOptio
     """Alternate between the estimate and its hyperparameters until both stand still."""
     sought, loss = _Sought.of(problem, belief, options), options.loss
     noise = problem.noise[..., ::3, ::3].diagonal(axis1=-2, axis2=-1)[problem.seen.valid]
-    tracker = np.array([np.median(variances[variances < UNMEASURED]) for variances in noise.T])
+    tracker = np.array([np.median(own) if (own := v[v < UNMEASURED]).size else UNMEASURED for v in noise.T])
     z, hyper = _beginning(problem, belief, options, sought)
     searching, rounds = sought.error or sought.scale, 0
     while True:

@@ -19,7 +19,7 @@ from taskcal.kernels import walk
 from taskcal.kernels.chain import Chain, ErrorFrame, Fixed
 from taskcal.kernels.observations import Linearised, Observations, Points, Walked
 from taskcal.kernels.walk import Columns
-from taskcal.observations import Differential, Measured, Observation, Point
+from taskcal.observations import Differential, Measured, Observation, Point, block_size
 from taskcal.observations.base import TrackerNoise
 from taskcal.observations.pose import TURN_PRIOR
 from taskcal.registration.registration import Registration
@@ -62,7 +62,7 @@ class ObservationLayout(FrameLayout):
     @property
     def block_size(self) -> int:
         """Numbers of a target's block."""
-        return max(kind.width for kind in self.kinds) if any(kind.width > 3 for kind in self.kinds) else 3
+        return block_size(self.kinds)
 
     @cached_property
     def places(self) -> tuple[Int[np.ndarray, " _"], ...]:
@@ -147,12 +147,12 @@ class ObservationLayout(FrameLayout):
         for t, (kind, target, unknown) in enumerate(zip(kinds, targets, unknowns, strict=True)):
             read = Measured(seen.position[:, t], seen.rotation)
             at = kind.differentiate(T @ target, unknown, read)
-            w, own = at.residual.shape[1], at.by_unknown.shape[2]
-            out.residual[:, t, :w] = at.residual
-            out.by_end[:, t, :w] = _by_end(at, T, target)
+            block, own = kind.block(), at.by_unknown.shape[2]
+            out.residual[:, t, block] = at.residual
+            out.by_end[:, t, block] = _by_end(at, T, target)
             place = self._by_place(t, at, T, z)
-            out.by_unknown[:, t, :w, : place.shape[2]] = place
-            out.by_unknown[:, t, :w, 6 : 6 + own] = at.by_unknown
+            out.by_unknown[:, t, block, : place.shape[2]] = place
+            out.by_unknown[:, t, block, 6 : 6 + own] = at.by_unknown
             if not self.fixed_frames:
                 out.columns[t, : place.shape[2]] = self.places[t]
                 out.columns[t, 6 : 6 + own] = self.own[t][:own]

@@ -309,7 +309,9 @@ def examine(
         inside = _is_inside(error, stated[rows, targets, :3, :3])
         if width == 6:
             rotation_inside = _is_inside(residual[rows, targets, 3:], stated[rows, targets, 3:, 3:])
-    one_number = np.array([kind.width == 1 for kind in campaign.kinds] or [False] * len(campaign.targets))
+    one_number = np.array(
+        [kind.width == 1 and not kind.angles for kind in campaign.kinds] or [False] * len(campaign.targets)
+    )
     return Examination(
         campaign=campaign,
         validation=validation,

@@ -15,6 +15,8 @@ from taskcal.observations.base import Scene as Scene
 from taskcal.observations.base import Standalone as Standalone
 from taskcal.observations.base import Stated as Stated
 from taskcal.observations.base import TrackerNoise as TrackerNoise
+from taskcal.observations.base import block_size as block_size
+from taskcal.observations.base import error_lengths as error_lengths
 from taskcal.observations.base import find_columns as find_columns
 from taskcal.observations.base import instrument_of as instrument_of
 from taskcal.observations.base import kind_of as kind_of

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -17,6 +17,8 @@ from taskcal.short_repr import short_repr
 from taskcal.tables.table import Table
 
 # Columns of a file that a kind of observation reads, by the kind's own names for them.
+
+Quantity = Literal["length", "angle"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,8 +32,8 @@ class ObservedColumns:
     """As text, by the kind's name of the column."""
     headers: Mapping[str, str]
     """The file's name of each column."""
-    scales: Mapping[str, float | None]
-    """From the column's unit to metres; None where it states none."""
+    units: Mapping[str, tuple[Quantity, float] | None]
+    """Quantity and factor to metres or radians of each column's unit; None where it states none."""
 
     def __contains__(self, column: str) -> bool:
         return column in self.cells
@@ -49,11 +51,24 @@ class ObservedColumns:
         Raises:
             FileError: a cell is not a number, or the column states no unit.
         """
-        scale = self.scales[column]
-        if scale is None:
-            name = self.headers[column]
-            raise FileError(self.path, f"the unit is not stated; name the column {name}_mm", line=1, column=name)
-        return scale * self.numbers(column)
+        return self._in_unit(column, "length", "mm")
+
+    def angles(self, column: str) -> Float[np.ndarray, " n"]:
+        """The numbers of a column, radians; NaN for empty cells.
+
+        Raises:
+            FileError: a cell is not a number, or the column states no unit.
+        """
+        return self._in_unit(column, "angle", "deg")
+
+    def _in_unit(self, column: str, quantity: Quantity, usual: str) -> Float[np.ndarray, " n"]:
+        stated, name = self.units[column], self.headers[column]
+        if stated is None:
+            raise FileError(self.path, f"the unit is not stated; name the column {name}_{usual}", line=1, column=name)
+        if stated[0] != quantity:
+            message = f"states the unit of a {stated[0]}, and is a {quantity}"
+            raise FileError(self.path, message.replace("a angle", "an angle"), line=1, column=name)
+        return stated[1] * self.numbers(column)
 
     def numbers(self, column: str) -> Float[np.ndarray, " n"]:
         """The numbers of a column as they stand; NaN for empty cells.
@@ -132,7 +147,7 @@ class Measured(NamedTuple):
     """What was read of one target, row by row."""
 
     points: Float[np.ndarray, "n 3"]
-    """The kind's numbers, metres, those it does not measure zero; NaN where nothing was."""
+    """The kind's numbers, metres or radians, those it does not measure zero; NaN where nothing was."""
     rotations: Float[np.ndarray, "n 3 3"] | None = None
     """Rotations, for kinds that measure them."""
 
@@ -163,7 +178,7 @@ class Placed(NamedTuple):
     T_tool_target: Float[np.ndarray, "4 4"]
     unknown: Float[np.ndarray, " u"]
     distance: Float[np.ndarray, " n"]
-    """How far each row is off, metres; zero where nothing was read."""
+    """Residual of each row, metres; zero where nothing was read. A kind that measures angles alone takes them at an arm of 1 m."""
     unobservable: Float[np.ndarray, "3 3"]
     """Projector onto directions in which the rows do not tell where the target sits on the tool."""
 
@@ -175,7 +190,7 @@ class Read(NamedTuple):
     """Its name."""
     observation: "Observation"
     points: Float[np.ndarray, "n 3"]
-    """The kind's numbers, metres; NaN where nothing was read."""
+    """The kind's numbers, metres or radians; NaN where nothing was read."""
     rotations: Float[np.ndarray, "n 3 3"] | None = None
 
 
@@ -231,7 +246,9 @@ class Observation(ABC):
     key: ClassVar[str]
     """Name of the kind, in files."""
     width: ClassVar[int] = 3
-    """Numbers that it measures in a row."""
+    """Numbers that it measures in a row, lengths first."""
+    angles: ClassVar[int] = 0
+    """How many of them, the last, are angles."""
     turned: ClassVar[bool] = False
     """Whether it depends on how the target is turned on the tool."""
     along_axes: ClassVar[bool] = False
@@ -246,8 +263,11 @@ class Observation(ABC):
     """Columns that it reads, each with the words that people write for it, in small letters and parted by blanks."""
     needed: ClassVar[tuple[str, ...]] = ()
     """Those of them that a file must have."""
+    things: ClassVar[str] = ""
+    """The field that names what rows refer to; empty where they refer to nothing."""
     label: ClassVar[str] = ""
-    """The column that names what each row refers to: a file with a tracker's points has the kind only where this is there."""
+    """The column that names what each row refers to: a file with a tracker's points has the kind only where this is there. Empty
+    for a kind whose columns mean nothing else."""
     units: ClassVar[Mapping[str, ShownUnit]] = MappingProxyType(dict.fromkeys(("rx", "ry", "rz"), ShownUnit.of("rad")))
     """Units in which people see its unknowns, by the last part of their names; millimetres for all others."""
     of: Int[np.ndarray, " n"] | None = None
@@ -269,6 +289,12 @@ class Observation(ABC):
                 f"{other.__name__} of {other.__module__} is; choose another name"
             )
         _KINDS[cls.key] = cls
+
+    @classmethod
+    def block(cls) -> list[int]:
+        """Places of its numbers in a target's block of three lengths and three angles."""
+        lengths = cls.width - cls.angles
+        return [*range(lengths), *range(3, 3 + cls.angles)]
 
     @property
     def unknowns(self) -> tuple[str, ...]:
@@ -331,13 +357,55 @@ class Observation(ABC):
         known = dict(zip(other.unknowns, unknown, strict=True))
         return np.array([known.get(name, np.nan) for name in self.unknowns])
 
+    @property
+    def numbers(self) -> Int[np.ndarray, " n"]:
+        """Number of what each row refers to, any for rows that refer to nothing."""
+        assert self.of is not None
+        return np.maximum(self.of, 0)
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Names of what rows refer to."""
+        return getattr(self, self.things) if self.things else ()
+
+    def labels(self, measured: Measured) -> list[str]:
+        """The name that each row refers to; empty where nothing was read."""
+        assert self.of is not None
+        return [self.named[k] if k >= 0 and there else "" for k, there in zip(self.of, measured.valid, strict=True)]
+
     def numbered_like(self, other: "Observation") -> "Observation":
-        """The same rows, what they refer to numbered as another one does; −1 where that does not know it."""
-        return self
+        """The same rows, what they refer to numbered as another one of this kind does; −1 where that does not know it."""
+        if self.of is None:
+            return self
+        number = [other.named.index(name) if name in other.named else -1 for name in self.named]
+        return replace(other, of=np.array([*number, -1])[self.of])
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Observation":
-        """That of some of the rows."""
-        return self
+        """The observation of some rows, with what these refer to."""
+        if self.of is None:
+            return self
+        names, of = refer(tuple(self.named[k] if k >= 0 else "" for k in self.of[rows]))
+        return replace(self, of=of, **{self.things: names})
+
+    @classmethod
+    def stage(cls, tool: Float[np.ndarray, "n 4 4"], places: int | None, rng: np.random.Generator) -> Scene:
+        """A virtual cell for robots that measure about some poses of the tool.
+
+        Args:
+            tool: one for each row, in the measuring frame.
+            places: how many things stand there; as many as are usual by default.
+            rng: source of what differs from cell to cell.
+
+        Raises:
+            CampaignError: the kind does not say.
+        """
+        raise CampaignError(f"'{cls.key}' observations cannot be simulated: the kind says nothing of a cell for them")
+
+    def place(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Placed:
+        """Where target and unknowns are, from poses of the tool alone; of what a tracker measured the registration finds it."""
+        raise CampaignError(
+            f"'{self.key}' observations do not tell their own place; they are registered with the tracker"
+        )
 
     @classmethod
     def read(cls, columns: ObservedColumns) -> Read | None:
@@ -365,52 +433,6 @@ class Observation(ABC):
 class Standalone(Observation):
     """A kind that needs no tracker: it finds by itself where it is."""
 
-    things: ClassVar[str]
-    """The field that names what rows refer to."""
-
-    @property
-    def numbers(self) -> Int[np.ndarray, " n"]:
-        """What each row refers to, any for rows that refer to nothing."""
-        assert self.of is not None
-        return np.maximum(self.of, 0)
-
-    @property
-    def named(self) -> tuple[str, ...]:
-        """Names of what rows refer to."""
-        return getattr(self, self.things)
-
-    def labels(self, measured: Measured) -> list[str]:
-        """The name that each row refers to; empty where nothing was read."""
-        assert self.of is not None
-        return [self.named[k] if k >= 0 and there else "" for k, there in zip(self.of, measured.valid, strict=True)]
-
-    def numbered_like(self, other: Observation) -> Observation:
-        """The same rows, with numbers of another one."""
-        assert self.of is not None
-        assert isinstance(other, Standalone)
-        number = [other.named.index(name) if name in other.named else -1 for name in self.named]
-        return replace(other, of=np.array([*number, -1])[self.of])
-
-    def take(self, rows: Int[np.ndarray, " k"]) -> Observation:
-        """That of some of the rows, with what these refer to."""
-        assert self.of is not None
-        names, of = refer(tuple(self.named[k] if k >= 0 else "" for k in self.of[rows]))
-        return replace(self, of=of, **{self.things: names})
-
-    @classmethod
-    def stage(cls, tool: Float[np.ndarray, "n 4 4"], places: int | None, rng: np.random.Generator) -> Scene:
-        """A virtual cell for robots that measure about some poses of the tool.
-
-        Args:
-            tool: one for each row.
-            places: how many things stand there; as many as are usual by default.
-            rng: source of what differs from cell to cell.
-
-        Raises:
-            CampaignError: the kind does not say.
-        """
-        raise CampaignError(f"'{cls.key}' observations cannot be simulated: the kind says nothing of a cell for them")
-
     @abstractmethod
     def place(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Placed:
         """Where target and unknowns are, from poses of the tool alone, in spite of a few rows that are wrong.
@@ -430,7 +452,7 @@ def find_columns(texts: Sequence[str], *, tracked: bool) -> dict[int, str]:
     """Columns of kinds of observation that need no tracker, by the kinds' own names.
 
     A kind is there with the columns that it needs; beside a tracker's points, where ``d`` and ``sx`` may mean something else, with
-    the column that names what it refers to.
+    the column that names what it refers to, if it has one.
     """
     out: dict[int, str] = {}
     for kind in kinds():
@@ -439,20 +461,20 @@ def find_columns(texts: Sequence[str], *, tracked: bool) -> dict[int, str]:
             for column, words in kind.columns.items()
         }
         there = bool(kind.needed) and all(at[column] is not None for column in kind.needed)
-        if there and (not tracked or at[kind.label] is not None):
+        if there and (not tracked or not kind.label or at[kind.label] is not None):
             out |= {k: column for column, k in at.items() if k is not None}
     return out
 
 
-def instrument_of(name: str) -> type[Standalone]:
+def instrument_of(name: str) -> type[Observation]:
     """The kind that is measured with an instrument.
 
     Raises:
         UnknownName: there is none.
     """
-    found = {kind.instrument: kind for kind in kinds() if kind.instrument and issubclass(kind, Standalone)}
+    found = {kind.instrument: kind for kind in kinds() if kind.instrument}
     if name not in found:
-        raise UnknownName("way to measure", name, ("tracker", *found), state_faults(GROUP))
+        raise UnknownName("instrument", name, tuple(found), state_faults(GROUP))
     return found[name]
 
 
@@ -466,6 +488,27 @@ def kind_of(key: str) -> type[Observation]:
     if found is None:
         raise UnknownName("kind of observation", key, tuple(_KINDS), state_faults(GROUP))
     return found
+
+
+def block_size(kinds: Sequence[Observation | type[Observation]]) -> int:
+    """Numbers of a target's block: three lengths, and three angles where any kind measures some."""
+    return 6 if any(kind.angles for kind in kinds) else 3
+
+
+def error_lengths(
+    residual: Float[np.ndarray, "n targets b"], kinds: Sequence[Observation | type[Observation]]
+) -> Float[np.ndarray, "n targets"]:
+    """Length of each residual, metres; of kinds that measure angles alone their angle, at an arm of 1 m.
+
+    Args:
+        residual: in blocks, metres and radians.
+        kinds: of each target; none where a tracker measured all.
+    """
+    out = np.linalg.norm(residual[..., :3], axis=2)
+    for t, kind in enumerate(kinds):
+        if kind.width == kind.angles:
+            out[:, t] = np.linalg.norm(residual[:, t, 3:], axis=1)
+    return out
 
 
 def refer(labels: tuple[str, ...]) -> tuple[tuple[str, ...], Int[np.ndarray, " n"]]:

@@ -32,6 +32,7 @@ class Boards(Landmarks):
         {**Landmarks.columns, **{name: (name, f"sensor {name[1:]}") for name in QUATERNION}}
     )
     width: ClassVar[int] = 6
+    angles: ClassVar[int] = 3
     instrument: ClassVar[str] = "board"
 
     @property

@@ -396,10 +396,9 @@ class Cubes(Touching):
         )
 
     def take(self, rows: Int[np.ndarray, " k"]) -> Observation:
-        """That of some of the rows, with the faces and cubes that these name."""
+        """The observation of some rows, with the faces and cubes that these name."""
         some = super().take(rows)
-        assert isinstance(some, Cubes)
-        named = {face.rpartition("/")[0] for face in some.faces}
+        named = {face.rpartition("/")[0] for face in some.named}
         return replace(some, sizes=tuple(size for size in self.sizes if size.name in named))
 
     @classmethod

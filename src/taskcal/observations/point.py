@@ -14,6 +14,7 @@ class Point(Observation):
     """y = p: what a laser tracker sees of a reflector."""
 
     key: ClassVar[str] = "point"
+    instrument: ClassVar[str] = "tracker"
     along_axes: ClassVar[bool] = True
     in_tracker: ClassVar[bool] = True
 

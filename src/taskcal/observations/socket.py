@@ -248,7 +248,7 @@ class Sockets(Standalone):
         return replace(self, distances=distances)
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Sockets":
-        """That of some of the rows, with the sockets that these name."""
+        """The observation of some rows, with the sockets that these name."""
         assert self.of is not None
         of = self.of[rows]
         left = np.unique(of[of >= 0])

@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 from taskcal.errors import Faults, FileError, shown
 from taskcal.geometry import se3
 from taskcal.observations import ObservedColumns, kinds
+from taskcal.observations.base import Quantity
 from taskcal.reading.columns import (
     ANGLES,
     CALCULATED,
@@ -1164,6 +1165,13 @@ def _refuse_nothing_measured(table: Table, observed: ObservedColumns | None, rob
     raise FileError(table.path, message, line=table.header_line)
 
 
+def _quantity(unit: str | None) -> tuple[Quantity, float] | None:
+    """Quantity of a unit, and its factor to metres or radians."""
+    if unit in LENGTHS:
+        return "length", LENGTHS[unit]
+    return ("angle", ANGLES[unit]) if unit in ANGLES else None
+
+
 def _observed(table: Table, known: Sequence[Meaning | None]) -> ObservedColumns | None:
     """Columns of kinds of observation that need no tracker."""
     at = {m.target: (table.header[k], m.unit) for k, m in enumerate(known) if m is not None and m.kind == "observed"}
@@ -1174,7 +1182,7 @@ def _observed(table: Table, known: Sequence[Meaning | None]) -> ObservedColumns 
         lines=np.array(table.lines, dtype=np.int64),
         cells={column: tuple(table.texts(name)) for column, (name, _) in at.items()},
         headers={column: name for column, (name, _) in at.items()},
-        scales={column: LENGTHS.get(unit or "") for column, (_, unit) in at.items()},
+        units={column: _quantity(unit) for column, (_, unit) in at.items()},
     )
 
 

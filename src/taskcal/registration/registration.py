@@ -23,7 +23,6 @@ from taskcal.geometry.point_registration import (
     rms_length,
     target_rotation,
 )
-from taskcal.observations import Standalone
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 
@@ -195,7 +194,7 @@ def register_observations(
         hidden[np.ix_(at, at)] = first.unobservable
     unknowns = [np.zeros(len(one.unknowns)) for one in campaign.observations]
     for t, one in enumerate(campaign.observations):
-        if isinstance(one, Standalone):
+        if not one.in_tracker:
             placed = one.place(base @ T, campaign.read(t))
             place[t], unknowns[t], off[:, t] = placed.T_tool_target, placed.unknown, placed.distance
             hidden[3 * t : 3 * t + 3, 3 * t : 3 * t + 3] = placed.unobservable

@@ -12,7 +12,7 @@ from taskcal.campaigns.campaign import Campaign, join
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import Reached, solve_near
-from taskcal.observations import Differential, Measured, Observation, Scene, Standalone, instrument_of
+from taskcal.observations import Differential, Measured, Observation, Scene, instrument_of
 from taskcal.observations.base import TrackerNoise
 from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.conditions import Conditions
@@ -140,14 +140,14 @@ def _reach(
 def _unreached(robot: TrueRobot, scene: Scene, goals: Float[np.ndarray, "n 4 4"], left: Int[np.ndarray, " k"]) -> str:
     """Which rows are not reached, of what, how far away that is, and what would help."""
     kind, name = scene.observation, robot.model.robot.name
-    assert isinstance(kind, Standalone)
-    named = ", ".join(f"'{kind.named[k]}'" for k in np.unique(kind.numbers[left])[:NAMED])
+    names = [] if kind.of is None else [f"'{kind.named[k]}'" for k in np.unique(kind.of[left])[:NAMED]]
+    what = f"{kind.label} {', '.join(names)}" if names else "where it measures"
     base = se3.inverse(robot.T_tracker_base) @ goals[left]
     away = np.linalg.norm(base[:, :3, 3], axis=1) * 1e3
     distance = " to ".join(dict.fromkeys(f"{one:.0f}" for one in (away.min(), away.max())))
     return (
         f"{name} cannot measure with '{kind.instrument}' in {len(left)} of {len(goals)} rows: {ATTEMPTS} postures were tried, and "
-        f"from none does it get inside its limits to {kind.label} {named}, {distance} mm from its base "
+        f"from none does it get inside its limits to {what}, {distance} mm from its base "
         f"(its links are {robot.model.robot.reach * 1e3:.0f} mm long in all); move the task to the middle of its reach, make it "
         "smaller, or let the tool turn less"
     )
