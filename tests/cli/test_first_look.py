@@ -66,7 +66,7 @@ def test_files_whose_content_is_wrong_are_refused_before_compiler_solvers_and_fi
     code = (
         "import sys; from taskcal.cli import main\n"
         f"statuses = [main(line.split()) for line in {WRONG!r}]\n"
-        "heavy = ('scipy', 'numba', 'pandas', 'plotly', 'jinja2', 'rich', 'sklearn', 'joblib')\n"
+        "heavy = ('scipy', 'numba', 'pandas', 'plotly', 'jinja2', 'rich', 'joblib')\n"
         "print(statuses, [name for name in heavy if name in sys.modules])"
     )
     ended = subprocess.run(

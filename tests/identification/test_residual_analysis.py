@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sklearn.linear_model import RidgeCV
+from sklearn.preprocessing import SplineTransformer
 
 from taskcal.errors import CampaignError
 from taskcal.identification.identify import identify
@@ -145,3 +147,19 @@ def test_a_smooth_function_has_a_knot_for_every_fifteen_poses_and_six_at_least(p
     regressor = Regressor(name="a", moves="b", values=values, carrier=carrier, unit="", scale=1.0)
     fitted = [fit_smooth(regressor, rng.normal(size=(poses, 3)))[:, 0] for _ in range(functions + 5)]
     assert np.linalg.matrix_rank(np.array(fitted), tol=1e-9) == functions
+
+
+def test_fit_smooth_is_scikit_learns_ridge_on_its_splines():
+    rng = np.random.default_rng(0)
+    for poses, kinds in ((60, 1), (170, 1), (90, 2)):
+        values, carrier = rng.uniform(-1.0, 1.0, (poses, kinds)), rng.normal(size=(poses, 3, 1))
+        regressor = Regressor(name="a", moves="b", values=values, carrier=carrier, unit="", scale=1.0)
+        residual = np.sin(3.0 * values.sum(axis=1))[:, None] * carrier[:, :, 0] + rng.normal(size=(poses, 3))
+        knots = 6 if kinds == 2 else poses // 15 if poses > 100 else 6
+        basis = SplineTransformer(n_knots=knots, degree=3).fit_transform(values)
+        X = basis[:, None, :] * carrier / np.sqrt((carrier**2).sum(axis=1).mean())
+        ridge = RidgeCV(alphas=np.logspace(-2, 4, 7), fit_intercept=False).fit(
+            X.reshape(-1, X.shape[2]), residual.ravel()
+        )
+        expected = basis @ ridge.coef_ / np.sqrt((carrier**2).sum(axis=1).mean())
+        np.testing.assert_allclose(fit_smooth(regressor, residual)[:, 0], expected, atol=1e-9)

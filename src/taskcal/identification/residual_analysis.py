@@ -154,6 +154,9 @@ MIN_POSES = 30
 """Poses at least from which on something is said of residuals. A convention: a correlation of 0.36 is beyond chance at 5 % with
 30."""
 
+STRENGTHS = tuple(10.0**k for k in range(-2, 5))
+"""Of ridges that are tried; a strength of one shrinks as much as one more row of unit size would."""
+
 KNOT_RANGE, POSES_PER_KNOT = (6, 40), 15
 """Fewest and most knots of a spline, and poses for each; splines of several directions or parts have the fewest."""
 
@@ -283,8 +286,6 @@ def _explain(
 
 def _features(regressor: Regressor) -> tuple[Float[np.ndarray, "n k"], Float[np.ndarray, "n 3 features"]]:
     """The quantity's own functions, and the movements that they carry."""
-    from sklearn.preprocessing import SplineTransformer
-
     if not regressor.smooth:
         basis = regressor.values / max(float(np.abs(regressor.values).max()), 1e-12)
     else:
@@ -292,8 +293,19 @@ def _features(regressor: Regressor) -> tuple[Float[np.ndarray, "n k"], Float[np.
         single = regressor.carrier.shape[2] == 1 == regressor.values.shape[1]
         knots = int(np.clip(len(regressor.values) // POSES_PER_KNOT, fewest, most)) if single else fewest
         varying = regressor.values[:, np.ptp(regressor.values, axis=0) > 1e-9]
-        basis = np.asarray(SplineTransformer(n_knots=knots, degree=3).fit_transform(varying))
+        basis = np.hstack([_cubic_splines(values, knots) for values in varying.T])
     return basis, _carried(basis, regressor)
+
+
+def _cubic_splines(values: Float[np.ndarray, " n"], knots: int) -> Float[np.ndarray, "n k"]:
+    """Cubic B-splines at values, over equidistant knots from the least to the greatest of them."""
+    from scipy.interpolate import BSpline
+
+    low, high = float(values.min()), float(values.max())
+    outside = 3 * (high - low) / (knots - 1)
+    all_knots = np.linspace(low - outside, high + outside, knots + 6)
+    # rounding puts the outermost inner knots beside the outermost values
+    return BSpline.design_matrix(np.clip(values, all_knots[3], all_knots[-4]), all_knots, 3).toarray()
 
 
 def _carried(basis: Float[np.ndarray, "n k"], regressor: Regressor) -> Float[np.ndarray, "n 3 features"]:
@@ -311,11 +323,16 @@ def _stacked(features: Float[np.ndarray, "n 3 features"]) -> Float[np.ndarray, "
 
 
 def _strength(features: Float[np.ndarray, "n 3 features"], residual: Float[np.ndarray, "n 3"]) -> float:
-    """Of the ridge that these residuals ask for."""
-    from sklearn.linear_model import RidgeCV
+    """Strength of the ridge whose fits without a row predict it best: Golub, Heath and Wahba (1979), eq. 1.2."""
+    X, y = _stacked(features), residual.ravel()
+    U, s, _ = np.linalg.svd(X, full_matrices=False)
+    along, leverage = U.T @ y, U**2
 
-    ridge: Any = RidgeCV(alphas=np.logspace(-2, 4, 7), fit_intercept=False).fit(_stacked(features), residual.ravel())
-    return float(ridge.alpha_)
+    def left_out(strength: float) -> float:
+        shrunk = s**2 / (s**2 + strength)
+        return float(np.mean(((y - U @ (shrunk * along)) / (1.0 - leverage @ shrunk)) ** 2))
+
+    return min(STRENGTHS, key=left_out)
 
 
 def _share(
