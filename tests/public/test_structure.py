@@ -18,6 +18,7 @@ ONE_IMPORTER = {
     "a step of its own in the way of a file, or of a fit": {
         "robot_programs.apt.resolve",
         "robot_programs.krl.flow",
+        "robot_programs.rapid.flow",
         "taskcal.correction.subdivision",
         "robot_programs.tp.resolve",
         "robot_programs.apt.rewrite",

@@ -1,22 +1,45 @@
-"""Which routines of a program call which, in any language."""
+"""The flow of a program: what its data hold where each motion begins, through calls, branches, loops and jumps.
 
-from collections.abc import Hashable, Mapping
-from typing import TypeVar
+A language lowers the text of its routines to nodes: steps (motions, assignments, calls), branches, loops, labels, what leaves
+them, and what is not understood. `Walk` goes through the nodes of a routine; what a line makes of a `State`, and whether a
+condition holds, is said by the language, which derives its own walk. What cannot be decided is gone through in all ways, and
+behind them holds what is the same in all.
+"""
 
-Routine = TypeVar("Routine", bound=Hashable)
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Callable, Collection, Generator, Hashable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar, Generic, Literal, Self, TypeVar
+
+R = TypeVar("R", bound=Hashable)
+"""A routine of a language."""
 Thing = TypeVar("Thing", bound=Hashable)
 
-DEEPEST = 12
-"""Calls in each other that are followed."""
+MAX_CALL_DEPTH = 12
+"""Calls in each other that are followed; a deeper one is taken to change all that its routine may change."""
 
-MOST_PASSES = 4
-"""As many lines as the program has, so many times, are gone through again for calls; behind that, what routines set is taken as
-not known."""
+MAX_TURNS = 1000
+"""A loop of more turns is not gone through turn by turn, which would take seconds."""
+
+MAX_SCOUTS = 3
+"""So often lines to which control leads back are gone through to find what holds each time; behind that, what they may change
+is not known. Most loops come to rest in the second round."""
+
+MIN_LINES = 5000
+"""As many lines may be gone through again in any program, for calls and the turns of loops."""
+
+COUNT_TOLERANCE = 1e-9
+"""Turns by which the end of a counted loop may be missed: its bounds are rounded."""
+
+JUMPED = "it can be reached by a GOTO"
 
 
 def with_called(
-    own: Mapping[Routine, tuple[frozenset[Thing], frozenset[Routine]]],
-) -> dict[Routine, frozenset[Thing]]:
+    own: Mapping[R, tuple[frozenset[Thing], frozenset[R]]],
+) -> dict[R, frozenset[Thing]]:
     """What each routine has, by itself or by those that it calls.
 
     Args:
@@ -31,3 +54,734 @@ def with_called(
         if wider == total:
             return total
         total = wider
+
+
+# The form to which a language lowers its text. `line` is a statement of the language, for the language alone.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Step:
+    """A motion, an assignment, a call, or whatever else control goes on behind."""
+
+    line: Any
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Unknown:
+    """Text that was not understood, to which control may come from anywhere in the routine."""
+
+    line: Any
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Label:
+    """A place to which jumps lead."""
+
+    line: Any
+    name: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Leave:
+    """What control does not go on behind."""
+
+    line: Any
+    way: Literal["return", "exit", "jump", "stop"]
+    """Out of the routine, out of the innermost loop, to a label, or to nowhere."""
+    label: str = ""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Group:
+    """Lines that belong together, in the order of the text."""
+
+    line: Any
+    body: "Block"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Arm:
+    """One of several branches."""
+
+    line: Any = None
+    """With which it begins; None of the first one, and where it has no line of its own."""
+    condition: Any
+    """For the language; None where it is taken in any case, if none before it was."""
+    body: "Block"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Branches:
+    """Branches of which one is taken, or none."""
+
+    line: Any
+    name: str
+    """For messages."""
+    arms: tuple[Arm, ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Loop:
+    """Lines that are gone through again and again."""
+
+    line: Any
+    name: str
+    """For messages."""
+    kind: Literal["counted", "while", "until", "endless"]
+    """By a counter, with a condition before or behind each turn, or until it is left."""
+    condition: Any = None
+    body: "Block"
+    end: Any = None
+    """The line that closes it, if that has a condition."""
+
+    @cached_property
+    def size(self) -> int:
+        """How many lines it has, itself included."""
+        return 1 + sum(1 for _ in lines_in(self.body))
+
+
+Node = Step | Unknown | Label | Leave | Group | Branches | Loop
+Block = tuple[Node, ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Body:
+    """What a routine consists of."""
+
+    nodes: Block
+    handlers: tuple[Block, ...] = ()
+    """To which control comes from anywhere in it, where an error is met."""
+    size: int
+    """How many lines it has."""
+    backward: frozenset[str] = frozenset()
+    """Labels to which a jump behind them leads."""
+    entered: frozenset[str] = frozenset()
+    """Labels to which a jump leads from outside the block that they are in."""
+
+
+def bodies_of(node: Node) -> tuple[Block, ...]:
+    """What stands inside a node, branch by branch."""
+    match node:
+        case Branches():
+            return tuple(arm.body for arm in node.arms)
+        case Loop() | Group():
+            return (node.body,)
+        case _:
+            return ()
+
+
+def lines_in(nodes: Iterable[Node]) -> Iterator[Any]:
+    """All lines of some nodes, those inside them included."""
+    for node in nodes:
+        match node:
+            case Branches():
+                yield node.line
+                for arm in node.arms:
+                    if arm.line is not None:
+                        yield arm.line
+                    yield from lines_in(arm.body)
+            case Loop():
+                yield node.line
+                yield from lines_in(node.body)
+                if node.end is not None:
+                    yield node.end
+            case Group():
+                yield from lines_in(node.body)
+            case _:
+                yield node.line
+
+
+def leaves_loop(nodes: Iterable[Node]) -> bool:
+    """Whether something among the nodes of a loop leaves that loop."""
+    return any(
+        (isinstance(node, Leave) and node.way == "exit")
+        or (not isinstance(node, Loop) and any(leaves_loop(body) for body in bodies_of(node)))
+        for node in nodes
+    )
+
+
+# What holds at a place of a program.
+
+
+@dataclass(frozen=True, kw_only=True)
+class State(ABC):
+    """What holds at a place of a program; languages add what they know."""
+
+    last: int | None = None
+    """Number of the motion that ends where the robot is; None where that is not known."""
+    reached: bool = True
+    """Whether control comes there."""
+
+    @abstractmethod
+    def joined(self, others: Sequence[Any], why: str) -> Self:
+        """What holds behind any of several ways.
+
+        Args:
+            others: what holds behind the others; all are reached.
+            why: why anything that differs is not known, for the user.
+        """
+
+    @abstractmethod
+    def agrees(self, other: Any) -> bool:
+        """Whether the same holds."""
+
+    def lost_in(self, joined: Any) -> Any:
+        """What does not hold any more in a state that was joined from this one."""
+        return None
+
+    def without(self, lost: Any, why: str) -> Self:
+        """What holds without what `lost_in` gave; None for nothing."""
+        return self
+
+
+S = TypeVar("S", bound=State)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Counts:
+    """How a counted loop counts."""
+
+    first: float
+    last: float
+    step: float
+
+    def beyond(self, count: float) -> bool:
+        """Whether a count ends the loop."""
+        return (self.last - count) / self.step < -COUNT_TOLERANCE
+
+    @property
+    def turns(self) -> float:
+        """How many turns there are; NaN or infinite where the bounds are."""
+        ratio = (self.last - self.first) / self.step + COUNT_TOLERANCE
+        return 0.0 if ratio < 0.0 else ratio // 1.0 + 1.0
+
+
+# Going through a program.
+
+
+@dataclass(eq=False, kw_only=True)
+class Flow(ABC, Generic[S, R]):
+    """The routines of a program, and how far they have been followed."""
+
+    left: int
+    """How many lines may still be gone through for calls and the turns of loops, in all."""
+    scouting: int = 0
+    """Lines are gone through only for what they leave behind: motions are not noted, loops not taken turn by turn."""
+    all_ways: bool = False
+    """Ways that are never taken are gone through, too."""
+    anywhere: set[R] = field(default_factory=set[R])
+    """Routines that are called where that is not followed, so that anything may hold there."""
+    lost_at: dict[Label, Any] = field(default_factory=dict[Label, Any])
+    """By label to which lines lead back: what they had changed when it was gone through last."""
+
+    @abstractmethod
+    def body(self, routine: R) -> Body:
+        """What a routine consists of; the same each time."""
+
+    @abstractmethod
+    def name(self, routine: R) -> str:
+        """Of a routine, for messages."""
+
+    @abstractmethod
+    def walk(self, routine: R, inside: tuple[R, ...]) -> "Walk[S, R]":
+        """A pass through a routine.
+
+        Args:
+            routine: the routine.
+            inside: routines that are being gone through, this one included.
+        """
+
+    @abstractmethod
+    def anything(self, why: str) -> S:
+        """Where anything may hold."""
+
+    @abstractmethod
+    def start(self, routine: R) -> S:
+        """What holds where a routine begins that nothing calls."""
+
+    @abstractmethod
+    def found_all(self, routine: R) -> bool:
+        """Whether all motions of a routine were found."""
+
+    def called_anywhere(self, routine: R, why: str) -> S:
+        """What holds where a routine begins of which it is not followed how it is called."""
+        return self.anything(why)
+
+    def through(self, routine: R, entry: S, inside: tuple[R, ...] = ()) -> tuple[S, Any]:
+        """What holds behind a routine, and what it returns; None where that is not known.
+
+        Args:
+            routine: the routine.
+            entry: what holds at its start, its parameters included.
+            inside: routines that are being gone through.
+        """
+        return self.walk(routine, (*inside, routine)).through(entry)
+
+    def may(self, lines: int) -> bool:
+        """Whether so many lines may still be gone through once more; if so, they count."""
+        if lines > self.left:
+            return False
+        self.left -= lines
+        return True
+
+    def follow(self, routines: Sequence[R], roots: Collection[R]) -> None:
+        """Go through a program from the routines that nothing calls, then through those that are called unseen.
+
+        Args:
+            routines: all, in the order of the text.
+            roots: those that nothing calls.
+        """
+        for routine in (routine for routine in routines if routine in roots):
+            self.through(routine, self.start(routine))
+        done = set[R]()
+        while self.anywhere - done:
+            for routine in [routine for routine in routines if routine in self.anywhere - done]:
+                done.add(routine)
+                why = f"{self.name(routine)} is called where that is not followed"
+                self.through(routine, self.called_anywhere(routine, why))
+
+    def follow_rest(self, routines: Sequence[R], roots: Collection[R]) -> None:
+        """Go through motions to which no way leads, such as those by which points are taught behind the end of a program."""
+        self.all_ways, self.left = True, 0
+        for routine in routines:
+            if not self.found_all(routine):
+                begins = (
+                    self.start(routine) if routine in roots else self.called_anywhere(routine, "nothing leads to it")
+                )
+                self.through(routine, begins)
+
+
+@dataclass(eq=False, kw_only=True)
+class Walk(ABC, Generic[S, R]):
+    """One pass through a routine."""
+
+    SCOUTS: ClassVar[int] = MAX_SCOUTS
+
+    flow: Flow[S, R]
+    routine: R
+    inside: tuple[R, ...]
+    """Routines that are being gone through, this one last."""
+    returns: list[tuple[S, Any]] = field(default_factory=list[tuple[S, Any]])
+    """What holds where the routine is left before its end, and what it returns there."""
+    exits: list[list[S]] = field(default_factory=list[list[S]])
+    """What holds where the loops that are being gone through are left, the innermost last."""
+    jumps: dict[str, list[S]] = field(default_factory=dict[str, list[S]])
+    """What holds where labels are jumped to."""
+
+    # What a language says.
+
+    @property
+    def body(self) -> Body:
+        """What the routine consists of."""
+        return self.flow.body(self.routine)
+
+    @property
+    @abstractmethod
+    def nowhere(self) -> S:
+        """Where control does not come."""
+
+    @abstractmethod
+    def step(self, line: Any, state: S) -> S:
+        """What holds behind a motion, an assignment, a call or another step."""
+
+    @abstractmethod
+    def asked(self, line: Any, state: S) -> S:
+        """What holds behind the functions in the conditions of a line."""
+
+    @abstractmethod
+    def truth(self, condition: Any, state: S) -> bool | None:
+        """Whether a condition holds; None where the text does not tell."""
+
+    @abstractmethod
+    def reads_data(self, condition: Any) -> bool:
+        """Whether a condition reads any data, so that it may hold now and not later."""
+
+    @abstractmethod
+    def widened(self, state: S, nodes: Sequence[Node], why: str) -> S:
+        """Where some lines may have changed all that they change."""
+
+    @abstractmethod
+    def counts(self, loop: Loop, state: S) -> Counts | None:
+        """How a loop counts; None where the text does not tell."""
+
+    @abstractmethod
+    def counting(self, loop: Loop, state: S, count: float | None) -> S:
+        """Where the counter of a loop has a value; None for any."""
+
+    def counted(self, loop: Loop, state: S, count: float) -> float | None:
+        """What the counter holds at the end of a turn; None where the turn made it something that is not known."""
+        return count
+
+    def by_turns(self, loop: Loop, turns: int) -> bool:
+        """Whether a counted loop is gone through turn by turn, if all else allows it."""
+        return True
+
+    def unknown(self, line: Any, state: S) -> S:
+        """What holds behind text that was not understood."""
+        return self.flow.anything("the text before it is not understood")
+
+    def within(self, group: Group, state: S) -> S:
+        """What holds behind lines that belong together."""
+        return self.block(group.body, state)
+
+    def between(self, state: S) -> S:
+        """What holds before a line, where something may have happened beside the lines."""
+        return state
+
+    def behind(self, state: S) -> S:
+        """What holds behind the last line of a block."""
+        return state
+
+    def at_error(self, entry: S) -> S:
+        """What holds where an error handler begins, given what holds at the start of the routine."""
+        return entry
+
+    def returned(self, line: Any, state: S) -> Any:
+        """What a line gives back that leaves the routine."""
+        return None
+
+    # What all languages have in common.
+
+    def through(self, entry: S) -> tuple[S, Any]:
+        """What holds behind the routine, and what it returns; None where that is not known."""
+        end = self.block(self.body.nodes, entry)
+        for handler in self.body.handlers:
+            self.block(handler, self.at_error(entry))
+        values = {repr(value): value for _, value in self.returns}
+        states = [*(state for state, _ in self.returns), end]
+        value = next(iter(values.values())) if len(values) == 1 else None
+        return self.merged(states, f"it differs between the ends of {self.flow.name(self.routine)}"), value
+
+    def merged(self, ways: Iterable[S], why: str) -> S:
+        """What holds behind any of some ways."""
+        states = [state for state in ways if state.reached]
+        if not states:
+            return self.nowhere
+        first, *others = states
+        return first.joined(others, why) if others else first
+
+    def block(self, nodes: Block, state: S, start: int = 0) -> S:
+        """What holds behind some nodes, from one of them on."""
+        for i in range(start, len(nodes)):
+            node = nodes[i]
+            match node:
+                case Unknown():
+                    state = self.unknown(node.line, state)
+                    continue
+                case Label():
+                    state = self._at_label(node, state)
+                    if state.reached and node.name in self.body.backward:
+                        return self._again_from(nodes, i, node, state)
+                    continue
+                case _:
+                    pass
+            state = self.between(state)
+            if not state.reached:
+                if not self.flow.all_ways:
+                    continue
+                state = self.between(self.flow.anything("nothing leads to it"))
+            state = self._node(node, state)
+        return self.behind(state)
+
+    def _node(self, node: Step | Leave | Group | Branches | Loop, state: S) -> S:
+        match node:
+            case Step():
+                return self.step(node.line, state)
+            case Branches():
+                return self._branches(node, self.asked(node.line, state))
+            case Loop():
+                return self._loop(node, self.asked(node.line, state))
+            case Group():
+                return self.within(node, state)
+            case Leave():
+                return self._leave(node, self.asked(node.line, state))
+
+    def _leave(self, node: Leave, state: S) -> S:
+        match node.way:
+            case "return":
+                self.returns.append((state, self.returned(node.line, state)))
+            case "exit":
+                self.exits[-1].append(state)
+            case "jump":
+                self.jumps.setdefault(node.label, []).append(state)
+            case "stop":
+                pass
+        return self.nowhere
+
+    def _branches(self, node: Branches, state: S) -> S:
+        why = f"it is set in one branch of the {node.name} before and not, or differently, in another"
+        ends: list[S] = []
+        for arm in node.arms:
+            taken = True if arm.condition is None else self.truth(arm.condition, state)
+            if taken is not False:
+                ends.append(self.block(arm.body, state))
+            if taken:
+                return self.merged(ends, why)
+        return self.merged([*ends, state], why)
+
+    def _at_label(self, label: Label, state: S) -> S:
+        """What holds at a label, where the lines before it and all jumps so far lead to it."""
+        waiting = self.jumps.setdefault(label.name, [])
+        state = self.merged([state, *waiting], JUMPED)
+        waiting.clear()
+        if label.name in self.body.entered or (self.flow.all_ways and not state.reached):
+            return self.flow.anything(JUMPED)
+        return state
+
+    def _again_from(self, nodes: Block, i: int, label: Label, state: S) -> S:
+        """From a label on, to which lines behind it may lead back."""
+        flow, rest = self.flow, nodes[i + 1 :]
+        if flow.scouting or flow.all_ways:
+            return self._once_from(nodes, i, label, self.widened(state, rest, JUMPED))[0]
+        entry, cost = state, 1 + sum(1 for _ in lines_in(rest))
+        # most often a loop leads back with what it did in the turn before
+        state = entry.without(flow.lost_at.get(label), JUMPED)
+        for _ in range(MAX_SCOUTS):
+            end, joined = self._once_from(nodes, i, label, state)
+            if joined.agrees(state):
+                flow.lost_at[label] = entry.lost_in(state)
+                return end
+            state = joined
+            if not flow.may(cost):
+                break
+        return self._once_from(nodes, i, label, self.widened(state, rest, JUMPED))[0]
+
+    def _once_from(self, nodes: Block, i: int, label: Label, state: S) -> tuple[S, S]:
+        """What holds behind the lines from a label on, and what held there or holds where they lead back to it."""
+        end = self.block(nodes, state, i + 1)
+        waiting = self.jumps[label.name]
+        joined = self.merged([state, *waiting], JUMPED)
+        waiting.clear()
+        return end, joined
+
+    # Loops: turn by turn where the text decides how many there are, else with what holds in all of them.
+
+    def _loop(self, loop: Loop, state: S) -> S:
+        self.exits.append([])
+        if self.flow.scouting or self.flow.all_ways:
+            end = self._some_turns(loop, state)
+        else:
+            match loop.kind:
+                case "counted":
+                    end = self._counted(loop, state)
+                case "while":
+                    end = self._while(loop, state)
+                case "until":
+                    end = self._until(loop, state)
+                case "endless":
+                    end = self._endless(loop, state)
+        return self.merged([end, *self.exits.pop()], f"it differs between the ways out of the {loop.name} before")
+
+    def turn(self, loop: Loop, state: S) -> S:
+        """What holds behind one turn of a loop, and behind the functions that its conditions ask then."""
+        state = self.block(loop.body, state)
+        for line in (loop.line, loop.end) if state.reached else ():
+            state = self.asked(line, state) if line is not None else state
+        return state
+
+    def _counted(self, loop: Loop, state: S) -> S:
+        counts = self.counts(loop, state)
+        if counts is None or not counts.turns <= MAX_TURNS:
+            return self._some_turns(loop, state)
+        turns, first = int(counts.turns), counts.first
+        if not self.by_turns(loop, turns) or not self.flow.may(turns * loop.size):
+            return self._some_turns(loop, state)
+        for k in range(turns + 1):
+            count = first + k * counts.step
+            state = self.counting(loop, state, count)
+            if not state.reached or counts.beyond(count):
+                return state
+            state = self.turn(loop, state)
+            now = self.counted(loop, state, count) if state.reached else count
+            if now is None:
+                return self._some_turns(loop, state)
+            first += now - count  # the loop may set its counter, too, which then counts
+        return self._some_turns(loop, state)
+
+    def _while(self, loop: Loop, state: S) -> S:
+        for _ in range(MAX_TURNS if self.reads_data(loop.condition) else 0):
+            holds = self.truth(loop.condition, state)
+            if holds is False or not state.reached:
+                return state
+            if holds is None or not self.flow.may(loop.size):
+                break
+            before, state = state, self.turn(loop, state)
+            if state.agrees(before):
+                return self.nowhere
+        ends = self.truth(loop.condition, self.widened(state, (loop,), "")) is not True
+        behind = self._some_turns(loop, state)
+        return behind if ends else self.nowhere
+
+    def _until(self, loop: Loop, state: S) -> S:
+        for _ in range(MAX_TURNS):
+            holds = None
+            with self.scouting():  # whether the condition is decided shows behind the turn
+                end = self.turn(loop, state) if self.flow.may(loop.size) else None
+                if end is not None:
+                    holds = self.truth(loop.condition, end)
+            if end is None or (holds is None and end.reached) or not self.flow.may(loop.size):
+                break
+            state = self.turn(loop, state)
+            if holds or not state.reached:
+                return state
+        return self._some_turns(loop, state)
+
+    def _endless(self, loop: Loop, state: S) -> S:
+        for _ in range(MAX_TURNS if leaves_loop(loop.body) else 0):
+            with self.scouting():
+                left = len(self.exits[-1])
+                end = self.turn(loop, state) if self.flow.may(loop.size) else None
+                undecided = end is not None and end.reached and len(self.exits[-1]) > left
+            if end is None or undecided or not self.flow.may(loop.size):
+                break
+            before, state = state, self.turn(loop, state)
+            if not state.reached or state.agrees(before):
+                return self.nowhere
+        return self._some_turns(loop, state)
+
+    def _some_turns(self, loop: Loop, state: S) -> S:
+        """What holds behind a loop of which it is not known how often it is gone through, if nothing leaves it inside."""
+        head = self._stable(self.counting(loop, state, None), loop, "it is set further down in the same loop")
+        end = self.turn(loop, head)
+        match loop.kind:
+            case "endless":
+                return self.nowhere
+            case "until":
+                return end
+            case "counted" | "while":
+                return head
+
+    def _stable(self, entry: S, loop: Loop, why: str) -> S:
+        """What holds each time that a turn of a loop begins."""
+        for _ in range(0 if self.flow.scouting else self.SCOUTS):
+            if not self.flow.may(1 + loop.size):
+                break
+            with self.scouting():
+                again = self.turn(loop, entry)
+            joined = self.merged([entry, again], why)
+            if joined.agrees(entry):
+                return entry
+            entry = joined
+        return self.widened(entry, (loop,), why)
+
+    @contextmanager
+    def scouting(self) -> Generator[None]:
+        """Go through lines without leaving anything noted."""
+        returns, exits = len(self.returns), [len(left) for left in self.exits]
+        jumps = {name: list(states) for name, states in self.jumps.items()}
+        self.flow.scouting += 1
+        try:
+            yield
+        finally:
+            self.flow.scouting -= 1
+            del self.returns[returns:]
+            for left, size in zip(self.exits, exits, strict=True):
+                del left[size:]
+            for name, states in self.jumps.items():
+                states[:] = jumps.get(name, [])
+
+    def follow(self, routines: Sequence[R], entry: Callable[[R], S]) -> tuple[S, Any] | None:
+        """What holds behind a call, and what it returns; None where it is not followed.
+
+        It is not where several routines have the name, where it leads into itself, and where too much was followed already.
+
+        Args:
+            routines: those that may be meant.
+            entry: what holds where a routine begins.
+        """
+        (routine, *others) = routines
+        too_deep = routine in self.inside or len(self.inside) > MAX_CALL_DEPTH
+        if others or too_deep or not self.flow.may(self.flow.body(routine).size):
+            self.flow.anywhere.update(routines)
+            return None
+        return self.flow.through(routine, entry(routine), self.inside)
+
+
+# The motions that were found, each with all the ways that lead to it.
+
+T = TypeVar("T", bound=Hashable)
+"""A motion's place in the text."""
+M = TypeVar("M")
+"""A motion of a language."""
+
+
+@dataclass(eq=False, kw_only=True)
+class Occurrence(Generic[T, M]):
+    """A motion that was resolved."""
+
+    text: T
+    motion: M
+    before: set[int | None]
+    """Numbers of the motions that may have been the last one; None for any."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Ordered(Generic[M]):
+    """A motion among the others, in the order of the text."""
+
+    motion: M
+    before: tuple[int, ...]
+    """Numbers of the motions that may be the one before, as far as they are known."""
+    follows: int | None
+    """Number of the motion before, if there is one alone."""
+    same_text: int
+    """How many motions have its text, itself included."""
+
+
+@dataclass(eq=False, kw_only=True)
+class Findings(Generic[T, M]):
+    """What was found so far."""
+
+    occurrences: list[Occurrence[T, M]] = field(default_factory=list[Any])
+    by_meaning: dict[tuple[object, ...], int] = field(default_factory=dict[tuple[object, ...], int])
+    """Numbers of motions by their text, where they go, and how."""
+    reasons: dict[T, tuple[Any, str]] = field(default_factory=dict[Any, tuple[Any, str]])
+    """Why motions are not understood on some way that leads to them, the first reason of each, with its file."""
+    seen: frozenset[T] = frozenset()
+    """Motions to which some way led before the ways that are never taken were gone through."""
+
+    def fail(self, text: T, file: Any, reason: str) -> None:
+        """Note why a motion is not understood."""
+        self.reasons.setdefault(text, (file, reason))
+
+    def number(self, text: T, motion: M, meaning: tuple[object, ...], before: int | None) -> int:
+        """The number of a motion, which is noted if none is known that means the same.
+
+        Args:
+            text: its place.
+            motion: the motion.
+            meaning: equal for motions that have one text and do the same.
+            before: number of the motion before.
+        """
+        number = self.by_meaning.setdefault(meaning, len(self.occurrences))
+        if number == len(self.occurrences):
+            self.occurrences.append(Occurrence(text=text, motion=motion, before={before}))
+        else:
+            self.occurrences[number].before.add(before)
+        return number
+
+    def close(self) -> None:
+        """Take all that was noted so far as seen."""
+        self.seen = frozenset({*(found.text for found in self.occurrences), *self.reasons})
+
+    def ordered(self, keeps: Callable[[Occurrence[T, M]], bool], order: Callable[[T], Any]) -> Iterator[Ordered[M]]:
+        """Some of the motions in the order of the text.
+
+        Args:
+            keeps: whether a motion is one of them.
+            order: by which places are ordered.
+        """
+        kept = [i for i, found in enumerate(self.occurrences) if keeps(found)]
+        kept.sort(key=lambda i: (order(self.occurrences[i].text), i))
+        number = {old: new for new, old in enumerate(kept)}
+        count = Counter(self.occurrences[i].text for i in kept)
+        for i in kept:
+            found = self.occurrences[i]
+            before = {None if old is None else number.get(old) for old in found.before}
+            (first, *others) = before
+            yield Ordered(
+                motion=found.motion,
+                before=tuple(sorted(old for old in before if old is not None)),
+                follows=None if others else first,
+                same_text=count[found.text],
+            )

@@ -32,6 +32,10 @@ from robot_programs.krl.syntax import (
 # What the data lists of a KRL program state: points, frames, parameter sets and numbers.
 
 
+Text = tuple[int, int]
+"""A line of the program, by number of the file and first character."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class File:
     """A file of a program."""

@@ -11,7 +11,7 @@ from robot_programs.core import se3
 from robot_programs.core.program import Frame, Unresolved
 from robot_programs.krl.data import Data, pose
 from robot_programs.krl.parse import arguments_of, parse_operand
-from robot_programs.krl.state import EVERYTHING, Held, State, Table
+from robot_programs.krl.state import EVERYTHING, FrameVariable, State, Table
 from robot_programs.krl.syntax import Aggregate, Assignment, Call, Field, Operand, Word
 from robot_programs.krl.values import (
     Adjustable,
@@ -40,7 +40,7 @@ _STEERED_ELSEWHERE = {
 }
 
 
-def coupled(words: Sequence[Word]) -> tuple[Word, ...] | Held | None:
+def coupled(words: Sequence[Word]) -> tuple[Word, ...] | FrameVariable | None:
     """What ``$BASE`` is set to, where a function couples it to something that moves.
 
     Args:
@@ -52,12 +52,12 @@ def coupled(words: Sequence[Word]) -> tuple[Word, ...] | Held | None:
     """
     function = words[0].upper if len(words) > 2 and words[1].text == "(" else ""
     if function in _STEERED_ELSEWHERE:
-        return Held(frame=None, reason=f"$BASE {_STEERED_ELSEWHERE[function]}")
+        return FrameVariable(frame=None, reason=f"$BASE {_STEERED_ELSEWHERE[function]}")
     if function != "EK":
         return None
     given = arguments_of(words[1:])
     if len(given) not in (2, 3) or _closing(words) != len(words) - 1:
-        return Held(
+        return FrameVariable(
             frame=None,
             reason="$BASE is set by EK in a way that is not understood; write EK(root, kinematic system, frame)",
         )
@@ -74,7 +74,7 @@ def _closing(words: Sequence[Word]) -> int:
     return len(words)
 
 
-def on_its_mechanism(held: Held, number: float | None, data: Data, names: Names) -> Held:
+def on_its_mechanism(held: FrameVariable, number: float | None, data: Data, names: Names) -> FrameVariable:
     """A base of a set of frame parameters on what carries it by $config.dat.
 
     Args:
@@ -92,13 +92,13 @@ def on_its_mechanism(held: Held, number: float | None, data: Data, names: Names)
         )
     except Unresolved as trouble:
         changed = "MACHINE_FRAME_DAT" in data.refused
-        return Held(frame=None, reason=f"what carries {base} is not known: {trouble}") if changed else held
+        return FrameVariable(frame=None, reason=f"what carries {base} is not known: {trouble}") if changed else held
     if index == 0:
         return held
     try:
         machine = data.find(f"MACHINE_DEF[{index or 0:g}]", names.module, names.routine).aggregate
     except Unresolved as trouble:
-        return Held(frame=None, reason=f"what carries {base} is not known: {trouble}")
+        return FrameVariable(frame=None, reason=f"what carries {base} is not known: {trouble}")
     kind, controller = machine.field("MECH_TYPE"), machine.value("COOP_KRC_INDEX")
     match "" if kind is None else kind.text.upper():
         case "#NONE":
@@ -111,7 +111,7 @@ def on_its_mechanism(held: Held, number: float | None, data: Data, names: Names)
             text = (
                 f"{base} is carried by MACHINE_DEF[{index or 0:g}], which is no external kinematic system of this robot"
             )
-            return Held(frame=None, reason=f"{text}, and where it is this program does not tell")
+            return FrameVariable(frame=None, reason=f"{text}, and where it is this program does not tell")
 
 
 NULL = Frame(name="$NULLFRAME", T=np.eye(4))
@@ -136,12 +136,12 @@ class Frames:
         held = {name: held.frame for name, held in both.items() if held.frame is not None and not held.carrier}
         return Known(names=self.names, data=self.data, variables=state.variables, held=held)
 
-    def of(self, words: Sequence[Word], name: str, known: Known) -> Held:
+    def of(self, words: Sequence[Word], name: str, known: Known) -> FrameVariable:
         """The frame that an expression states, called by a name where it has none of its own."""
         operand = parse_operand(words)
         try:
             if not operand.parts:
-                return Held(frame=self._frame(name, self._computed(words, name, known)))
+                return FrameVariable(frame=self._frame(name, self._computed(words, name, known)))
             T, names = np.eye(4), list[str]()
             for part in operand.parts:
                 if isinstance(part, Aggregate):
@@ -150,14 +150,14 @@ class Frames:
                     names.append(name_of(part, known))
                     T = T @ self._named(names[-1], known)
         except Unresolved as trouble:
-            return Held(frame=None, reason=str(trouble))
+            return FrameVariable(frame=None, reason=str(trouble))
         if len(operand.parts) > 1 or not names:
-            return Held(frame=self._frame(name, T))
+            return FrameVariable(frame=self._frame(name, T))
         if names[0] in ("$NULLFRAME", "$WORLD"):
-            return Held(frame=NULL, table="null")
+            return FrameVariable(frame=NULL, table="null")
         variable = names[0].partition("[")[0]
         table: Table = "tool" if variable == "TOOL_DATA" else "base" if variable == "BASE_DATA" else "own"
-        return Held(frame=self._frame(names[0], T), table=table)
+        return FrameVariable(frame=self._frame(names[0], T), table=table)
 
     def _computed(self, words: Sequence[Word], name: str, known: Known) -> Float[np.ndarray, "4 4"]:
         """A frame that functions compute, such as ``INV_POS(F):G``."""
@@ -166,12 +166,12 @@ class Frames:
             raise Unresolved(f"{name} is set to something that the text does not state as a frame")
         return pose(value)
 
-    def _base(self, words: Sequence[Word], known: Known) -> Held:
+    def _base(self, words: Sequence[Word], known: Known) -> FrameVariable:
         """What $BASE is set to."""
         inside = coupled(words)
-        if inside is None or isinstance(inside, Held):
+        if inside is None or isinstance(inside, FrameVariable):
             return self.of(words, "$BASE", known) if inside is None else inside
-        held = self.of(inside, "$BASE", known) if inside else Held(frame=NULL, table="null")
+        held = self.of(inside, "$BASE", known) if inside else FrameVariable(frame=NULL, table="null")
         return replace(held, carrier=EXTERNAL_KINEMATIC)
 
     def _named(self, name: str, known: Known) -> Float[np.ndarray, "4 4"]:
@@ -195,23 +195,23 @@ class Frames:
         """
         return np.eye(4) if self.data.robroot is None else self.data.robroot
 
-    def numbered(self, table: Literal["tool", "base"], number: float | None, known: Known) -> Held:
+    def numbered(self, table: Literal["tool", "base"], number: float | None, known: Known) -> FrameVariable:
         """An element of TOOL_DATA or BASE_DATA; the zero frame for number 0."""
         array = "TOOL_DATA" if table == "tool" else "BASE_DATA"
         if number is None:
-            return Held(frame=None, reason=f"which element of {array} is meant is not stated as a number")
+            return FrameVariable(frame=None, reason=f"which element of {array} is meant is not stated as a number")
         if number == 0:
-            return Held(frame=NULL, table="null")
+            return FrameVariable(frame=NULL, table="null")
         name = f"{array}[{number:g}]"
         try:
-            return Held(frame=self._frame(name, self._named(name, known)), table=table)
+            return FrameVariable(frame=self._frame(name, self._named(name, known)), table=table)
         except Unresolved as trouble:
-            return Held(frame=None, reason=str(trouble))
+            return FrameVariable(frame=None, reason=str(trouble))
 
     def of_parameters(self, state: State, parameters: Aggregate | None) -> State:
         """What a set of frame parameters (FDAT) makes of tool and base."""
         if parameters is None:
-            unknown = Held(frame=None, reason=state.parameters_reason)
+            unknown = FrameVariable(frame=None, reason=state.parameters_reason)
             return replace(state, tool=unknown, base=unknown, fixed_tool=None)
         mode = parameters.field("IPO_FRAME")
         text = mode.text.upper() if mode else "#BASE"
@@ -255,17 +255,17 @@ class Frames:
             return replace(state, tool=held) if line.variable == "$TOOL" else replace(state, base=held)
         return state
 
-    def _with_own_component(self, line: Assignment, variables: Variables) -> Held:
+    def _with_own_component(self, line: Assignment, variables: Variables) -> FrameVariable:
         """$TOOL or $BASE with a component that a line sets."""
         value = variables.get(self.names.key(line.variable))
         value = value.value if isinstance(value, Adjustable) else value
         if not isinstance(value, Aggregate):
             reason = value.reason if isinstance(value, Lost) else f"{line.name} is changed on its own"
-            return Held(frame=None, reason=reason)
+            return FrameVariable(frame=None, reason=reason)
         try:
-            return Held(frame=self._frame(line.variable, pose(value)))
+            return FrameVariable(frame=self._frame(line.variable, pose(value)))
         except Unresolved as trouble:
-            return Held(frame=None, reason=str(trouble))
+            return FrameVariable(frame=None, reason=str(trouble))
 
     def _with_parameters(self, state: State, value: Operand) -> State:
         try:
@@ -346,7 +346,7 @@ class Frames:
         try:
             parameters = self.data.find(words[2].upper, self.names.module, self.names.routine).aggregate
         except Unresolved as trouble:
-            unknown = Held(frame=None, reason=str(trouble))
+            unknown = FrameVariable(frame=None, reason=str(trouble))
             return replace(state, tool=unknown, base=unknown, fixed_tool=None)
         set_by = self.of_parameters(state, parameters)
         match name:
@@ -355,7 +355,9 @@ class Frames:
             case "$BASE":
                 # SBASE knows BASE_DATA alone
                 text = f"SBASE sets a base that is carried by {set_by.base.carrier}; whether it then moves is not known"
-                return replace(state, base=Held(frame=None, reason=text) if set_by.base.carrier else set_by.base)
+                return replace(
+                    state, base=FrameVariable(frame=None, reason=text) if set_by.base.carrier else set_by.base
+                )
             case _:
                 return replace(state, fixed_tool=set_by.fixed_tool)
 

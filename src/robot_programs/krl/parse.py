@@ -1,10 +1,24 @@
 """KRL text as statements: the grammar of declarations, assignments, calls and motions; other lines are passed over."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
+from typing import Literal
 
+from robot_programs.core.flow import (
+    Arm,
+    Block,
+    Body,
+    Branches,
+    Group,
+    Label,
+    Leave,
+    Loop,
+    Node,
+    Step,
+    bodies_of,
+    lines_in,
+)
 from robot_programs.krl.syntax import (
     FRAMES_OF_DISTANCES,
     OTHER_MOTIONS,
@@ -25,6 +39,7 @@ from robot_programs.krl.syntax import (
     Statement,
     Word,
     lines_of_words,
+    split_at_commas,
 )
 
 BLOCKS = {
@@ -270,72 +285,38 @@ def _handed_over(words: Sequence[Word]) -> tuple[str, ...]:
 SPLINES = {"SPLINE", "PTP_SPLINE"}
 LOOPS = {"FOR", "WHILE", "REPEAT", "LOOP"}
 
-DEEPEST = 24
+MAX_DEPTH = 24
 """Blocks in each other, in one routine, and labels to which a GOTO behind them leads."""
 
 _INNER = {"IF": {"ELSE"}, "SWITCH": {"CASE", "DEFAULT"}}
 _CLOSING = frozenset(BLOCKS.values())
+_KINDS: Mapping[str, Literal["counted", "while", "until", "endless"]] = {
+    "FOR": "counted",
+    "WHILE": "while",
+    "REPEAT": "until",
+    "LOOP": "endless",
+}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Branches:
-    """IF or SWITCH."""
+class Condition:
+    """On what it depends whether a branch is taken, or a loop goes on."""
 
-    line: Control
-    branches: tuple[tuple[Control, tuple["Node", ...]], ...]
-    """The line that begins each branch, and what it holds: of an IF its own line, then that of ELSE."""
-
-    @property
-    def complete(self) -> bool:
-        """Whether one of the branches is taken in any case."""
-        return any(line.keyword in ("ELSE", "DEFAULT") for line, _ in self.branches)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Loop:
-    """FOR, WHILE, REPEAT or LOOP."""
-
-    line: Control
-    body: tuple["Node", ...]
-    end: Control
-
-    @cached_property
-    def size(self) -> int:
-        """How many lines it has, itself included."""
-        return 1 + sum(1 for _ in lines_in(self.body))
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Spline:
-    """SPLINE or PTP_SPLINE."""
-
-    body: tuple["Node", ...]
-
-
-Node = Statement | Branches | Loop | Spline
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Labels:
-    """The labels of a routine and the GOTO that lead to them, by name in capitals."""
-
-    backward: frozenset[str]
-    """To which a GOTO behind them leads."""
-    entered: frozenset[str]
-    """To which a GOTO leads from outside the block that they are in."""
+    words: tuple[Word, ...]
+    cases: tuple[tuple[Word, ...], ...] | None = None
+    """Of a SWITCH: the values for which a branch is taken; None of what is true or false itself."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Tree:
     """The lines of a routine."""
 
-    nodes: tuple[Node, ...]
-    labels: Labels
+    body: Body
     odd: Control | None
     """The line at which its blocks do not match; its lines then stand side by side. None where all match."""
 
 
-def tree_of(lines: Iterable[Statement], matters: Callable[[Statement], bool]) -> Tree:
+def tree_of(lines: Sequence[Statement], matters: Callable[[Statement], bool]) -> Tree:
     """The tree of a routine's lines.
 
     Args:
@@ -346,17 +327,43 @@ def tree_of(lines: Iterable[Statement], matters: Callable[[Statement], bool]) ->
     builder = _Builder(lines=kept)
     nodes = builder.body(None)
     if builder.odd is not None:
-        nodes = tuple(kept)
-    return Tree(nodes=nodes, labels=_labels(nodes), odd=builder.odd)
+        nodes = tuple(_single(line, loops=0) for line in kept)
+    backward, entered = _labels(nodes)
+    body = Body(nodes=nodes, size=1 + len(lines), backward=backward, entered=entered)
+    return Tree(body=body, odd=builder.odd)
+
+
+def _single(line: Statement, *, loops: int) -> Node:
+    """A line that is no block.
+
+    Args:
+        line: the line.
+        loops: how many loops it stands in.
+    """
+    if not isinstance(line, Control):
+        return Step(line=line)
+    match line.keyword:
+        case "LABEL":
+            return Label(line=line, name=_name_of_label(line))
+        case "GOTO":
+            return Leave(line=line, way="jump", label=_name_of_label(line))
+        case "EXIT" if loops:
+            return Leave(line=line, way="exit")
+        case "RETURN":
+            return Leave(line=line, way="return")
+        case "RESUME":
+            return Leave(line=line, way="stop")
+        case _:
+            return Step(line=line)
 
 
 class _Builder:
     def __init__(self, lines: list[Statement]):
         self.lines, self.at = lines, 0
         self.odd: Control | None = None
-        self.depth = 0
+        self.depth = self.loops = 0
 
-    def body(self, opening: Control | None) -> tuple[Node, ...]:
+    def body(self, opening: Control | None) -> Block:
         """Lines up to the one that ends the block, or its branch; that one is not taken."""
         nodes: list[Node] = []
         own = set[str]() if opening is None else {BLOCKS[opening.keyword], *_INNER.get(opening.keyword, ())}
@@ -371,20 +378,21 @@ class _Builder:
             elif isinstance(line, Control) and keyword in BLOCKS:
                 nodes.append(self._block(line))
             else:
-                nodes.append(line)
+                nodes.append(_single(line, loops=self.loops))
         if opening is not None:
             self.odd = self.odd or opening
         return tuple(nodes)
 
     def _block(self, opening: Control) -> Node:
-        begins, branches = opening, list[tuple[Control, tuple[Node, ...]]]()
+        begins, branches = opening, list[tuple[Control, Block]]()
         self.depth += 1
-        if self.depth > DEEPEST:
+        self.loops += opening.keyword in LOOPS
+        if self.depth > MAX_DEPTH:
             self.odd = opening
         while True:
             branches.append((begins, self.body(opening)))
             if self.odd is not None:
-                return opening
+                return Step(line=opening)
             end = self.lines[self.at]
             assert isinstance(end, Control)
             self.at += 1
@@ -392,82 +400,63 @@ class _Builder:
                 break
             begins = end
         self.depth -= 1
+        self.loops -= opening.keyword in LOOPS
         (_, body) = branches[0]
         if opening.keyword in LOOPS:
-            return Loop(line=opening, body=body, end=end)
+            return _loop(opening, body, end)
         if opening.keyword in SPLINES:
-            return Spline(body=body)
+            return Group(line=opening, body=body)
         # before the first CASE there is no branch
-        return Branches(line=opening, branches=tuple(branches[opening.keyword == "SWITCH" :]))
+        arms = branches[opening.keyword == "SWITCH" :]
+        return Branches(line=opening, name=opening.keyword, arms=tuple(_arm(opening, line, own) for line, own in arms))
 
 
-def bodies_of(node: Node) -> tuple[tuple[Node, ...], ...]:
-    """What stands inside a block, branch by branch."""
-    match node:
-        case Branches():
-            return tuple(body for _, body in node.branches)
-        case Loop() | Spline():
-            return (node.body,)
-        case _:
-            return ()
+def _loop(opening: Control, body: Block, end: Control) -> Node:
+    kind = _KINDS[opening.keyword]
+    if not body:  # without any line of consequence
+        return Leave(line=opening, way="stop") if kind == "endless" else Step(line=opening)
+    condition = Condition(words=end.words if kind == "until" else opening.words)
+    return Loop(line=opening, name=opening.keyword, kind=kind, condition=condition, body=body, end=end)
 
 
-def lines_in(nodes: Iterable[Node]) -> Iterator[Statement]:
-    """All lines of some nodes, those of blocks included."""
-    for node in nodes:
-        match node:
-            case Branches():
-                yield node.line
-                for line, body in node.branches:
-                    if line is not node.line:
-                        yield line
-                    yield from lines_in(body)
-            case Loop():
-                yield node.line
-                yield from lines_in(node.body)
-                yield node.end
-            case Spline():
-                yield from lines_in(node.body)
-            case _:
-                yield node
+def _arm(opening: Control, line: Control, body: Block) -> Arm:
+    own = None if line is opening else line
+    if line.keyword in ("ELSE", "DEFAULT"):
+        return Arm(line=own, condition=None, body=body)
+    words = opening.words
+    if opening.keyword == "SWITCH":
+        return Arm(line=own, condition=Condition(words=words, cases=split_at_commas(line.words)), body=body)
+    words = words[:-1] if words and words[-1].upper == "THEN" else words
+    return Arm(line=own, condition=Condition(words=words), body=body)
 
 
-def name_of_label(line: Control) -> str:
+def _name_of_label(line: Control) -> str:
     """Of a label or a GOTO, in capitals."""
     return line.words[0].upper if line.words else ""
 
 
-def exits_of(nodes: Iterable[Node]) -> bool:
-    """Whether an EXIT among the nodes of a loop leaves that loop."""
-    return any(
-        (isinstance(node, Control) and node.keyword == "EXIT")
-        or (not isinstance(node, Loop) and any(exits_of(body) for body in bodies_of(node)))
-        for node in nodes
-    )
-
-
-def _labels(nodes: tuple[Node, ...]) -> Labels:
-    everywhere = [line for line in lines_in(nodes) if isinstance(line, Control) and line.keyword == "GOTO"]
+def _labels(nodes: Block) -> tuple[frozenset[str], frozenset[str]]:
+    """Labels to which a GOTO behind them leads, and those to which one leads from outside the block that they are in."""
+    gotos = [line for line in lines_in(nodes) if isinstance(line, Control) and line.keyword == "GOTO"]
     backward, entered = set[str](), set[str]()
 
-    def visit(body: tuple[Node, ...]) -> None:
-        own = [node for node in body if isinstance(node, Control) and node.keyword == "LABEL"]
+    def visit(body: Block) -> None:
+        own = [node for node in body if isinstance(node, Label)]
         within = {line.start for line in lines_in(body)} if own else set[int]()
         for label in own:
-            name = name_of_label(label)
-            for line in everywhere:
-                if name_of_label(line) == name and line.start > label.start:
-                    backward.add(name)
-                if name_of_label(line) == name and line.start not in within:
-                    entered.add(name)
+            for line in gotos:
+                if _name_of_label(line) == label.name and line.start > label.line.start:
+                    backward.add(label.name)
+                if _name_of_label(line) == label.name and line.start not in within:
+                    entered.add(label.name)
         for node in body:
             for inner in bodies_of(node):
                 visit(inner)
 
     visit(nodes)
-    if len(backward) > DEEPEST:
-        return Labels(backward=frozenset(), entered=frozenset(entered | backward))
-    return Labels(backward=frozenset(backward), entered=frozenset(entered))
+    if len(backward) > MAX_DEPTH:
+        return frozenset(), frozenset(entered | backward)
+    return frozenset(backward), frozenset(entered)
 
 
 # What routines are given by value, and what they may change of their caller's.

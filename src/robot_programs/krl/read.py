@@ -4,21 +4,24 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from robot_programs.core.errors import FileError, InputError
+from robot_programs.core.flow import MIN_LINES
 from robot_programs.core.program import Diagnostic, Frame, Program, Unresolved, Visit, Waypoint
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Source
-from robot_programs.krl.data import Data, File
-from robot_programs.krl.flow import Flow, actions_of, declared_in, through
+from robot_programs.krl.data import Data, File, Text
+from robot_programs.krl.flow import Flow
 from robot_programs.krl.frames import Frames
 from robot_programs.krl.parse import parse, tree_of
-from robot_programs.krl.resolve import Findings, Text
+from robot_programs.krl.resolve import Findings
 from robot_programs.krl.rewrite import Sharing, Site, in_data_list, rewrite, visits_of
 from robot_programs.krl.routines import (
     Routine,
+    actions_of,
     altering,
     callers_of,
     calls_of,
     changing,
+    declared_in,
     matters,
     read_names,
     resuming,
@@ -26,13 +29,9 @@ from robot_programs.krl.routines import (
     routines_of,
     unasked,
 )
-from robot_programs.krl.state import State
-from robot_programs.krl.syntax import Begin, Motion, lines_of_words
+from robot_programs.krl.syntax import Begin, lines_of_words
 
-LEAST_LEFT = 5000
-"""As many lines may be gone through again in any program."""
-
-AGAIN = 30
+MAX_PASSES = 30
 """As many lines as the program has, so many times, are gone through again for calls and the turns of loops; behind that, what
 routines set is taken as not known, and loops are not taken turn by turn."""
 
@@ -121,13 +120,14 @@ class _Reading:
         flow = self._flow(routines, data)
         beside = unasked(self.files)
         roots = [name for name in routines if not callers[name] - {name} or name in beside]
-        for routine in (routine for name in roots for routine in routines[name]):
-            through(flow, routine, State.unset())
-        self._anywhere(flow)
+        everywhere = [routine for same in routines.values() for routine in same]
+        begin = {routine for routine in everywhere if routine.name in roots}
+        flow.follow(everywhere, begin)
         known = {text: frozenset(names) for text, names in flow.elements.items() if names is not None}
         if not self.elements and data.refused & {name.partition("[")[0] for names in known.values() for name in names}:
             return _Reading(files=self.files, elements=known).program()
-        self._never_taken(flow, roots)
+        self.findings.close()
+        flow.follow_rest(everywhere, begin)
         self._warn()
         self._say_set_elsewhere(data)
         return self._ordered(data)
@@ -158,28 +158,8 @@ class _Reading:
             by_value=data.by_value,
             actions=actions_of(routines, data, alters, changes, followed),
             resuming=resuming(self.files, routines),
-            left=LEAST_LEFT + AGAIN * size,
+            left=MIN_LINES + MAX_PASSES * size,
         )
-
-    def _anywhere(self, flow: Flow) -> None:
-        """Go through routines that are called where that is not followed: anything may hold there."""
-        done = set[str]()
-        while flow.anywhere - done:
-            for name in [name for name in flow.routines if name in flow.anywhere - done]:
-                done.add(name)
-                for routine in flow.routines[name]:
-                    through(flow, routine, flow.anything(f"{name} is called where that is not followed"))
-
-    def _never_taken(self, flow: Flow, roots: Sequence[str]) -> None:
-        """Go through motions to which no way leads, as those by which points are taught behind the end of a program."""
-        found = self.findings
-        found.seen |= {*(o.site.text for o in found.occurrences), *found.reasons}
-        flow.all_ways, flow.left = True, 0
-        for routine in (routine for same in flow.routines.values() for routine in same):
-            motions = {(routine.file.number, line.start) for line in routine.lines if isinstance(line, Motion)}
-            if motions - found.seen:
-                entry = State.unset()
-                through(flow, routine, entry if routine.name in roots else flow.anything("nothing leads to it"))
 
     def _say_set_elsewhere(self, data: Data) -> None:
         """Say which tools and bases another program may change."""
@@ -210,7 +190,7 @@ class _Reading:
         except Unresolved:  # the motions to poses say so
             T_world_base = None
         found = list(self.findings.finished())
-        failed = ((file.number, start, text) for (_, start), (file, text) in self.findings.reasons.items())
+        failed = ((number, start, text) for (number, start), (_, text) in self.findings.reasons.items())
         return KrlProgram(
             sources=tuple(file.source for file in self.files),
             moves=tuple(move for move, _ in found),

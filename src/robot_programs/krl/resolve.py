@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core import se3
+from robot_programs.core import flow, se3
 from robot_programs.core.program import Move, MoveKind, Target, Unresolved
 from robot_programs.krl.data import (
     AXES,
@@ -15,6 +15,7 @@ from robot_programs.krl.data import (
     POSE,
     Datum,
     File,
+    Text,
     axes,
     external,
     has_axes,
@@ -32,8 +33,8 @@ from robot_programs.krl.syntax import RELATIVE_MOTIONS, Aggregate, Motion, Opera
 from robot_programs.krl.values import (
     HERE,
     ZERO,
+    AbstractValue,
     Adjustable,
-    Holding,
     Known,
     Lost,
     evaluated,
@@ -142,41 +143,17 @@ def moved_axes(aggregate: Aggregate, before: Move | None) -> Float[np.ndarray, "
 
 # What was found while a KRL program was read: its motions, and what is to be said of it.
 
-Text = tuple[int, int]
-"""A line of the program, by number of the file and first character."""
-
 
 @dataclass(eq=False, kw_only=True)
-class Occurrence:
-    """A motion that was resolved, with all ways that lead to it."""
-
-    move: Move
-    site: Site
-    before: set[int | None]
-    """Numbers of the motions that may have been the last one; None for any."""
-
-
-@dataclass(eq=False, kw_only=True)
-class Findings:
+class Findings(flow.Findings[Text, tuple[Move, Site]]):
     """What was found so far."""
 
-    occurrences: list[Occurrence] = field(default_factory=list[Occurrence])
-    by_meaning: dict[tuple[object, ...], int] = field(default_factory=dict[tuple[object, ...], int])
-    """Numbers of motions by their text, where they go, and how."""
-    reasons: dict[Text, tuple[File, str]] = field(default_factory=dict[Text, tuple[File, str]])
-    """Why motions are not understood, on some way that leads to them."""
     diagnostics: list[tuple[int, int, str]] = field(default_factory=list[tuple[int, int, str]])
     """Number of the file, position and text."""
-    seen: set[Text] = field(default_factory=set[Text])
-    """Motions to which some way led before the ways that are never taken were gone through."""
 
     def diagnose(self, file: File, position: int, text: str) -> None:
         """Note something about a place."""
         self.diagnostics.append((file.number, position, text))
-
-    def fail(self, file: File, line: Motion, reason: str) -> None:
-        """Note why a motion is not understood."""
-        self.reasons.setdefault((file.number, line.start), (file, f"{line.keyword} stays as it is: {reason}"))
 
     def note(self, move: Move, site: Site, before: int | None) -> int:
         """The number of a motion."""
@@ -186,34 +163,15 @@ class Findings:
             id(move.tool), id(move.part), move.part_in_hand, move.carrier, move.speed, move.turn_speed, move.stops,
             move.zone, repr(move.external), move.divisible,
         )  # fmt: skip
-        number = self.by_meaning.setdefault(meaning, len(self.occurrences))
-        if number == len(self.occurrences):
-            self.occurrences.append(Occurrence(move=move, site=site, before={before}))
-        else:
-            self.occurrences[number].before.add(before)
-        return number
+        return self.number(site.text, (move, site), meaning, before)
 
     def finished(self) -> Iterator[tuple[Move, Site]]:
         """The motions that are understood on all ways that lead to them, in the order of the text."""
-        kept = [i for i, found in enumerate(self.occurrences) if found.site.text not in self.reasons]
-        kept.sort(key=lambda i: (self.occurrences[i].site.text, i))
-        number = {old: new for new, old in enumerate(kept)}
-        many: dict[Text, int] = {}
-        for i in kept:
-            text = self.occurrences[i].site.text
-            many[text] = many.get(text, 0) + 1
-        for i in kept:
-            found = self.occurrences[i]
-            before = {None if old is None else number.get(old) for old in found.before}
-            count = many[found.site.text]
-            (first, *others) = before
-            move = replace(
-                found.move,
-                follows=None if others else first,
-                texts_motions=count,
-                divisible=found.move.divisible and count == 1,
-            )
-            yield move, replace(found.site, before=tuple(sorted(old for old in before if old is not None)))
+        for found in self.ordered(lambda found: found.text not in self.reasons, lambda text: text):
+            move, site = found.motion
+            divisible = move.divisible and found.same_text == 1
+            move = replace(move, follows=found.follows, texts_motions=found.same_text, divisible=divisible)
+            yield move, replace(site, before=found.before)
 
 
 def _target(T: Float[np.ndarray, "4 4"] | None, q: Float[np.ndarray, " joints"] | None) -> tuple[object, ...]:
@@ -236,7 +194,7 @@ class Resolver:
     frames: Frames
 
     def resolve(
-        self, line: Motion, state: State, *, in_spline: bool, returned: Mapping[int, Holding]
+        self, line: Motion, state: State, *, in_spline: bool, returned: Mapping[int, AbstractValue]
     ) -> tuple[Move, Site]:
         """A motion and its place in the text.
 
@@ -273,7 +231,7 @@ class Resolver:
         except Unresolved:
             return False
 
-    def _resolve(self, line: Motion, state: State, returned: Mapping[int, Holding]) -> tuple[Move, Site]:
+    def _resolve(self, line: Motion, state: State, returned: Mapping[int, AbstractValue]) -> tuple[Move, Site]:
         kind = KINDS[line.keyword]
         known = self.frames.known(state)
         if any(_asks_for_its_place(operand) for operand in line.operands):
@@ -322,7 +280,7 @@ class Resolver:
         """The motion before, if tool and base are still the same."""
         if state.last is None:
             return None
-        before = self.findings.occurrences[state.last].move
+        before, _ = self.findings.occurrences[state.last].motion
         try:
             tool, part = self.frames.tool_and_part(state)
         except Unresolved:
@@ -341,7 +299,7 @@ class Resolver:
         )
         return Written(operand=operand, aggregates=aggregates, datum=datum, file=self.routine.file, computed=computed)
 
-    def _computed(self, line: Motion, operand: Operand, known: Known, returned: Mapping[int, Holding]) -> Written:
+    def _computed(self, line: Motion, operand: Operand, known: Known, returned: Mapping[int, AbstractValue]) -> Written:
         """A point that functions compute."""
         words = line.words_of(operand)
         if not words:

@@ -3,11 +3,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal, Self
 
+from robot_programs.core import flow
 from robot_programs.core.program import THROUGH_TARGET, Frame, MoveKind, Unresolved, Zone
 from robot_programs.krl.syntax import Aggregate, Assignment, Call, Word
-from robot_programs.krl.values import Holding, Known, Variables, common, number_of
+from robot_programs.krl.values import AbstractValue, Known, Variables, common, number_of
 
 # Where a KRL motion may be left for the next one: $APO, and who sets it.
 #
@@ -127,7 +128,7 @@ EVERYTHING = frozenset({"tool", "base", "mode", "parameters", "speed", "approxim
 
 
 @dataclass(frozen=True, kw_only=True)
-class Held:
+class FrameVariable:
     """What a frame variable holds."""
 
     frame: Frame | None
@@ -140,11 +141,11 @@ class Held:
 
 
 @dataclass(frozen=True, kw_only=True)
-class State:
+class State(flow.State):
     """What the lines before have set."""
 
-    tool: Held
-    base: Held
+    tool: FrameVariable
+    base: FrameVariable
     fixed_tool: bool | None = False
     """$IPO_MODE is #TCP: the tool stands still, the robot holds the part; None where the text does not tell."""
     parameters: Aggregate | None = None
@@ -156,78 +157,65 @@ class State:
     """$VEL.ORI1, degrees per second."""
     approximation: Approximation = NOT_KNOWN
     """$APO."""
-    last: int | None = None
-    """Number of the motion that ends where the robot is now; None where the text does not tell."""
-    variables: Variables = field(default_factory=dict[str, Holding])
+    variables: Variables = field(default_factory=dict[str, AbstractValue])
     """What code has assigned, as far as the text tells."""
-    reached: bool = True
-    """Whether control comes there."""
     armed: frozenset[tuple[int, int]] = frozenset()
-    """Actions that may run at any time from here on, by file and first character of their line; see `beside`."""
+    """Actions that may run at any time from here on, by file and first character of their line."""
 
     @classmethod
     def unset(cls) -> "State":
         """At the start of a program that nothing calls."""
         return cls(
-            tool=Held(frame=None, reason="$TOOL is not set before it"),
-            base=Held(frame=None, reason="$BASE is not set before it"),
+            tool=FrameVariable(frame=None, reason="$TOOL is not set before it"),
+            base=FrameVariable(frame=None, reason="$BASE is not set before it"),
         )
 
-    def forgotten(self, reason: str, what: frozenset[str] = EVERYTHING) -> "State":
+    def forgotten(self, reason: str, what: frozenset[str] = EVERYTHING) -> Self:
         """Where some of `EVERYTHING` may have become anything."""
-        unknown = Held(frame=None, reason=reason)
-        return State(
-            reached=self.reached,
-            tool=unknown if "tool" in what else self.tool,
-            base=unknown if "base" in what else self.base,
-            fixed_tool=None if "mode" in what else self.fixed_tool,
-            parameters=None if "parameters" in what else self.parameters,
-            parameters_reason=reason if "parameters" in what else self.parameters_reason,
-            speed=None if "speed" in what else self.speed,
-            turn_speed=None if "speed" in what else self.turn_speed,
-            approximation=NOT_KNOWN if "approximation" in what else self.approximation,
-            last=None if "motion" in what else self.last,
-            variables=self.variables,
-            armed=self.armed,
+        fields = [name for name, group in _GROUPS.items() if group in what]
+        return self._unknown(fields, reason) if fields else self
+
+    def joined(self, others: Sequence[Self], why: str) -> Self:
+        """What holds behind any of several ways; see `flow.State.joined`."""
+        differing = [name for name in _GROUPS if any(getattr(self, name) != getattr(other, name) for other in others)]
+        states = (self, *others)
+        return replace(
+            self._unknown(differing, why),
+            variables=common(state.variables for state in states),
+            armed=frozenset[tuple[int, int]]().union(*(state.armed for state in states)),
         )
 
+    def agrees(self, other: Self) -> bool:
+        """Whether the same holds."""
+        return self == other
 
-def differing(one: State, other: State) -> frozenset[str]:
-    """What of `EVERYTHING` two states do not hold alike."""
-    names = {
-        "tool": "tool", "base": "base", "fixed_tool": "mode", "parameters": "parameters", "speed": "speed",
-        "turn_speed": "speed", "approximation": "approximation", "last": "motion",
-    }  # fmt: skip
-    return frozenset(what for name, what in names.items() if getattr(one, name) != getattr(other, name))
+    def lost_in(self, joined: Self) -> tuple[frozenset[str], frozenset[str]]:
+        """What of `EVERYTHING`, and which variables, do not hold any more in a state that was joined from this one."""
+        what = {group for name, group in _GROUPS.items() if getattr(self, name) != getattr(joined, name)}
+        return frozenset(what), frozenset(self.variables.keys() - joined.variables.keys())
+
+    def without(self, lost: tuple[frozenset[str], frozenset[str]] | None, why: str) -> Self:
+        """What holds without what `lost_in` gave."""
+        what, keys = lost or (frozenset[str](), frozenset[str]())
+        if not what and not keys:
+            return self
+        variables = {key: value for key, value in self.variables.items() if key not in keys}
+        return replace(self.forgotten(why, what), variables=variables)
+
+    def _unknown(self, fields: Sequence[str], reason: str) -> Self:
+        unknown = FrameVariable(frame=None, reason=reason)
+        to: dict[str, Any] = {"tool": unknown, "base": unknown, "approximation": NOT_KNOWN}
+        changes = {name: to.get(name) for name in fields}
+        if "parameters" in changes:
+            changes["parameters_reason"] = reason
+        return replace(self, **changes)
 
 
-NOWHERE = State(tool=Held(frame=None), base=Held(frame=None), reached=False)
+_GROUPS = {
+    "tool": "tool", "base": "base", "fixed_tool": "mode", "parameters": "parameters", "speed": "speed",
+    "turn_speed": "speed", "approximation": "approximation", "last": "motion",
+}  # fmt: skip
+"""To what of `EVERYTHING` each field belongs."""
+
+NOWHERE = State(tool=FrameVariable(frame=None), base=FrameVariable(frame=None), reached=False)
 """Where control does not come."""
-
-
-def merged(ways: Sequence[State], reason: str) -> State:
-    """What holds after any of some ways through the program."""
-    states = [state for state in ways if state.reached]
-    if not states:
-        return NOWHERE
-    first = states[0]
-    if len(states) == 1:
-        return first
-    same = {
-        name: all(getattr(other, name) == getattr(first, name) for other in states)
-        for name in ("tool", "base", "fixed_tool", "parameters", "speed", "turn_speed", "approximation", "last")
-    }
-    unknown = Held(frame=None, reason=reason)
-    return State(
-        tool=first.tool if same["tool"] else unknown,
-        base=first.base if same["base"] else unknown,
-        fixed_tool=first.fixed_tool if same["fixed_tool"] else None,
-        parameters=first.parameters if same["parameters"] else None,
-        parameters_reason=first.parameters_reason if same["parameters"] else reason,
-        speed=first.speed if same["speed"] else None,
-        turn_speed=first.turn_speed if same["turn_speed"] else None,
-        approximation=first.approximation if same["approximation"] else NOT_KNOWN,
-        last=first.last if same["last"] else None,
-        variables=common(state.variables for state in states),
-        armed=frozenset[tuple[int, int]]().union(*(state.armed for state in states)),
-    )

@@ -380,10 +380,10 @@ class Adjustable:
     reason: str
 
 
-Holding = Value | Lost | Adjustable
+AbstractValue = Value | Lost | Adjustable
 """What a variable holds."""
 
-Variables = Mapping[str, Holding]
+Variables = Mapping[str, AbstractValue]
 """Known values by key, see `Names.key`; an element has its index behind that: ``TOOL_DATA[3]``."""
 
 HERE = ("$POS_ACT", "$AXIS_ACT", "$POS_ACT_MES", "$AXIS_ACT_MES", "$AXIS_ACT_MEAS", "$POS_ACT_MEAS")
@@ -491,7 +491,7 @@ class Known:
             )
 
 
-def given_by(words: Sequence[Word], known: Known) -> Holding:
+def given_by(words: Sequence[Word], known: Known) -> AbstractValue:
     """What an expression gives."""
     try:
         value = evaluated(words, known)
@@ -504,7 +504,7 @@ def given_by(words: Sequence[Word], known: Known) -> Holding:
     return value
 
 
-def after_assignment(known: Known, line: Assignment, returned: Holding | None = None) -> Variables:
+def after_assignment(known: Known, line: Assignment, returned: AbstractValue | None = None) -> Variables:
     """Variables behind an assignment.
 
     Args:
@@ -533,7 +533,9 @@ def element_assigned(known: Known, line: Assignment) -> str | None:
         return None
 
 
-def _assigned(known: Known, line: Assignment, name: str, component: str, returned: Holding | None) -> Holding:
+def _assigned(
+    known: Known, line: Assignment, name: str, component: str, returned: AbstractValue | None
+) -> AbstractValue:
     """What a line makes of a variable or an element."""
     given = given_by(line.words, known) if returned is None else returned
     if isinstance(given, Lost):
@@ -589,7 +591,7 @@ def bound(known: Known, line: Iterable[tuple[str, tuple[Word, ...]]], names: Nam
     return variables
 
 
-def _as_declared(given: Holding, parameter: str, names: Names) -> Holding:
+def _as_declared(given: AbstractValue, parameter: str, names: Names) -> AbstractValue:
     """What a parameter holds that is given something."""
     if isinstance(given, Lost):
         return given
@@ -628,7 +630,7 @@ def common(states: Iterable[Variables]) -> Variables:
     return {k: v for k, v in first.items() if all(k in o and o[k] == v and type(o[k]) is type(v) for o in others)}
 
 
-def _without(variables: Variables, element: str) -> dict[str, Holding]:
+def _without(variables: Variables, element: str) -> dict[str, AbstractValue]:
     """Without a variable with all its elements, or one element."""
     out = dict(variables)
     array, bracket, _ = element.partition("[")
@@ -639,7 +641,7 @@ def _without(variables: Variables, element: str) -> dict[str, Holding]:
     return out
 
 
-def _holding(variables: Variables, element: str, value: Holding) -> Variables:
+def _holding(variables: Variables, element: str, value: AbstractValue) -> Variables:
     """Where a variable, or one element, holds a value."""
     out = _without(variables, element)
     out[element] = value

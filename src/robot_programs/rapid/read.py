@@ -9,17 +9,8 @@ from robot_programs.core.errors import FileError
 from robot_programs.core.program import Diagnostic, Program, Visit, Waypoint
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Source
-from robot_programs.rapid.flow import (
-    Findings,
-    Use,
-    changes,
-    effects_of,
-    follow_program,
-    is_late,
-    is_strange,
-    nested,
-    uses,
-)
+from robot_programs.rapid.changes import Use, changes, effects_of, is_late, is_strange, nested, uses
+from robot_programs.rapid.flow import Findings, follow_program
 from robot_programs.rapid.names import (
     BY_NAME,
     LATE,

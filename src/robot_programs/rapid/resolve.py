@@ -298,7 +298,7 @@ def _data(
             found = values.found(node, scope)
             if found.type != type_:
                 raise Unresolved(f"'{node.name.text}' is {found.type}, not {type_}")
-            declared = found.origin is not None and found.handed is None
+            declared = found.origin is not None and found.passed is None
             return file.source.text[node.start : node.end] if declared else found.name, found.value
         case Call():
             raise Unresolved(f"the value of {node.name.text}() is known only at run time")

@@ -15,7 +15,7 @@ from robot_programs.core.errors import InputError
 from robot_programs.core.program import MoveKind, Visit, Waypoint, reject_in_turn
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Edit, FreshNames, Place, Source
-from robot_programs.rapid.flow import Use, nested
+from robot_programs.rapid.changes import Use, nested
 from robot_programs.rapid.names import DATA, Context, File, Symbol
 from robot_programs.rapid.parse import RESERVED
 from robot_programs.rapid.resolve import NAMES, Motion
@@ -175,7 +175,7 @@ class Want:
     @property
     def replaceable(self) -> bool:
         """Whether the name of another target may stand where this one's does, as far as the motion goes."""
-        if self.target.handed is not None:
+        if self.target.passed is not None:
             return self.target.whole
         return self.motion.move.texts_motions == 1
 
@@ -250,7 +250,7 @@ class Sharing:
             if want.changes
             and want.target.origin is None
             and want.target.shifted
-            and want.target.root.handed is not None
+            and want.target.root.passed is not None
         ]
         for group in by_argument.values():
             yield from self._in_argument(group, followed, replaced)
@@ -267,7 +267,7 @@ class Sharing:
         for i, want in carried:
             base = want.carrier
             direct = [w for _, w in by_home.get(home_of(base), ()) if w.changes and not w.target.shifted]
-            if base.handed is not None:
+            if base.passed is not None:
                 direct = [w for w in direct if w.target.argument is base.argument]
             T = want.target.carried(direct[0].T if direct else base.T)
             off = float(np.linalg.norm(T[:3, 3] - want.T[:3, 3]))
@@ -277,9 +277,9 @@ class Sharing:
             else:
                 why = f"goes with the target that it shifts, and would be {off * 1e3:.3f} mm and {math.degrees(turned):.3f}° off"
                 lost.append((i, why))
-                stuck.add((base.argument if base.handed else None, home_of(base)))
+                stuck.add((base.argument if base.passed else None, home_of(base)))
         followed = [
-            w for w in followed if (w.carrier.argument if w.carrier.handed else None, home_of(w.carrier)) not in stuck
+            w for w in followed if (w.carrier.argument if w.carrier.passed else None, home_of(w.carrier)) not in stuck
         ]
         return followed, lost
 
@@ -311,7 +311,7 @@ class Sharing:
             if not all(want.agrees(same[0][1]) for _, want in same):
                 yield from _all_of(same, f"has its target in common with {_places(same)}, which need other numbers")
         first = group[0][1]
-        if first.target.handed is None:
+        if first.target.passed is None:
             computed = first.target.literal is None or first.target.shifted
             if computed and len({i for i, _ in group}) > 1 and len(of_home) > 1:
                 yield from _all_of(
@@ -329,12 +329,12 @@ class Sharing:
         """What reads a parameter beside the motions that go to it."""
         argument = group[0][1].target.argument
         known = {(w.motion.file, w.target.read_at) for w in followed if w.carrier.argument is argument}
-        parameters: set[Symbol] = set()
+        parameters: dict[Symbol, None] = {}
         for _, want in group:
-            handed = want.target.handed
-            if handed is not None:
-                known |= {*handed.reads, (want.motion.file, want.target.read_at)}
-                parameters |= set(handed.parameters)
+            passed = want.target.passed
+            if passed is not None:
+                known |= {*passed.reads, (want.motion.file, want.target.read_at)}
+                parameters |= dict.fromkeys(passed.parameters)
         uses = (use for symbol in parameters for use in self.uses.get(symbol, ()))
         return next((u for u in uses if (u.file, u.start) not in known and not _is_in(u, replaced)), None)
 
@@ -392,7 +392,7 @@ def _places(group: Iterable[tuple[int, Want]]) -> str:
     places: dict[str, None] = {}
     for _, want in group:
         places[str(want.motion.move.place)] = None
-        if want.target.handed is not None:
+        if want.target.passed is not None:
             places[str(want.target.argument_file.source.place(want.target.argument.start))] = None
     shown = list(places)[:4]
     return ", ".join(shown) + (" …" if len(places) > len(shown) else "")
@@ -501,7 +501,7 @@ class _RoutineText:
         given = None
         if i is not None:
             root = self.motions[i].end.root
-            given = None if root.handed is None else root.handed.argument
+            given = None if root.passed is None else root.passed.argument
             if root.origin is not None:  # the index of an element is known, which the text may not state
                 own = root.origin
                 names = frozenset((s, own.path if path is None and s is own.symbol else path) for s, path in names)

@@ -13,8 +13,8 @@ from robot_programs.core.robot import Robot
 from robot_programs.rapid.names import File, Scope, Value
 from robot_programs.rapid.syntax import Aggregate, Argument, Call, Expression, Number, Reference
 from robot_programs.rapid.values import (
-    Handed,
     Origin,
+    PassedArgument,
     Values,
     numbers,
     parts,
@@ -149,7 +149,7 @@ class TargetArgument:
     """File of the numbers."""
     shifted: bool
     """Offs or RelTool is around it, or it is computed or assigned: its numbers are not those of the literal."""
-    handed: Handed | None = None
+    passed: PassedArgument | None = None
     """How a routine is given it by the call in which the argument stands; None where that is the motion's own."""
     read_at: int = 0
     """First character of what the motion reads of a parameter."""
@@ -249,24 +249,24 @@ def _named(
         raise Unresolved(f"'{node.name.text}' is {found.type}, not {type_}")
     meant, external = _numbers(found.value, type_, f"'{found.name}'")
     literal = _literal(found.literal, type_) if isinstance(found.literal, Aggregate) else None
-    handed, origin = found.handed, found.origin
+    passed, origin = found.passed, found.origin
     target = TargetArgument(
         argument=argument, argument_file=file, type=type_, origin=origin, literal=literal, file=file,
         shifted=origin is None and literal is None, meant=meant, external=external,
     )  # fmt: skip
     if origin is not None:
         target = replace(target, file=origin.symbol.file or file)
-    if handed is None:
+    if passed is None:
         return target
-    given = handed.argument.value
+    given = passed.argument.value
     own = len(given.selectors) if isinstance(given, Reference) else 0
     return replace(
         target,
-        argument=handed.argument,
-        argument_file=handed.file,
-        file=handed.file if origin is None else target.file,
+        argument=passed.argument,
+        argument_file=passed.file,
+        file=passed.file if origin is None else target.file,
         shifted=False,
-        handed=handed,
+        passed=passed,
         read_at=node.start,
         whole=not node.selectors and (origin is None or len(origin.selectors) == own),
     )
@@ -283,9 +283,9 @@ def _shifted(call: Call, argument: Argument, scope: Scope, values: Values, file:
     T = shifted(call.name.text, inner.T, by, {name: values.number(node, scope) for name, node in options.items()})
     base = inner
     if (
-        inner.handed is not None
+        inner.passed is not None
     ):  # what the call gives is read for other numbers than these, which the motion has to state
-        inner = replace(inner, argument=argument, argument_file=file, origin=None, literal=None, file=file, handed=None)
+        inner = replace(inner, argument=argument, argument_file=file, origin=None, literal=None, file=file, passed=None)
     meant = (*pose_numbers(T), *inner.meant[7:])
     return replace(
         inner, shifted=True, meant=meant, base=base, along_part=call.name.key == "offs", read_at=required[0].start

@@ -4,11 +4,12 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import Self
 
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core import se3
+from robot_programs.core import flow, se3
 from robot_programs.core.program import Frame, Unresolved, rotation
 from robot_programs.rapid.names import File, Scope, Symbol, Value
 from robot_programs.rapid.syntax import (
@@ -438,11 +439,11 @@ class Origin:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Handed:
+class PassedArgument:
     """How a parameter got what it holds: the argument of a call, and how that is read on the way to where it is used."""
 
     argument: Argument
-    """Of the first call, where what is handed on is written."""
+    """Of the first call, where what is passed on is written."""
     file: File
     """Of that call."""
     origin: Origin | None
@@ -461,24 +462,24 @@ class Handed:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Held:
+class AbstractValue:
     """What data hold."""
 
     value: Value
     """Of no meaning where it is the declared one."""
     declared: bool = False
     """It is the value of their declaration, which still stands."""
-    handed: Handed | None = None
+    passed: PassedArgument | None = None
     """How a parameter got it."""
     name: str = ""
     """Of the data whose value it is, where it was assigned as a whole; empty otherwise."""
     settable: bool = False
     """It comes from persistent data, which an operator may set by hand: nothing is decided by it."""
 
-    def agrees(self, other: "Held") -> bool:
+    def agrees(self, other: "AbstractValue") -> bool:
         """Whether two hold the same from the same place."""
-        source = None if self.handed is None else self.handed.source
-        others = None if other.handed is None else other.handed.source
+        source = None if self.passed is None else self.passed.source
+        others = None if other.passed is None else other.passed.source
         mine = (self.declared, self.name, source, self.settable)
         same = mine == (other.declared, other.name, others, other.settable)
         return self is other or (same and identical(self.value, other.value))
@@ -491,68 +492,53 @@ def identical(a: Value, b: Value) -> bool:
     return type(a) is type(b) and a == b
 
 
-Variables = Mapping[Symbol, Held]
+Variables = Mapping[Symbol, AbstractValue]
 """What is known of variables; those that are missing hold their declared value, or nobody knows what."""
-
-Before = frozenset[int | None]
-"""Numbers of the motions that may have been the last one, None for any; empty where control does not come."""
-
-ANY: Before = frozenset([None])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class State:
+class State(flow.State):
     """What holds at a place of a program."""
 
-    before: Before
-    variables: Variables = field(default_factory=dict[Symbol, Held])
+    variables: Variables = field(default_factory=dict[Symbol, AbstractValue])
 
-    @property
-    def reached(self) -> bool:
-        """Whether control comes there."""
-        return bool(self.before)
-
-    def behind(self, *before: int | None) -> "State":
-        """The same behind other motions."""
-        return replace(self, before=frozenset(before))
-
-    def forgotten(self, symbols: Iterable[Symbol]) -> "State":
+    def forgotten(self, symbols: Iterable[Symbol]) -> Self:
         """Where some data may hold anything."""
         lost = self.variables.keys() & set(symbols)
         if not lost:
             return self
         return replace(self, variables={k: v for k, v in self.variables.items() if k not in lost})
 
-    def holding(self, held: Variables) -> "State":
+    def holding(self, values: Variables) -> Self:
         """Where some data hold something else."""
-        return replace(self, variables={**self.variables, **held}) if held else self
+        return replace(self, variables={**self.variables, **values}) if values else self
+
+    def joined(self, others: Sequence[Self], why: str) -> Self:
+        """What holds behind any of several ways; see `flow.State.joined`."""
+        last = self.last if all(other.last == self.last for other in others) else None
+        if all(other.variables is self.variables for other in others):
+            return replace(self, last=last)
+        return replace(self, last=last, variables=dict(_common(self, others)))
+
+    def agrees(self, other: Self) -> bool:
+        """Whether the same holds."""
+        if (self.reached, self.last, self.variables.keys()) != (other.reached, other.last, other.variables.keys()):
+            return False
+        return all(value.agrees(other.variables[symbol]) for symbol, value in self.variables.items())
 
 
-NOWHERE = State(before=frozenset())
+NOWHERE = State(reached=False)
 """Where control does not come."""
 
 
-def merged(states: Iterable[State]) -> State:
-    """What holds after any of some ways through the program."""
-    ways = [state for state in states if state.reached]
-    if not ways:
-        return NOWHERE
-    first, *others = ways
-    before = first.before.union(*(way.before for way in others))
-    if all(way.variables is first.variables for way in others):
-        return replace(first, before=before)
-    return State(before=before, variables=dict(_common(first, others)))
-
-
-def _common(first: State, others: Iterable[State]) -> Iterator[tuple[Symbol, Held]]:
-    others = tuple(others)
-    for symbol, held in first.variables.items():
+def _common(first: State, others: Sequence[State]) -> Iterator[tuple[Symbol, AbstractValue]]:
+    for symbol, value in first.variables.items():
         there = [other.variables.get(symbol) for other in others]
-        if all(other is not None and held.agrees(other) for other in there):
-            yield symbol, held
-        elif all(other is not None and identical(held.value, other.value) for other in there):
-            settable = held.settable or any(other.settable for other in there if other is not None)
-            yield symbol, Held(value=held.value, settable=settable)
+        if all(other is not None and value.agrees(other) for other in there):
+            yield symbol, value
+        elif all(other is not None and identical(value.value, other.value) for other in there):
+            settable = value.settable or any(other.settable for other in there if other is not None)
+            yield symbol, AbstractValue(value=value.value, settable=settable)
 
 
 CHAIN = 100
@@ -570,7 +556,7 @@ class Found:
     type: str
     origin: Origin | None
     """Where it is declared; None where it was assigned or computed."""
-    handed: Handed | None
+    passed: PassedArgument | None
     """How the parameter got it that the reference names; None where it names none, or what it holds was assigned to it."""
     literal: Expression | None
     """What holds it in the text: of its declaration, or of the argument that a parameter was given."""
@@ -584,7 +570,7 @@ class Values:
 
     assigned: Mapping[Symbol, str]
     """How, for each symbol: "is assigned to in part.mod:4"."""
-    variables: Variables = field(default_factory=dict[Symbol, Held])
+    variables: Variables = field(default_factory=dict[Symbol, AbstractValue])
     """What the flow of the program tells of variables and parameters at the place where values are read."""
     _known: dict[Expression, Value] = field(default_factory=dict[Expression, Value])
     """Values of what is declared, so that each is computed once."""
@@ -665,12 +651,12 @@ class Values:
                 symbol=symbol, path=path, type=type_, node=_written_at(symbol, path), selectors=reference.selectors
             )
             value = self._declared(origin, depth)
-            return Found(value=value, type=type_, origin=origin, handed=None, literal=origin.node, name=origin.name)
+            return Found(value=value, type=type_, origin=origin, passed=None, literal=origin.node, name=origin.name)
         value = _component(held.value, path, symbol)
-        if held.handed is None:
+        if held.passed is None:
             name = held.name if held.name and not path else symbol.name
-            return Found(value=value, type=type_, origin=None, handed=None, literal=None, name=name)
-        return _through(held.handed, value, path, type_, reference)
+            return Found(value=value, type=type_, origin=None, passed=None, literal=None, name=name)
+        return _through(held.passed, value, path, type_, reference)
 
     def origin(self, reference: Reference, scope: Scope, depth: int = 0) -> Origin:
         """Where the value of a reference is declared.
@@ -770,9 +756,9 @@ def _component(value: Value, path: tuple[int, ...], symbol: Symbol) -> Value:
     return value
 
 
-def _through(handed: Handed, value: Value, path: tuple[int, ...], type_: str, reference: Reference) -> Found:
+def _through(passed: PassedArgument, value: Value, path: tuple[int, ...], type_: str, reference: Reference) -> Found:
     """What a reference to a parameter stands for, whose argument is written in a call."""
-    literal, origin = _inside(handed.literal, path), handed.origin
+    literal, origin = _inside(passed.literal, path), passed.origin
     if origin is not None:
         origin = replace(
             origin,
@@ -783,7 +769,7 @@ def _through(handed: Handed, value: Value, path: tuple[int, ...], type_: str, re
         )
         literal = origin.node
     name = reference.name.text if origin is None else origin.name
-    return Found(value=value, type=type_, origin=origin, handed=handed, literal=literal, name=name)
+    return Found(value=value, type=type_, origin=origin, passed=passed, literal=literal, name=name)
 
 
 # The text of RAPID numbers, which the controller keeps in single precision.

@@ -1,0 +1,648 @@
+"""Which statements of a RAPID program move the robot, which routines they call, and which data they name and may change."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from robot_programs.core.flow import with_called
+from robot_programs.core.program import Unresolved
+from robot_programs.rapid.names import (
+    CHANGING,
+    FUNCTIONS,
+    INSTRUCTIONS,
+    LATE,
+    MOTIONLESS,
+    MOVING,
+    RETURNING,
+    SOFTENING,
+    STIFFENING,
+    SYSTEM_MOTION,
+    Context,
+    File,
+    Scope,
+    Symbol,
+)
+from robot_programs.rapid.parse import RESERVED
+from robot_programs.rapid.resolve import CHANGED_BY, MOTION_FORMS, ONLY_EXTERNAL
+from robot_programs.rapid.syntax import (
+    Aggregate,
+    Argument,
+    Assignment,
+    Branches,
+    Call,
+    Expression,
+    Index,
+    Instruction,
+    Label,
+    Leave,
+    Loop,
+    Operation,
+    Parameter,
+    Reference,
+    Routine,
+    Statement,
+    Token,
+    Unparsed,
+    parts,
+)
+from robot_programs.rapid.values import Values
+
+# Which statements of a routine move the robot, and which call what.
+
+
+def nested(block: Iterable[Statement]) -> Iterator[Statement]:
+    """Some statements and all that stand in them."""
+    for statement in block:
+        yield statement
+        match statement:
+            case Branches():
+                for branch in statement.branches:
+                    yield from nested(branch)
+            case Loop():
+                yield from nested(statement.body)
+            case _:
+                pass
+
+
+def is_read(instruction: Instruction, scope: Scope) -> bool:
+    """Whether an instruction is one of the system's motions that are read."""
+    return instruction.name.key in MOTION_FORMS and instruction.name.key not in scope.routines
+
+
+def is_motion(instruction: Instruction, scope: Scope) -> bool:
+    """Whether an instruction moves the robot by itself: one of the system's, or one that is given a target."""
+    key = instruction.name.key
+    if key in MOTIONLESS or key in scope.routines:
+        return False
+    return key.startswith(MOVING) or gets_target(instruction, scope)
+
+
+def gets_target(instruction: Instruction, scope: Scope) -> bool:
+    """Whether some argument of an instruction is a target."""
+    return any(a.value is not None and _is_target(a.value, scope) for a in instruction.arguments)
+
+
+def _is_target(node: Expression, scope: Scope) -> bool:
+    match node:
+        case Call():
+            return node.name.key in ("offs", "reltool")
+        case Reference():
+            try:
+                symbol = scope.find(node.name.text)
+            except Unresolved:
+                return False
+            return symbol is not None and symbol.type in ("robtarget", "jointtarget")
+        case _:
+            return False
+
+
+def moves(block: Iterable[Statement], scope: Scope) -> bool:
+    """Whether some statement may move the robot, or be reached from elsewhere."""
+    for statement in block:
+        match statement:
+            case Instruction():
+                key = statement.name.key
+                if key not in MOTIONLESS or key in scope.routines or _arguments_call(statement.arguments, scope):
+                    return True
+            case Assignment():
+                if calls(statement.value, scope):
+                    return True
+            case Branches():
+                if any(calls(c, scope) for c in statement.conditions):
+                    return True
+                if any(moves(branch, scope) for branch in statement.branches):
+                    return True
+            case Loop():
+                if any(calls(c, scope) for c in statement.conditions) or moves(statement.body, scope):
+                    return True
+            case Leave():
+                if statement.value is not None and calls(statement.value, scope):
+                    return True
+            case Label() | Unparsed():
+                return True
+    return False
+
+
+def _arguments_call(arguments: Iterable[Argument], scope: Scope) -> bool:
+    return any(a.value is not None and calls(a.value, scope) for a in arguments)
+
+
+def calls(node: Expression, scope: Scope) -> bool:
+    """Whether an expression calls a function that may move the robot."""
+    return any(
+        isinstance(part, Call) and (part.name.key in scope.routines or part.name.key not in FUNCTIONS)
+        for part in parts(node)
+    )
+
+
+def returns_values(node: Expression) -> bool:
+    """Whether a function of the system in an expression changes what it is given."""
+    return any(
+        isinstance(part, Call) and (part.name.key in CHANGING or any(a.option in RETURNING for a in part.arguments))
+        for part in parts(node)
+    )
+
+
+ANY_ROUTINE = Routine(
+    start=0, end=0, name=Token("name", "", "", 0), kind="proc", local=False, parameters=(), declarations=(), body=(), handlers=(),
+)  # fmt: skip
+"""Stands for the routine that is called by a name that is not known, which may be any."""
+
+
+def may_call(block: Iterable[Statement], scope: Scope) -> frozenset[Routine]:
+    """Routines that some statements call, as `called`, and `ANY_ROUTINE` where one is called by a name that is not known."""
+    block = tuple(block)
+    late = any(isinstance(s, Instruction) and is_late(s, scope) for s in nested(block))
+    return frozenset(called(block, scope)) | ({ANY_ROUTINE} if late else frozenset[Routine]())
+
+
+def is_late(instruction: Instruction, scope: Scope) -> bool:
+    """Whether an instruction calls a procedure by a name that only the running program knows."""
+    return instruction.name.key in LATE and instruction.name.key not in scope.routines
+
+
+def called(block: Iterable[Statement], scope: Scope) -> Iterator[Routine]:
+    """Routines of the files that some statements may call, those in text that was not understood included."""
+    for statement in nested(block):
+        match statement:
+            case Instruction():
+                yield from scope.routines.get(statement.name.key, ())
+                for argument in statement.arguments:
+                    yield from _called_by(argument.value, scope)
+            case Assignment():
+                yield from _called_by(statement.target, scope)
+                yield from _called_by(statement.value, scope)
+            case Branches() | Loop():
+                for condition in statement.conditions:
+                    yield from _called_by(condition, scope)
+            case Leave():
+                yield from _called_by(statement.value, scope)
+            case Unparsed():
+                for token in statement.tokens:
+                    if token.kind == "name":
+                        yield from scope.routines.get(token.key, ())
+            case _:
+                pass
+
+
+def _called_by(node: Expression | None, scope: Scope) -> Iterator[Routine]:
+    for part in () if node is None else parts(node):
+        if isinstance(part, Call):
+            yield from scope.routines.get(part.name.key, ())
+
+
+# What an instruction, a function, or text that was not understood may change.
+
+MayChange = Callable[[str, str], bool]
+"""Whether an instruction or a function, by its key, may change data of a type that it is given."""
+
+_DECLARING = frozenset({"const", "pers", "var", "inout", "for"})
+"""Words behind which a name is declared."""
+
+_ASKING = frozenset({"if", "elseif", "while", "test", "case", "from", "to", "step", "return", "raise", "goto", "with"})
+"""Words behind which a value or a name is read, while a statement may begin behind other reserved words."""
+
+_BETWEEN = frozenset({"and", "or", "xor", "not", "div", "mod"})
+"""Operators that are words."""
+
+
+_CALIBRATING = ("mtool", "wobjcalib")
+"""How instructions begin that change a tool or a work object."""
+
+
+def instruction_may_change(instruction: str, type_: str) -> bool:
+    """Whether an instruction may change data of a type that it is given.
+
+    The system's motions take tools and work objects as persistent data, so that these could be changed, but are not; what
+    searches or calibrates says so in its name. A routine that is not in the files may change all that it is given.
+    """
+    if instruction.startswith(_CALIBRATING) or instruction in CHANGING:
+        return True
+    if type_ in ("tooldata", "wobjdata"):
+        return instruction not in INSTRUCTIONS and SYSTEM_MOTION.fullmatch(instruction) is None
+    moves = instruction in MOTION_FORMS or instruction == ONLY_EXTERNAL
+    return instruction not in MOTIONLESS and (not moves or instruction in CHANGED_BY)
+
+
+def function_may_change(function: str, type_: str) -> bool:
+    """Whether a function may change data that it is given, of any type."""
+    return function not in FUNCTIONS or function in CHANGING
+
+
+def is_strange(called: str, scope: Scope) -> bool:
+    """Whether an instruction or a function, by its key, is neither of the system nor of the files."""
+    if called in scope.routines or called in INSTRUCTIONS or called in FUNCTIONS or called in CHANGING:
+        return False
+    return SYSTEM_MOTION.fullmatch(called) is None and not called.startswith(_CALIBRATING)
+
+
+def type_of(name: str, scope: Scope) -> str:
+    """Type of the data of a name; empty where it is not known."""
+    try:
+        symbol = scope.find(name)
+    except Unresolved:
+        return ""
+    return symbol.type if symbol else ""
+
+
+def names_in_unparsed_text(
+    tokens: Sequence[Token], scope: Scope, instruction: MayChange, function: MayChange
+) -> Iterator[tuple[Token, bool]]:
+    """Names in text that was not understood, and whether their data may change there.
+
+    They may where an assignment follows, at the beginning of a statement, where they are declared, and behind an instruction
+    or a function that may change what it is given. Where two values stand side by side, without a comma or an operator
+    between them, a statement is taken to begin: its semicolon is what may be missing.
+
+    Args:
+        tokens: the text.
+        scope: what names mean in it.
+        instruction: whether an instruction may change what it is given.
+        function: the same of functions.
+    """
+    assigned = _assigned_by_change(tokens)
+    callers: set[tuple[MayChange, str]] = set()
+    begins, declares, valued = True, False, False
+    for i, token in enumerate(tokens):
+        behind = tokens[i + 1] if i + 1 < len(tokens) else None
+        if token.kind == "name" and token.key in RESERVED:
+            valued = token.key in ("true", "false")
+            if not valued and token.key not in _BETWEEN:
+                callers, begins, declares = set(), token.key not in _ASKING, token.key in _DECLARING
+            continue
+        if token.kind != "name":
+            if begins:  # no known statement begins so, and a procedure may be called by the value of a string
+                callers = {(instruction, "")}
+            begins, declares = token.key == ";", False
+            callers = set() if begins else callers
+            valued = token.kind in ("number", "text") or token.key in ("]", ")", "}")
+            continue
+        if i and tokens[i - 1].key in ("\\", ".") and not _is_value(behind):
+            valued, begins = True, False
+            continue
+        data = _is_data(token, scope)
+        if not data and behind is not None and behind.key == "(":
+            callers.add((function, token.key))
+        elif not data and not declares and (begins or valued or _is_value(behind)):
+            callers, begins, valued = {(instruction, token.key)}, False, False
+            continue
+        type_ = type_of(token.text, scope)
+        given = any(may_change(key, type_) for may_change, key in callers)
+        yield token, begins or declares or given or i in assigned
+        begins, valued = False, True
+
+
+def _is_data(token: Token, scope: Scope) -> bool:
+    try:
+        return scope.find(token.text) is not None
+    except Unresolved:
+        return True
+
+
+def _is_value(token: Token | None) -> bool:
+    """Whether a value begins with a token."""
+    if token is None:
+        return False
+    return token.key == "[" or token.kind in ("number", "text") or (token.kind == "name" and token.key not in RESERVED)
+
+
+def _assigned_by_change(tokens: Sequence[Token]) -> frozenset[int]:
+    """Which tokens are names that ``:=`` follows, behind their components and indices."""
+    names: set[int] = set()
+    name: int | None = None
+    outside: list[int | None] = []
+    for i, token in enumerate(tokens):
+        match token.key:
+            case ":=" if name is not None:
+                names.add(name)
+                name = None
+            case "{":
+                outside.append(name)
+                name = None
+            case "}" if outside:
+                name = outside.pop()
+            case ";":
+                outside, name = [], None
+            case ".":
+                pass
+            case _ if token.kind == "name" and i and tokens[i - 1].key == ".":
+                pass
+            case _ if token.kind == "name" and not (i and tokens[i - 1].key == "\\"):
+                name = i
+            case _:
+                name = None
+    return frozenset(names)
+
+
+# Where a program names its data, and where it may change them.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mention:
+    """A reference to data."""
+
+    reference: Reference
+    scope: Scope
+    file: File
+    changes: bool
+    """The value may change here."""
+    unparsed: Unparsed | None = None
+    """The text that was not understood, where it stands in such."""
+    lent_to: str = ""
+    """The routine that is not in the files, to which it gives a tool or a work object; empty otherwise."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Use:
+    """A reference to data, with what it covers."""
+
+    file: File
+    start: int
+    """First character of the reference."""
+    path: tuple[int, ...] | None
+    """The component or element; None where that is not known."""
+    type: str = ""
+    """Of what it covers, in lower case; empty where that is not known."""
+
+    def overlaps(self, path: tuple[int, ...]) -> bool:
+        """Whether it reads any of what stands at a path of the data."""
+        return self.path is None or all(a == b for a, b in zip(self.path, path, strict=False))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Changes:
+    """What a program changes of its data."""
+
+    assigned: Mapping[Symbol, str]
+    """How each variable is assigned to first, as "is assigned to in part.mod:4"; those that keep their value are missing."""
+    parameters: frozenset[tuple[str, str]]
+    """Keys of routines and of those of their parameters that they assign to."""
+    lent: Mapping[Routine, Mapping[Symbol, str]] = field(default_factory=dict[Routine, Mapping[Symbol, str]])
+    """How each routine gives tools and work objects to routines that are not in the files, which may change them."""
+
+
+def changes(everywhere: Iterable[Context]) -> Changes:
+    """What a program changes of its data."""
+    everywhere = tuple(everywhere)
+    assigned: dict[Symbol, str] = {}
+    lent: dict[Routine, dict[Symbol, str]] = {}
+    parameters: frozenset[tuple[str, str]] = frozenset()
+    while True:
+        more: set[tuple[str, str]] = set()
+        for context in everywhere:
+            for mention in mentions([context], parameters):
+                symbol = symbol_of(mention) if mention.changes else None
+                if symbol is None:
+                    continue
+                if symbol.declaration is not None and symbol.declaration.storage != "const":
+                    routine = context.routine
+                    own = lent.setdefault(routine, {}) if mention.lent_to and routine is not None else assigned
+                    own.setdefault(symbol, _assignment(mention))
+                elif symbol.parameter_of:
+                    more.add((symbol.parameter_of, symbol.name.lower()))
+        if more <= parameters:
+            return Changes(assigned=assigned, parameters=parameters, lent=lent)
+        parameters |= more  # what is passed to these changes too
+
+
+def uses(everywhere: Iterable[Context], values: Values) -> Mapping[Symbol, tuple[Use, ...]]:
+    """All references to each piece of data and each parameter."""
+    uses_of: dict[Symbol, list[Use]] = {}
+    for mention in mentions(everywhere):
+        symbol = symbol_of(mention)
+        if symbol is None or not (symbol.declaration or symbol.parameter_of):
+            continue
+        try:
+            path, type_ = values.path(mention.reference, symbol, mention.scope)
+        except Unresolved:
+            path, type_ = None, symbol.type
+        use = Use(file=mention.file, start=mention.reference.start, path=path, type=type_)
+        uses_of.setdefault(symbol, []).append(use)
+    return {key: tuple(value) for key, value in uses_of.items()}
+
+
+def _assignment(mention: Mention) -> str:
+    source = mention.file.source
+    place = source.place(mention.reference.start)
+    if mention.lent_to:
+        late = mention.lent_to == LATE[0]
+        by = "the procedure that is called by name" if late else f"{mention.lent_to}, which is not in the files given,"
+        return f"may be changed by {by} in {place}"
+    if mention.unparsed is None:
+        return f"is assigned to in {place}"
+    return f"may be assigned to in {place}, which is not understood ({mention.unparsed.trouble(source)})"
+
+
+def symbol_of(mention: Mention) -> Symbol | None:
+    """What a reference stands for; None where that is not known."""
+    try:
+        return mention.scope.find(mention.reference.name.text)
+    except Unresolved:
+        return None
+
+
+def mentions_in(
+    block: Iterable[Statement], scope: Scope, file: File, changed: frozenset[tuple[str, str]]
+) -> Iterator[Mention]:
+    """Every reference to data in some statements; see `mentions`."""
+    return _Walker(file, changed).statements(block, scope)
+
+
+def mentions(everywhere: Iterable[Context], changed: frozenset[tuple[str, str]] = frozenset()) -> Iterator[Mention]:
+    """Every reference to data in modules and routines.
+
+    Args:
+        everywhere: modules and routines.
+        changed: keys of routines and of those of their parameters that they change.
+    """
+    for context in everywhere:
+        walker = _Walker(context.file, changed)
+        for symbol in context.declared:
+            if symbol.declaration is not None and symbol.declaration.value is not None:
+                yield from walker.read(symbol.declaration.value, context.scope)
+        if context.routine is None:
+            for unparsed in context.module.unparsed:
+                yield from walker.unparsed(unparsed, context.scope)
+        else:
+            for block in (context.routine.body, *context.routine.handlers):
+                yield from walker.statements(block, context.scope)
+
+
+class _Walker:
+    """Finds the references in a file."""
+
+    def __init__(self, file: File, changed: frozenset[tuple[str, str]]):
+        self.file, self.changed = file, changed
+
+    def mention(self, reference: Reference, scope: Scope, changes: bool, *, lent_to: str = "") -> Iterator[Mention]:
+        yield Mention(reference=reference, scope=scope, file=self.file, changes=changes, lent_to=lent_to)
+        for selector in reference.selectors:
+            if isinstance(selector, Index):
+                for item in selector.items:
+                    yield from self.read(item, scope)
+
+    def statements(self, block: Iterable[Statement], scope: Scope) -> Iterator[Mention]:
+        for statement in block:
+            match statement:
+                case Instruction():
+                    yield from self.arguments(statement.arguments, statement.name, instruction_may_change, scope)
+                case Assignment():
+                    yield from self.mention(statement.target, scope, True)
+                    yield from self.read(statement.value, scope)
+                case Branches():
+                    for condition in statement.conditions:
+                        yield from self.read(condition, scope)
+                    for branch in statement.branches:
+                        yield from self.statements(branch, scope)
+                case Loop():
+                    for condition in statement.conditions:
+                        yield from self.read(condition, scope)
+                    yield from self.statements(statement.body, scope.with_counter(statement.counter))
+                case Leave() if statement.value is not None:
+                    yield from self.read(statement.value, scope)
+                case Unparsed():
+                    yield from self.unparsed(statement, scope)
+                case _:
+                    pass
+
+    def unparsed(self, unparsed: Unparsed, scope: Scope) -> Iterator[Mention]:
+        """Names in text that was not understood."""
+
+        def given(otherwise: MayChange) -> MayChange:
+            def may_change(key: str, type_: str) -> bool:
+                if key not in scope.routines:
+                    return otherwise(key, type_)
+                return any(self.sets(key, p) for routine in scope.routines[key] for p in routine.parameters)
+
+            return may_change
+
+        may_change = given(instruction_may_change), given(function_may_change)
+        for token, changes in names_in_unparsed_text(unparsed.tokens, scope, *may_change):
+            reference = Reference(start=token.start, end=token.end, name=token, selectors=())
+            yield Mention(reference=reference, scope=scope, file=self.file, changes=changes, unparsed=unparsed)
+
+    def arguments(
+        self, arguments: Iterable[Argument], name: Token, may_change: MayChange, scope: Scope
+    ) -> Iterator[Mention]:
+        """References in the arguments of an instruction or a function."""
+        key = name.key
+        routines = scope.routines.get(key, ())  # several of one name: what any of them does
+        required = [iter([p for p in routine.parameters if not p.optional]) for routine in routines]
+        for argument in arguments:
+            parameters = [
+                _option(routine, argument.option) if argument.option else next(own, None)
+                for routine, own in zip(routines, required, strict=True)
+            ]
+            match argument.value:
+                case None:
+                    pass
+                case Reference() as reference if parameters and None not in parameters:
+                    changes = any(p is not None and self.sets(key, p) for p in parameters)
+                    yield from self.mention(reference, scope, changes)
+                case Reference() as reference:
+                    type_ = type_of(reference.name.text, scope)
+                    changes = may_change(key, type_) or argument.option in RETURNING
+                    lent = changes and type_ in ("tooldata", "wobjdata") and is_strange(key, scope)
+                    yield from self.mention(reference, scope, changes, lent_to=name.text if lent else "")
+                case value:
+                    yield from self.read(value, scope)
+
+    def sets(self, key: str, parameter: Parameter) -> bool:
+        """Whether a routine changes what it is given for a parameter."""
+        return parameter.changed and (key, parameter.name.key) in self.changed
+
+    def read(self, expression: Expression, scope: Scope) -> Iterator[Mention]:
+        match expression:
+            case Reference():
+                yield from self.mention(expression, scope, False)
+            case Aggregate() if not expression.is_plain:
+                for item in expression.items:
+                    yield from self.read(item, scope)
+            case Operation():
+                for operand in expression.operands:
+                    yield from self.read(operand, scope)
+            case Call():
+                arguments = expression.arguments
+                if expression.name.key == "dim" and "dim" not in scope.routines:
+                    arguments = arguments[1:]  # it reads how many elements there are, not what they hold
+                yield from self.arguments(arguments, expression.name, function_may_change, scope)
+            case _:
+                pass
+
+
+def _option(routine: Routine, name: str) -> Parameter | None:
+    return next((p for p in routine.parameters if p.name.key == name), None)
+
+
+# Which data statements and routines of a program may change.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Effects:
+    """What may change where."""
+
+    changes: Changes
+    of_routine: Mapping[Routine, frozenset[Symbol]]
+    """Data that a routine may change, by itself or by those that it calls."""
+    volatile: frozenset[Symbol]
+    """Data that may change at any time: in a trap, or where an error is handled."""
+    _of_statement: dict[Statement, frozenset[Symbol]] = field(default_factory=dict[Statement, frozenset[Symbol]])
+    _sets: dict[frozenset[Symbol], frozenset[Symbol]] = field(
+        default_factory=dict[frozenset[Symbol], frozenset[Symbol]]
+    )
+    """Each set once: those of most statements are alike."""
+
+    def of(self, statement: Statement, scope: Scope, file: File) -> frozenset[Symbol]:
+        """Data that a statement may change, with all that stands in it and all that it calls."""
+        if statement not in self._of_statement:
+            own = _changed([statement], scope, file, self.changes)
+            others = (self.of_routine.get(routine, frozenset[Symbol]()) for routine in may_call([statement], scope))
+            changed = own.union(*others)
+            self._of_statement[statement] = self._sets.setdefault(changed, changed)
+        return self._of_statement[statement]
+
+    def of_arguments(self, statement: Statement, scope: Scope, file: File) -> frozenset[Symbol]:
+        """Data that a call may change by the parameters that it is given."""
+        return _changed([statement], scope, file, self.changes)
+
+
+def effects_of(everywhere: Iterable[Context], changes: Changes) -> Effects:
+    """What the routines of a program may change."""
+    own: dict[Routine, tuple[frozenset[Symbol], frozenset[Routine]]] = {}
+    handled: dict[Routine, tuple[frozenset[Symbol], frozenset[Routine]]] = {}
+    for context in everywhere:
+        routine = context.routine
+        if routine is None:
+            continue
+        handlers = [statement for handler in routine.handlers for statement in handler]
+        handled[routine] = _own(handlers, context, changes)
+        own[routine] = _own([*routine.body, *handlers], context, changes)
+    own[ANY_ROUTINE] = frozenset[Symbol](), frozenset(own)
+    of_routine = with_called(own)
+    volatile = set[Symbol]()
+    for routine, (changed, calls) in handled.items():
+        volatile |= changed.union(*(of_routine[other] for other in calls))
+        if routine.kind == "trap":
+            volatile |= of_routine[routine]
+    return Effects(changes=changes, of_routine=of_routine, volatile=frozenset(volatile))
+
+
+def _own(
+    block: Iterable[Statement], context: Context, changes: Changes
+) -> tuple[frozenset[Symbol], frozenset[Routine]]:
+    block = tuple(block)
+    changed = _changed(block, context.scope, context.file, changes)
+    return changed, may_call(block, context.scope)
+
+
+SOFT = Symbol(name="SoftAct", type="bool")
+"""Whether a servo gives way."""
+
+
+def _changed(block: Iterable[Statement], scope: Scope, file: File, changes: Changes) -> frozenset[Symbol]:
+    block = tuple(block)
+    symbols = (symbol_of(mention) for mention in mentions_in(block, scope, file, changes.parameters) if mention.changes)
+    soft = any(
+        isinstance(s, Instruction) and s.name.key in (SOFTENING, STIFFENING) and s.name.key not in scope.routines
+        for s in nested(block)
+    )
+    return frozenset(symbol for symbol in symbols if symbol is not None) | ({SOFT} if soft else frozenset[Symbol]())
