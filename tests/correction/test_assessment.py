@@ -3,10 +3,9 @@ from dataclasses import replace
 import numpy as np
 
 from taskcal.correction.controller import simulate_controller
-from taskcal.correction.correct import wanted_segments
 from taskcal.correction.correction import assess
+from taskcal.correction.frames import Placed, Placement, wanted_segments
 from taskcal.correction.path import RoundedPath
-from taskcal.correction.placement import Placed, Placement
 from taskcal.geometry import se3
 from taskcal.robot.error_model import ErrorModel
 

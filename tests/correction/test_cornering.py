@@ -9,10 +9,9 @@ from scipy.optimize import least_squares
 from robot_programs.core.program import Frame, Zone
 from robot_programs.rapid.compose import compose_rapid
 from robot_programs.rapid.read import read_rapid
-from taskcal.correction.controller import CORNER_LOST, simulate_controller
+from taskcal.correction.controller import CORNER_LOST, joint_motion, simulate_controller
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds
-from taskcal.correction.motion import joint_motion
 from taskcal.correction.path import RoundedPath
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture

@@ -9,8 +9,8 @@ import pytest
 from robot_programs.core.program import Program
 from robot_programs.core.source import Source
 from taskcal.correction.cell import Cell, Measured
+from taskcal.correction.controller import JointMotion
 from taskcal.correction.correct import diagnose, diagnose_unchanged_files, diagnose_unused_frames
-from taskcal.correction.motion import JointMotion
 
 
 class Motions(Program):

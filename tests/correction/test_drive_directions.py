@@ -6,11 +6,10 @@ import numpy as np
 
 from robot_programs.reading import read_program
 from taskcal.correction.cell import Cell, Measured
-from taskcal.correction.controller import simulate_controller
+from taskcal.correction.controller import drive_directions, simulate_controller, uses_directions
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds
 from taskcal.correction.frames import calibrate_frames
-from taskcal.correction.motion import drive_directions, uses_directions
 from taskcal.robot.approach import MAX_REST_MOTION, drive_motion
 from taskcal.robot.conditions import Conditions
 from tests.correction.test_correct import true_poses, write_path

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from taskcal.correction.correction import SOURCES, budget_of
+from taskcal.correction.correction import budget_of
+from taskcal.correction.frames import SOURCES
 
 
 def variances(*micrometres):

@@ -85,7 +85,7 @@ def test_the_variance_is_shared_out_among_its_sources(name, calibration, robot, 
     assert np.all(shares >= 0.0)
     total = np.trace(frame.covariance(measured), axis1=1, axis2=2) + 3e-8
     np.testing.assert_allclose(shares.sum(axis=1), total)
-    np.testing.assert_allclose(frame.uncertainty(measured) ** 2, total)
+    np.testing.assert_allclose(frame.variances(measured).sum(axis=1), total)
     geometry, model_error, tool, part = shares.mean(axis=0)
     assert model_error == pytest.approx(3e-8)
     # what the data cannot tell of base and first axis, of last axis and tool, goes where both are measured

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taskcal.correction.placement import solve_calibrated
+from taskcal.correction.tool_poses import solve_calibrated
 from taskcal.geometry import se3
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel

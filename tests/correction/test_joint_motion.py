@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.correction.controller import simulate_controller
-from taskcal.correction.motion import TURN_SPEED, joint_motion
+from taskcal.correction.controller import TURN_SPEED, joint_motion, simulate_controller
 from taskcal.geometry import se3
 from taskcal.robot.error_model import ErrorModel
 

@@ -12,10 +12,9 @@ from robot_programs.krl.read import read_krl
 from robot_programs.rapid.read import read_rapid
 from robot_programs.rapid.targets import Configuration
 from robot_programs.reading import read_program
-from taskcal.correction.cell import Cell, ExternalAxis, Measured
+from taskcal.correction.cell import Cell, ExternalAxis, Measured, mount
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds
-from taskcal.correction.mounting import mount
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture

@@ -12,9 +12,8 @@ from robot_programs.core.source import Source
 from robot_programs.reading import parse_program
 from taskcal.correction.cell import Cell
 from taskcal.correction.controller import simulate_controller
-from taskcal.correction.correct import frames_on
-from taskcal.correction.frames import without_rigid_motion
-from taskcal.correction.part_placement import Region, place
+from taskcal.correction.frames import frames_on
+from taskcal.correction.part_placement import Region, place, without_rigid_motion
 from taskcal.demo.true_robot import elastic_robot
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from taskcal.correction.placement import find_joints, locate_tool
+from taskcal.correction.tool_poses import find_joints, locate_tool
 from taskcal.export.forms import spread_poses
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from robot_programs.apt.read import read_apt
 from robot_programs.core.program import Frame
 from robot_programs.core.source import Source
-from taskcal.correction.spinning import with_spins, with_spins_near
+from taskcal.correction.controller import with_spins, with_spins_near
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture

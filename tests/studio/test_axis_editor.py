@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from robot_programs.reading import read_program
-from taskcal.correction.cell import Cell, ExternalAxis, load_cell
-from taskcal.correction.mounting import mount
+from taskcal.correction.cell import Cell, ExternalAxis, load_cell, mount
 from taskcal.robot.catalogue import load_robot
 from taskcal.studio.editors import WAYS, asked_axes, stated_axis, with_axis
 

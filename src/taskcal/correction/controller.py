@@ -1,137 +1,102 @@
-"""A controller that takes its robot for nominal: the joint positions to which a program sends it."""
+"""The nominal controller: open spins of a program, the joint positions to which it moves, how fast, and in which direction."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robot_programs.core.program import GradedPosture, Move, Target
+from robot_programs.core.program import GradedPosture, Move, Program, Target
 from taskcal.correction.path import Corners, RoundedPath, Segments, find_corners
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
-from taskcal.kinematics.inverse import find_postures, solve_near
+from taskcal.kinematics.inverse import conditioning, find_postures, solve_near
+from taskcal.kinematics.spin import about_z, choose_spin
 from taskcal.kinematics.tracing import Outcome, rejections, trace, turned
+from taskcal.robot.approach import MAX_REST_MOTION, drive_motion
+from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
+from taskcal.short_repr import short_repr
 
-# The joints in rounded corners: what a controller drives instead of going to the target and on from there.
+P = TypeVar("P", bound=Program)
 
-WITHIN = 0.5
-"""Corners of lines and arcs are looked at in the middle, and at this share of both halves."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Samples:
-    """Joint positions along lines and arcs, in the order of the program."""
-
-    move: Int[np.ndarray, " k"]
-    share: Float[np.ndarray, " k"]
-    """Share of the motion's length; the last sample of each motion is at its end."""
-    q: Float[np.ndarray, "k joints"]
+# Spins of targets that leave them open.
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Cornered:
-    """Samples of a path whose corners are rounded."""
+def with_spins(program: P, robot: Robot) -> P:
+    """The program with the rotation about the tool's axis chosen wherever it leaves that open.
 
-    samples: Samples
-    passes: Float[np.ndarray, "m joints"]
-    """Joint positions at the end of each motion, radians: in the middle of the corner where it is rounded."""
-    corners: Corners
-    lost: tuple[int, ...]
-    """Motions at whose ends the corner leads where the robot does not reach, and which are taken to end in their targets."""
+    Motions that follow each other get spins that the robot can go through without jumps, inside its limits; see
+    `choose_spin`. What is written in the program's files does not change.
+
+    Raises:
+        ReachError: no rotations let the robot follow the motions; names the line.
+    """
+    moves = list(program.moves)
+    for run in _runs(moves):
+        first = moves[run[0]]
+        tip = se3.inverse(robot.T_flange_tool) @ first.tool.T
+        try:
+            spun = choose_spin(ErrorModel(robot), first.part.T @ _poses(moves, run), tip=tip)
+        except ReachError as error:
+            raise ReachError(f"{first.place}: of the motions from this line on: {error}") from error
+        _place(moves, run, se3.inverse(first.part.T) @ spun.T)
+    return replace(program, moves=tuple(moves))
 
 
-def round_corners(
-    model: ErrorModel,
-    moves: Sequence[Move],
-    segments: Segments,
-    samples: Samples,
-    start: Float[np.ndarray, "m joints"],
-    end: Float[np.ndarray, "m joints"],
-) -> Cornered:
-    """Round the corners of a controller's path.
+def with_spins_near(program: P, paths: Sequence[Sequence[Float[np.ndarray, "4 4"] | None]]) -> P:
+    """The program with the rotation about the tool's axis, where that is open, as near as it can be to that of other poses.
 
     Args:
-        model: of the nominal robot.
-        moves: the motions.
-        segments: tool in part along them.
-        samples: joint positions along lines and arcs, to each target and from there.
-        start: joint positions where each motion begins, radians; NaN where that is not known.
-        end: joint positions of each target; NaN where it cannot be executed.
+        program: the program.
+        paths: of each motion the poses of its via point, if it has one, and of its end; None where it goes to joint positions.
     """
-
-    def driven(rows: Int[np.ndarray, " n"], share: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 4 4"]:
-        q = start[rows] + share[:, None] * (end[rows] - start[rows])
-        flange = model.poses(q) @ se3.inverse(model.robot.T_flange_tool)
-        return np.stack([moves[i].target(T) for i, T in zip(rows, flange, strict=True)])
-
-    known = np.asarray(np.isfinite(start).all(axis=1) & np.isfinite(end).all(axis=1))
-    path = RoundedPath(segments=segments, corners=find_corners(moves, segments, known, driven)).bent()
-    if not (path.corners.after >= 0).any():
-        return Cornered(samples=samples, passes=end, corners=path.corners, lost=())
-    along, added = _with_halves(samples, start, path.corners)
-    alone = np.flatnonzero((path.corners.after >= 0) & ~np.isin(np.arange(len(moves)), samples.move))
-    rows = np.flatnonzero(path.inside(along.move, along.share))
-    number = np.concatenate([along.move[rows], alone])
-    share = np.concatenate([along.share[rows], np.ones(len(alone))])
-    seeds = np.concatenate([along.q[rows], end[alone]])
-    flange = _flange(moves, number, path.at(number, share))
-    solution = solve_near(model, flange @ model.robot.T_flange_tool, seeds)
-    corner = np.where(share > 0.5, number, path.corners.before[number])  # a corner is known by the motion that is left
-    lost = np.unique(corner[~solution.reached])
-    solved = ~np.isin(corner, lost)
-    q = along.q.copy()
-    q[rows[solved[: len(rows)]]] = solution.q[: len(rows)][solved[: len(rows)]]
-    passes = end.copy()
-    middle = solved & (share == 1.0)
-    passes[number[middle]] = solution.q[middle]
-    gone = added.copy()
-    gone[rows] &= ~solved[: len(rows)]
-    kept = ~(added & gone)
-    return Cornered(
-        samples=Samples(move=along.move[kept], share=along.share[kept], q=q[kept]),
-        passes=passes,
-        corners=path.corners.only(~np.isin(np.arange(len(moves)), lost)),
-        lost=tuple(int(i) for i in lost),
-    )
+    moves = list(program.moves)
+    for k, path in enumerate(paths):
+        if not moves[k].end.free_spin:
+            continue
+        T, wanted = _poses(moves, [k]), np.stack([pose for pose in path if pose is not None])
+        x = (np.swapaxes(T[:, :3, :3], 1, 2) @ wanted[:, :3, :1])[:, :, 0]
+        _place(moves, [k], T @ about_z(np.arctan2(x[:, 1], x[:, 0])))
+    return replace(program, moves=tuple(moves))
 
 
-def _flange(
-    moves: Sequence[Move], number: Int[np.ndarray, " n"], T: Float[np.ndarray, "n 4 4"]
-) -> Float[np.ndarray, "n 4 4"]:
-    """Poses of the flange in the base for poses of the tool in the part, in some motions."""
-    alike: dict[tuple[int, int, bool], list[int]] = {}
-    for k, i in enumerate(number.tolist()):
-        alike.setdefault((id(moves[i].tool), id(moves[i].part), moves[i].part_in_hand), []).append(k)
-    flange = np.empty_like(T)
-    for rows in alike.values():
-        flange[rows] = moves[int(number[rows[0]])].flange(T[rows])
-    return flange
+def _runs(moves: Sequence[Move]) -> list[list[int]]:
+    """Motions whose spin is open, in runs that follow each other with one tool and one part."""
+    runs: list[list[int]] = []
+    for k, move in enumerate(moves):
+        if not (move.end.free_spin and move.tool.stated):
+            continue
+        before = moves[k - 1]
+        same_frames = move.tool is before.tool and move.part is before.part
+        if runs and runs[-1][-1] == k - 1 and move.follows == k - 1 and same_frames:
+            runs[-1].append(k)
+        else:
+            runs.append([k])
+    return runs
 
 
-def _with_halves(
-    samples: Samples, start: Float[np.ndarray, "m joints"], corners: Corners
-) -> tuple[Samples, Bool[np.ndarray, " n"]]:
-    """Samples with further ones inside corners, at about the joints there, and which these are."""
-    sampled = np.unique(samples.move)
-    exit_, entry = corners.exit.max(axis=1, initial=0.0), corners.entry.max(axis=1, initial=0.0)
-    left, joined = sampled[exit_[sampled] > 0.0], sampled[entry[sampled] > 0.0]
-    move = np.concatenate([left, joined])
-    share = np.concatenate([1.0 - WITHIN * exit_[left], WITHIN * entry[joined]])
-    place = samples.move + samples.share
-    behind = np.searchsorted(place, move + share)
-    first = (behind == 0) | (samples.move[np.maximum(behind - 1, 0)] != move)
-    before_q = np.where(first[:, None], start[move], samples.q[np.maximum(behind - 1, 0)])
-    before_share = np.where(first, 0.0, samples.share[np.maximum(behind - 1, 0)])
-    between = (share - before_share) / np.maximum(samples.share[behind] - before_share, 1e-12)
-    q = before_q + between[:, None] * (samples.q[behind] - before_q)
-    move, share = np.concatenate([samples.move, move]), np.concatenate([samples.share, share])
-    order = np.lexsort((share, move))
-    added = np.arange(len(move)) >= len(samples.move)
-    return Samples(move=move[order], share=share[order], q=np.concatenate([samples.q, q])[order]), added[order]
+def _poses(moves: Sequence[Move], run: Sequence[int]) -> Float[np.ndarray, "n 4 4"]:
+    """Poses of the via points and the ends of some motions, in their order."""
+    targets = [t for k in run for t in (moves[k].via, moves[k].end) if t is not None]
+    return np.stack([target.T for target in targets if target.T is not None])
 
+
+def _place(moves: list[Move], run: Sequence[int], T: Float[np.ndarray, "n 4 4"]) -> None:
+    """Give some motions other poses, in the order of `_poses`."""
+    poses = iter(T)
+    for k in run:
+        via = moves[k].via
+        via = None if via is None else replace(via, T=next(poses))
+        moves[k] = replace(moves[k], via=via, end=replace(moves[k].end, T=next(poses)))
+
+
+# The joints of a program: in its targets, along lines and arcs, and in rounded corners.
+
+CORNER_SAMPLE_SHARE = 0.5
+"""Corners of lines and arcs are sampled in the middle, and at this share of both halves."""
 
 MAX_STEP_M, MAX_STEP_RAD = 0.02, np.radians(5.0)
 """Segments are followed in steps not longer than this, metres and radians."""
@@ -188,6 +153,34 @@ def simulate_controller(
     return _Simulation(robot, moves, dict(refused or {}), nowhere if near is None else near).run()
 
 
+def moves_alike(moves: Sequence[Move], number: Int[np.ndarray, " n"]) -> list[tuple[Int[np.ndarray, " _"], Move]]:
+    """Rows whose motions have tool and part in common, with one of these motions."""
+    alike: dict[tuple[int, int, bool], list[int]] = {}
+    for k, i in enumerate(number.tolist()):
+        alike.setdefault((id(moves[i].tool), id(moves[i].part), moves[i].part_in_hand), []).append(k)
+    return [(np.array(rows), moves[int(number[rows[0]])]) for rows in alike.values()]
+
+
+def flange_poses(
+    moves: Sequence[Move], number: Int[np.ndarray, " n"], T: Float[np.ndarray, "n 4 4"]
+) -> Float[np.ndarray, "n 4 4"]:
+    """Poses of the flange in the base for poses of the tool in the part, in some motions."""
+    flange = np.empty_like(T)
+    for rows, example in moves_alike(moves, number):
+        flange[rows] = example.flange(T[rows])
+    return flange
+
+
+def tool_poses(
+    moves: Sequence[Move], number: Int[np.ndarray, " n"], flange: Float[np.ndarray, "n 4 4"]
+) -> Float[np.ndarray, "n 4 4"]:
+    """Poses of the tool in the part for poses of the flange in the base, in some motions: the inverse of `flange_poses`."""
+    T = np.empty_like(flange)
+    for rows, example in moves_alike(moves, number):
+        T[rows] = example.target(flange[rows])
+    return T
+
+
 class _Simulation:
     """One run through a program; motions that follow each other along lines and arcs are traced together."""
 
@@ -222,24 +215,85 @@ class _Simulation:
                 self.last = self.end[i]
             i += 1
         parts = self.samples or [(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, joints)))]
-        move, share, q = (np.concatenate(column) for column in zip(*parts, strict=True))
-        samples = Samples(move=move, share=share, q=q)
-        cornered = round_corners(self.model, self.moves, self.segments, samples, self.start, self.end)
-        for i in cornered.lost:
-            self.warnings.setdefault(i, CORNER_LOST)
+        return self._round_corners(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+    def _round_corners(
+        self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"], q: Float[np.ndarray, "k joints"]
+    ) -> ControllerTrajectory:
+        """The trajectory with samples along lines and arcs to their targets, those in rounded corners replaced."""
+        moves, start, end, passes = self.moves, self.start, self.end, self.end
+        known = np.asarray(np.isfinite(start).all(axis=1) & np.isfinite(end).all(axis=1))
+        corners = find_corners(moves, self.segments, known, self._driven)
+        path = RoundedPath(segments=self.segments, corners=corners).bent()
+        corners = path.corners
+        if (corners.after >= 0).any():
+            move, share, q, added = self._with_corner_samples(move, share, q, corners)
+            alone = np.flatnonzero((corners.after >= 0) & ~np.isin(np.arange(len(moves)), move))
+            rows = np.flatnonzero(path.inside(move, share))
+            number = np.concatenate([move[rows], alone])
+            at = np.concatenate([share[rows], np.ones(len(alone))])
+            seeds = np.concatenate([q[rows], end[alone]])
+            solution = solve_near(self.model, self._robot_tool(number, path.at(number, at)), seeds)
+            corner = np.where(at > 0.5, number, corners.before[number])  # a corner is known by the motion that is left
+            lost = np.unique(corner[~solution.reached])
+            solved = ~np.isin(corner, lost)
+            q[rows[solved[: len(rows)]]] = solution.q[: len(rows)][solved[: len(rows)]]
+            passes = end.copy()
+            middle = solved & (at == 1.0)
+            passes[number[middle]] = solution.q[middle]
+            needed = ~added
+            needed[rows] |= solved[: len(rows)]
+            move, share, q = move[needed], share[needed], q[needed]
+            corners = corners.only(~np.isin(np.arange(len(moves)), lost))
+            for i in lost:
+                self.warnings.setdefault(int(i), CORNER_LOST)
         return ControllerTrajectory(
-            start=self.start,
-            end=self.end,
-            passes=cornered.passes,
+            start=start,
+            end=end,
+            passes=passes,
             segments=self.segments,
-            corners=cornered.corners,
+            corners=corners,
             rejected=self.rejected,
             out_of_reach=tuple(self.out_of_reach),
             warnings=self.warnings,
-            move=cornered.samples.move,
-            share=cornered.samples.share,
-            q=cornered.samples.q,
+            move=move,
+            share=share,
+            q=q,
         )
+
+    def _driven(self, rows: Int[np.ndarray, " n"], share: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 4 4"]:
+        """Tool in part along motions of the joints."""
+        q = self.start[rows] + share[:, None] * (self.end[rows] - self.start[rows])
+        return tool_poses(self.moves, rows, self.model.poses(q) @ se3.inverse(self.robot.T_flange_tool))
+
+    def _robot_tool(self, number: Int[np.ndarray, " n"], T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
+        """Poses of the robot's own tool in the base for poses of the tool in the part."""
+        return flange_poses(self.moves, number, T) @ self.robot.T_flange_tool
+
+    def _with_corner_samples(
+        self,
+        sampled_move: Int[np.ndarray, " n"],
+        sampled_share: Float[np.ndarray, " n"],
+        sampled_q: Float[np.ndarray, "n joints"],
+        corners: Corners,
+    ) -> tuple[Int[np.ndarray, " k"], Float[np.ndarray, " k"], Float[np.ndarray, "k joints"], Bool[np.ndarray, " k"]]:
+        """Samples with further ones inside corners, at about the joints there, and which these are."""
+        sampled = np.unique(sampled_move)
+        exit_, entry = corners.exit.max(axis=1, initial=0.0), corners.entry.max(axis=1, initial=0.0)
+        left, joined = sampled[exit_[sampled] > 0.0], sampled[entry[sampled] > 0.0]
+        move = np.concatenate([left, joined])
+        share = np.concatenate([1.0 - CORNER_SAMPLE_SHARE * exit_[left], CORNER_SAMPLE_SHARE * entry[joined]])
+        after = np.searchsorted(sampled_move + sampled_share, move + share)
+        before = np.maximum(after - 1, 0)
+        first = (after == 0) | (sampled_move[before] != move)
+        before_q = np.where(first[:, None], self.start[move], sampled_q[before])
+        before_share = np.where(first, 0.0, sampled_share[before])
+        between = (share - before_share) / np.maximum(sampled_share[after] - before_share, 1e-12)
+        q = before_q + between[:, None] * (sampled_q[after] - before_q)
+        move, share = np.concatenate([sampled_move, move]), np.concatenate([sampled_share, share])
+        order = np.lexsort((share, move))
+        added = np.arange(len(move)) >= len(sampled_move)
+        return move[order], share[order], np.concatenate([sampled_q, q])[order], added[order]
 
     def _take_joint_targets(self) -> None:
         """Ends of motions to joint positions."""
@@ -303,11 +357,7 @@ class _Simulation:
         last = np.cumsum(steps) - 1
         number = np.arange(len(move)) - np.repeat(last + 1 - steps, steps) + 1
         share = number / np.repeat(steps, steps)
-        flange = np.empty((len(move), 4, 4))
-        T = self.segments.at(move, share)
-        for i, own in _groups(move):
-            flange[own] = self.moves[i].flange(T[own])
-        traced = trace(self.model, flange @ self.robot.T_flange_tool, self.start[first])
+        traced = trace(self.model, self._robot_tool(move, self.segments.at(move, share)), self.start[first])
         reached = traced.reached
         end = int(np.argmin(reached)) if not reached.all() else len(reached)
         whole = int(np.searchsorted(last, end, side="left"))  # motions of which every sample was reached
@@ -385,8 +435,194 @@ def _agrees(robot: Robot, target: Target, q: Float[np.ndarray, "n joints"]) -> n
     return np.ones(len(q), dtype=bool) if target.posture is None else target.posture.agrees(robot, q)
 
 
-def _groups(move: Int[np.ndarray, " k"]) -> list[tuple[int, slice]]:
-    """Each motion of sorted numbers, with the rows that are its own."""
-    numbers, first = np.unique(move, return_index=True)
-    ends = [*first[1:], len(move)]
-    return [(int(i), slice(int(a), int(b))) for i, a, b in zip(numbers, first, ends, strict=True)]
+# How fast the joints move along a program, and how near it passes to singular postures.
+
+MIN_STEP_S = 1e-9
+"""Samples nearer together in time than this are one, seconds."""
+
+TURN_SPEED = float(np.radians(500.0))
+"""Reorientation speed where a program states none, radians per second: that of all of ABB's predefined speeddata
+(Technical reference manual, RAPID, data type speeddata)."""
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class JointMotion:
+    """Largest joint speeds and accelerations along lines and arcs of known speed, and the posture nearest to singular.
+
+    Finite differences over the samples of the path. Accelerations in corners are left out: there the controller slows down as
+    its drives need it.
+    """
+
+    robot: Robot
+    speed: Float[np.ndarray, " joints"]
+    """Radians or metres per second; NaN where no speed is known."""
+    acceleration: Float[np.ndarray, " joints"]
+    """Radians or metres per second squared."""
+    conditioning: float
+    """Smallest ratio of the smallest to the largest singular value of the Jacobian, a metre counting as two radians."""
+    nearest_singular: int | None
+    """Motion where that is."""
+    turn_speed_assumed: int | None = None
+    """First motion that states no reorientation speed and turns faster than `TURN_SPEED` at its path speed."""
+
+    def summary(self) -> dict[str, Any]:
+        """In degrees and millimetres, with shares of the limits where the robot file states them."""
+        scale = np.where(self.robot.prismatic, 1e3, 180.0 / np.pi)
+        return {
+            "joint_speed": _against(self.robot, self.speed, self.robot.speed_limits, scale),
+            "joint_acceleration": _against(self.robot, self.acceleration, self.robot.acceleration_limits, scale),
+            "smallest_singular_ratio": self.conditioning if np.isfinite(self.conditioning) else None,
+        }
+
+
+def _against(
+    robot: Robot, value: Float[np.ndarray, " joints"], limit: Float[np.ndarray, " joints"], scale: np.ndarray
+) -> dict[str, Any]:
+    return {
+        name: {
+            "largest": float(value[j] * scale[j]),
+            "limit": float(limit[j] * scale[j]) if np.isfinite(limit[j]) else None,
+        }
+        for j, name in enumerate(robot.joint_names)
+        if np.isfinite(value[j])
+    }
+
+
+def joint_motion(robot: Robot, moves: Sequence[Move], trajectory: ControllerTrajectory) -> JointMotion:
+    """How the joints move along a program's lines and arcs.
+
+    Args:
+        robot: the robot.
+        moves: the motions of the program.
+        trajectory: where a controller moves the joints in them.
+    """
+    joints = len(robot.joints)
+    speed, acceleration = np.full(joints, np.nan), np.full(joints, np.nan)
+    assumed: int | None = None
+    i = trajectory.move
+    if len(i):
+        starts = np.flatnonzero(np.diff(i, prepend=-1))
+        before = np.concatenate([[0.0], trajectory.share[:-1]])
+        before[starts] = 0.0
+        q0 = np.concatenate([trajectory.q[:1], trajectory.q[:-1]])
+        corners = trajectory.corners
+        joined = corners.before[i[starts]]
+        q0[starts] = np.where((joined >= 0)[:, None], trajectory.passes[joined], trajectory.start[i[starts]])
+        time, assumed = _durations(moves, trajectory, trajectory.share - before)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            rate = (trajectory.q - q0) / time[:, None]
+            change = np.diff(rate, axis=0) / (0.5 * (time[1:] + time[:-1]))[:, None]
+            turning = RoundedPath(segments=trajectory.segments, corners=corners).inside(i, trajectory.share)
+            change[(np.diff(i) != 0) | turning[1:] | turning[:-1]] = np.nan
+        speed, acceleration = _largest(rate, speed), _largest(change, acceleration)
+    ends = np.isfinite(trajectory.end[:, 0])
+    move = np.concatenate([i, np.flatnonzero(ends)])
+    q = np.concatenate([trajectory.q, trajectory.passes[ends]])
+    if not len(q):
+        return JointMotion(
+            robot=robot, speed=speed, acceleration=acceleration, conditioning=np.inf, nearest_singular=None
+        )
+    ratio = conditioning(ErrorModel(robot), q)
+    nearest = int(np.argmin(ratio))
+    return JointMotion(
+        robot=robot,
+        speed=speed,
+        acceleration=acceleration,
+        conditioning=float(ratio[nearest]),
+        nearest_singular=int(move[nearest]),
+        turn_speed_assumed=assumed,
+    )
+
+
+def _durations(
+    moves: Sequence[Move], trajectory: ControllerTrajectory, step: Float[np.ndarray, " k"]
+) -> tuple[Float[np.ndarray, " k"], int | None]:
+    """Time between the samples of the path, seconds, and the first motion where an assumed reorientation speed sets it.
+
+    A controller keeps to the path speed and to the reorientation speed, whichever takes longer.
+
+    Args:
+        moves: the motions of the program.
+        trajectory: their samples.
+        step: share of its motion's length that each sample is behind the one before.
+    """
+    speed = np.array([move.speed or np.nan for move in moves])[trajectory.move]
+    stated = np.array([move.turn_speed or np.nan for move in moves])[trajectory.move]
+    unstated = np.isnan(stated)
+    along = trajectory.segments.length[trajectory.move] * step / speed
+    about = (
+        np.linalg.norm(trajectory.segments.turn, axis=1)[trajectory.move]
+        * step
+        / np.where(unstated, TURN_SPEED, stated)
+    )
+    time = np.maximum(along, about)
+    rows = np.flatnonzero(unstated & (about > along))
+    return np.where(time > MIN_STEP_S, time, np.nan), int(trajectory.move[rows[0]]) if len(rows) else None
+
+
+def _largest(values: Float[np.ndarray, "k joints"], otherwise: Float[np.ndarray, " joints"]) -> np.ndarray:
+    complete = np.isfinite(values).all(axis=1)
+    return np.abs(values[complete]).max(axis=0) if complete.any() else otherwise
+
+
+# In which direction each drive turns along a program: it decides on which side of its lost motion the drive stands.
+
+BEFORE_END = 1e-9
+"""Share of a motion before its end, which is its own place and not the start of the next motion."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DriveDirections:
+    """In which direction each drive turned last, along the motions of a program."""
+
+    place: Float[np.ndarray, " k"]
+    """Of each sample, in order: number of its motion plus the share of that motion's length."""
+    approach: Float[np.ndarray, "k joints"]
+    """As in `Conditions`: 1 where the joint's value grew, −1 where it fell, 0 where unknown, between them at a reversal."""
+
+    def at(self, move: Int[np.ndarray, " n"], share: Float[np.ndarray, " n"]) -> Conditions:
+        """The conditions at shares of the lengths of some motions; from one sample to the next a drive turns over evenly."""
+        place = move + np.clip(share, 0.0, 1.0 - BEFORE_END)
+        if not len(self.place):
+            return Conditions(approach=np.zeros((len(place), self.approach.shape[1])))
+        columns = [np.interp(place, self.place, column) for column in self.approach.T]
+        return Conditions(approach=np.stack(columns, axis=1))
+
+
+def uses_directions(model: ErrorModel) -> bool:
+    """Whether an effect of the model depends on the direction in which a drive turned last."""
+    return any("approach" in (*effect.needs, *effect.uses) for effect in model.effects)
+
+
+def drive_directions(robot: Robot, moves: Sequence[Move], trajectory: ControllerTrajectory) -> DriveDirections:
+    """Follow the drives through a program.
+
+    A drive has turned over when it has gone back by twice `MAX_REST_MOTION`; less is what a controller reports of a joint
+    at rest. Where it is not known from where a motion begins, directions are unknown until the drives turn.
+
+    Args:
+        robot: as its controller knows it.
+        moves: the motions.
+        trajectory: of the controller in them.
+    """
+    number = np.arange(len(moves))
+    started = np.flatnonzero(np.isfinite(trajectory.start[:, 0]))
+    alone = np.flatnonzero(np.isfinite(trajectory.end[:, 0]) & ~np.isin(number, trajectory.move))
+    along = trajectory.move + np.minimum(trajectory.share, 1.0 - BEFORE_END)
+    place = np.concatenate([started, along, alone + 1.0 - BEFORE_END])
+    q = np.concatenate([trajectory.start[started], trajectory.q, trajectory.passes[alone]])
+    order = np.argsort(place, kind="stable")
+    place, turned = place[order], q[order] @ drive_motion(robot).T
+    of_move = place.astype(np.int64)
+    continues = np.array(
+        [move.follows is not None and move.follows == i - 1 for i, move in enumerate(moves)], dtype=bool
+    )
+    first = np.diff(of_move, prepend=-1) > 0
+    gap = first & ~continues[of_move]
+    step = np.diff(turned, axis=0, prepend=turned[:1])
+    approach = np.zeros_like(turned)
+    for i in range(len(turned)):
+        if not gap[i] and i:
+            approach[i] = np.clip(approach[i - 1] + step[i] / MAX_REST_MOTION, -1.0, 1.0)
+    return DriveDirections(place=place, approach=approach)

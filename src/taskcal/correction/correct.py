@@ -12,32 +12,29 @@ from robot_programs.core.source import Place, Source
 from robot_programs.languages import language_of
 from robot_programs.reading import compose_program, parse_program
 from taskcal.arguments import expect_kinds
-from taskcal.correction.cell import Cell
-from taskcal.correction.controller import ControllerTrajectory, simulate_controller
+from taskcal.correction.cell import Cell, Mounted, ask_for_base, base_statement, mount
+from taskcal.correction.controller import (
+    TURN_SPEED,
+    ControllerTrajectory,
+    JointMotion,
+    drive_directions,
+    joint_motion,
+    simulate_controller,
+    uses_directions,
+    with_spins,
+    with_spins_near,
+)
 from taskcal.correction.correction import (
     SHARE_OF_UNCERTAINTY,
-    SOURCES,
     TOLERANCE,
     Bounds,
     Correction,
     assess,
     budget_of,
 )
-from taskcal.correction.frames import FrameCalibration, calibrate_frames
-from taskcal.correction.motion import (
-    TURN_SPEED,
-    DriveDirections,
-    JointMotion,
-    drive_directions,
-    joint_motion,
-    uses_directions,
-)
-from taskcal.correction.mounting import Mounted, ask_for_base, base_statement, mount
-from taskcal.correction.path import RoundedPath, Segments
-from taskcal.correction.placement import Placed
-from taskcal.correction.problem import CorrectionProblem
-from taskcal.correction.spinning import with_spins, with_spins_near
-from taskcal.correction.subdivision import Subdivision, subdivide
+from taskcal.correction.frames import FrameCalibration, frames_on, place_motions, variances_at, wanted_segments
+from taskcal.correction.path import RoundedPath
+from taskcal.correction.subdivision import CorrectionProblem, Subdivision, subdivide
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
@@ -710,66 +707,3 @@ def _require_motion(program: Program) -> None:
     if not program.moves:
         why = "".join(f"; {diagnostic}" for diagnostic in program.diagnostics[:MAX_REASONS])
         raise TaskcalError(f"{program.sources[0].path} has no motion that could be resolved{why}")
-
-
-def frames_on(
-    calibration: Calibration, moves: Sequence[Move], cell: Cell
-) -> tuple[list[FrameCalibration], Int[np.ndarray, " m"]]:
-    """Calibrated frames of tools and parts, those in common once, and the number of every motion's."""
-    numbers: dict[tuple[object, ...], int] = {}
-    frames: list[FrameCalibration] = []
-    own: list[int] = []
-    for move in moves:
-        key = (move.tool.name, move.tool.T.tobytes(), move.part.name, move.part.T.tobytes(), move.part_in_hand)
-        if key not in numbers:
-            numbers[key] = len(frames)
-            frames.append(calibrate_frames(calibration, move, cell))
-        own.append(numbers[key])
-    return frames, np.array(own, dtype=np.int64)
-
-
-def place_motions(
-    calibration: Calibration,
-    frames: Sequence[FrameCalibration],
-    number: Int[np.ndarray, " m"],
-    directions: DriveDirections | None,
-) -> Placed:
-    """The motions on the robot as calibrated, each drive coming from its side where the model tells one from the other."""
-
-    def tool_in_base(
-        q: Float[np.ndarray, "k joints"], move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]
-    ) -> Float[np.ndarray, "k 4 4"]:
-        return calibration.tool_in_base(q, None if directions is None else directions.at(move, share))
-
-    placements = tuple(frame.placement for frame in frames)
-    return Placed(tool_in_base=tool_in_base, placements=placements, number=number)
-
-
-def wanted_segments(trajectory: ControllerTrajectory, placed: Placed, moves: Sequence[Move]) -> Segments:
-    """The path of the tool on a robot: where tool or part changes, from where the tool before ended there."""
-    m = len(moves)
-    ended = np.isfinite(trajectory.end[:, 0])
-    B = np.full((m, 4, 4), np.nan)
-    rows = np.flatnonzero(ended)
-    B[rows] = placed.robot_tool(rows, trajectory.segments.end[rows])
-    start = np.full((m, 4, 4), np.nan)
-    for i, move in enumerate(moves):
-        if move.follows is not None and ended[move.follows]:
-            start[i] = placed.placements[placed.number[i]].tool_in_part(B[move.follows][None])[0]
-    return Segments(start=start, end=trajectory.segments.end, via=trajectory.segments.via)
-
-
-def variances_at(
-    frames: Sequence[FrameCalibration],
-    number: Int[np.ndarray, " m"],
-    trajectory: ControllerTrajectory,
-    directions: DriveDirections | None,
-) -> Float[np.ndarray, "m sources"]:
-    """Mean square of the error in space that the calibration must expect at every target, by source, metres²."""
-    variances = np.full((len(number), len(SOURCES)), np.nan)
-    ended = np.isfinite(trajectory.end[:, 0])
-    for k, frame in enumerate(frames):
-        rows = np.flatnonzero(ended & (number == k))
-        conditions = None if directions is None else directions.at(rows, np.ones(len(rows)))
-        variances[rows] = frame.variances(trajectory.end[rows], conditions)
-    return variances

@@ -11,10 +11,9 @@ from jaxtyping import Bool, Float, Int
 from robot_programs.backup import write_backup
 from robot_programs.core.program import Diagnostic, Move, Program
 from robot_programs.core.source import Source
-from taskcal.correction.controller import ControllerTrajectory
-from taskcal.correction.motion import JointMotion
+from taskcal.correction.controller import ControllerTrajectory, JointMotion
+from taskcal.correction.frames import SOURCES, Placed
 from taskcal.correction.path import RoundedPath
-from taskcal.correction.placement import Placed
 from taskcal.errors import FileError, shortened
 from taskcal.geometry import se3
 from taskcal.identification.uncertainty_budget import UNEXPLAINED, Evaluation, UncertaintyBudget, budget_of_parts
@@ -96,8 +95,6 @@ def assess(
 
 
 # The error to be expected along a corrected program, and what it comes from.
-
-SOURCES = ("geometry", "model error", "tool", "part")
 
 _REMEDIES = {
     "geometry": "the geometry is known too badly where the program works: measure more poses there (taskcal plan --calibration)",

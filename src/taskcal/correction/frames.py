@@ -13,9 +13,8 @@ from jaxtyping import Float, Int
 
 from robot_programs.core.program import Move
 from taskcal.correction.cell import Cell, Measured
-from taskcal.correction.controller import ControllerTrajectory
-from taskcal.correction.correction import Deviations
-from taskcal.correction.placement import Placement
+from taskcal.correction.controller import ControllerTrajectory, DriveDirections
+from taskcal.correction.path import Segments
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
@@ -51,21 +50,64 @@ def rigid_twists(
     return np.linalg.pinv(se3.by_twist(points - at[:, None]).reshape(n, 3 * k, 6)) @ J.reshape(n, 3 * k, -1)
 
 
-def without_rigid_motion(
-    points: Float[np.ndarray, "n 3"], errors: Float[np.ndarray, "n 3 k"]
-) -> Float[np.ndarray, "n 3 k"]:
-    """Errors less the small rigid motion of all points that comes nearest to them, in least squares.
+# Where what the robot holds and what stands still are on a robot: as calibrated, or as it truly is.
 
-    Args:
-        points: where the errors are, metres.
-        errors: k sets of them.
-    """
-    about = points - points.mean(axis=0)
-    size = max(float(np.abs(about).max(initial=0.0)), 1e-9)
-    A = (se3.by_twist(about) / np.r_[1.0, 1.0, 1.0, [size] * 3]).reshape(-1, 6)
-    flat = errors.reshape(len(A), -1)
-    motion = np.linalg.lstsq(A, flat, rcond=1e-9)[0]  # targets on a line leave the turn about it open
-    return (flat - A @ motion).reshape(errors.shape)
+PosesAlong = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""From joint positions (n, joints), each in a motion (n) at a share of its length (n), to poses (n, 4, 4) of the robot's own
+tool in its base."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Placement:
+    """Where what the robot holds and what stands still are."""
+
+    T_tool_grasped: Float[np.ndarray, "4 4"]
+    """What is held, in the robot's own tool."""
+    T_base_fixed: Float[np.ndarray, "4 4"]
+    """What stands still, in the base."""
+    part_in_hand: bool
+    """The part is held, and the tool stands still."""
+
+    def tool_in_part(self, T_base_tool: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
+        """Poses of the program's tool in its part for poses of the robot's own tool in the base."""
+        X = se3.inverse(self.T_base_fixed) @ T_base_tool @ self.T_tool_grasped
+        return se3.inverse(X) if self.part_in_hand else X
+
+    def robot_tool(self, T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
+        """Poses of the robot's own tool for poses of the program's tool in its part: the inverse of `tool_in_part`."""
+        X = se3.inverse(T) if self.part_in_hand else T
+        return self.T_base_fixed @ X @ se3.inverse(self.T_tool_grasped)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Placed:
+    """The motions of a program on a robot, with where their tools and parts are."""
+
+    tool_in_base: PosesAlong
+    placements: tuple[Placement, ...]
+    number: Int[np.ndarray, " m"]
+    """Number of every motion's placement."""
+
+    def tool_in_part(
+        self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"], q: Float[np.ndarray, "k joints"]
+    ) -> Float[np.ndarray, "k 4 4"]:
+        """Poses of the program's tool in its part, for joint positions in some motions at shares of their lengths."""
+        B = self.tool_in_base(q, move, share)
+        out = np.empty_like(B)
+        for rows, placement in self._rows(move):
+            out[rows] = placement.tool_in_part(B[rows])
+        return out
+
+    def robot_tool(self, move: Int[np.ndarray, " k"], T: Float[np.ndarray, "k 4 4"]) -> Float[np.ndarray, "k 4 4"]:
+        """Poses of the robot's own tool in the base, for poses of the program's tool in its part."""
+        out = np.empty_like(T)
+        for rows, placement in self._rows(move):
+            out[rows] = placement.robot_tool(T[rows])
+        return out
+
+    def _rows(self, move: Int[np.ndarray, " k"]) -> list[tuple[Int[np.ndarray, " _"], Placement]]:
+        own = self.number[move]
+        return [(np.flatnonzero(own == k), self.placements[k]) for k in np.unique(own)]
 
 
 # What the robot holds: where it is in the calibrated robot's own tool, and how it moves with the estimate.
@@ -269,7 +311,7 @@ def fixed_frame(
             statement=f"part '{measured.name}' as the tracker measured it",
             follows_base=False,
             twist=None,
-            covariance=_position_covariance(measured),
+            covariance=np.diag([measured.uncertainty**2] * 3 + [0.0] * 3),
         )
     if measured.touched is not None:
         return _touched(calibration, measured, measured.touched, controller, cell)
@@ -310,14 +352,8 @@ def _touched(
         statement=f"part '{measured.name}' where the robot touched it with '{measured.touched_with}'",
         follows_base=False,
         twist=_fitted_twist(points, tool.twists(q, conditions)[:, :3]),
-        covariance=_touch_covariance(calibration, measured, q, in_tracker, tool.covariance),
+        covariance=_touch_covariance(calibration, measured, in_tracker, tool.covariance),
     )
-
-
-def _position_covariance(measured: Measured) -> Float[np.ndarray, "6 6"]:
-    covariance = np.zeros((6, 6))
-    covariance[:3, :3] = measured.uncertainty**2 * np.eye(3)
-    return covariance
 
 
 def _fitted_twist(points: Float[np.ndarray, "k 3"], J: Float[np.ndarray, "k 3 z"]) -> Float[np.ndarray, "6 z"]:
@@ -328,7 +364,6 @@ def _fitted_twist(points: Float[np.ndarray, "k 3"], J: Float[np.ndarray, "k 3 z"
 def _touch_covariance(
     calibration: Calibration,
     measured: Measured,
-    q: Float[np.ndarray, "k joints"],
     touched: Float[np.ndarray, "k 4 4"],
     tip: Float[np.ndarray, "3 3"],
 ) -> Float[np.ndarray, "6 6"]:
@@ -337,28 +372,24 @@ def _touch_covariance(
     Args:
         calibration: of the robot that touched.
         measured: the part; its uncertainty is that of one touch, per axis.
-        q: joint positions of the touches.
         touched: poses of the tool that touched, tracker frame.
         tip: covariance of its tip in its own axes, the same at every touch.
     """
-    k = len(q)
+    k = len(touched)
     each = np.eye(3 * k).reshape(k, 3, 3 * k)
-    single = _fitted_twist(
-        touched[:, :3, 3], each * np.sqrt(_white_variances(calibration, q) + measured.uncertainty**2)[:, :, None]
-    )
+    per_touch = np.sqrt(np.full((k, 3), calibration.model_error[0] ** 2) + measured.uncertainty**2)
+    single = _fitted_twist(touched[:, :3, 3], each * per_touch[:, :, None])
     common = _fitted_twist(touched[:, :3, 3], touched[:, :3, :3])
     return single @ single.T + common @ tip @ common.T
-
-
-def _white_variances(calibration: Calibration, q: Float[np.ndarray, "k joints"]) -> Float[np.ndarray, "k 3"]:
-    """Of what the model cannot explain at single poses, metres²."""
-    return np.full((len(q), 3), calibration.model_error[0] ** 2)
 
 
 def nominal_flange(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
     """Where a controller has its flange at joint positions q."""
     return ErrorModel(robot).poses(q) @ se3.inverse(robot.T_flange_tool)
 
+
+SOURCES = ("geometry", "model error", "tool", "part")
+"""Of the uncertainty of a tool in a part."""
 
 CHUNK_POSES = 4096
 """Poses whose derivatives are held at once; those of 10⁵ would take 300 MB."""
@@ -398,21 +429,30 @@ class FrameCalibration:
             q: joint positions, radians.
             conditions: how the poses are reached, for effects that depend on it.
         """
-        calibration = self.calibration
+        return self._covariances(q, conditions)[1]
+
+    def _covariances(
+        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None
+    ) -> tuple[Float[np.ndarray, "n 3 3"], Float[np.ndarray, "n 3 3"]]:
+        """Covariance of the grasped frame's origin in the tracker's frame, and against the fixed frame, metres²."""
+        calibration, fixed, T = self.calibration, self.fixed, self._grasped_poses(q)
         J = self.grasped.twists(q, conditions)[:, :3]
-        if self.fixed.follows_base:
+        R = T[:, :3, :3]
+        by_estimate = J @ calibration.z_covariance @ np.swapaxes(J, 1, 2)
+        grasped = by_estimate + R @ self.grasped.covariance @ np.swapaxes(R, 1, 2)
+        if fixed.follows_base:
             J = J.copy()
             J[:, :, columns_of(calibration, "base.")] = 0.0
-        elif self.fixed.twist is not None:
-            T = self._grasped_poses(q)
-            twist = np.broadcast_to(self.fixed.twist, (len(q), *self.fixed.twist.shape))
+        elif fixed.twist is not None:
+            twist = np.broadcast_to(fixed.twist, (len(q), *fixed.twist.shape))
             J = J - se3.carry(twist, T[:, :3, 3])[:, :3]
-        R = (calibration.T_tracker_base @ self.fixed.T_base_fixed)[:3, :3]
-        J = R.T @ J
+        R_fixed = (calibration.T_tracker_base @ fixed.T_base_fixed)[:3, :3]
+        J = R_fixed.T @ J
+        R = R_fixed.T @ R
+        arm = se3.carry(np.broadcast_to(np.eye(6), (len(q), 6, 6)), T[:, :3, 3])[:, :3]
+        by_fixed = R_fixed.T @ (arm @ fixed.covariance @ np.swapaxes(arm, 1, 2)) @ R_fixed
         by_estimate = J @ calibration.z_covariance @ np.swapaxes(J, 1, 2)
-        R_fixed_grasped = R.T @ self._grasped_poses(q)[:, :3, :3]
-        grasped = R_fixed_grasped @ self.grasped.covariance @ np.swapaxes(R_fixed_grasped, 1, 2)
-        return by_estimate + grasped + R.T @ self._fixed_covariance(q) @ R
+        return grasped, by_estimate + R @ self.grasped.covariance @ np.swapaxes(R, 1, 2) + by_fixed
 
     def points(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3"]:
         """The grasped frame's origin in the fixed frame, metres."""
@@ -437,19 +477,6 @@ class FrameCalibration:
         """Poses of the grasped frame in the tracker's."""
         return self.calibration.predict_tool(q) @ self.grasped.T_tool_grasped
 
-    def _fixed_covariance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3 3"]:
-        """Of what stands still, at the grasped frame's origin, by how it was measured; tracker axes, metres²."""
-        at = self._grasped_poses(q)[:, :3, 3]
-        arm = se3.carry(np.broadcast_to(np.eye(6), (len(q), 6, 6)), at)[:, :3]
-        return arm @ self.fixed.covariance @ np.swapaxes(arm, 1, 2)
-
-    def uncertainty(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
-        """Root mean square of the error in space that the calibration must expect at joint positions, metres.
-
-        What the parameters do not tell, and what the model cannot explain at a new pose.
-        """
-        return np.sqrt(self.variances(q).sum(axis=1))
-
     def variances(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
     ) -> Float[np.ndarray, "n sources"]:
@@ -464,33 +491,20 @@ class FrameCalibration:
             conditions: how the poses are reached, for effects that depend on it.
         """
         geometry, grasped, total = (np.zeros(len(q)) for _ in range(3))
-        for part in _chunks(len(q)):
+        for first in range(0, len(q), CHUNK_POSES):
+            part = slice(first, first + CHUNK_POSES)
             there = None if conditions is None else conditions.take(part)
             covariance = self.calibration.predict_covariance(q[part], there, model_error=False)[..., :3, :3]
             geometry[part] = _total(covariance).mean(axis=1)
-            grasped[part] = _total(self._grasped_covariance(q[part], there))
-            total[part] = _total(self.covariance(q[part], there))
+            grasped[part], total[part] = map(_total, self._covariances(q[part], there))
         parts = np.stack([geometry, grasped - geometry, total - grasped], axis=1)
         parts = np.maximum(parts, 0.0)
         parts *= (total / np.maximum(parts.sum(axis=1), 1e-300))[:, None]
         return np.stack([parts[:, 0], self.model_variance(q), parts[:, 1], parts[:, 2]], axis=1)
 
-    def _grasped_covariance(
-        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None
-    ) -> Float[np.ndarray, "n 3 3"]:
-        """Of what is held, in the tracker's frame, metres²."""
-        J = self.grasped.twists(q, conditions)[:, :3]
-        R = self._grasped_poses(q)[:, :3, :3]
-        by_estimate = J @ self.calibration.z_covariance @ np.swapaxes(J, 1, 2)
-        return by_estimate + R @ self.grasped.covariance @ np.swapaxes(R, 1, 2)
-
     def model_variance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
         """Of what the model cannot explain at a new pose, in space, metres²."""
         return np.full(len(q), 3.0 * self.calibration.model_error[0] ** 2)
-
-
-def _chunks(n: int) -> list[slice]:
-    return [slice(first, first + CHUNK_POSES) for first in range(0, n, CHUNK_POSES)]
 
 
 def _total(covariance: Float[np.ndarray, "*b 3 3"]) -> Float[np.ndarray, "*b"]:
@@ -519,46 +533,67 @@ def calibrate_frames(calibration: Calibration, move: Move, cell: Cell) -> FrameC
     )
 
 
-# Errors at targets on a part that was touched off, or measured, where it stands.
-#
-# Whatever is common to all targets, a shift and a turn of the part against the robot, is then found and taken out.
-# What is left is the error of the targets against each other.
+# The motions of a program with their frames, on the robot as calibrated.
 
 
-def on_touched_parts(
+def frames_on(
+    calibration: Calibration, moves: Sequence[Move], cell: Cell
+) -> tuple[list[FrameCalibration], Int[np.ndarray, " m"]]:
+    """Calibrated frames of tools and parts, those in common once, and the number of every motion's."""
+    numbers: dict[tuple[object, ...], int] = {}
+    frames: list[FrameCalibration] = []
+    own: list[int] = []
+    for move in moves:
+        key = (move.tool.name, move.tool.T.tobytes(), move.part.name, move.part.T.tobytes(), move.part_in_hand)
+        if key not in numbers:
+            numbers[key] = len(frames)
+            frames.append(calibrate_frames(calibration, move, cell))
+        own.append(numbers[key])
+    return frames, np.array(own, dtype=np.int64)
+
+
+def place_motions(
+    calibration: Calibration,
+    frames: Sequence[FrameCalibration],
+    number: Int[np.ndarray, " m"],
+    directions: DriveDirections | None,
+) -> Placed:
+    """The motions on the robot as calibrated, each drive coming from its side where the model tells one from the other."""
+
+    def tool_in_base(
+        q: Float[np.ndarray, "k joints"], move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]
+    ) -> Float[np.ndarray, "k 4 4"]:
+        return calibration.tool_in_base(q, None if directions is None else directions.at(move, share))
+
+    placements = tuple(frame.placement for frame in frames)
+    return Placed(tool_in_base=tool_in_base, placements=placements, number=number)
+
+
+def wanted_segments(trajectory: ControllerTrajectory, placed: Placed, moves: Sequence[Move]) -> Segments:
+    """The path of the tool on a robot: where tool or part changes, from where the tool before ended there."""
+    m = len(moves)
+    ended = np.isfinite(trajectory.end[:, 0])
+    B = np.full((m, 4, 4), np.nan)
+    rows = np.flatnonzero(ended)
+    B[rows] = placed.robot_tool(rows, trajectory.segments.end[rows])
+    start = np.full((m, 4, 4), np.nan)
+    for i, move in enumerate(moves):
+        if move.follows is not None and ended[move.follows]:
+            start[i] = placed.placements[placed.number[i]].tool_in_part(B[move.follows][None])[0]
+    return Segments(start=start, end=trajectory.segments.end, via=trajectory.segments.via)
+
+
+def variances_at(
     frames: Sequence[FrameCalibration],
     number: Int[np.ndarray, " m"],
     trajectory: ControllerTrajectory,
-    found: Deviations,
-) -> tuple[float, float]:
-    """Mean squares of the known error and of what is not known, each part touched off for itself, metres².
-
-    Args:
-        frames: tools and parts.
-        number: of the frames of every motion.
-        trajectory: of the controller.
-        found: errors of the program as it was given.
-    """
-    known, left, count = 0.0, 0.0, 0
+    directions: DriveDirections | None,
+) -> Float[np.ndarray, "m sources"]:
+    """Mean square of the error in space that the calibration must expect at every target, by source, metres²."""
+    variances = np.full((len(number), len(SOURCES)), np.nan)
+    ended = np.isfinite(trajectory.end[:, 0])
     for k, frame in enumerate(frames):
-        rows = np.flatnonzero(found.at_target & (number[found.move] == k))
-        if not len(rows):
-            continue
-        points = trajectory.segments.end[found.move[rows]][:, :3, 3]
-        known += float((without_rigid_motion(points, found.error[rows][:, :, None]) ** 2).sum())
-        left += len(rows) * touched_off_variance(frame, found.q[rows])
-        count += len(rows)
-    return known / max(count, 1), left / max(count, 1)
-
-
-def touched_off_variance(frame: FrameCalibration, q: Float[np.ndarray, "n joints"]) -> float:
-    """Mean square of the error in space that a calibration must expect at targets of one touched part, metres².
-
-    The model error at a pose counts whole; touching off takes little of it where the targets are many.
-
-    Args:
-        frame: the tool and the part.
-        q: joint positions at the targets, radians.
-    """
-    left = without_rigid_motion(frame.points(q), frame.spread(q))
-    return float((left**2).sum(axis=(1, 2)).mean() + frame.model_variance(q).mean())
+        rows = np.flatnonzero(ended & (number == k))
+        conditions = None if directions is None else directions.at(rows, np.ones(len(rows)))
+        variances[rows] = frame.variances(trajectory.end[rows], conditions)
+    return variances

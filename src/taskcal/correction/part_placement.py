@@ -10,19 +10,16 @@ from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from robot_programs.core.program import THROUGH_TARGET, Frame, Move, Program, Target
 from robot_programs.core.source import Place
 from taskcal.arguments import expect_kinds, with_choices
-from taskcal.correction.cell import Cell
-from taskcal.correction.controller import ControllerTrajectory, simulate_controller
-from taskcal.correction.correct import frames_on, place_motions, variances_at, wanted_segments
-from taskcal.correction.correction import assess
-from taskcal.correction.frames import on_touched_parts, without_rigid_motion
-from taskcal.correction.mounting import mount
+from taskcal.correction.cell import Cell, mount
+from taskcal.correction.controller import ControllerTrajectory, simulate_controller, with_spins
+from taskcal.correction.correction import Deviations, assess
+from taskcal.correction.frames import FrameCalibration, frames_on, place_motions, variances_at, wanted_segments
 from taskcal.correction.path import RoundedPath
-from taskcal.correction.spinning import with_spins
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
@@ -402,3 +399,65 @@ def _moved(moves: Sequence[Move], S: Float[np.ndarray, "4 4"]) -> list[Move]:
         replace(move, tool=moved(move.tool)) if move.part_in_hand else replace(move, part=moved(move.part))
         for move in moves
     ]
+
+
+# Errors at targets on a part that was touched off, or measured, where it stands.
+#
+# Whatever is common to all targets, a shift and a turn of the part against the robot, is then found and taken out.
+# What is left is the error of the targets against each other.
+
+
+def on_touched_parts(
+    frames: Sequence[FrameCalibration],
+    number: Int[np.ndarray, " m"],
+    trajectory: ControllerTrajectory,
+    found: Deviations,
+) -> tuple[float, float]:
+    """Mean squares of the known error and of what is not known, each part touched off for itself, metres².
+
+    Args:
+        frames: tools and parts.
+        number: of the frames of every motion.
+        trajectory: of the controller.
+        found: errors of the program as it was given.
+    """
+    known, left, count = 0.0, 0.0, 0
+    for k, frame in enumerate(frames):
+        rows = np.flatnonzero(found.at_target & (number[found.move] == k))
+        if not len(rows):
+            continue
+        points = trajectory.segments.end[found.move[rows]][:, :3, 3]
+        known += float((without_rigid_motion(points, found.error[rows][:, :, None]) ** 2).sum())
+        left += len(rows) * touched_off_variance(frame, found.q[rows])
+        count += len(rows)
+    return known / max(count, 1), left / max(count, 1)
+
+
+def touched_off_variance(frame: FrameCalibration, q: Float[np.ndarray, "n joints"]) -> float:
+    """Mean square of the error in space that a calibration must expect at targets of one touched part, metres².
+
+    The model error at a pose counts whole; touching off takes little of it where the targets are many.
+
+    Args:
+        frame: the tool and the part.
+        q: joint positions at the targets, radians.
+    """
+    left = without_rigid_motion(frame.points(q), frame.spread(q))
+    return float((left**2).sum(axis=(1, 2)).mean() + frame.model_variance(q).mean())
+
+
+def without_rigid_motion(
+    points: Float[np.ndarray, "n 3"], errors: Float[np.ndarray, "n 3 k"]
+) -> Float[np.ndarray, "n 3 k"]:
+    """Errors less the small rigid motion of all points that comes nearest to them, in least squares.
+
+    Args:
+        points: where the errors are, metres.
+        errors: k sets of them.
+    """
+    about = points - points.mean(axis=0)
+    size = max(float(np.abs(about).max(initial=0.0)), 1e-9)
+    A = (se3.by_twist(about) / np.r_[1.0, 1.0, 1.0, [size] * 3]).reshape(-1, 6)
+    flat = errors.reshape(len(A), -1)
+    motion = np.linalg.lstsq(A, flat, rcond=1e-9)[0]  # targets on a line leave the turn about it open
+    return (flat - A @ motion).reshape(errors.shape)

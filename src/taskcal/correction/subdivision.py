@@ -1,34 +1,93 @@
 """How many pieces a corrected line or arc takes until the true tool keeps to it between its ends."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from robot_programs.core.program import Move, Target
+from taskcal.correction.controller import ControllerTrajectory, DriveDirections, flange_poses, tool_poses
+from taskcal.correction.frames import Placed, nominal_flange
 from taskcal.correction.path import Segments
-from taskcal.correction.placement import solve_calibrated
-from taskcal.correction.problem import CorrectionProblem
+from taskcal.correction.tool_poses import solve_calibrated
+from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.inverse import solve_near
+from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot import Robot
 
 MAX_PIECES = 4096
 """Pieces that one motion is divided into at most."""
 
 MAX_ROUNDS = 12
+"""Divisions of a motion, each by a deviation that was measured: the second or third ends nearly all."""
 
-MARGIN = 1.1
-"""Pieces are taken so much shorter than the square root of their deviation says."""
+LENGTH_MARGIN = 1.1
+"""Factor by which pieces are taken shorter than the square root of their deviation states."""
 
-GROWTH = 0.5
+MAX_GROWTH = 0.5
 """Motions that may be added, as a share of those that are corrected, before the tolerance is widened."""
 
-WIDER = 1.2
-"""Step in which a tolerance is widened."""
+WIDENING = 1.2
+"""Factor of one step in which a tolerance is widened."""
 
-
-NO_ROOM = 1e-6
+MIN_ROOM = 1e-6
 """Share of a motion's length in which no further target is put."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CorrectionProblem:
+    """The motions of a program, the path they ask for, and the robot as calibrated."""
+
+    robot: Robot
+    moves: Sequence[Move]
+    calibration: Calibration
+    placed: Placed
+    """On the robot as calibrated."""
+    wanted: Segments
+    trajectory: ControllerTrajectory
+    """Of the program as it was given, on the nominal robot."""
+    directions: DriveDirections | None
+    """Of the drives, where the calibration depends on them."""
+    tolerance: float
+    """Of the true tool's distance from its path between nodes, metres."""
+    widest: float = 0.0
+    """To how much that may be widened where the program would grow too much, metres; not at all where it is less."""
+
+    @cached_property
+    def is_circular(self) -> Bool[np.ndarray, " m"]:
+        """Motions that have a via point, whether or not their start is known."""
+        return np.array([move.via is not None for move in self.moves], dtype=bool)
+
+    @cached_property
+    def clear(self) -> Float[np.ndarray, "m 2"]:
+        """Shares of the motions' lengths, from their starts and before their ends, in which no target may be put.
+
+        A controller rounds a corner by no more than half of the way to the target next to it; a target that stood nearer would
+        make the corner another one.
+        """
+        corners = self.trajectory.corners
+        return 2.0 * np.stack([corners.entry.max(axis=1), corners.exit.max(axis=1)], axis=1)
+
+    def seeds(self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k joints"]:
+        """Nominal joint positions along motions, between the samples of the controller's trajectory."""
+        trajectory = self.trajectory
+        if not len(move):
+            return np.zeros((0, trajectory.end.shape[1]))
+        rows = np.arange(len(self.moves))
+        started = np.isfinite(trajectory.start[:, 0])
+        ended = np.isfinite(trajectory.end[:, 0])
+        place = np.concatenate([trajectory.move + trajectory.share, rows[started] + 1e-9, rows[ended] + 1.0 - 1e-9])
+        q = np.concatenate([trajectory.q, trajectory.start[started], trajectory.end[ended]])
+        order = np.argsort(place, kind="stable")
+        at = move + np.clip(share, 2e-9, 1.0 - 2e-9)
+        return np.stack([np.interp(at, place[order], column[order]) for column in q.T], axis=1)
+
+    def conditions(self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]) -> Conditions | None:
+        """Under which the robot is there, at shares of the lengths of some motions."""
+        return None if self.directions is None else self.directions.at(move, share)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -68,9 +127,9 @@ def subdivide(problem: CorrectionProblem) -> Subdivision:
     tolerance = problem.tolerance
     while True:
         subdivision = _divide(problem, tolerance)
-        tolerance = subdivision.tolerance * WIDER
+        tolerance = subdivision.tolerance * WIDENING
         kept = subdivision.pieces[np.isfinite(subdivision.deviation) & (subdivision.pieces > 0)]
-        if tolerance > problem.widest or kept.sum() <= len(kept) * (1.0 + GROWTH):
+        if tolerance > problem.widest or kept.sum() <= len(kept) * (1.0 + MAX_GROWTH):
             return subdivision
 
 
@@ -93,13 +152,13 @@ def _divide(problem: CorrectionProblem, tolerance: float) -> Subdivision:
         if len(todo):
             deviation[todo], mendable = _deviations(problem, nodes, todo, pieces)
             if not round_:
-                tolerance = _widened(tolerance, problem.widest, mendable, GROWTH * np.count_nonzero(pieces))
+                tolerance = _widened(tolerance, problem.widest, mendable, MAX_GROWTH * np.count_nonzero(pieces))
             more = (mendable > tolerance) & (pieces[todo] < MAX_PIECES)
             todo, mendable = todo[more], mendable[more]
         if not len(todo):
             break
         # the deviation of a chord goes with the square of its length
-        factor = np.minimum(np.sqrt(mendable / tolerance) * MARGIN, 16.0)
+        factor = np.minimum(np.sqrt(mendable / tolerance) * LENGTH_MARGIN, 16.0)
         pieces[todo] = np.minimum(np.maximum(np.ceil(pieces[todo] * factor), pieces[todo] + 1), MAX_PIECES)
         nodes = _replaced(nodes, _nodes(problem, todo, pieces), todo)
     return Subdivision(pieces=pieces, nodes=nodes, deviation=deviation, tolerance=tolerance)
@@ -108,11 +167,11 @@ def _divide(problem: CorrectionProblem, tolerance: float) -> Subdivision:
 def _widened(tolerance: float, widest: float, deviation: Float[np.ndarray, " r"], more: float) -> float:
     """A tolerance for which motions that are off by so much, undivided, become no more than so many more, or the widest."""
     finite = deviation[np.isfinite(deviation)]
-    while tolerance * WIDER <= widest:
-        added = np.ceil(np.sqrt(finite[finite > tolerance] / tolerance) * MARGIN) - 1.0
+    while tolerance * WIDENING <= widest:
+        added = np.ceil(np.sqrt(finite[finite > tolerance] / tolerance) * LENGTH_MARGIN) - 1.0
         if added.sum() <= more:
             break
-        tolerance *= WIDER
+        tolerance *= WIDENING
     return tolerance
 
 
@@ -137,7 +196,7 @@ def _nodes(problem: CorrectionProblem, rows: Int[np.ndarray, " r"], pieces: Int[
     solution = solve_calibrated(problem.calibration, problem.placed.robot_tool(move, T), seeds, conditions)
     met, lost = np.flatnonzero(solution.reached), np.flatnonzero(~solution.reached)
     stated = T.copy()
-    stated[met] = problem.controller_poses(move[met], solution.q[met])
+    stated[met] = tool_poses(problem.moves, move[met], nominal_flange(problem.robot, solution.q[met]))
     # no joints to take the controller's pose from: moved by as much as the true tool is off at the nominal joints
     stated[lost, :3, 3] += T[lost, :3, 3] - problem.placed.tool_in_part(move[lost], share[lost], seeds[lost])[:, :3, 3]
     return Nodes(move=move, share=share, q=solution.q, reached=solution.reached, wanted=T, T=stated)
@@ -199,7 +258,9 @@ def _deviations(
     owner = np.repeat(np.arange(len(rows)), pieces[rows])
     piece = np.arange(len(owner)) - np.repeat(np.cumsum(pieces[rows]) - pieces[rows], pieces[rows])
     end = first[owner] + (piece + 1) * stride[owner] - 1
-    start_q, start_T = _starts(problem, nodes, rows)
+    previous = np.array([problem.moves[i].follows for i in rows], dtype=np.int64)
+    start_q = nodes.q[np.searchsorted(nodes.move, previous, side="right") - 1]
+    start_T = tool_poses(problem.moves, rows, nominal_flange(problem.robot, start_q))
     inner = piece > 0
     before = np.maximum(end - stride[owner], 0)
     q0 = np.where(inner[:, None], nodes.q[before], start_q[owner])
@@ -216,9 +277,7 @@ def _deviations(
         k = np.arange(len(owner))
         T = segments.at(k, np.full(len(k), within))
         move = rows[owner]
-        flange = np.empty_like(T)
-        for own, example in problem.by_placement(move):
-            flange[own] = example.flange(T[own])
+        flange = flange_poses(problem.moves, move, T)
         solution = solve_near(model, flange @ own_tool, q0 + within * (nodes.q[end] - q0))
         share = begin + within * (finish - begin)
         wanted = problem.wanted.at(move, share)
@@ -235,20 +294,4 @@ def _have_room(
     begin: Float[np.ndarray, " p"], finish: Float[np.ndarray, " p"], clear: Float[np.ndarray, "p 2"]
 ) -> Bool[np.ndarray, " p"]:
     """Whether a further target may be put into pieces, by what is to stay clear at both ends of their motions."""
-    return np.minimum(finish, 1.0 - clear[:, 1]) - np.maximum(begin, clear[:, 0]) > NO_ROOM
-
-
-def _starts(
-    problem: CorrectionProblem, nodes: Nodes, rows: Int[np.ndarray, " r"]
-) -> tuple[Float[np.ndarray, "r joints"], Float[np.ndarray, "r 4 4"]]:
-    """Where some motions start, corrected: joint positions, and tool in part as the controller has it."""
-    previous = np.array([_previous(problem.moves[i]) for i in rows], dtype=np.int64)
-    last = np.searchsorted(nodes.move, previous, side="right") - 1
-    q = nodes.q[last]
-    return q, problem.controller_poses(rows, q)
-
-
-def _previous(move: Move) -> int:
-    if move.follows is None:
-        raise ValueError("a motion without a known start has no path to divide")
-    return move.follows
+    return np.minimum(finish, 1.0 - clear[:, 1]) - np.maximum(begin, clear[:, 0]) > MIN_ROOM

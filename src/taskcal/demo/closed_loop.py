@@ -24,11 +24,10 @@ from robot_programs.rapid.read import read_rapid
 from taskcal.campaigns.campaign import Campaign
 from taskcal.correction.cell import Cell, Measured
 from taskcal.correction.controller import ControllerTrajectory, simulate_controller
-from taskcal.correction.correct import correct, wanted_segments
+from taskcal.correction.correct import correct
 from taskcal.correction.correction import TOLERANCE, Bounds, Correction, Deviations, assess
-from taskcal.correction.frames import fit_points
+from taskcal.correction.frames import Placed, Placement, fit_points, wanted_segments
 from taskcal.correction.path import RoundedPath
-from taskcal.correction.placement import Placed, Placement
 from taskcal.demo.milling import ROWS, Milling, milling_program, with_part_frames
 from taskcal.demo.procedure import reference_task
 from taskcal.demo.true_robot import Sizes, TrueRobot, draw_true_robot

@@ -102,7 +102,7 @@ def _poses_at(
     """Poses at joints, and with a calibration how they differ."""
     import numpy as np
 
-    from taskcal.correction.placement import locate_tool
+    from taskcal.correction.tool_poses import locate_tool
 
     q = columns.joints(model.robot)
     left = [name for name in columns.table.header if not columns.is_used(name) and name.lower() != "id"]
@@ -147,7 +147,7 @@ def _joints_for(
     """Joints for poses: nominal, and with a calibration those of the calibrated robot."""
     import numpy as np
 
-    from taskcal.correction.placement import find_joints
+    from taskcal.correction.tool_poses import find_joints
     from taskcal.task.orientation import has_poses, read_tool_poses
 
     robot = model.robot
